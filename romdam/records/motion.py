@@ -1,0 +1,38 @@
+"""The ground motion that every later stage sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class GroundMotion:
+    """Ground acceleration in the model's axes, SI.
+
+    Attributes
+    ----------
+    name : identifier, unique in a suite; the result file's stem
+    acc : (3, nt) ground acceleration along x, y, z [m/s2]; a component that is not given is zero
+    dt : sampling interval [s]
+    provenance : source file, SHA-256, station, event, unit, what was done to it; plain JSON values
+    warnings : what a careful reader should know, one sentence each
+    """
+
+    name: str
+    acc: NDArray[np.float64]
+    dt: float
+    provenance: dict[str, object] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """(nt,) sample times [s]."""
+        return np.arange(self.acc.shape[1]) * self.dt
+
+    @property
+    def duration(self) -> float:
+        """Time of the last sample [s]."""
+        return (self.acc.shape[1] - 1) * self.dt
