@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pint
 
 _NUMBER_AND_UNIT = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+_UNIT = re.compile(r"^[A-Za-zµ°%]+(\^?-?\d)?(\s*[*/ ]\s*[A-Za-zµ°%]+(\^?-?\d)?)*$")
 _BARE_EXPONENT = re.compile(r"(?<=[A-Za-z])(-?[2-6])\b")  # "m/s2" means m/s^2
 
 
@@ -55,8 +56,10 @@ def _parse(text: str, unit: str) -> float:
     if match is None:
         raise ValueError(f"cannot read {text!r} as a quantity in {unit}; {remedy}")
     number, unit_text = float(match[1]), _BARE_EXPONENT.sub(r"^\1", match[2])
-    if not unit_text:
+    if not match[2]:
         return number
+    if _UNIT.match(match[2]) is None:
+        raise ValueError(f"cannot read {text!r} as a quantity in {unit}; {remedy}")
     if unit == "m/s^2" and unit_text == "g":
         unit_text = "standard_gravity"  # an acceleration in "g" is never grams
     try:
