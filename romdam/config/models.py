@@ -1,0 +1,292 @@
+"""The configuration of one job as frozen models; every quantity is SI once it is here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from romdam.config.base import Model
+from romdam.config.quantities import (
+    Acceleration,
+    AngularFrequency,
+    Density,
+    Dimensionless,
+    Force,
+    Frequency,
+    Length,
+    Pressure,
+    Stiffness,
+    StiffnessPerArea,
+    Time,
+)
+from romdam.config.records import RecordConfig
+
+Axis = Literal["x", "y", "z"]
+Element = Literal["hex8", "hex20", "tet4", "tet10"]
+Vector = tuple[Length, Length, Length]
+NonNegative = Field(ge=0.0)
+Positive = Field(gt=0.0)
+
+
+class MaterialConfig(Model):
+    """Isotropic linear elasticity."""
+
+    E: Annotated[Pressure, Positive]
+    nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
+    rho: Annotated[Density, Positive]
+
+
+class PlaneRef(Model):
+    """All boundary facets of a block in the plane `axis` = `at`."""
+
+    axis: Axis
+    at: Length
+    tolerance: Annotated[Length, Positive] = 1e-6
+
+
+FaceRef = str | PlaneRef
+
+
+class BoxConfig(Model):
+    """A box meshed by a regular grid; its faces are xmin, xmax, ymin, ymax, zmin, zmax."""
+
+    origin: Vector
+    size: tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
+    element_size: Annotated[Length, Positive] | Vector
+    element: Element = "hex8"
+
+
+class MeshFileConfig(Model):
+    """A block read from a mesh file; the physical groups of its facets become its faces."""
+
+    file: Path
+    group: str | int | None = None
+    unit: Annotated[str, Field(min_length=1)] = "m"
+
+
+class BlockConfig(Model):
+    """One substructure: a box or the cells of a mesh file, of one material."""
+
+    material: str
+    box: BoxConfig | None = None
+    mesh: MeshFileConfig | None = None
+
+    @model_validator(mode="after")
+    def _one_geometry(self) -> Self:
+        if (self.box is None) == (self.mesh is None):
+            raise ValueError("give exactly one of `box` and `mesh`")
+        return self
+
+
+class SupportConfig(Model):
+    """Components held at zero relative displacement on a face of a block."""
+
+    block: str
+    face: FaceRef
+    fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
+
+
+class PerGap(Model):
+    """A stiffness of each gap, whatever its tributary area."""
+
+    per_gap: Annotated[Stiffness, NonNegative]
+
+
+class GapTable(Model):
+    """Initial gap from a CSV file with columns x, y, z, gap in metres, linear between its points."""
+
+    table: Path
+
+
+def _friction(value: object) -> object:
+    return (value, value) if not isinstance(value, list | tuple) else value
+
+
+Friction = Annotated[
+    tuple[Annotated[Dimensionless, Field(ge=0.0, le=2.0)], Annotated[Dimensionless, Field(ge=0.0, le=2.0)]],
+    BeforeValidator(_friction),
+]
+SurfaceStiffness = Annotated[StiffnessPerArea, NonNegative] | PerGap
+
+
+class JointConfig(Model):
+    """Gap elements between the coinciding faces of two blocks.
+
+    `normal_stiffness` K_n acts when closed ("rigid": exactly unilateral), `tension_stiffness` K_nz
+    when open, `shear_stiffness` K_s while stuck; `friction` is mu, or [mu_y, mu_z] along the local
+    axes j and k (equal: Coulomb on the resultant; unequal: per direction).
+    """
+
+    between: tuple[str, str]
+    normal_stiffness: Literal["rigid"] | SurfaceStiffness
+    tension_stiffness: SurfaceStiffness = 0.0
+    shear_stiffness: SurfaceStiffness = 0.0
+    friction: Friction = (0.0, 0.0)
+    gap: Length | GapTable = 0.0
+    normal: Literal["face", "nodes"] | tuple[float, float, float] = "face"
+    tolerance: Annotated[Length, Positive] = 1e-3
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.between[0] == self.between[1]:
+            raise ValueError(f"`between` names block {self.between[0]!r} twice")
+        shear = self.shear_stiffness
+        if max(self.friction) > 0.0 and (shear.per_gap if isinstance(shear, PerGap) else shear) <= 0.0:
+            raise ValueError(
+                f"friction {max(self.friction):g} needs `shear_stiffness` above 0 (the stick stiffness K_s); "
+                "give it, commonly half of normal_stiffness, or set friction to 0"
+            )
+        return self
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether the tangential directions carry force."""
+        return max(self.friction) > 0.0
+
+
+class PressureConfig(Model):
+    """Pressure on a face, positive into the block."""
+
+    block: str
+    face: FaceRef
+    value: Pressure
+
+
+class ForceConfig(Model):
+    """A force on the node nearest to a point."""
+
+    block: str
+    at: Vector
+    force: tuple[Force, Force, Force]
+    tolerance: Annotated[Length, Positive] = 1e-3
+
+
+class LoadsConfig(Model):
+    """Static loads; `gravity` is the acceleration that makes weight, for example [0, 0, -9.81]."""
+
+    gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
+    pressure: tuple[PressureConfig, ...] = ()
+    force: tuple[ForceConfig, ...] = ()
+    initial_state: Literal["static", "from_start"] = "static"
+
+
+class RayleighConfig(Model):
+    """C = alpha M + beta K of the solids, from two frequencies and one ratio, or the coefficients."""
+
+    frequencies: tuple[Annotated[Frequency, Positive], Annotated[Frequency, Positive]] | None = None
+    ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
+    alpha: Annotated[AngularFrequency, NonNegative] | None = None
+    beta: Annotated[Time, NonNegative] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        by_ratio = self.frequencies is not None and self.ratio is not None
+        by_coefficient = self.alpha is not None and self.beta is not None
+        given = sum(v is not None for v in (self.frequencies, self.ratio, self.alpha, self.beta))
+        if given != 2 or by_ratio == by_coefficient:
+            raise ValueError("give either `frequencies` and `ratio`, or `alpha` and `beta`")
+        if self.frequencies is not None and self.frequencies[0] == self.frequencies[1]:
+            raise ValueError(f"the two frequencies must differ, both are {self.frequencies[0]:g} Hz")
+        return self
+
+
+ModalRatio = Annotated[Dimensionless, Field(ge=0.0, lt=1.0)]
+
+
+class DampingConfig(Model):
+    """Rayleigh damping, or ratios of the open-joint modes (the last one holds for all higher modes)."""
+
+    rayleigh: RayleighConfig | None = None
+    modal: ModalRatio | Annotated[tuple[ModalRatio, ...], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _at_most_one(self) -> Self:
+        if self.rayleigh is not None and self.modal is not None:
+            raise ValueError("give `rayleigh` or `modal`, not both")
+        return self
+
+
+class ModelConfig(Model):
+    """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off."""
+
+    order: Literal["reduced", "full"] = "reduced"
+    modes: Annotated[int, Field(ge=0)] | Literal["all"] | None = None
+    cutoff: Annotated[Frequency, Positive] | None = None
+
+    @model_validator(mode="after")
+    def _basis(self) -> Self:
+        if self.order == "reduced" and (self.modes is None) == (self.cutoff is None):
+            raise ValueError("a reduced model needs exactly one of `modes` (per block) and `cutoff`")
+        return self
+
+
+class TransientConfig(Model):
+    """Time integration."""
+
+    dt: Annotated[Time, Positive]
+    duration: Annotated[Time, Positive] | None = None
+    integrator: Literal["modal", "generalized_alpha"] | None = None
+    rho_inf: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
+    tolerance: Annotated[float, Field(gt=0.0, le=1e-6)] = 1e-8
+
+
+class NodeConfig(Model):
+    """A node whose motion is written, found by its position."""
+
+    block: str
+    at: Vector
+    tolerance: Annotated[Length, Positive] = 1e-3
+
+
+class OutputsConfig(Model):
+    """What is written: histories at named nodes, every gap, at the interval `every`."""
+
+    nodes: dict[str, NodeConfig] = {}
+    every: Annotated[Time, Positive] | None = None
+    plots: bool = True
+
+
+def _not_empty(value: dict[str, BlockConfig]) -> dict[str, BlockConfig]:
+    if not value:
+        raise ValueError("name at least one block")
+    return value
+
+
+class Config(Model):
+    """One job: scene, records, model, time integration and outputs."""
+
+    title: str = ""
+    blocks: Annotated[dict[str, BlockConfig], AfterValidator(_not_empty)]
+    materials: dict[str, MaterialConfig]
+    supports: tuple[SupportConfig, ...] = ()
+    joints: dict[str, JointConfig] = {}
+    loads: LoadsConfig = LoadsConfig()
+    damping: DampingConfig = DampingConfig()
+    records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
+    model: ModelConfig
+    transient: TransientConfig
+    outputs: OutputsConfig = OutputsConfig()
+
+    @model_validator(mode="after")
+    def _references(self) -> Self:
+        for name, block in self.blocks.items():
+            self._known(f"blocks.{name}.material", block.material, self.materials)
+        for i, support in enumerate(self.supports):
+            self._known(f"supports[{i}].block", support.block, self.blocks)
+        for name, joint in self.joints.items():
+            for block_name in joint.between:
+                self._known(f"joints.{name}.between", block_name, self.blocks)
+        for i, pressure in enumerate(self.loads.pressure):
+            self._known(f"loads.pressure[{i}].block", pressure.block, self.blocks)
+        for i, force in enumerate(self.loads.force):
+            self._known(f"loads.force[{i}].block", force.block, self.blocks)
+        for name, node in self.outputs.nodes.items():
+            self._known(f"outputs.nodes.{name}.block", node.block, self.blocks)
+        return self
+
+    @staticmethod
+    def _known(key: str, name: str, among: dict[str, object] | dict[str, BlockConfig]) -> None:
+        if name not in among:
+            raise ValueError(f"{key}: no {name!r} is defined; defined are {', '.join(sorted(among)) or 'none'}")

@@ -1,0 +1,117 @@
+"""What a scene is once it has been built: blocks, joints, supports, loads, in plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elasticity: E [Pa], nu [-], rho [kg/m3]."""
+
+    E: float
+    nu: float
+    rho: float
+
+
+@dataclass(frozen=True)
+class Block:
+    """One substructure's mesh.
+
+    Attributes
+    ----------
+    name : unique in the scene
+    element : hex8, hex20, tet4 or tet10
+    points : (n, 3) node positions [m]
+    cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
+    material : of every cell
+    faces : name -> (nf, nodes per facet) node numbers of facets, VTK order, outward
+    """
+
+    name: str
+    element: str
+    points: Floats
+    cells: Ints
+    material: Material
+    faces: dict[str, Ints]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Gap elements between two blocks; gap m sits on the node pair (nodes[0][m], nodes[1][m]).
+
+    The jump of gap m is w_m = axes[m] @ sum_k weights[m, k] (u_J[nodes[1][k]] - u_I[nodes[0][k]]):
+    opening along i, slip along j and k. `weights` is the identity on faces with linear shape
+    functions; on quadratic faces it is the mean of the face displacement around the node, so that
+    uniform pressure stays uniform.
+
+    Attributes
+    ----------
+    name : unique in the scene
+    blocks : names of the blocks I and J
+    nodes : two (n,) arrays of node numbers, in block I and in block J
+    position : (n, 3) of the gaps [m]
+    area : (n,) tributary areas, all positive [m2]
+    axes : (n, 3, 3) rows i (normal, from I to J), j, k
+    weights : (n, n) sparse, rows sum to 1
+    gap : (n,) initial gap [m]; negative is initial penetration
+    K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
+    mu : (n, 2) friction coefficients along j and k
+    """
+
+    name: str
+    blocks: tuple[str, str]
+    nodes: tuple[Ints, Ints]
+    position: Floats
+    area: Floats
+    axes: Floats
+    weights: csr_matrix
+    gap: Floats
+    K_n: Floats
+    K_nz: Floats
+    K_s: Floats
+    mu: Floats
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether the tangential directions carry force."""
+        return bool(self.mu.max(initial=0.0) > 0.0)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A named node whose motion is written."""
+
+    name: str
+    block: str
+    node: int
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that does not depend on the ground motion.
+
+    Attributes
+    ----------
+    blocks : name -> Block, in the configuration's order
+    joints : name -> Joint, in the configuration's order
+    fixed : block name -> (n, 3) True where a support holds the component
+    applied_force : block name -> (n, 3) nodal forces of face pressures and point forces [N]
+    gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
+    probes : nodes to be written
+    """
+
+    blocks: dict[str, Block]
+    joints: dict[str, Joint]
+    fixed: dict[str, Bools]
+    applied_force: dict[str, Floats]
+    gravity: Floats
+    probes: tuple[Probe, ...]
