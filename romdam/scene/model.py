@@ -87,6 +87,24 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class FacePressure:
+    """Pressure on facets (nf, nodes per facet) of a block, positive into the block [Pa]."""
+
+    block: str
+    facets: Ints
+    value: float
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """A force (3,) on one node of a block [N]."""
+
+    block: str
+    node: int
+    force: Floats
+
+
+@dataclass(frozen=True)
 class Probe:
     """A named node whose motion is written."""
 
@@ -104,7 +122,7 @@ class Scene:
     blocks : name -> Block, in the configuration's order
     joints : name -> Joint, in the configuration's order
     fixed : block name -> (n, 3) True where a support holds the component
-    applied_force : block name -> (n, 3) nodal forces of face pressures and point forces [N]
+    pressures, forces : static loads on faces and nodes
     gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
     probes : nodes to be written
     """
@@ -112,6 +130,7 @@ class Scene:
     blocks: dict[str, Block]
     joints: dict[str, Joint]
     fixed: dict[str, Bools]
-    applied_force: dict[str, Floats]
+    pressures: tuple[FacePressure, ...]
+    forces: tuple[PointForce, ...]
     gravity: Floats
     probes: tuple[Probe, ...]

@@ -1,0 +1,100 @@
+"""The linear system with its joints open, full or reduced, and what an integration of it returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GapLaw:
+    """Parameters of every gap of the scene, joints one after another.
+
+    Attributes
+    ----------
+    K_n, K_nz, K_s : (ng,) closed, tension and stick stiffness [N/m]; K_n is inf where rigid
+    mu : (ng, 2) friction along the local axes j and k
+    gap : (ng,) initial gap [m]
+    """
+
+    K_n: Floats
+    K_nz: Floats
+    K_s: Floats
+    mu: Floats
+    gap: Floats
+
+    @property
+    def directions(self) -> int:
+        """Components of force and jump at a gap: 1 without any friction, else 3 (i, j, k)."""
+        return 3 if self.mu.size and self.mu.max() > 0.0 else 1
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+
+@dataclass(frozen=True)
+class System:
+    """M u'' + C u' + K u = force - (M r) a_g(t) + B^T p, jumps w = B u.
+
+    The same type holds the unreduced mesh (sparse M, C, K over its free DOFs) and the reduced model
+    (unit M, diagonal C and K over the open-joint modes); `diagonal` says which integrators apply.
+
+    Attributes
+    ----------
+    M, C, K : (n, n) sparse
+    B : (directions * ng, n) sparse; rows of gap m are directions*m + (0: normal, 1: j, 2: k)
+    load : (n, 3) M r for unit ground acceleration along x, y, z
+    force : (n,) static force
+    observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
+    law : the gaps
+    diagonal : whether M is the identity and C, K are diagonal
+    """
+
+    M: csr_matrix
+    C: csr_matrix
+    K: csr_matrix
+    B: csr_matrix
+    load: Floats
+    force: Floats
+    observe: csr_matrix
+    law: GapLaw
+    diagonal: bool
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.M.shape[0]
+
+
+@dataclass(frozen=True)
+class History:
+    """What an integration returns, at the times that were asked for; d is `GapLaw.directions`.
+
+    Attributes
+    ----------
+    time : (nt,) [s]
+    jump : (nt, ng, d) opening (with the initial gap) and slip of every gap [m]
+    traction : (nt, ng, d) joint force on side J, compression positive, shear along j and k [N]
+    state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)
+    disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
+    q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
+    energy : name -> (nt,) [J], see `romdam.dynamics.energy.TERMS`
+    stats : counts and CPU seconds of the run
+    """
+
+    time: Floats
+    jump: Floats
+    traction: Floats
+    state: NDArray[np.uint8]
+    disp: Floats
+    vel: Floats
+    acc: Floats
+    q: Floats | None
+    v: Floats | None
+    energy: dict[str, Floats]
+    stats: dict[str, float]
