@@ -1,0 +1,136 @@
+"""The steps of a record's correction, and the named chains made of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Discriminator, Field, model_validator
+
+from romdam.config.base import Model
+from romdam.config.quantities import Dimensionless, Frequency, Time
+
+Positive = Field(gt=0.0)
+Order = Annotated[int, Field(ge=1, le=10)]
+
+
+class MeanStep(Model):
+    """Subtract the mean of the samples before `until` (a time, or the picked onset); none means of all."""
+
+    step: Literal["mean"] = "mean"
+    until: Annotated[Time, Positive] | Literal["onset"] | None = None
+
+
+class DetrendStep(Model):
+    """Subtract the least-squares polynomial of acceleration, or the derivative of that of velocity."""
+
+    step: Literal["detrend"] = "detrend"
+    order: Annotated[int, Field(ge=0, le=10)] = 1
+    of: Literal["acceleration", "velocity"] = "acceleration"
+
+
+class TaperStep(Model):
+    """Cosine taper over a fraction of the record (each side), or over a length in seconds."""
+
+    step: Literal["taper"] = "taper"
+    fraction: Annotated[Dimensionless, Field(gt=0.0, le=0.5)] | None = None
+    length: Annotated[Time, Positive] | None = None
+    side: Literal["both", "start", "end"] = "both"
+
+    @model_validator(mode="after")
+    def _one_length(self) -> Self:
+        if (self.fraction is None) == (self.length is None):
+            raise ValueError("a taper needs exactly one of `fraction` and `length`")
+        return self
+
+
+class CornersStep(Model):
+    """Choose the corner frequencies that `pad` and `butterworth` use after this."""
+
+    step: Literal["corners"] = "corners"
+    method: Literal["given", "ridder", "snr"] = "given"
+    highpass: Annotated[Frequency, Positive] | None = None
+    lowpass: Annotated[Frequency, Positive] | None = None
+    lowest: Annotated[Frequency, Positive] = 0.001
+    highest: Annotated[Frequency, Positive] = 0.5
+    target: Annotated[Dimensionless, Positive] = 0.02
+    threshold: Annotated[Dimensionless, Positive] = 3.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.method == "given" and self.highpass is None and self.lowpass is None:
+            raise ValueError("corners that are given need `highpass` or `lowpass`")
+        if self.highpass and self.lowpass and self.highpass >= self.lowpass:
+            raise ValueError(f"highpass ({self.highpass:g} Hz) must lie below lowpass ({self.lowpass:g} Hz)")
+        if self.lowest >= self.highest:
+            raise ValueError(f"lowest ({self.lowest:g} Hz) must lie below highest ({self.highest:g} Hz)")
+        return self
+
+
+class PadStep(Model):
+    """Add zeros on both sides, 1.5 order / corner seconds each (Boore 2005), or `length` each."""
+
+    step: Literal["pad"] = "pad"
+    order: Order = 5
+    length: Annotated[Time, Positive] | None = None
+
+
+class ButterworthStep(Model):
+    """Butterworth filter at the given corners, or at those a `corners` step chose."""
+
+    step: Literal["butterworth"] = "butterworth"
+    order: Order = 5
+    causal: bool = False
+    highpass: Annotated[Frequency, Positive] | None = None
+    lowpass: Annotated[Frequency, Positive] | None = None
+
+
+class DisplacementBaselineStep(Model):
+    """Fit c2 t^2 + ... + c_order t^order to displacement and subtract its second derivative."""
+
+    step: Literal["displacement_baseline"] = "displacement_baseline"
+    order: Annotated[int, Field(ge=2, le=10)] = 6
+
+
+class VelocityBaselineStep(Model):
+    """Fit a continuous piecewise-linear velocity with these knots and subtract its slope."""
+
+    step: Literal["velocity_baseline"] = "velocity_baseline"
+    knots: tuple[Annotated[Time, Positive], ...] = ()
+
+
+def _bare_step(value: object) -> object:
+    """Read "detrend" and {detrend: {order: 2}} as {step: detrend, order: 2}."""
+    if isinstance(value, str):
+        return {"step": value}
+    if isinstance(value, dict) and len(value) == 1 and "step" not in value:
+        name, options = next(iter(value.items()))
+        if options is None or isinstance(options, dict):
+            return {"step": name, **(options or {})}
+    return value
+
+
+Step = Annotated[
+    Annotated[
+        MeanStep
+        | DetrendStep
+        | TaperStep
+        | CornersStep
+        | PadStep
+        | ButterworthStep
+        | DisplacementBaselineStep
+        | VelocityBaselineStep,
+        Discriminator("step"),
+    ],
+    BeforeValidator(_bare_step),
+]
+
+CHAINS: dict[str, tuple[object, ...]] = {
+    "basic": (
+        "mean",
+        "detrend",
+        {"taper": {"fraction": 0.05}},
+        {"corners": {"highpass": 0.1}},
+        "pad",
+        "butterworth",
+    ),
+}

@@ -1,0 +1,146 @@
+"""The `records:` part of a configuration: where ground motions come from and what is done to them.
+
+One entry of the list describes one record or a whole family of them (a folder, a glob, a manifest, a
+P-695 set); what follows the source (axes, correction, scaling, ...) applies to every record it finds.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from romdam.config.base import Model
+from romdam.config.correction import CHAINS, Step
+from romdam.config.quantities import Acceleration, Dimensionless, Time, to_si
+
+Axis = Literal["x", "y", "z"]
+SUITES = ("farfield", "nearfield_pulse", "nearfield_no_pulse")
+MEASURES = ("pga", "pgv", "pgd", "arias", "cav", "d5_75", "d5_95", "duration", "dt")
+_BARE_UNIT = re.compile(r"^\s*[A-Za-z]")
+
+
+def unit_in_si(unit: str) -> float:
+    """One `unit` of acceleration in m/s2; "g" is 9.80665, a declared "9.81 m/s2" is itself."""
+    aliases = {"gal": "Gal", "counts": "", "cm/s/s": "cm/s^2", "cm/sec2": "cm/s^2", "cm/sec/sec": "cm/s^2"}
+    text = aliases.get(unit.strip().lower(), unit.strip())
+    return to_si(f"1 {text}" if _BARE_UNIT.match(text) else text, "m/s^2")
+
+
+def _angle(value: float | str) -> float:
+    return to_si(value, "degree")
+
+
+Degrees = Annotated[float, BeforeValidator(_angle)]
+
+
+class ComponentConfig(Model):
+    """The channel that shakes one axis: a column number from 1, a channel code, or another file.
+
+    The channel "each" makes one ground motion of every channel found, all on this one axis.
+    """
+
+    channel: int | str | None = None
+    file: Path | None = None
+    reverse: bool = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_channel(cls, value: object) -> object:
+        return {"channel": value} if isinstance(value, int | str) and not isinstance(value, bool) else value
+
+
+class ScaleConfig(Model):
+    """Multiply by a factor, or to reach a peak or a spectral acceleration of the largest component."""
+
+    factor: Annotated[Dimensionless, Field(gt=0.0)] | None = None
+    pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    period: Annotated[Time, Field(gt=0.0)] | None = None
+    damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_factor(cls, value: object) -> object:
+        return {"factor": value} if isinstance(value, int | float | str) else value
+
+    @model_validator(mode="after")
+    def _one_target(self) -> Self:
+        if [self.factor, self.pga, self.sa].count(None) != 2:
+            raise ValueError("give exactly one of `factor`, `pga` and `sa`")
+        if (self.sa is None) != (self.period is None):
+            raise ValueError("`sa` and `period` belong together")
+        return self
+
+
+class RangeConfig(Model):
+    """Keep a record whose measure lies in [min, max], in SI or with a unit."""
+
+    min: float | str | None = None
+    max: float | str | None = None
+
+
+class RecordConfig(Model):
+    """One entry of `records:`.
+
+    Give one source: `file`, `files` (folder or glob), `manifest` (CSV or YAML), `suite` (P-695), or a
+    `file` under each component.
+    """
+
+    file: Path | None = None
+    files: str | None = None
+    manifest: Path | None = None
+    suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
+    name: str | None = None
+    unit: str | None = None
+    dt: Annotated[Time, Field(gt=0.0)] | None = None
+    time_column: Annotated[int, Field(ge=1)] | None = None
+    response: Path | None = None
+    components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
+    x_azimuth: Degrees | None = None
+    gaps: Literal["error", "zero", "linear"] = "error"
+    align: Literal["error", "overlap"] = "overlap"
+    correction: tuple[Step, ...] = ()
+    resampling: Literal["linear", "fourier"] = "linear"
+    scale: ScaleConfig | None = None
+    keep: dict[str, RangeConfig] = Field(default_factory=dict)
+
+    @field_validator("unit")
+    @classmethod
+    def _unit_of_acceleration(cls, value: str | None) -> str | None:
+        if value is not None:
+            unit_in_si(value)
+        return value
+
+    @field_validator("correction", mode="before")
+    @classmethod
+    def _named_chain(cls, value: object) -> object:
+        if value is None or value == "none":
+            return ()
+        if isinstance(value, str):
+            if value not in CHAINS:
+                raise ValueError(f"no such chain of corrections; known: none, {', '.join(CHAINS)}")
+            return CHAINS[value]
+        return value
+
+    @field_validator("keep")
+    @classmethod
+    def _known_measures(cls, value: dict[str, RangeConfig]) -> dict[str, RangeConfig]:
+        unknown = sorted(set(value) - set(MEASURES))
+        if unknown:
+            raise ValueError(f"no such measure {', '.join(unknown)}; known: {', '.join(MEASURES)}")
+        return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        by_component = any(c.file for c in self.components.values())
+        given = [self.file, self.files, self.manifest, self.suite].count(None)
+        if given != (4 if by_component else 3):
+            raise ValueError(
+                "give exactly one source: `file`, `files`, `manifest`, `suite`, or a `file` per component"
+            )
+        if by_component and not all(c.file for c in self.components.values()):
+            raise ValueError("when one component has a `file`, every component needs its own")
+        return self
