@@ -44,7 +44,7 @@ def resample(
         return acc.copy()
     source = _low_pass(acc, dt_old, dt_new) if dt_new > dt_old else acc
     # 1e-9 of a step, so that a duration that is a multiple of dt_new keeps its last sample in floating point
-    time = np.arange(int(np.floor(duration / dt_new + 1e-9)) + 1) * dt_new
+    time = np.arange(int(np.floor(duration / dt_new + 1e-9)) + 1, dtype=np.float64) * dt_new
     if method == "fourier":
         return _fourier_at(source, dt_old, time)
     return _linear_at(source, dt_old, time)
@@ -77,7 +77,7 @@ def _fourier_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) 
 
 
 def _low_pass(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray[np.float64]:
-    """Remove what the coarser interval cannot carry: zero phase, cosine edge from 0.8 to 1.0 of its Nyquist."""
+    """Remove what the coarser interval cannot carry: zero phase, cosine edge."""
     n = 2 * acc.shape[-1]
     freq = np.fft.rfftfreq(n, dt_old)
     nyquist = 0.5 / dt_new
