@@ -1,0 +1,1 @@
+"""Finite elements of one block: stiffness, mass and loads."""

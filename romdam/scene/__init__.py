@@ -1,0 +1,1 @@
+"""Scene: blocks, joints, supports and loads as plain arrays."""

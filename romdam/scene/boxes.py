@@ -1,0 +1,119 @@
+"""Boxes meshed by a regular grid of hexahedra, or of tetrahedra that fit from box to box."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+
+from romdam.config.models import BoxConfig
+from romdam.errors import ConfigError
+from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.facets import boundary_facets, facets_in_plane
+from romdam.scene.model import Block, Ints, Material
+
+_DIVIDES = 1e-6  # relative: element sizes such as 10/3 are written with a few digits
+
+
+def box_block(name: str, box: BoxConfig, material: Material, place: str) -> Block:
+    """Mesh a box; its faces are xmin, xmax, ymin, ymax, zmin, zmax.
+
+    Parameters
+    ----------
+    place : file and key of the box, for messages
+
+    Raises
+    ------
+    ConfigError
+        when the element size does not divide the box.
+    """
+    divisions = _divisions(box, place)
+    points = _grid_points(np.array(box.origin), np.array(box.size), divisions)
+    cells = _grid_cells(divisions)
+    if box.element.startswith("tet"):
+        cells = _split_into_tets(cells)
+    if ELEMENTS[box.element].quadratic:
+        points, cells = with_midside_nodes(points, cells, ELEMENTS[box.element].edges)
+    return Block(name, box.element, points, cells, material, _box_faces(box, points, cells))
+
+
+def _divisions(box: BoxConfig, place: str) -> tuple[int, int, int]:
+    wanted = box.element_size
+    sizes = (wanted,) * 3 if isinstance(wanted, float) else wanted
+    return tuple(  # type: ignore[return-value]  # three of them
+        _division(length, size, f"{place}.element_size", axis)
+        for length, size, axis in zip(box.size, sizes, "xyz", strict=True)
+    )
+
+
+def _division(length: float, size: float, place: str, axis: str) -> int:
+    if size <= 0.0:
+        raise ConfigError(f"{place} must be above 0 m in every direction, got {size:g} along {axis}")
+    count = max(round(length / size), 1)
+    if abs(count * size - length) <= _DIVIDES * length:
+        return count
+    fewer = max(int(length / size), 1)
+    nearest = " or ".join(f"{length / n:.6g}" for n in (fewer + 1, fewer))
+    raise ConfigError(
+        f"{place} = {size:g} m does not divide the box, {length:g} m along {axis} "
+        f"({length / size:.4g} elements); the nearest sizes that do are {nearest} m"
+    )
+
+
+def _grid_points(origin: Floats, size: Floats, divisions: tuple[int, int, int]) -> Floats:
+    axes = [o + s * (np.arange(n + 1) / n) for o, s, n in zip(origin, size, divisions, strict=True)]
+    z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
+    return np.c_[x.ravel(), y.ravel(), z.ravel()]
+
+
+def _grid_cells(divisions: tuple[int, int, int]) -> Ints:
+    """Hexahedra of a grid whose nodes are numbered along x, then y, then z."""
+    nx, ny, nz = (n + 1 for n in divisions)
+    number = np.arange(nx * ny * nz).reshape(nz, ny, nx)
+    first = number[:-1, :-1, :-1].ravel()
+    ring = np.array([0, 1, nx + 1, nx])
+    return first[:, None] + np.concatenate([ring, ring + nx * ny])[None]
+
+
+_CORNER_AT = {(0, 0, 0): 0, (1, 0, 0): 1, (1, 1, 0): 2, (0, 1, 0): 3}
+_CORNER_AT |= {(x, y, 1): corner + 4 for (x, y, _), corner in _CORNER_AT.items()}
+
+
+def _split_into_tets(cells: Ints) -> Ints:
+    """Six tetrahedra per hexahedron, all along the diagonal from node 0 to node 6 (Kuhn's subdivision).
+
+    It is the same in every cell, so the diagonals of opposite faces agree and boxes on one grid
+    conform wherever they touch; the five-tetrahedra split would need mirrored neighbours.
+    """
+    tets = []
+    for order in permutations(range(3)):
+        walk = np.zeros((4, 3), dtype=int)
+        for step, axis in enumerate(order):
+            walk[step + 1 :, axis] = 1
+        tet = [_CORNER_AT[tuple(corner)] for corner in walk.tolist()]
+        if np.linalg.det(np.diff(walk, axis=0)) < 0.0:
+            tet[2], tet[1] = tet[1], tet[2]
+        tets.append(tet)
+    return cells[:, np.array(tets)].reshape(-1, 4)
+
+
+def with_midside_nodes(
+    points: Floats, cells: Ints, edges: tuple[tuple[int, int], ...]
+) -> tuple[Floats, Ints]:
+    """Append one node in the middle of every edge; `edges` are the corner pairs of the element."""
+    pairs = np.sort(cells[:, np.array(edges)].reshape(-1, 2), axis=1)
+    unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
+    midsides = len(points) + inverse.reshape(len(cells), len(edges))
+    return np.vstack([points, points[unique].mean(axis=1)]), np.hstack([cells, midsides])
+
+
+def _box_faces(box: BoxConfig, points: Floats, cells: Ints) -> dict[str, Ints]:
+    boundary = boundary_facets(cells, box.element)
+    tolerance = 1e-6 * min(box.size)
+    low = np.array(box.origin)
+    ends = (low, low + np.array(box.size))
+    return {
+        f"{axis}{end}": facets_in_plane(points, boundary, k, ends[e][k], tolerance)
+        for k, axis in enumerate("xyz")
+        for e, end in enumerate(("min", "max"))
+    }

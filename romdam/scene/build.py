@@ -1,0 +1,104 @@
+"""Configuration -> Scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from romdam.config.models import Config
+from romdam.scene.boxes import box_block
+from romdam.scene.elements import Floats
+from romdam.scene.held import refuse_free_blocks
+from romdam.scene.joints import build_joint
+from romdam.scene.model import Block, Bools, FacePressure, Material, PointForce, Probe, Scene
+from romdam.scene.select import nearest_node, select_facets
+
+
+def build_scene(config: Config, folder: Path, source: str) -> Scene:
+    """Mesh the blocks, find the joints, apply supports and loads, and check that every block is held.
+
+    Parameters
+    ----------
+    folder : where relative paths in the configuration start
+    source : name of the configuration file, for messages
+
+    Raises
+    ------
+    ConfigError
+        for boxes that their elements do not divide, faces or points that catch no node, joints
+        between blocks that do not touch, gap tables, and blocks that nothing holds.
+    MeshError
+        for mesh files, and for joints whose meshes do not conform.
+    """
+    blocks = _blocks(config, folder, source)
+    fixed = _fixed(config, blocks, source)
+    joints = {
+        name: build_joint(name, joint, blocks, fixed, folder, source) for name, joint in config.joints.items()
+    }
+    refuse_free_blocks(blocks, joints, fixed, source)
+    return Scene(
+        blocks=blocks,
+        joints=joints,
+        fixed=fixed,
+        pressures=_pressures(config, blocks, source),
+        forces=_forces(config, blocks, source),
+        gravity=_gravity(config),
+        probes=_probes(config, blocks, source),
+    )
+
+
+def _blocks(config: Config, folder: Path, source: str) -> dict[str, Block]:
+    blocks = {}
+    for name, block in config.blocks.items():
+        material = config.materials[block.material]
+        constants = Material(material.E, material.nu, material.rho)
+        if block.box is not None:
+            blocks[name] = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
+        elif block.mesh is not None:
+            from romdam.scene.mesh_files import mesh_file_block  # it loads meshio
+
+            place = f"{source}: blocks.{name}.mesh"
+            blocks[name] = mesh_file_block(name, block.mesh, constants, folder, place)
+    return blocks
+
+
+def _fixed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, Bools]:
+    fixed = {name: np.zeros((len(block.points), 3), dtype=bool) for name, block in blocks.items()}
+    for k, support in enumerate(config.supports):
+        facets = select_facets(blocks[support.block], support.face, f"{source}: supports[{k}].face")
+        for axis in support.fix:
+            fixed[support.block][np.unique(facets), "xyz".index(axis)] = True
+    return fixed
+
+
+def _pressures(config: Config, blocks: dict[str, Block], source: str) -> tuple[FacePressure, ...]:
+    found = []
+    for k, load in enumerate(config.loads.pressure):
+        facets = select_facets(blocks[load.block], load.face, f"{source}: loads.pressure[{k}].face")
+        found.append(FacePressure(load.block, facets, load.value))
+    return tuple(found)
+
+
+def _forces(config: Config, blocks: dict[str, Block], source: str) -> tuple[PointForce, ...]:
+    found = []
+    for k, load in enumerate(config.loads.force):
+        node = nearest_node(blocks[load.block], load.at, load.tolerance, f"{source}: loads.force[{k}].at")
+        found.append(PointForce(load.block, node, np.array(load.force)))
+    return tuple(found)
+
+
+def _gravity(config: Config) -> Floats:
+    gravity = config.loads.gravity
+    return np.zeros(3) if gravity is None else np.array(gravity)
+
+
+def _probes(config: Config, blocks: dict[str, Block], source: str) -> tuple[Probe, ...]:
+    return tuple(
+        Probe(
+            name,
+            at.block,
+            nearest_node(blocks[at.block], at.at, at.tolerance, f"{source}: outputs.nodes.{name}.at"),
+        )
+        for name, at in config.outputs.nodes.items()
+    )

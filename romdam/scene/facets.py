@@ -1,0 +1,142 @@
+"""Facets of a block: which are on the boundary, and integrals over them (area, normal, tributary weights)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.sparse import csr_matrix, eye_array
+
+from romdam.scene.elements import ELEMENTS, Element, Floats, Rule, facet_element, gauss_rule, simplex_rule
+from romdam.scene.model import Bools, Ints
+
+
+def boundary_facets(cells: Ints, element: str) -> Ints:
+    """Facets that belong to one cell only, outward, in the VTK order.
+
+    Parameters
+    ----------
+    cells : (nc, nodes per cell)
+    element : hex8, hex20, tet4 or tet10
+
+    Returns
+    -------
+    (nf, nodes per facet), in the order of the cells
+    """
+    table = ELEMENTS[element]
+    facets = cells[:, np.array(table.facets)].reshape(-1, len(table.facets[0]))
+    keys = np.sort(facets[:, : _corners(facets)], axis=1)
+    _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    return facets[counts[inverse.ravel()] == 1]
+
+
+def _corners(facets: Ints) -> int:
+    return facet_element(facets).corners
+
+
+def area_vectors(points: Floats, facets: Ints) -> Floats:
+    """Consistent nodal area vectors int N_j n dA of every facet, (nf, nodes per facet, 3) [m2]."""
+    element = facet_element(facets)
+    xi, weight = element.rule
+    normal = _area_elements(points, facets, element, xi)
+    return np.einsum("q,qj,fqk->fjk", weight, element.shape(xi), normal, optimize=True)
+
+
+def facet_areas(points: Floats, facets: Ints) -> Floats:
+    """Area of every facet (nf,) [m2]."""
+    element = facet_element(facets)
+    xi, weight = element.rule
+    return np.linalg.norm(_area_elements(points, facets, element, xi), axis=2) @ weight
+
+
+def facet_normals(points: Floats, facets: Ints) -> Floats:
+    """Mean unit normal of every facet (nf, 3), to the side from which the nodes run counterclockwise."""
+    vectors = area_vectors(points, facets).sum(axis=1)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def node_normals(points: Floats, facets: Ints) -> Floats:
+    """Area-weighted mean of the facet normals around every node (n, 3); zero off the facets."""
+    vectors = area_vectors(points, facets).sum(axis=1)
+    total = np.zeros_like(points)
+    np.add.at(total, facets, vectors[:, None, :])
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.divide(total, length, out=np.zeros_like(total), where=length > 0.0)
+
+
+def _area_elements(points: Floats, facets: Ints, element: Element, xi: Floats) -> Floats:
+    """Normal times dA/dxi at xi (nq, 2), as (nf, nq, 3) [m2]."""
+    tangents = np.einsum("qda,fak->fqdk", element.gradient(xi), points[facets], optimize=True)
+    return np.cross(tangents[:, :, 0], tangents[:, :, 1])
+
+
+def gap_weights(points: Floats, facets: Ints) -> tuple[Ints, Floats, csr_matrix]:
+    """Nodes of a face, their positive tributary areas and the face displacement each area sees.
+
+    With phi_i >= 0 piecewise linear on the sub-facets (three or four corner triangles and what is
+    left in the middle of a quadratic facet), area_i = int phi_i dA and C_ij = int phi_i N_j dA / area_i.
+    As the phi_i sum to one, a pressure p on all areas gives the nodes sum_i p area_i C_ij =
+    p int N_j dA: the consistent force of a uniform traction, though the consistent weights of
+    tri6 corners are zero and those of quad8 corners negative. Linear facets need none of it:
+    int N_i dA is positive and C = I (the consistent matrix lumped) carries uniform pressure too.
+
+    Returns
+    -------
+    nodes : (n,) sorted node numbers of the face
+    area : (n,) [m2]
+    C : (n, n) sparse, rows sum to 1
+    """
+    element = facet_element(facets)
+    nodes, local = np.unique(facets, return_inverse=True)
+    local = local.reshape(facets.shape)
+    xi, weight, phi = _tributary_rule(element.name)
+    dA = weight * np.linalg.norm(_area_elements(points, facets, element, xi), axis=2)
+    area = np.zeros(len(nodes))
+    np.add.at(area, local, dA @ phi)
+    if not element.quadratic:
+        return nodes, area, csr_matrix(eye_array(len(nodes)))
+    blocks = np.einsum("fq,qi,qj->fij", dA, phi, element.shape(xi), optimize=True)
+    rows = np.broadcast_to(local[:, :, None], blocks.shape)
+    columns = np.broadcast_to(local[:, None, :], blocks.shape)
+    total = csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(len(nodes),) * 2)
+    return nodes, area, csr_matrix(total.multiply(1.0 / area[:, None]))
+
+
+_SUBFACETS: dict[str, tuple[tuple[int, ...], ...]] = {
+    "tri3": ((0, 1, 2),),
+    "quad4": ((0, 1, 2, 3),),
+    "tri6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "quad8": ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6, 7)),
+}
+
+
+@cache
+def _tributary_rule(name: str) -> tuple[Floats, Floats, Floats]:
+    """Quadrature over the sub-facets, in the facet's coordinates, and phi (nq, nn) at its points.
+
+    The degrees integrate phi_i N_j dA exactly on every flat facet, however distorted: 5 on tri6,
+    8 on quad8 (phi 1, N 3, dA 4).
+    """
+    element = ELEMENTS[name]
+    points, weights, values = [], [], []
+    for sub in _SUBFACETS[name]:
+        linear = ELEMENTS["tri3" if len(sub) == 3 else "quad4"]
+        xi, weight = _sub_rule(len(sub))
+        corner = element.nodes[list(sub)]
+        jacobian = np.einsum("qda,ak->qdk", linear.gradient(xi), corner)
+        points.append(linear.shape(xi) @ corner)
+        weights.append(weight * np.linalg.det(jacobian))
+        phi = np.zeros((len(xi), len(element.nodes)))
+        phi[:, list(sub)] = linear.shape(xi)
+        values.append(phi)
+    return np.vstack(points), np.concatenate(weights), np.vstack(values)
+
+
+def _sub_rule(corners: int) -> Rule:
+    return simplex_rule(8, 2) if corners == 3 else gauss_rule(5, 2)
+
+
+def facets_in_plane(points: Floats, facets: Ints, axis: int, at: float, tolerance: float) -> Ints:
+    """The facets whose nodes all lie in the plane x[axis] = at, within `tolerance` [m]."""
+    inside: Bools = np.abs(points[facets, axis] - at) <= tolerance
+    return facets[inside.all(axis=1)]

@@ -1,0 +1,80 @@
+"""Initial gaps from a table of points on the joint."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import cKDTree
+
+from romdam.errors import ConfigError
+from romdam.scene.elements import Floats
+
+_COLUMNS = ("x", "y", "z", "gap")
+_FLAT = 1e-6  # a table narrower than this share of its length is a line
+
+
+def table_gap(path: Path, position: Floats, place: str) -> Floats:
+    """Gap at every position (n, 3) from a CSV file with columns x, y, z, gap [m].
+
+    The points are projected on their best-fitting plane (a joint is a graph over it); between them
+    the gap is linear, outside it is that of the nearest point.
+
+    Raises
+    ------
+    ConfigError
+        for a file that cannot be read, lacks a column or a row, or holds something else than numbers.
+    """
+    table = _read(path, place)
+    points, gap = table[:, :3], table[:, 3]
+    nearest = gap[cKDTree(points).query(position)[1]]
+    centre = points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
+    flat = (points - centre) @ axes.T, (position - centre) @ axes.T
+    rank = int(np.count_nonzero(spread > _FLAT * max(spread[0], 1e-300)))
+    if rank == 0 or len(points) == 1:
+        return nearest
+    if rank == 1:
+        order = np.argsort(flat[0][:, 0])
+        return np.interp(flat[1][:, 0], flat[0][order, 0], gap[order])
+    return _linear(flat[0][:, :2], gap, flat[1][:, :2], nearest)
+
+
+def _linear(points: Floats, gap: Floats, at: Floats, nearest: Floats) -> Floats:
+    interpolate = LinearNDInterpolator(points, gap)
+    value = interpolate(at)
+    # nodes on the table's rim may fall outside by rounding: look a millionth further in
+    value = np.where(np.isnan(value), interpolate(at * (1.0 - 1e-6)), value)
+    return np.where(np.isnan(value), nearest, value)
+
+
+def _read(path: Path, place: str) -> Floats:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.DictReader(stream, skipinitialspace=True))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(
+            f"{place}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
+        ) from None
+    missing = [column for column in _COLUMNS if not rows or column not in rows[0]]
+    if missing:
+        what = f"lacks column {', '.join(missing)}" if rows else "has no rows"
+        raise ConfigError(
+            f"{place}: {path} {what}; its first line must be x,y,z,gap, then one point per line in m"
+        )
+    return np.array([_numbers(row, number, path, place) for number, row in enumerate(rows, start=2)])
+
+
+def _numbers(row: dict[str, str | None], number: int, path: Path, place: str) -> list[float]:
+    try:
+        values = [float(row[column] or "") for column in _COLUMNS]
+    except ValueError:
+        values = [np.nan]
+    if not np.all(np.isfinite(values)):
+        shown = ",".join(str(row[column]) for column in _COLUMNS)
+        raise ConfigError(
+            f"{place}: {path} line {number}: expected four finite numbers x,y,z,gap, got {shown!r}"
+        )
+    return values

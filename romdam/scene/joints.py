@@ -1,0 +1,179 @@
+"""Joints: gap elements between the coinciding faces of two blocks, with their local axes and areas."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.config.models import GapTable, JointConfig, PerGap, SurfaceStiffness
+from romdam.errors import ConfigError
+from romdam.scene.elements import Floats
+from romdam.scene.facets import gap_weights, node_normals
+from romdam.scene.gap_table import table_gap
+from romdam.scene.model import Block, Bools, Ints, Joint
+from romdam.scene.pairing import coincident_facets
+
+_log = logging.getLogger(__name__)
+
+_STEEP = np.cos(np.pi / 4) + 1e-6  # above rounding, so that a flat face at 45 degrees gets one rule
+
+
+def build_joint(
+    name: str,
+    joint: JointConfig,
+    blocks: dict[str, Block],
+    fixed: dict[str, Bools],
+    folder: Path,
+    source: str,
+) -> Joint:
+    """Find the coinciding faces of two blocks and put a gap on every node pair.
+
+    Parameters
+    ----------
+    blocks, fixed : of the scene, see `Scene`
+    folder : where relative paths start
+    source : the configuration's file name, for messages
+
+    Raises
+    ------
+    ConfigError
+        when the blocks do not touch, for a wrong normal or gap table, and when supports leave no gap.
+    MeshError
+        when the two meshes do not conform on the common face.
+    """
+    place = f"{source}: joints.{name}"
+    block_I, block_J = (blocks[b] for b in joint.between)
+    facets, partner = coincident_facets(block_I, block_J, joint.tolerance, place)
+    nodes_I, area, weights = gap_weights(block_I.points, facets)
+    nodes = nodes_I, partner[nodes_I]
+    outward = node_normals(block_I.points, facets)[nodes_I]
+    normal = _normals(joint, block_I.points[nodes[0]], block_J.points[nodes[1]], outward, place)
+    position = block_I.points[nodes_I]
+    found = Joint(
+        name=name,
+        blocks=joint.between,
+        nodes=nodes,
+        position=position,
+        area=area,
+        axes=local_axes(normal),
+        weights=weights,
+        gap=_initial_gap(joint, position, folder, place),
+        K_n=_per_gap(joint.normal_stiffness, area),
+        K_nz=_per_gap(joint.tension_stiffness, area),
+        K_s=_per_gap(joint.shear_stiffness, area),
+        mu=np.tile(np.array(joint.friction), (len(area), 1)),
+    )
+    return _without_held_gaps(found, fixed, place)
+
+
+def local_axes(normal: Floats) -> Floats:
+    """Right-handed axes i, j, k at every gap, (n, 3, 3), from the unit normals i (n, 3).
+
+    k is the projection of global z on the joint (so k is "up" on a vertical joint and j is
+    horizontal), or of global x where the normal is within 45 degrees of z; j = k x i. Swapping the
+    two blocks reverses i and j and keeps k.
+    """
+    up = np.zeros_like(normal)
+    steep = np.abs(normal[:, 2]) > _STEEP
+    up[~steep, 2] = 1.0
+    up[steep, 0] = 1.0
+    k = up - np.einsum("nk,nk->n", up, normal)[:, None] * normal
+    k /= np.linalg.norm(k, axis=1, keepdims=True)
+    return np.stack([normal, np.cross(k, normal), k], axis=1)
+
+
+def _normals(joint: JointConfig, points_I: Floats, points_J: Floats, outward: Floats, place: str) -> Floats:
+    if joint.normal == "face":
+        return outward
+    if joint.normal == "nodes":
+        return _normals_from_nodes(points_I, points_J, place)
+    vector = np.array(joint.normal)
+    length = np.linalg.norm(vector)
+    if length == 0.0:
+        raise ConfigError(
+            f"{place}.normal must have a length above 0, got [0, 0, 0]; give its direction from I to J"
+        )
+    cosine = outward @ vector / length
+    if cosine.min() <= 0.0:
+        raise ConfigError(
+            f"{place}.normal must point from block {joint.between[0]!r} to {joint.between[1]!r}, but at "
+            f"{np.count_nonzero(cosine <= 0.0)} of {len(cosine)} gaps its cosine with the face normal is "
+            f"{cosine.min():.3g} or more, limit above 0; reverse it, or use normal: face"
+        )
+    return np.tile(vector / length, (len(outward), 1))
+
+
+def _normals_from_nodes(points_I: Floats, points_J: Floats, place: str) -> Floats:
+    apart = points_J - points_I
+    distance = np.linalg.norm(apart, axis=1)
+    least = 1e-9 * np.ptp(points_I, axis=0).max()
+    if distance.min() <= least:
+        worst = ", ".join(f"{x:.6g}" for x in points_I[np.argmin(distance)])
+        raise ConfigError(
+            f"{place}.normal = nodes needs a distance between the nodes of a pair, but "
+            f"{np.count_nonzero(distance <= least)} of {len(distance)} pairs coincide (distance "
+            f"{distance.min():.3g} m at ({worst})); move the blocks apart by the gap, or use normal: face"
+        )
+    return apart / distance[:, None]
+
+
+def _initial_gap(joint: JointConfig, position: Floats, folder: Path, place: str) -> Floats:
+    if isinstance(joint.gap, GapTable):
+        return table_gap(folder / joint.gap.table, position, f"{place}.gap.table")
+    return np.full(len(position), joint.gap)
+
+
+def _per_gap(stiffness: str | SurfaceStiffness, area: Floats) -> Floats:
+    if stiffness == "rigid":
+        return np.full(len(area), np.inf)
+    if isinstance(stiffness, PerGap):
+        return np.full(len(area), stiffness.per_gap)
+    return float(stiffness) * area
+
+
+def _without_held_gaps(joint: Joint, fixed: dict[str, Bools], place: str) -> Joint:
+    """Drop the gaps whose opening the supports keep at zero."""
+    keep = np.zeros(len(joint.area), dtype=bool)
+    for block, nodes in zip(joint.blocks, joint.nodes, strict=True):
+        keep |= _moves(joint, ~fixed[block][nodes])
+    if not keep.any():
+        raise ConfigError(
+            f"{place}: supports hold all {len(keep)} gaps on both sides, so the joint can do nothing; "
+            "remove the joint, or free one of its faces"
+        )
+    if not keep.all():
+        _log.info(
+            "%s: %d of %d gaps are held by supports on both sides and dropped",
+            place,
+            (~keep).sum(),
+            len(keep),
+        )
+    return _select(joint, np.flatnonzero(keep))
+
+
+def _moves(joint: Joint, free: Bools) -> Bools:
+    """Gaps whose normal sees a free component of a node with weight on this side."""
+    coupling = csr_matrix((np.ones_like(joint.weights.data), joint.weights.indices, joint.weights.indptr))
+    return ((coupling @ free.astype(float) > 0.0) & (np.abs(joint.axes[:, 0]) > 1e-12)).any(axis=1)
+
+
+def _select(joint: Joint, keep: Ints) -> Joint:
+    if len(keep) == len(joint.area):
+        return joint
+    return Joint(
+        name=joint.name,
+        blocks=joint.blocks,
+        nodes=(joint.nodes[0][keep], joint.nodes[1][keep]),
+        position=joint.position[keep],
+        area=joint.area[keep],
+        axes=joint.axes[keep],
+        weights=joint.weights[keep][:, keep],
+        gap=joint.gap[keep],
+        K_n=joint.K_n[keep],
+        K_nz=joint.K_nz[keep],
+        K_s=joint.K_s[keep],
+        mu=joint.mu[keep],
+    )

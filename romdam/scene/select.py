@@ -1,0 +1,65 @@
+"""Parts of a block that the configuration names: faces, planes, the node nearest to a point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.config.models import FaceRef, PlaneRef
+from romdam.errors import ConfigError
+from romdam.scene.facets import boundary_facets, facets_in_plane
+from romdam.scene.model import Block, Ints
+
+
+def select_facets(block: Block, face: FaceRef, place: str) -> Ints:
+    """Facets of a named face, or all boundary facets in a plane, (nf, nodes per facet).
+
+    Raises
+    ------
+    ConfigError
+        for an unknown face, and when nothing lies on the face or plane.
+    """
+    if isinstance(face, PlaneRef):
+        return _in_plane(block, face, place)
+    if face not in block.faces:
+        known = ", ".join(sorted(block.faces)) or "none; select by plane: {axis: z, at: 0}"
+        raise ConfigError(f"{place}: block {block.name!r} has no face {face!r}; its faces are {known}")
+    if not len(block.faces[face]):
+        raise ConfigError(
+            f"{place}: face {face!r} of block {block.name!r} has no facets, so it catches no node"
+        )
+    return block.faces[face]
+
+
+def _in_plane(block: Block, plane: PlaneRef, place: str) -> Ints:
+    boundary = boundary_facets(block.cells, block.element)
+    axis = "xyz".index(plane.axis)
+    found = facets_in_plane(block.points, boundary, axis, plane.at, plane.tolerance)
+    if not len(found):
+        along = block.points[boundary, axis]
+        off = np.abs(along - plane.at).max(axis=1)
+        raise ConfigError(
+            f"{place}: the plane {plane.axis} = {plane.at:g} m catches no node of block {block.name!r}, "
+            f"which spans {plane.axis} = {along.min():g} to {along.max():g} m; its nearest facet is "
+            f"{off.min():.4g} m off, tolerance {plane.tolerance:g} m; correct `at`, or raise `tolerance`"
+        )
+    return found
+
+
+def nearest_node(block: Block, at: tuple[float, float, float], tolerance: float, place: str) -> int:
+    """Number of the node nearest to a point.
+
+    Raises
+    ------
+    ConfigError
+        when it is further away than the tolerance [m].
+    """
+    distance: NDArray[np.float64] = np.linalg.norm(block.points - np.array(at), axis=1)
+    node = int(np.argmin(distance))
+    if distance[node] > tolerance:
+        nearest, wanted = (", ".join(f"{x:.6g}" for x in p) for p in (block.points[node], at))
+        raise ConfigError(
+            f"{place}: no node of block {block.name!r} within {tolerance:g} m of ({wanted}); the nearest is "
+            f"({nearest}), {distance[node]:.4g} m away; use its position, or raise `tolerance`"
+        )
+    return node
