@@ -20,6 +20,7 @@ class GapLaw:
     K_n, K_nz, K_s : (ng,) closed, tension and stick stiffness [N/m]; K_n is inf where rigid
     mu : (ng, 2) friction along the local axes j and k
     gap : (ng,) initial gap [m]
+    joints : name -> slice of its gaps
     """
 
     K_n: Floats
@@ -27,6 +28,7 @@ class GapLaw:
     K_s: Floats
     mu: Floats
     gap: Floats
+    joints: dict[str, slice]
 
     @property
     def directions(self) -> int:
@@ -52,7 +54,9 @@ class System:
     force : (n,) static force
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
     law : the gaps
+    parts : name -> slice of the unknowns that belong to it alone, in order (one per block)
     diagonal : whether M is the identity and C, K are diagonal
+    floating : whether the system has motions that no support and no stiffness holds
     """
 
     M: csr_matrix
@@ -63,7 +67,9 @@ class System:
     force: Floats
     observe: csr_matrix
     law: GapLaw
+    parts: dict[str, slice]
     diagonal: bool
+    floating: bool
 
     @property
     def size(self) -> int:
@@ -84,6 +90,7 @@ class History:
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
     q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
     energy : name -> (nt,) [J], see `romdam.dynamics.energy.TERMS`
+    peaks : name -> (ng,) over every step, not only the written ones, see `romdam.dynamics.peaks.PEAKS`
     stats : counts and CPU seconds of the run
     """
 
@@ -97,4 +104,5 @@ class History:
     q: Floats | None
     v: Floats | None
     energy: dict[str, Floats]
+    peaks: dict[str, Floats]
     stats: dict[str, float]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from romdam.errors import ConfigError
 from romdam.scene.elements import Floats
@@ -18,48 +20,72 @@ def refuse_free_blocks(
     """Raise if a rigid motion of some blocks meets no support and no joint.
 
     A joint counts with all its components, as if closed and stuck: a block that nothing but joints
-    hold may slide or lift off, and its motion is then the joint's to decide.
+    hold may slide or lift off, and its motion is then the joint's to decide. Parts of a block that
+    do not hang together count each for itself.
 
     Raises
     ------
     ConfigError
         naming the free blocks and their free motions.
     """
-    names = list(blocks)
-    first = {name: 6 * k for k, name in enumerate(names)}
-    rows = [np.zeros((1, 6 * len(names)))]
+    bodies: list[str] = []
+    columns = {}
+    for name, block in blocks.items():
+        count, piece = _pieces(block)
+        columns[name] = 6 * (len(bodies) + piece)
+        bodies += [
+            f"block {name!r}" + (f" (piece {k + 1} of {count})" if count > 1 else "") for k in range(count)
+        ]
+    width = 6 * len(bodies)
+    rows = [np.zeros((1, width))]
     for name, held in fixed.items():
-        seen = _rigid(blocks[name], np.arange(len(held)))[held]
-        rows.append(_embed({first[name]: seen}, 6 * len(names)))
+        seen = _placed(blocks[name], np.arange(len(held)), columns[name], width)
+        rows.append(_triangle(seen[held]))
     for joint in joints.values():
-        sides = zip(joint.blocks, joint.nodes, (-1.0, 1.0), strict=True)
-        seen_by = {first[b]: sign * _rigid(blocks[b], nodes).reshape(-1, 6) for b, nodes, sign in sides}
-        rows.append(_embed(seen_by, 6 * len(names)))
+        I, J = (
+            _placed(blocks[b], nodes, columns[b], width)
+            for b, nodes in zip(joint.blocks, joint.nodes, strict=True)
+        )
+        rows.append(_triangle((J - I).reshape(-1, width)))
     free = _null_space(np.vstack(rows))
     if free.shape[1]:
-        raise ConfigError(_explain(names, free, joints, source))
+        raise ConfigError(_explain(bodies, free, bool(joints), source))
 
 
-def _rigid(block: Block, nodes: Ints) -> Floats:
-    """Displacement of nodes in the six rigid motions about the block's centre, (n, 3, 6).
+def _pieces(block: Block) -> tuple[int, Ints]:
+    """Number of parts that hang together, and the part of every node."""
+    ring = block.cells, np.roll(block.cells, 1, axis=1)
+    graph = coo_array(
+        (np.ones(block.cells.size), (ring[0].ravel(), ring[1].ravel())), shape=(len(block.points),) * 2
+    )
+    count, piece = connected_components(graph, directed=False)
+    return int(count), piece.astype(np.int64)
 
-    Rotations are scaled by the block's half diagonal, so that all six are of order one.
+
+def rigid_motions(block: Block, nodes: Ints) -> Floats:
+    """Displacement of nodes in the six rigid motions of a block, (n, 3, 6).
+
+    Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
+    of order one.
     """
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     arm = (block.points[nodes] - (low + high) / 2) / (np.linalg.norm(high - low) / 2)
-    motion = np.zeros((len(arm), 3, 6))
-    motion[:, :, :3] = np.eye(3)
-    motion[:, :, 3:] = np.cross(np.eye(3)[None], arm[:, None, :]).transpose(0, 2, 1)
-    return motion
+    turns = np.cross(np.eye(3)[None], arm[:, None, :]).transpose(0, 2, 1)
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
 
 
-def _embed(parts: dict[int, Floats], width: int) -> Floats:
-    """A triangle (QR) with the same row space as the parts set side by side at their columns."""
-    triangle: Floats = np.asarray(np.linalg.qr(np.hstack(list(parts.values())), mode="r"), dtype=float)
-    rows = np.zeros((len(triangle), width))
-    for k, start in enumerate(parts):
-        rows[:, start : start + 6] = triangle[:, 6 * k : 6 * k + 6]
-    return rows
+def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
+    """Rigid motions of nodes (n, 3, width), each at the columns of its body; `first` is per node of the block."""
+    own = rigid_motions(block, nodes)
+    columns = (first[nodes][:, None] + np.arange(6))[:, None, :]
+    placed = np.zeros((len(nodes), 3, width))
+    np.put_along_axis(placed, np.broadcast_to(columns, own.shape), own, axis=2)
+    return placed
+
+
+def _triangle(rows: Floats) -> Floats:
+    """The few rows (QR) that span what many rows span."""
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=float)
 
 
 def _null_space(rows: Floats) -> Floats:
@@ -68,19 +94,14 @@ def _null_space(rows: Floats) -> Floats:
     return V[rank:].T
 
 
-def _explain(names: list[str], free: Floats, joints: dict[str, Joint], source: str) -> str:
-    share = np.linalg.norm(free.reshape(len(names), 6, -1), axis=2)
-    loose = [k for k in range(len(names)) if share[k].max() > 1e-6]
-    parts = []
-    for k in loose:
-        own = free.reshape(len(names), 6, -1)[k]
-        parts.append(f"block {names[k]!r} ({_motions(own)})")
-    joined = {b for joint in joints.values() for b in joint.blocks}
-    alone = all(names[k] not in joined for k in loose)
-    why = "no support and no joint holds" if alone else "neither supports nor joints hold"
+def _explain(bodies: list[str], free: Floats, any_joint: bool, source: str) -> str:
+    own = free.reshape(len(bodies), 6, -1)
+    loose = [k for k in range(len(bodies)) if np.linalg.norm(own[k], axis=0).max() > 1e-6]
+    listed = ", ".join(f"{bodies[k]} ({_motions(own[k])})" for k in loose)
+    why = "neither supports nor joints hold" if any_joint else "no support holds"
     return (
-        f"{source}: supports: {why} {', '.join(parts)}; {free.shape[1]} rigid motions are free, limit 0; "
-        "add a support to the block, or a joint to a block that is held"
+        f"{source}: supports: {why} {listed}; "
+        f"{free.shape[1]} rigid motions are free, limit 0; add a support, or a joint to a block that is held"
     )
 
 
@@ -93,3 +114,15 @@ def _motions(own: Floats) -> str:
     reach = np.linalg.norm(U[:, :rank], axis=1)
     able = [name for name, r in zip(_MOTIONS, reach, strict=True) if r > 1.0 - 1e-6]
     return "free in " + ", ".join(able) if able else f"{rank} free rigid motions"
+
+
+def held_rigidly(block: Block, held: Bools) -> bool:
+    """Whether holding some components stops every rigid motion of a block.
+
+    Parameters
+    ----------
+    held : (n, 3) True for components at zero displacement
+    """
+    count, piece = _pieces(block)
+    seen = _placed(block, np.arange(len(held)), 6 * piece, 6 * count)[held]
+    return _null_space(np.vstack([np.zeros((1, 6 * count)), _triangle(seen)])).shape[1] == 0

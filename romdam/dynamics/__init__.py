@@ -1,0 +1,1 @@
+"""Time integration of a system with gaps, in plain arrays."""

@@ -1,0 +1,206 @@
+"""Generalised-alpha integration of a sparse system, the gaps condensed: what error is measured against.
+
+The effective matrix is factored once, the gaps' flexibility H = B A^-1 B^T is made once, and a step is one
+back-substitution. The joint force enters at the step's end, not averaged as in textbooks: averaged, it is
+wrong by 2.4 times at the record's own step (DESIGN, section 2).
+
+References
+----------
+Chung, Hulbert, J. Appl. Mech. 60 (1993) 371.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from romdam.dynamics.energy import ledger
+from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.peaks import first_peaks, named_peaks
+from romdam.dynamics.static import GapState, static_equilibrium, system_gap_problem, undeformed
+from romdam.dynamics.system import History, System
+from romdam.errors import ConvergenceError
+from romdam.joints.problem import GapMemory, GapProblem, gap_memory
+from romdam.joints.step import commit_gaps, solve_gaps
+from romdam.linalg.factor import Factor
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Coefficients of generalised-alpha: a_m, a_f weigh the old state; beta, gamma as Newmark's."""
+
+    a_m: float
+    a_f: float
+    beta: float
+    gamma: float
+
+
+def scheme(rho_inf: float) -> Scheme:
+    """Second-order scheme with a spectral radius rho_inf at infinite frequency."""
+    a_m, a_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+    return Scheme(a_m, a_f, 0.25 * (1.0 - a_m + a_f) ** 2, 0.5 - a_m + a_f)
+
+
+@dataclass(frozen=True)
+class _Stepper:
+    """What a step needs and never changes: A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
+
+    system: System
+    scheme: Scheme
+    dt: float
+    factor: Factor
+    X: Floats
+    operator: csr_matrix
+    problem: GapProblem
+
+
+class _State:
+    """Displacement, velocity, acceleration and gaps of the last accepted step."""
+
+    def __init__(self, system: System, q: Floats, gaps: GapState, ground: Floats) -> None:
+        self.u = q
+        self.v = np.zeros_like(q)
+        self.jump, self.force, self.state = gaps.jump.copy(), gaps.force.copy(), gaps.state.copy()
+        self.stored = gaps.stored
+        self.works = np.zeros(4)
+        rest = system.force - system.load @ ground + system.B.T @ gaps.force.ravel() - system.K @ q
+        self.a = Factor(system.M).solve(rest)
+
+
+def generalized_alpha(
+    system: System, ground: Floats, options: TransientOptions, progress: Callable[[int, int], None]
+) -> History:
+    """Integrate; the signature is that of every integrator, see `romdam.dynamics.transient.integrate`."""
+    start = time.process_time()
+    stepper = _stepper(system, options)
+    memory = gap_memory(stepper.problem)
+    initial = static_equilibrium(system, options.tolerance) if options.initial_state == "static" else None
+    q, gaps = initial or undeformed(system)
+    memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
+    state = _State(system, q, gaps, ground[:, 0])
+    rows = _Rows(system, state, options, ground.shape[1])
+    setup, loop = time.process_time() - start, time.process_time()
+    worst, total = 0.0, ground.shape[1] - 1
+    for n in range(total):
+        residual = _step(stepper, memory, state, ground[:, n : n + 2], options.tolerance)
+        if not residual <= options.tolerance:
+            raise ConvergenceError(
+                f"step {n + 1}, t = {(n + 1) * options.dt:.6g} s: the gap-space problem stopped at a relative "
+                f"residual of {residual:.2g}, limit {options.tolerance:.2g}; halve transient.dt"
+            )
+        worst = max(worst, residual)
+        rows.keep(state, n + 1)
+        if (n + 1) % 100 == 0 or n + 1 == total:
+            progress(n + 1, total)
+    stats = {
+        "steps": float(total),
+        "solver_iterations": float(memory.counts[1]),
+        "largest_iterations": float(memory.counts[2]),
+        "largest_residual": worst,
+        "setup_cpu_seconds": setup,
+        "loop_cpu_seconds": time.process_time() - loop,
+    }
+    return rows.history(stats)
+
+
+def _stepper(system: System, options: TransientOptions) -> _Stepper:
+    s, dt = scheme(options.rho_inf), options.dt
+    A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
+    factor = Factor(A)
+    X = factor.solve(system.B.T.toarray())
+    H = s.beta * dt**2 * np.asarray(system.B @ X)
+    return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), system_gap_problem(system, H))
+
+
+def _step(
+    stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, tolerance: float
+) -> float:
+    """Advance one step in place; the relative residual of the gap-space problem."""
+    s, dt, system = stepper.scheme, stepper.dt, stepper.system
+    u_old, v_old = state.u, state.v
+    u_star = u_old + dt * v_old + dt**2 * (0.5 - s.beta) * state.a
+    v_star = v_old + dt * (1.0 - s.gamma) * state.a
+    external = system.force - system.load @ ((1.0 - s.a_f) * ground[:, 1] + s.a_f * ground[:, 0])
+    right = external - s.a_m * (system.M @ state.a)
+    right -= system.C @ ((1.0 - s.a_f) * v_star + s.a_f * v_old)
+    right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
+    w_free = stepper.operator @ u_star + s.beta * dt**2 * (stepper.X.T @ right)
+    y = np.empty(len(w_free))
+    residual = float(solve_gaps(stepper.problem, memory, w_free, y, tolerance))
+    if not residual <= tolerance:
+        return residual
+    jump_old = state.jump.copy()
+    state.stored, friction = commit_gaps(stepper.problem, memory, y, state.jump, state.force, state.state)
+    right += stepper.operator.T @ state.force.ravel()
+    state.a = stepper.factor.solve(right)
+    state.u = u_star + s.beta * dt**2 * state.a
+    state.v = v_star + s.gamma * dt * state.a
+    moved, mean_v = state.u - u_old, 0.5 * (v_old + state.v)
+    inertia = system.load @ (0.5 * (ground[:, 0] + ground[:, 1]))
+    state.works += (
+        float((system.force - inertia) @ moved),
+        dt * float(mean_v @ (system.C @ mean_v)),
+        float((state.force * (state.jump - jump_old)).sum()),
+        friction,
+    )
+    return residual
+
+
+class _Rows:
+    """Histories at the written steps, and peaks over all steps."""
+
+    def __init__(self, system: System, state: _State, options: TransientOptions, samples: int) -> None:
+        self.system, self.options = system, options
+        rows, probes = (samples - 1) // options.stride + 1, system.observe.shape[0]
+        self.jump = np.zeros((rows, *state.jump.shape))
+        self.force = np.zeros((rows, *state.force.shape))
+        self.gap_state = np.zeros((rows, len(state.state)), dtype=np.uint8)
+        self.motion = np.zeros((3, rows, probes))
+        self.works = np.zeros((rows, 4))
+        self.energies = np.zeros((3, rows))
+        self.peaks = first_peaks(state.jump, state.force)
+        self._write(state, 0)
+
+    def keep(self, state: _State, step: int) -> None:
+        """Update the peaks, and write the row if the step has one."""
+        now = first_peaks(state.jump, state.force)
+        larger = now[0] > self.peaks[0]
+        self.peaks[0, larger] = now[0, larger]
+        self.peaks[1, larger] = step
+        self.peaks[2:] = np.maximum(self.peaks[2:], now[2:])
+        if step % self.options.stride == 0:
+            self._write(state, step // self.options.stride)
+
+    def _write(self, state: _State, row: int) -> None:
+        system = self.system
+        self.jump[row], self.force[row], self.gap_state[row] = state.jump, state.force, state.state
+        for k, field in enumerate((state.u, state.v, state.a)):
+            self.motion[k, row] = system.observe @ field
+        self.works[row] = state.works
+        self.energies[0, row] = 0.5 * float(state.v @ (system.M @ state.v))
+        self.energies[1, row] = 0.5 * float(state.u @ (system.K @ state.u))
+        self.energies[2, row] = state.stored
+
+    def history(self, stats: dict[str, float]) -> History:
+        """The finished history."""
+        return History(
+            time=np.arange(len(self.jump)) * (self.options.dt * self.options.stride),
+            jump=self.jump,
+            traction=self.force,
+            state=self.gap_state,
+            disp=self.motion[0],
+            vel=self.motion[1],
+            acc=self.motion[2],
+            q=None,
+            v=None,
+            energy=ledger(self.works, *self.energies),
+            peaks=named_peaks(self.peaks, self.options.dt),
+            stats=stats,
+        )

@@ -1,0 +1,21 @@
+"""Peaks of every gap over all steps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+PEAKS = ("opening", "opening_time", "compression", "slip")
+
+
+def first_peaks(jump: Floats, force: Floats) -> Floats:
+    """(4, n) peaks that the first state sets; the second row counts steps."""
+    slip = np.hypot(jump[:, 1], jump[:, 2]) if jump.shape[1] == 3 else np.zeros(len(jump))
+    return np.stack([jump[:, 0], np.zeros(len(jump)), np.maximum(force[:, 0], 0.0), slip])
+
+
+def named_peaks(peaks: Floats, dt: float) -> dict[str, Floats]:
+    """Peaks by name, the time of the largest opening in seconds."""
+    return dict(zip(PEAKS, (peaks[0], peaks[1] * dt, peaks[2], peaks[3]), strict=True))

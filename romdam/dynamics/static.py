@@ -1,0 +1,117 @@
+"""Nonlinear static equilibrium under the static loads, by the gap-space problem.
+
+K q = f + B^T p with p the gaps' law at B q. Where nothing but joints holds a block K is singular; then
+the proximal point iteration (K + s M)(q' - q) = f + B^T p' - K q is taken until q rests. Its fixed points are
+the equilibria, each iteration is the same gap-space problem, and motion that no force drives stays put.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.dynamics.system import System
+from romdam.errors import ConvergenceError
+from romdam.joints.problem import GapMemory, GapProblem, gap_memory, gap_problem
+from romdam.joints.step import commit_gaps, solve_gaps
+from romdam.linalg.factor import Factor
+
+Floats = NDArray[np.float64]
+
+_SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
+_MAX_ITERATIONS = 2000
+_REST = 1e-10  # relative change of q that counts as rest
+
+
+@dataclass(frozen=True)
+class GapState:
+    """The gaps at one instant.
+
+    Attributes
+    ----------
+    jump : (n, d) opening (with the initial gap) and slip [m]
+    force : (n, d) compression and shear on side J [N]
+    state : (n,) open, stick or slip
+    p_c : (N,) the solver's force, its warm start [N]
+    anchor : (n, 2) slip anchors [m]; empty without friction
+    stored : energy in the gaps [J]
+    """
+
+    jump: Floats
+    force: Floats
+    state: NDArray[np.uint8]
+    p_c: Floats
+    anchor: Floats
+    stored: float
+
+
+def system_gap_problem(system: System, H: Floats) -> GapProblem:
+    """The gap-space problem of a system for one flexibility H."""
+    law = system.law
+    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap)
+
+
+def undeformed(system: System) -> tuple[Floats, GapState]:
+    """The undeformed state at rest; gaps with an initial penetration or none carry their force from step one."""
+    law = system.law
+    n, d = len(law), law.directions
+    jump = np.zeros((n, d))
+    jump[:, 0] = law.gap
+    empty = GapState(
+        jump=jump,
+        force=np.zeros((n, d)),
+        state=np.zeros(n, dtype=np.uint8),
+        p_c=np.zeros(n * d),
+        anchor=np.zeros((n if d == 3 else 0, 2)),
+        stored=0.0,
+    )
+    return np.zeros(system.size), empty
+
+
+def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapState]:
+    """Find the equilibrium under the static loads, starting from the undeformed state.
+
+    Returns
+    -------
+    (q, gaps) : (n,) displacement and the gaps in equilibrium
+
+    Raises
+    ------
+    ConvergenceError
+        where there is no equilibrium (a block that the joints cannot hold), or the gaps do not settle.
+    """
+    shift = _SHIFT if system.floating else 0.0
+    factor = Factor(system.K + shift * system.M)
+    X = factor.solve(system.B.T.toarray())
+    problem = system_gap_problem(system, np.asarray(system.B @ X))
+    memory = gap_memory(problem)
+    q, gaps = undeformed(system)
+    for _ in range(_MAX_ITERATIONS):
+        free = factor.solve(system.force + shift * (system.M @ q))
+        gaps = _solve(problem, memory, np.asarray(system.B @ free), tolerance)
+        moved = free + X @ gaps.force.ravel() - q
+        q = q + moved
+        if shift == 0.0 or np.abs(moved).max() <= _REST * max(np.abs(q).max(), 1e-12):
+            return q, gaps
+    raise ConvergenceError(
+        f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last one still moved "
+        f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by its joints alone and they "
+        "cannot carry its loads: add a support or friction, or set loads.initial_state: from_start"
+    )
+
+
+def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: float) -> GapState:
+    n, N = len(problem.gap), len(problem.W)
+    d = N // max(n, 1)
+    y = np.zeros(N)
+    residual = solve_gaps(problem, memory, w_free, y, tolerance)
+    if not residual <= tolerance:
+        raise ConvergenceError(
+            f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
+            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: from_start"
+        )
+    jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
+    stored, _ = commit_gaps(problem, memory, y, jump, force, state)
+    return GapState(jump, force, state, memory.force.copy(), memory.anchor.copy(), stored)

@@ -1,0 +1,75 @@
+"""Lowest eigenpairs of K x = omega^2 M x."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse import spmatrix
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+from romdam.errors import ReductionError
+from romdam.linalg.factor import Factor
+
+Floats = NDArray[np.float64]
+
+_DENSE_SHARE = 0.4  # of all pairs, above which a dense solve is quicker than Lanczos
+_DENSE_SIZE = 300  # unknowns, below which it always is
+_DENSE_LIMIT = 12_000  # unknowns of a dense solve: 2.3 GB for the two matrices
+
+
+def lowest_modes(
+    K: spmatrix, M: spmatrix, count: int, factor: Factor, shift: float = 0.0
+) -> tuple[Floats, Floats]:
+    """Lowest modes by shift-invert Lanczos on a factorisation that exists already.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse, symmetric; M positive definite
+    count : number of modes, at most n
+    factor : of K - shift M
+    shift : [1/s2]; negative where K is singular
+
+    Returns
+    -------
+    omega2 : (count,) ascending [1/s2]
+    modes : (n, count), M-orthonormal
+
+    Raises
+    ------
+    ReductionError
+        where Lanczos does not converge, or a dense solve would not fit.
+    """
+    n = K.shape[0]
+    if count == 0:
+        return np.zeros(0), np.zeros((n, 0))
+    if n <= _DENSE_SIZE or count > _DENSE_SHARE * n:
+        omega2, modes = dense_modes(K, M)
+        return omega2[:count], modes[:, :count]
+    operator = LinearOperator((n, n), matvec=factor.solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(n)  # seeded: the same scene gives the same basis
+    try:
+        omega2, modes = eigsh(K, k=count, M=M, sigma=shift, OPinv=operator, v0=start, tol=0.0)
+    except ArpackNoConvergence as error:
+        raise ReductionError(
+            f"Lanczos found {len(error.eigenvalues)} of {count} modes of {n} unknowns; ask for fewer modes"
+        ) from error
+    order = np.argsort(omega2)
+    return omega2[order], modes[:, order]
+
+
+def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:
+    """All modes by a dense solve.
+
+    Raises
+    ------
+    ReductionError
+        above 12,000 unknowns.
+    """
+    n = K.shape[0]
+    if n > _DENSE_LIMIT:
+        raise ReductionError(
+            f"all modes of {n} unknowns need a dense solve, which is limited to {_DENSE_LIMIT}; ask for fewer modes"
+        )
+    omega2, modes = eigh(K.toarray(), M.toarray())
+    return omega2, modes

@@ -1,0 +1,48 @@
+"""Factor a sparse symmetric matrix once, solve with it many times."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, spmatrix
+from scipy.sparse.linalg import splu
+
+from romdam.errors import ReductionError
+
+Floats = NDArray[np.float64]
+
+
+class Factor:
+    """LU factors of a symmetric matrix, held once.
+
+    SuperLU with an ordering for symmetric patterns and no pivoting off the diagonal: on a 53,000
+    unknown tet10 block 11 s instead of 54 s with SciPy's defaults (DESIGN, section 5).
+
+    Parameters
+    ----------
+    matrix : (n, n) sparse, symmetric
+
+    Raises
+    ------
+    ReductionError
+        where the matrix is singular.
+    """
+
+    def __init__(self, matrix: spmatrix) -> None:
+        self.size = matrix.shape[0]
+        try:
+            self._lu = splu(
+                csc_matrix(matrix),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:
+            raise ReductionError(
+                f"a stiffness matrix of {self.size} unknowns is singular ({error}); "
+                "look for nodes that no element uses and for missing supports"
+            ) from error
+
+    def solve(self, right: Floats) -> Floats:
+        """Solve for one (n,) or several (n, k) right-hand sides."""
+        return np.asarray(self._lu.solve(np.ascontiguousarray(right, dtype=float)))

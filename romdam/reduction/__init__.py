@@ -1,0 +1,1 @@
+"""Craig-Bampton reduction of blocks and their synthesis into one diagonal system."""

@@ -1,0 +1,179 @@
+"""Craig-Bampton reduction of one block.
+
+u = Psi u_b + Phi q with the retained joint DOFs u_b, constraint modes Psi = -K_ii^-1 K_ib and the
+fixed-interface modes Phi below the cut-off. Where the retained DOFs and supports leave the interior
+free to move rigidly (normal gaps alone hold the block), K_ii is singular; K_ii + s M_ii with a small s
+takes its place, the constraint modes become those of a harmonic motion just below zero frequency, and
+the rigid motions appear among the Phi. Any such basis is a Ritz basis, and with all modes it is complete.
+
+References
+----------
+Craig, Bampton, AIAA Journal 6 (1968) 1313.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from romdam.errors import ConfigError, ReductionError
+from romdam.linalg.eigen import dense_modes, lowest_modes
+from romdam.linalg.factor import Factor
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
+_FIRST_COUNT = 20
+_ALL = 2**62
+
+
+@dataclass(frozen=True)
+class ModeChoice:
+    """Which fixed-interface modes to keep: a count, or all below a frequency [Hz]."""
+
+    count: int | None = None
+    cutoff: float | None = None
+
+    @property
+    def keeps_all(self) -> bool:
+        """Whether every mode is asked for."""
+        return self.count == _ALL
+
+
+ALL_MODES = ModeChoice(count=_ALL)
+
+
+@dataclass(frozen=True)
+class Substructure:
+    """A reduced block in its own open-joint modes.
+
+    Attributes
+    ----------
+    omega2 : (m,) ascending [1/s2]
+    basis : (n, m) M-orthonormal open-joint modes over the free DOFs
+    retained, fixed_interface : how many retained DOFs and fixed-interface modes span it
+    highest : frequency of the highest fixed-interface mode kept [Hz], 0 if there is none
+    orthonormality : largest entry of Phi^T M Phi - I
+    residual : largest |K phi - omega^2 M phi| of the fixed-interface modes, relative to omega^2 |M phi|
+    """
+
+    omega2: Floats
+    basis: Floats
+    retained: int
+    fixed_interface: int
+    highest: float
+    orthonormality: float
+    residual: float
+
+
+def reduce_block(
+    K: csr_matrix, M: csr_matrix, retained: Bools, held: bool, choice: ModeChoice, place: str
+) -> Substructure:
+    """Reduce a block and diagonalise it with its joints open.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse, over the free DOFs
+    retained : (n,) True for retained DOFs
+    held : whether supports and retained DOFs, if held, stop every rigid motion
+    choice : the modes to keep
+    place : what to call the block in messages
+
+    Raises
+    ------
+    ConfigError
+        for more modes than the interior has DOFs.
+    ReductionError
+        where a factorisation or an eigenproblem fails.
+    """
+    interior = int((~retained).sum())
+    if not choice.keeps_all and choice.count is not None and choice.count > interior:
+        raise ConfigError(
+            f"{place}: model.modes asks for {choice.count} fixed-interface modes, the block has {interior} "
+            "interior DOFs; ask for fewer, or for `modes: all`"
+        )
+    if choice.keeps_all or choice.count == interior:
+        omega2, basis = dense_modes(K, M)
+        highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0
+        return Substructure(_clean(omega2), basis, len(retained) - interior, interior, highest, 0.0, 0.0)
+    Psi, Phi, omega2_fixed, residual = _ritz_vectors(K, M, retained, held, choice)
+    T = _assemble_basis(Psi, Phi, retained)
+    K_r, M_r = T.T @ (K @ T), T.T @ (M @ T)
+    omega2, V = _diagonalise(K_r, M_r, place)
+    gram = Phi.T @ (M[~retained][:, ~retained] @ Phi)
+    return Substructure(
+        omega2=_clean(omega2),
+        basis=T @ V,
+        retained=Psi.shape[1],
+        fixed_interface=Phi.shape[1],
+        highest=float(np.sqrt(max(omega2_fixed[-1], 0.0)) / (2.0 * np.pi)) if len(omega2_fixed) else 0.0,
+        orthonormality=float(np.abs(gram - np.eye(len(gram))).max(initial=0.0)),
+        residual=residual,
+    )
+
+
+def _ritz_vectors(
+    K: csr_matrix, M: csr_matrix, retained: Bools, held: bool, choice: ModeChoice
+) -> tuple[Floats, Floats, Floats, float]:
+    """Constraint modes, fixed-interface modes, their omega^2, and the modes' largest residual."""
+    shift = 0.0 if held else -_FREE_SHIFT
+    K_i, M_i = K[~retained], M[~retained]
+    K_ii, M_ii = csr_matrix(K_i[:, ~retained]), csr_matrix(M_i[:, ~retained])
+    factor = Factor(K_ii - shift * M_ii)
+    coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
+    Psi = -factor.solve(coupling) if coupling.shape[1] else coupling
+    omega2, Phi = _fixed_interface_modes(K_ii, M_ii, factor, shift, choice)
+    return Psi, Phi, omega2, _residual(K_ii, M_ii, omega2, Phi)
+
+
+def _fixed_interface_modes(
+    K: csr_matrix, M: csr_matrix, factor: Factor, shift: float, choice: ModeChoice
+) -> tuple[Floats, Floats]:
+    if choice.count is not None:
+        return lowest_modes(K, M, choice.count, factor, shift)
+    assert choice.cutoff is not None
+    limit, count = (2.0 * np.pi * choice.cutoff) ** 2, min(_FIRST_COUNT, K.shape[0])
+    while True:
+        omega2, Phi = lowest_modes(K, M, count, factor, shift)
+        if omega2[-1] > limit or count == K.shape[0]:
+            keep = omega2 <= limit
+            return omega2[keep], Phi[:, keep]
+        count = min(2 * count, K.shape[0])
+
+
+def _residual(K: csr_matrix, M: csr_matrix, omega2: Floats, Phi: Floats) -> float:
+    """Largest relative eigenvalue residual of the elastic modes."""
+    inertia = M @ Phi * omega2
+    size = np.linalg.norm(inertia, axis=0)
+    elastic = omega2 > _FREE_SHIFT
+    if not elastic.any():
+        return 0.0
+    return float((np.linalg.norm(K @ Phi - inertia, axis=0)[elastic] / size[elastic]).max())
+
+
+def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
+    boundary = Psi.shape[1]
+    T = np.zeros((len(retained), boundary + Phi.shape[1]))
+    T[~retained, :boundary] = Psi
+    T[~retained, boundary:] = Phi
+    T[retained, :boundary] = np.eye(boundary)
+    return T
+
+
+def _diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
+    from scipy.linalg import LinAlgError, eigh
+
+    try:
+        return eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
+    except LinAlgError as error:
+        raise ReductionError(f"{place}: the reduced mass is not positive definite ({error})") from error
+
+
+def _clean(omega2: Floats) -> Floats:
+    """Rigid motions come out as round-off of the stiffest mode; they are zero."""
+    floor = 1e-13 * omega2.max(initial=0.0)
+    return np.where(omega2 < floor, 0.0, omega2)
