@@ -39,8 +39,8 @@ def refuse_free_blocks(
     width = 6 * len(bodies)
     rows = [np.zeros((1, width))]
     for name, held in fixed.items():
-        seen = _placed(blocks[name], np.arange(len(held)), columns[name], width)
-        rows.append(_triangle(seen[held]))
+        nodes = np.flatnonzero(held.any(axis=1))
+        rows.append(_triangle(_placed(blocks[name], nodes, columns[name], width)[held[nodes]]))
     for joint in joints.values():
         I, J = (
             _placed(blocks[b], nodes, columns[b], width)
@@ -75,7 +75,7 @@ def rigid_motions(block: Block, nodes: Ints) -> Floats:
 
 
 def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
-    """Rigid motions of nodes (n, 3, width), each at the columns of its body; `first` is per node of the block."""
+    """Rigid motions of nodes (n, 3, width), each at the columns of its body (`first`, by node)."""
     own = rigid_motions(block, nodes)
     columns = (first[nodes][:, None] + np.arange(6))[:, None, :]
     placed = np.zeros((len(nodes), 3, width))
@@ -124,5 +124,6 @@ def held_rigidly(block: Block, held: Bools) -> bool:
     held : (n, 3) True for components at zero displacement
     """
     count, piece = _pieces(block)
-    seen = _placed(block, np.arange(len(held)), 6 * piece, 6 * count)[held]
+    nodes = np.flatnonzero(held.any(axis=1))
+    seen = _placed(block, nodes, 6 * piece, 6 * count)[held[nodes]]
     return _null_space(np.vstack([np.zeros((1, 6 * count)), _triangle(seen)])).shape[1] == 0
