@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from romdam.errors import MeshError
 from romdam.fem.material import lame
-from romdam.scene.elements import ELEMENTS, Element, Floats, jacobians
+from romdam.scene.elements import ELEMENTS, Floats, jacobians
 from romdam.scene.model import Block, Ints, Material
+from romdam.scene.quality import refuse_inverted
 
 _CHUNK = 4096  # cells at a time: bounds the element matrices in memory at about 50 MB
 
@@ -76,20 +76,9 @@ def _geometry(block: Block, cells: slice, first: int) -> tuple[Floats, Floats, F
     xi, weight = element.rule
     jacobian = jacobians(block.points, block.cells[cells], element, xi)
     determinant = np.linalg.det(jacobian)
-    if determinant.min() <= 0.0:
-        raise MeshError(_inverted(block, element, determinant, first))
+    refuse_inverted(block, determinant, first)
     gradient = np.linalg.solve(jacobian, element.gradient(xi)[None])
     return np.asarray(gradient, dtype=float), element.shape(xi), determinant * weight
-
-
-def _inverted(block: Block, element: Element, determinant: Floats, first: int) -> str:
-    worst = determinant.min(axis=1)
-    cell = int(np.argmin(worst))
-    return (
-        f"block {block.name!r}: element {first + cell} ({element.name}, counted from 0) has a Jacobian "
-        f"determinant of {worst[cell]:.4g} m3, limit above 0 ({np.count_nonzero(worst <= 0.0)} such "
-        "elements); its nodes are in the wrong order or it is turned inside out: repair the mesh"
-    )
 
 
 def _stiffness(gradient: Floats, volume: Floats, material: Material) -> Floats:
