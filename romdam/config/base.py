@@ -1,11 +1,33 @@
-"""The base of every configuration model: frozen, and unknown keys are errors."""
+"""The base of every configuration model: frozen, unknown keys are errors, one branch per union."""
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Discriminator
 
 
 class Model(BaseModel):
     """A frozen part of a configuration."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def shape(value: object) -> str:
+    """Tell the branches of a union apart by how a value is written: mapping, list, number (or text)."""
+    if isinstance(value, dict | BaseModel):
+        return "mapping"
+    return "list" if isinstance(value, list | tuple) else "number"
+
+
+def by_shape(expected: str, *words: str) -> Discriminator:
+    """Choose a union's branch by `shape`, or "word" for given words, so that a mistake has one message.
+
+    Parameters
+    ----------
+    expected : what may stand there, for the message when no branch fits
+    words : texts that are values of their own, such as "rigid"
+    """
+
+    def choose(value: object) -> str:
+        return "word" if isinstance(value, str) and value in words else shape(value)
+
+    return Discriminator(choose, custom_error_type="shape", custom_error_message=f"expected {expected}")

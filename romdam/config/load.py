@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 import yaml
 from pydantic import ValidationError
 
+from romdam.config.explain import explain
 from romdam.config.models import Config
 from romdam.errors import ConfigError
 
@@ -59,7 +59,7 @@ def parse_config(raw: object, source: str) -> Config:
     try:
         return Config.model_validate(raw)
     except ValidationError as error:
-        raise ConfigError(_explain(error, source)) from None
+        raise ConfigError(explain(error, source, Config)) from None
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
@@ -71,7 +71,9 @@ def _mapping(loader: _UniqueKeyLoader, node: yaml.MappingNode) -> dict[object, o
     keys = [loader.construct_object(key, deep=True) for key, _ in node.value]
     for key, (key_node, _) in zip(keys, node.value, strict=True):
         if keys.count(key) > 1:
-            raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
+            raise yaml.constructor.ConstructorError(
+                None, None, f"key {key!r} is given twice", key_node.start_mark
+            )
     return loader.construct_mapping(node, deep=True)
 
 
@@ -89,50 +91,3 @@ def _read_yaml(path: Path) -> object:
         return yaml.load(text, Loader=_UniqueKeyLoader)
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: not valid YAML: {error}") from None
-
-
-def _explain(error: ValidationError, source: str) -> str:
-    lines = [_explain_one(item) for item in error.errors()]
-    unique = list(dict.fromkeys(lines))
-    return "\n".join(f"{source}: {line}" for line in unique)
-
-
-def _explain_one(item: dict) -> str:  # type: ignore[type-arg]  # pydantic's ErrorDetails, widened for .get
-    key = _key(item["loc"])
-    if item["type"] == "extra_forbidden":
-        return f"{key} is not a known key{_closest(item['loc'])}"
-    if item["type"] == "missing":
-        return f"{key} is missing and has no default"
-    message = item["msg"].removeprefix("Value error, ")
-    shown = "" if isinstance(item["input"], dict) else f", got {item['input']!r}"
-    return f"{key}: {message}{shown}" if key else message
-
-
-def _key(loc: tuple[int | str, ...]) -> str:
-    parts = [f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc if not _is_branch(p)]
-    return "".join(parts).lstrip(".")
-
-
-def _is_branch(part: int | str) -> bool:
-    """Whether a piece of pydantic's location names a branch of a union, not a key of the file."""
-    return isinstance(part, str) and (part.startswith(("function-", "tuple[", "literal[")) or part in _BRANCHES)
-
-
-_BRANCHES = {"float", "str", "int", "PerGap", "GapTable", "PlaneRef", "constrained-str"}
-
-
-def _closest(loc: tuple[int | str, ...]) -> str:
-    keys = sorted({name for model in _all_models() for name in model})
-    close = difflib.get_close_matches(str(loc[-1]), keys, n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""
-
-
-def _all_models() -> list[set[str]]:
-    from romdam.config.base import Model
-
-    found, queue = [], [Model]
-    while queue:
-        model = queue.pop()
-        queue.extend(model.__subclasses__())
-        found.append(set(model.model_fields))
-    return found

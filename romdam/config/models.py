@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, Tag, model_validator
 
-from romdam.config.base import Model
+from romdam.config.base import Model, by_shape
 from romdam.config.quantities import (
     Acceleration,
     AngularFrequency,
@@ -28,6 +29,7 @@ Element = Literal["hex8", "hex20", "tet4", "tet10"]
 Vector = tuple[Length, Length, Length]
 NonNegative = Field(ge=0.0)
 Positive = Field(gt=0.0)
+Edges = tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
 
 
 class MaterialConfig(Model):
@@ -46,15 +48,21 @@ class PlaneRef(Model):
     tolerance: Annotated[Length, Positive] = 1e-6
 
 
-FaceRef = str | PlaneRef
+FaceRef = Annotated[
+    Annotated[str, Tag("number")] | Annotated[PlaneRef, Tag("mapping")],
+    by_shape("the name of a face, or a plane such as {axis: z, at: 0 m}"),
+]
 
 
 class BoxConfig(Model):
     """A box meshed by a regular grid; its faces are xmin, xmax, ymin, ymax, zmin, zmax."""
 
     origin: Vector
-    size: tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
-    element_size: Annotated[Length, Positive] | Vector
+    size: Edges
+    element_size: Annotated[
+        Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
+        by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
+    ]
     element: Element = "hex8"
 
 
@@ -104,11 +112,26 @@ def _friction(value: object) -> object:
     return (value, value) if not isinstance(value, list | tuple) else value
 
 
-Friction = Annotated[
-    tuple[Annotated[Dimensionless, Field(ge=0.0, le=2.0)], Annotated[Dimensionless, Field(ge=0.0, le=2.0)]],
-    BeforeValidator(_friction),
+FrictionNumber = Annotated[Dimensionless, Field(ge=0.0, le=2.0)]
+Friction = Annotated[tuple[FrictionNumber, FrictionNumber], BeforeValidator(_friction)]
+StiffnessNumber = Annotated[StiffnessPerArea, NonNegative, Tag("number")]
+StiffnessTable = Annotated[PerGap, Tag("mapping")]
+SurfaceStiffness = Annotated[
+    StiffnessNumber | StiffnessTable,
+    by_shape("a stiffness per area such as 16 GPa/m, or {per_gap: 1 GN/m}"),
 ]
-SurfaceStiffness = Annotated[StiffnessPerArea, NonNegative] | PerGap
+NormalStiffness = Annotated[
+    StiffnessNumber | StiffnessTable | Annotated[Literal["rigid"], Tag("word")],
+    by_shape('a stiffness per area such as 16 GPa/m, {per_gap: 1 GN/m}, or "rigid"', "rigid"),
+]
+InitialGap = Annotated[
+    Annotated[Length, Tag("number")] | Annotated[GapTable, Tag("mapping")],
+    by_shape("a length such as 2 mm, or {table: gaps.csv}"),
+]
+NormalRule = Annotated[
+    Annotated[Literal["face", "nodes"], Tag("number")] | Annotated[tuple[float, float, float], Tag("list")],
+    by_shape('"face", "nodes", or a vector such as [0, 1, 0]'),
+]
 
 
 class JointConfig(Model):
@@ -120,12 +143,12 @@ class JointConfig(Model):
     """
 
     between: tuple[str, str]
-    normal_stiffness: Literal["rigid"] | SurfaceStiffness
+    normal_stiffness: NormalStiffness
     tension_stiffness: SurfaceStiffness = 0.0
     shear_stiffness: SurfaceStiffness = 0.0
     friction: Friction = (0.0, 0.0)
-    gap: Length | GapTable = 0.0
-    normal: Literal["face", "nodes"] | tuple[float, float, float] = "face"
+    gap: InitialGap = 0.0
+    normal: NormalRule = "face"
     tolerance: Annotated[Length, Positive] = 1e-3
 
     @model_validator(mode="after")
@@ -193,13 +216,18 @@ class RayleighConfig(Model):
 
 
 ModalRatio = Annotated[Dimensionless, Field(ge=0.0, lt=1.0)]
+ModalRatios = Annotated[
+    Annotated[ModalRatio, Tag("number")]
+    | Annotated[tuple[ModalRatio, ...], Field(min_length=1), Tag("list")],
+    by_shape("one ratio such as 5 %, or a list of them"),
+]
 
 
 class DampingConfig(Model):
     """Rayleigh damping, or ratios of the open-joint modes (the last one holds for all higher modes)."""
 
     rayleigh: RayleighConfig | None = None
-    modal: ModalRatio | Annotated[tuple[ModalRatio, ...], Field(min_length=1)] | None = None
+    modal: ModalRatios | None = None
 
     @model_validator(mode="after")
     def _at_most_one(self) -> Self:
@@ -208,11 +236,17 @@ class DampingConfig(Model):
         return self
 
 
+ModeCount = Annotated[
+    Annotated[int, Field(ge=0), Tag("number")] | Annotated[Literal["all"], Tag("word")],
+    by_shape('a number of modes per block such as 60, or "all"', "all"),
+]
+
+
 class ModelConfig(Model):
     """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off."""
 
     order: Literal["reduced", "full"] = "reduced"
-    modes: Annotated[int, Field(ge=0)] | Literal["all"] | None = None
+    modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
 
     @model_validator(mode="after")
@@ -243,7 +277,7 @@ class NodeConfig(Model):
 class OutputsConfig(Model):
     """What is written: histories at named nodes, every gap, at the interval `every`."""
 
-    nodes: dict[str, NodeConfig] = {}
+    nodes: dict[str, NodeConfig] = Field(default_factory=dict)
     every: Annotated[Time, Positive] | None = None
     plots: bool = True
 
@@ -261,7 +295,7 @@ class Config(Model):
     blocks: Annotated[dict[str, BlockConfig], AfterValidator(_not_empty)]
     materials: dict[str, MaterialConfig]
     supports: tuple[SupportConfig, ...] = ()
-    joints: dict[str, JointConfig] = {}
+    joints: dict[str, JointConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
     damping: DampingConfig = DampingConfig()
     records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
@@ -287,6 +321,8 @@ class Config(Model):
         return self
 
     @staticmethod
-    def _known(key: str, name: str, among: dict[str, object] | dict[str, BlockConfig]) -> None:
+    def _known(key: str, name: str, among: Mapping[str, object]) -> None:
         if name not in among:
-            raise ValueError(f"{key}: no {name!r} is defined; defined are {', '.join(sorted(among)) or 'none'}")
+            raise ValueError(
+                f"{key}: no {name!r} is defined; defined are {', '.join(sorted(among)) or 'none'}"
+            )

@@ -1,0 +1,38 @@
+"""Reduced-order seismic analysis of concrete dams cut by contraction joints.
+
+import romdam
+
+job = romdam.load_config("configs/two_cantilevers.yaml")
+outcome = romdam.run(job, out="results")
+result = romdam.open_result(outcome.paths[0])
+print(result.dataset.peak_opening)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from romdam.config.load import load_config
+    from romdam.outputs.fields import Result, open_result
+    from romdam.pipelines.run import run
+
+__version__ = "0.1.0"
+__all__ = ["Result", "__version__", "load_config", "open_result", "run"]
+
+# Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
+_LAZY = {
+    "load_config": "romdam.config.load",
+    "open_result": "romdam.outputs.fields",
+    "Result": "romdam.outputs.fields",
+    "run": "romdam.pipelines.run",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_LAZY[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,172 @@
+"""pydantic's validation errors -> one line per mistake: key, value, limit, remedy."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+Location = tuple[int | str, ...]
+
+_LIMITS = {
+    "greater_than": "must be greater than {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be less than {lt:g}",
+    "less_than_equal": "must be at most {le:g}",
+}
+_REMEDIED = {*_LIMITS, "too_short", "int_parsing", "int_from_float"}
+_REMEDIES = {
+    "nu": "concrete has about 0.18, rock 0.2 to 0.3; at 0.5 a solid is incompressible",
+    "rho": "concrete has about 2400 kg/m3; give 0 gravity, not 0 density, to leave weight out",
+    "E": "concrete has about 30 GPa",
+    "dt": "a step of 1 to 5 ms suits most dams",
+    "friction": "concrete joints have about 0.6",
+    "ratio": "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)",
+    "tolerance": "leave the key out to use the default",
+    "normal_stiffness": "a stiffness cannot be negative; `rigid` makes the joint exactly unilateral",
+    "element_size": "give an edge length above 0, for example 2.5 m",
+    "modes": 'give a number of modes per block such as 60, or "all"',
+    "records": "name at least one ground motion",
+}
+_MISSING = {
+    "E": ", for example `E: 30 GPa`",
+    "nu": ", for example `nu: 0.18`",
+    "rho": ", for example `rho: 2400 kg/m3`",
+    "dt": ", for example `dt: 2.5 ms`",
+    "normal_stiffness": ", for example `normal_stiffness: 16 GPa/m` or `rigid`",
+    "between": ", for example `between: [left, right]`",
+    "records": ", for example `records: [{file: record.txt, unit: g, dt: 0.01 s, components: {y: 1}}]`",
+    "model": ", for example `model: {order: reduced, modes: 60}`",
+    "transient": ", for example `transient: {dt: 2.5 ms}`",
+    "materials": ", for example `materials: {concrete: {E: 30 GPa, nu: 0.18, rho: 2400 kg/m3}}`",
+}
+
+
+def explain(error: ValidationError, source: str, root: type[BaseModel]) -> str:
+    """Describe every mistake on a line of its own, each naming the file and the key."""
+    items = [dict(item) for item in error.errors()]
+    lines = [_explain_one(item, root) for item in items if not _follows_from_another(item, items)]
+    return "\n".join(f"{source}: {line}" for line in dict.fromkeys(lines))
+
+
+def _follows_from_another(item: Mapping[str, Any], items: list[dict[str, Any]]) -> bool:
+    """Whether the real mistake is told elsewhere.
+
+    A sequence is called too short when an entry is wrong; one number for both directions fails twice.
+    """
+    *parent, last = item["loc"] or ("",)
+    if item["type"] == "too_short":
+        return any(
+            len(o["loc"]) > len(item["loc"]) and o["loc"][: len(item["loc"])] == item["loc"] for o in items
+        )
+    first = (*parent, 0)
+    return last == 1 and any(o["loc"] == first and o["input"] == item["input"] for o in items)
+
+
+def _explain_one(item: Mapping[str, Any], root: type[BaseModel]) -> str:
+    path, owner = _walk(item["loc"], root)
+    key, kind = _key(path), item["type"]
+    name = str(next((part for part in reversed(path) if isinstance(part, str)), ""))
+    if kind == "extra_forbidden":
+        return f"{key} is not a known key{_closest(name, owner)}"
+    if kind == "missing":
+        return f"{key} is missing and has no default; add it{_MISSING.get(name, '')}"
+    message = f"{_message(item)}{_got(item)}"
+    remedy = f"; {_REMEDIES[name]}" if kind in _REMEDIED and name in _REMEDIES else ""
+    joint = " " if message.startswith("must ") else ": "
+    return f"{key}{joint}{message}{remedy}".removeprefix(": ")
+
+
+def _message(item: Mapping[str, Any]) -> str:
+    kind, ctx = item["type"], item.get("ctx", {})
+    if kind in _LIMITS:
+        return _LIMITS[kind].format(**ctx)
+    if kind == "too_short":
+        return f"must have at least {ctx['min_length']} entry"
+    if kind == "union_tag_invalid":
+        return f"no such {ctx['discriminator'].strip(chr(39))}; known are {ctx['expected_tags']}"
+    if kind == "path_type":
+        return "must be the path of a file"
+    message = str(item["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
+    return message[:1].lower() + message[1:]
+
+
+def _got(item: Mapping[str, Any]) -> str:
+    """The value given, unless the message quotes it or it is a whole section of the file."""
+    value = item["input"]
+    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and repr(value) in item["msg"]):
+        return ""
+    shown = f", got {value!r}"
+    return "" if item["msg"].endswith(shown) else shown
+
+
+def _key(path: Location) -> str:
+    return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path if p != "[key]").lstrip(".")
+
+
+def _closest(name: str, owner: type[BaseModel] | None) -> str:
+    known = sorted(owner.model_fields) if owner is not None else []
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    return f"; known here: {', '.join(known)}" if known else ""
+
+
+def _walk(loc: Location, root: type[BaseModel]) -> tuple[Location, type[BaseModel] | None]:
+    """Follow pydantic's location through the models.
+
+    Returns
+    -------
+    the location without the parts that name a branch of a union, and the model that owns its last key
+    """
+    types, path, owner = [root], [], None
+    for part in loc:
+        step, model = _step(types, part)
+        known = step is not None or (part == loc[-1] and _could_be_key(types, part))
+        if not known:
+            continue
+        path.append(part)
+        owner = model or next((t for t in types if _is_model(t)), None)
+        types = step or []
+    return tuple(path), owner
+
+
+def _could_be_key(types: list[Any], part: int | str) -> bool:
+    """Whether the last part of a location is an unknown key, not the name of a union's branch."""
+    return isinstance(part, str) and any(_is_model(t) for t in types) and not _is_branch(part, types)
+
+
+def _is_branch(part: str, types: list[Any]) -> bool:
+    names = {getattr(t, "__name__", "") for t in types}
+    return part in names or part in SHAPES or part.startswith(("function-", "literal[", "tuple["))
+
+
+SHAPES = ("number", "mapping", "list", "word")
+
+
+def _step(types: list[Any], part: int | str) -> tuple[list[Any] | None, type[BaseModel] | None]:
+    """The types below `part`, and the model that has it as a key; None where `part` leads nowhere."""
+    for kind in types:
+        if _is_model(kind) and part in kind.model_fields:
+            return _leaves(kind.model_fields[part].annotation), kind
+        if get_origin(kind) is dict and isinstance(part, str):
+            return _leaves(get_args(kind)[1]), None
+        if get_origin(kind) is tuple and isinstance(part, int):
+            return _leaves(get_args(kind)[0]), None
+    return None, None
+
+
+def _leaves(annotation: Any) -> list[Any]:
+    """The alternatives of an annotation, without Annotated and Union around them."""
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        return _leaves(get_args(annotation)[0])
+    if origin is Union or type(annotation).__name__ == "UnionType":
+        return [leaf for choice in get_args(annotation) for leaf in _leaves(choice)]
+    return [annotation]
+
+
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)

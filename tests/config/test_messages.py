@@ -1,0 +1,141 @@
+"""Every mistake in a configuration: one line with the file, the key, the value, the limit and the remedy."""
+
+import copy
+from pathlib import Path
+
+import pytest
+import yaml
+
+from romdam.config import load_config, parse_config
+from romdam.errors import ConfigError
+
+EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
+CONCRETE = ("materials", "concrete")
+JOINT = ("joints", "contraction")
+DELETE = object()
+
+# key, wrong value, what the one line must contain
+MISTAKES = [
+    (("outputz",), 1, ["outputz is not a known key", "did you mean 'outputs'?"]),
+    ((*CONCRETE, "nuu"), 0.2, ["materials.concrete.nuu is not a known key", "did you mean 'nu'?"]),
+    ((*CONCRETE, "E"), DELETE, ["materials.concrete.E is missing", "E: 30 GPa"]),
+    (("transient",), DELETE, ["transient is missing", "transient: {dt: 2.5 ms}"]),
+    ((*CONCRETE, "E"), "30 GPA", ["materials.concrete.E", "'30 GPA'", "unknown unit", '"1 Pa"']),
+    ((*CONCRETE, "E"), "30 kg", ["materials.concrete.E", "'30 kg' is not a quantity in Pa"]),
+    ((*CONCRETE, "nu"), 0.5, ["materials.concrete.nu must be less than 0.5, got 0.5", "0.18"]),
+    ((*CONCRETE, "rho"), -2400, ["materials.concrete.rho must be greater than 0, got -2400", "2400 kg/m3"]),
+    ((*JOINT, "normal_stiffness"), -1, ["normal_stiffness must be at least 0, got -1"]),
+    ((*JOINT, "normal_stiffness"), "30 kg", ["normal_stiffness: '30 kg' is not a quantity in N/m^3"]),
+    (
+        (*JOINT, "normal_stiffness"),
+        [1, 2],
+        ["normal_stiffness: expected a stiffness", '"rigid"', "got [1, 2]"],
+    ),
+    ((*JOINT, "normal_stiffness"), {"per_gap": "3 kg"}, ["normal_stiffness.per_gap: '3 kg' is not"]),
+    ((*JOINT, "friction"), 0.6, ["joints.contraction: friction 0.6 needs `shear_stiffness`", "or set"]),
+    ((*JOINT, "friction"), -0.6, ["friction[0] must be at least 0, got -0.6"]),
+    ((*JOINT, "normal"), "fase", ["joints.contraction.normal must be 'face' or 'nodes', got 'fase'"]),
+    (
+        ("blocks", "left", "box", "element_size"),
+        [1, 2, -1],
+        ["element_size[2] must be greater than 0, got -1"],
+    ),
+    (("blocks", "left", "box", "element"), "hex9", ["blocks.left.box.element must be 'hex8'", "got 'hex9'"]),
+    (("blocks", "left", "material"), "stone", ["blocks.left.material: no 'stone'", "defined are concrete"]),
+    (("supports", 0, "block"), "lef", ["supports[0].block: no 'lef' is defined; defined are left, right"]),
+    (("supports", 0, "fix"), ["w"], ["supports[0].fix[0] must be 'x', 'y' or 'z', got 'w'"]),
+    (("model", "modes"), "al", ["model.modes", "got 'al'", '"all"']),
+    (("model", "modes"), DELETE, ["model: a reduced model needs exactly one of `modes`"]),
+    (("transient", "dt"), 0, ["transient.dt must be greater than 0, got 0", "1 to 5 ms"]),
+    (("transient", "dt"), float("nan"), ["transient.dt: expected a finite number in s, got nan"]),
+    (("records",), [], ["records must have at least 1 entry, got []"]),
+    (("records", 0, "unit"), "kg", ["records[0].unit", "is not a quantity in m/s^2"]),
+    (("records", 0, "dt"), 0, ["records[0].dt must be greater than 0, got 0"]),
+    (("records", 0, "correction"), ["detren"], ["records[0].correction[0]: no such step", "'detrend'"]),
+]
+
+
+def example() -> dict:
+    return yaml.safe_load(EXAMPLE.read_text())
+
+
+def with_mistake(key: tuple, value: object) -> dict:
+    raw = copy.deepcopy(example())
+    place = raw
+    for part in key[:-1]:
+        place = place[part]
+    if value is DELETE:
+        del place[key[-1]]
+    else:
+        place[key[-1]] = value
+    return raw
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "parts"),
+    MISTAKES,
+    ids=lambda v: ".".join(map(str, v))[:60] if isinstance(v, tuple) else "",
+)
+def test_mistake_is_one_line_naming_file_key_value_and_limit(key, value, parts):
+    with pytest.raises(ConfigError) as caught:
+        parse_config(with_mistake(key, value), "dam.yaml")
+    message = str(caught.value)
+    assert message.startswith("dam.yaml: ")
+    assert "\n" not in message, "one mistake, one line"
+    for part in parts:
+        assert part in message
+
+
+def test_several_mistakes_have_a_line_each():
+    raw = with_mistake((*CONCRETE, "nu"), 0.7)
+    raw["transient"]["dt"] = -1
+    with pytest.raises(ConfigError) as caught:
+        parse_config(raw, "dam.yaml")
+    assert len(str(caught.value).splitlines()) == 2
+
+
+def test_key_given_twice_is_refused(tmp_path):
+    path = tmp_path / "twice.yaml"
+    path.write_text("materials:\n  c: {E: 1, nu: 0.1, nu: 0.2, rho: 1}\n")
+    with pytest.raises(ConfigError, match=r"twice\.yaml.*'nu' is given twice"):
+        load_config(path)
+
+
+def test_missing_file_and_bad_yaml_are_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such configuration file"):
+        load_config(tmp_path / "nowhere.yaml")
+    (tmp_path / "bad.yaml").write_text("a: [1, 2")
+    with pytest.raises(ConfigError, match=r"bad\.yaml: not valid YAML"):
+        load_config(tmp_path / "bad.yaml")
+
+
+def test_yaml_cannot_make_objects(tmp_path):
+    path = tmp_path / "evil.yaml"
+    path.write_text("title: !!python/object/apply:os.getcwd []\n")
+    with pytest.raises(ConfigError, match="not valid YAML"):
+        load_config(path)
+
+
+def test_example_survives_a_round_trip_through_json():
+    config = load_config(EXAMPLE).config
+    assert parse_config(config.model_dump(mode="json"), "again") == config
+
+
+def test_digest_ignores_spelling_and_sees_values(tmp_path):
+    same, other = tmp_path / "same.yaml", tmp_path / "other.yaml"
+    text = EXAMPLE.read_text()
+    same.write_text("# a comment\n" + text.replace("30 GPa", "3.0e4 MPa"))
+    other.write_text(text.replace("30 GPa", "31 GPa"))
+    digest = load_config(EXAMPLE).digest
+    assert load_config(same).digest == digest
+    assert load_config(other).digest != digest
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [("16 GPa/m", 1.6e10), (2e10, 2e10), ("rigid", "rigid"), ({"per_gap": "1 GN/m"}, 1e9)],
+)
+def test_normal_stiffness_is_read_in_each_of_its_forms(value, expected):
+    joint = parse_config(with_mistake((*JOINT, "normal_stiffness"), value), "x").joints["contraction"]
+    got = joint.normal_stiffness
+    assert getattr(got, "per_gap", got) == (pytest.approx(expected) if expected != "rigid" else "rigid")
