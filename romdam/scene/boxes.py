@@ -47,8 +47,6 @@ def _divisions(box: BoxConfig, place: str) -> tuple[int, int, int]:
 
 
 def _division(length: float, size: float, place: str, axis: str) -> int:
-    if size <= 0.0:
-        raise ConfigError(f"{place} must be above 0 m in every direction, got {size:g} along {axis}")
     count = max(round(length / size), 1)
     if abs(count * size - length) <= _DIVIDES * length:
         return count

@@ -1,0 +1,19 @@
+"""Small dictionaries of boxes for the tests of this folder."""
+
+
+def box(origin, size, element_size=1.0, element="hex8"):
+    """A block of concrete."""
+    sizes = {"origin": origin, "size": size, "element_size": element_size, "element": element}
+    return {"material": "concrete", "box": sizes}
+
+
+def two_boxes(element="hex8", **joint):
+    """Two boxes of 2 x 2 x 2 m that touch at y = 2, both held at z = 0."""
+    return {
+        "blocks": {
+            "left": box([0, 0, 0], [2, 2, 2], element=element),
+            "right": box([0, 2, 0], [2, 2, 2], element=element),
+        },
+        "supports": [{"block": "left", "face": "zmin"}, {"block": "right", "face": "zmin"}],
+        "joints": {"c": {"between": ["left", "right"], "normal_stiffness": 1e9} | joint},
+    }

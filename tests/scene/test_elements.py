@@ -1,0 +1,67 @@
+"""Shape functions, facets and quadrature of every element in the table."""
+
+import numpy as np
+import pytest
+
+from romdam.config.models import BoxConfig
+from romdam.scene.boxes import box_block
+from romdam.scene.elements import ELEMENTS, FACET_OF, jacobians
+from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals
+from romdam.scene.model import Material
+
+CONCRETE = Material(30e9, 0.18, 2440.0)
+
+
+def mesh(element, size=(1.0, 1.0, 1.0), element_size=0.5):
+    config = BoxConfig(origin=(0, 0, 0), size=size, element_size=element_size, element=element)
+    return box_block("box", config, CONCRETE, "s.yaml: blocks.box.box")
+
+
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=str)
+def test_shape_functions_interpolate_and_sum_to_one(element):
+    assert np.abs(element.shape(element.nodes) - np.eye(len(element.nodes))).max() < 1e-13
+    xi = np.random.default_rng(1).uniform(0, 0.3, (5, element.nodes.shape[1]))
+    assert np.abs(element.shape(xi).sum(axis=1) - 1).max() < 1e-13
+    assert np.abs(element.gradient(xi).sum(axis=2)).max() < 1e-13
+
+
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=str)
+def test_gradient_is_the_derivative(element):
+    d = element.nodes.shape[1]
+    xi = np.random.default_rng(2).uniform(0, 0.3, (4, d))
+    h = 1e-6
+    for axis in range(d):
+        step = h * np.eye(d)[axis]
+        difference = (element.shape(xi + step) - element.shape(xi - step)) / (2 * h)
+        assert np.abs(element.gradient(xi)[:, axis] - difference).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", FACET_OF)
+def test_facets_look_outward_and_close(name):
+    """Divergence theorem on curved cells: int n dA = 0 and int x . n dA = 3 V."""
+    element = ELEMENTS[name]
+    rng = np.random.default_rng(3)
+    points = element.nodes + 0.05 * rng.standard_normal(element.nodes.shape)
+    cells = np.arange(len(points))[None]
+    facets = boundary_facets(cells, name)
+    assert len(facets) == len(element.facets)
+    vectors = area_vectors(points, facets)
+    assert np.abs(vectors.sum(axis=(0, 1))).max() < 1e-13
+    xi, weight = element.rule
+    straight = element.nodes  # on flat facets x lies in the space of N, so int x . n dA is a nodal sum
+    flux = np.einsum("fjk,fjk->", area_vectors(straight, facets), straight[facets])
+    volume = np.linalg.det(jacobians(straight, cells, element, xi))[0] @ weight
+    assert flux == pytest.approx(3 * volume, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", FACET_OF)
+def test_boundary_of_a_box(name):
+    block = mesh(name, size=(1.0, 1.5, 2.0))
+    facets = boundary_facets(block.cells, name)
+    assert facet_areas(block.points, facets).sum() == pytest.approx(2 * (1.5 + 2.0 + 3.0), rel=1e-13)
+    centre = block.points[facets].mean(axis=1) - [0.5, 0.75, 1.0]
+    assert (np.einsum("fk,fk->f", centre, facet_normals(block.points, facets)) > 0).all()
+    named = {k: facet_areas(block.points, v).sum() for k, v in block.faces.items()}
+    expected = {"xmin": 3, "xmax": 3, "ymin": 2, "ymax": 2, "zmin": 1.5, "zmax": 1.5}
+    assert named == pytest.approx(expected, rel=1e-13)
+    assert np.abs(facet_normals(block.points, block.faces["ymax"]) - [0, 1, 0]).max() < 1e-13
