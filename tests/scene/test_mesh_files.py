@@ -1,0 +1,282 @@
+"""Mesh files: 16 files written by Gmsh, round trips through meshio, and every wrong file."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from test_elements import CONCRETE, mesh
+
+from romdam.config.models import MeshFileConfig
+from romdam.errors import ConfigError, MeshError
+from romdam.fem.assembly import assemble
+from romdam.scene.elements import ELEMENTS, FACET_OF
+from romdam.scene.facets import facet_areas, facet_normals
+from romdam.scene.mesh_files import SOLIDS, mesh_file_block
+
+DATA = Path(__file__).parent / "data"
+PLACE = "s.yaml: blocks.b.mesh"
+VOLUMES = {"lower": 3.0, "upper": 5.0}
+
+
+def read(file, folder=DATA, group=None, unit="m"):
+    return mesh_file_block(
+        "b", MeshFileConfig(file=file, group=group, unit=unit), CONCRETE, Path(folder), PLACE
+    )
+
+
+def error_of(file, folder, **keys):
+    with pytest.raises((MeshError, ConfigError)) as caught:
+        read(file, folder, **keys)
+    return str(caught.value)
+
+
+def off_middle(block):
+    """Largest distance of a mid-edge node from the middle of its edge: 0 only in the right order."""
+    element = ELEMENTS[block.element]
+    distance = [0.0]
+    for k, (a, b) in enumerate(element.edges):
+        if element.quadratic:
+            ends = block.points[block.cells[:, [a, b]]]
+            middle = block.points[block.cells[:, element.corners + k]]
+            distance.append(float(np.abs(middle - ends.mean(axis=1)).max()))
+    return max(distance)
+
+
+@pytest.mark.parametrize("ending", [".msh", "_22.msh", ".bdf", ".inp"])
+@pytest.mark.parametrize("element", FACET_OF)
+def test_files_written_by_gmsh(element, ending):
+    numbers = {"lower": 11, "upper": 12}
+    for name, volume in VOLUMES.items():
+        block = read(f"{element}{ending}", group=numbers[name] if ending == ".bdf" else name)
+        _, M = assemble(block)
+        assert block.element == element
+        assert off_middle(block) < 1e-12
+        assert M.sum() / 3 == pytest.approx(CONCRETE.rho * volume, rel=1e-12)
+    base = read(f"{element}{ending}", group=numbers["lower"] if ending == ".bdf" else "lower").faces
+    facets = base["21" if ending == ".bdf" else "base"]
+    lower = read(f"{element}{ending}", group=11 if ending == ".bdf" else "lower")
+    assert facet_areas(lower.points, facets).sum() == pytest.approx(2.0, rel=1e-12)
+    assert np.abs(facet_normals(lower.points, facets) - [0, 0, -1]).max() < 1e-12
+    assert "crest" not in base and "22" not in base
+
+
+def test_gmsh_groups_by_number_and_name_are_one():
+    by_name, by_number = read("hex8.msh", group="upper"), read("hex8.msh", group=12)
+    assert np.array_equal(by_name.cells, by_number.cells)
+    assert len(read("hex8.msh").cells) == 2
+
+
+def test_length_unit():
+    metres, millimetres = read("tet10.msh"), read("tet10.msh", unit="mm")
+    assert np.allclose(millimetres.points, 1e-3 * metres.points, rtol=1e-15)
+    assert error_of("tet10.msh", DATA, unit="kg").startswith(f"{PLACE}.unit: '1 kg' is not a quantity in m")
+
+
+def written(tmp_path, element, ending, kind=None, **keys):
+    """A distorted box written by meshio with its top face as facets, and the block it came from."""
+    block = mesh(element, size=(1.0, 1.0, 1.0))
+    rng = np.random.default_rng(6)
+    points = (
+        1.0 + block.points + 0.02 * rng.uniform(-1, 1, block.points.shape)
+    )  # meshio's bdf writer needs > 0
+    top = block.faces["zmax"]
+    names = {v: k for k, v in SOLIDS.items()}
+    facet = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8"}[top.shape[1]]
+    cells = [(names[element], block.cells), (facet, top)]
+    data = [np.full(len(block.cells), 7), np.full(len(top), 8)]
+    meshio.Mesh(points, cells, cell_data={keys.pop("name"): data} if "name" in keys else None, **keys).write(
+        tmp_path / f"m{ending}", **({"file_format": kind} if kind else {})
+    )
+    return points, block, top
+
+
+@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize(
+    ("ending", "kind", "name"),
+    [(".bdf", "nastran", "nastran:ref"), (".nas", "nastran", "nastran:ref"), (".vtu", "vtu", "group")],
+)
+def test_round_trip(ending, kind, name, element, tmp_path):
+    points, block, top = written(tmp_path, element, ending, kind, name=name)
+    found = read(f"m{ending}", tmp_path, group=7)
+    digits = 1e-10 if kind == "nastran" else 1e-15  # 16-character fields
+    assert np.array_equal(found.cells, block.cells)
+    assert np.abs(found.points - points).max() < digits
+    assert set(map(tuple, found.faces["8"])) == set(map(tuple, top))
+    assert set(found.faces) == {"8"}
+
+
+@pytest.mark.parametrize("kind", ["gmsh22", "gmsh"])
+@pytest.mark.parametrize("element", FACET_OF)
+def test_round_trip_gmsh(kind, element, tmp_path):
+    block = mesh(element)
+    names = {v: k for k, v in SOLIDS.items()}
+    tags = {
+        "gmsh:physical": [np.full(len(block.cells), 3)],
+        "gmsh:geometrical": [np.full(len(block.cells), 1)],
+    }
+    out = meshio.Mesh(block.points, [(names[element], block.cells)], cell_data=tags)
+    out.field_data = {"dam": np.array([3, 3])}
+    out.write(tmp_path / "m.msh", file_format=kind)
+    found = read("m.msh", tmp_path, group="dam" if kind == "gmsh22" else None)
+    assert np.array_equal(found.cells, block.cells)
+    assert np.abs(found.points - block.points).max() < 1e-15
+
+
+@pytest.mark.parametrize("element", FACET_OF)
+def test_round_trip_abaqus(element, tmp_path):
+    block = mesh(element)
+    names = {v: k for k, v in SOLIDS.items()}
+    half = np.arange(len(block.cells) // 2)
+    out = meshio.Mesh(block.points, [(names[element], block.cells)], cell_sets={"half": [half]})
+    out.point_sets = {"top": np.unique(block.faces["zmax"])}
+    out.write(tmp_path / "m.inp")
+    found = read("m.inp", tmp_path)
+    assert np.array_equal(found.cells, block.cells)
+    assert set(map(tuple, found.faces["top"])) == set(map(tuple, block.faces["zmax"]))
+    assert len(read("m.inp", tmp_path, group="half").cells) == len(half)
+
+
+INP = """*HEADING
+two cubes
+*NODE
+1,0,0,0
+2,1,0,0
+3,1,1,0
+4,0,1,0
+5,0,0,1
+6,1,0,1
+7,1,1,1
+8,0,1,1
+9,0,0,2
+10,1,0,2
+11,1,1,2
+12,0,1,2
+*ELEMENT, TYPE=T3D2
+50, 1, 9
+*ELEMENT, type=C3D8R, ELSET=low
+1, 1,2,3,4,
+5,6,7,8
+*Element, TYPE=C3D8
+2, 5,6,7,8,9,10,11,12
+*ELSET, ELSET=high, GENERATE
+2, 2, 1
+*ELSET, ELSET=both
+low, high
+*NSET, NSET=foot
+1, 2, 3, 4
+*SURFACE, NAME=lid, TYPE=ELEMENT
+high, S2
+*SURFACE, NAME=upstream
+1, S3
+2, S3
+"""
+
+
+def test_abaqus_sets_and_surfaces(tmp_path):
+    (tmp_path / "a.inp").write_text(INP)
+    both = read("a.inp", tmp_path, group="both")
+    assert len(both.cells) == 2 and len(both.points) == 12
+    areas = {name: facet_areas(both.points, f).sum() for name, f in both.faces.items()}
+    assert areas == pytest.approx({"foot": 1.0, "lid": 1.0, "upstream": 2.0})
+    assert np.abs(facet_normals(both.points, both.faces["upstream"]) - [0, -1, 0]).max() < 1e-12
+    low = read("a.inp", tmp_path, group="low")
+    assert low.points[:, 2].max() == 1.0 and set(low.faces) == {"foot", "upstream"}
+    assert read("a.inp", tmp_path, group="high").points[:, 2].min() == 1.0
+
+
+def test_mesh_blocks_make_a_joint(make):
+    """Two groups of one file that share nodes: romdam separates them and finds the joint."""
+    raw = {
+        "blocks": {
+            name: {"material": "concrete", "mesh": {"file": "hex20.msh", "group": name}} for name in VOLUMES
+        },
+        "supports": [
+            {"block": "lower", "face": "base"},
+            {"block": "upper", "face": {"axis": "z", "at": 4.0}, "fix": ["z"]},
+        ],
+        "joints": {"c": {"between": ["lower", "upper"], "normal_stiffness": "rigid"}},
+    }
+    scene = make(raw, DATA)
+    assert scene.joints["c"].area.sum() == pytest.approx(2.0, rel=1e-13)
+    assert np.abs(scene.joints["c"].axes[:, 0] - [0, 0, 1]).max() < 1e-12
+    assert scene.fixed["lower"].sum() == 24 and scene.fixed["upper"].sum() == 8
+
+
+NODES = "*NODE\n" + "\n".join(f"{n + 1},{x},{y},{z}" for n, (x, y, z) in enumerate(ELEMENTS["hex8"].nodes))
+BAD = {
+    "missing.msh": (None, "s.yaml: blocks.b.mesh.file: no mesh file {path}; give its path relative to"),
+    "m.stl": ("", "is of no known format; known endings are .msh, .bdf, .nas, .dat, .inp, .vtu"),
+    "m.msh": ("nonsense", "{path} cannot be read as a gmsh file ("),
+    "empty.msh": ("", "{path} cannot be read as a gmsh file ("),
+    "m.vtu": ("<VTKFile", "{path} cannot be read as a vtu file ("),
+    "m.bdf": ("CHEXA,1,1,1,2,3,4,5,6,+\n+,7,8\n", "{path} cannot be read as a nastran file ("),
+    "m.inp": ("*HEADING\n", "{path} cannot be read as an abaqus file: no *NODE block"),
+    "inverted.inp": (
+        NODES + "\n*ELEMENT, TYPE=C3D8\n1,5,6,7,8,1,2,3,4\n",
+        "{path}: element 0 of block 'b' (hex8, counted from 0, around (0, 0, 0)) has a Jacobian determinant "
+        "of -1 m3, limit above 0 (1 such elements here): its nodes are in the wrong order or it is turned "
+        "inside out; repair the mesh",
+    ),
+    "wedge.inp": (
+        NODES + "\n*ELEMENT, TYPE=C3D6\n1,1,2,3,5,6,7\n",
+        "{path} has 1 wedge in this block; supported are tetra, tetra10, hexahedron, hexahedron20",
+    ),
+    "unknown.inp": (
+        NODES + "\n*ELEMENT, TYPE=C3D13\n1,1,2,3,5,6,7\n",
+        "unsupported element type C3D13; use C3D8, C3D20, C3D4 or C3D10",
+    ),
+    "mixed.inp": (
+        NODES + "\n*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,8\n*ELEMENT, TYPE=C3D4\n2,1,2,4,5\n",
+        "mixes elements in this block (1 hexahedron, 1 tetra), limit one kind per block; put each kind",
+    ),
+    "twice.inp": (
+        NODES + "\n*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,8\n2,1,2,3,4,5,6,7,8\n",
+        "1 of 2 elements of block 'b' occur twice, limit 0; remove duplicates, or select one `group`",
+    ),
+    "parts.inp": (NODES + "\n" + NODES, "node 1 is given twice (several parts?), limit once"),
+    "lost.inp": (
+        NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4,99\n",
+        "elements use node 99, which is not given; repair the file",
+    ),
+    "short.inp": (NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4\n", "has 4 numbers, not a multiple of 5"),
+    "word.inp": (NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4,x\n", "holds 'x', expected whole numbers"),
+    "include.inp": ("*INCLUDE, INPUT=other.inp\n", "*INCLUDE is not followed; put the mesh into one file"),
+    "moved.inp": ("*INSTANCE, NAME=P-1, PART=P\n1., 0., 0.\n", "*INSTANCE P-1 moves its part"),
+    "shells.inp": (NODES + "\n*ELEMENT, TYPE=S4\n1,1,2,3,4\n", "has no solid elements in this block"),
+    "large.nas": (
+        "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,0.,0.,1.\n"
+        "CTETRA,1,1,1,2,3,4\nCTETRA* 2               1               1               2\n* 3 4\n",
+        "has 2 solid elements but 1 can be read; write elements in small or free field format",
+    ),
+    "system.nas": (
+        "GRID,1,5,0.,0.,0.\nGRID,2,5,1.,0.,0.\nGRID,3,5,0.,1.,0.\nGRID,4,5,0.,0.,1.\nCTETRA,1,1,1,2,3,4\n",
+        "gives grid points in coordinate system 5, limit 0 (the basic one); export with basic coordinates",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_wrong_file(name, tmp_path):
+    text, message = BAD[name]
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    error = error_of(name, tmp_path)
+    assert error.startswith(PLACE)
+    assert message.format(path=tmp_path / name) in error
+
+
+def test_missing_group():
+    assert error_of("hex8.msh", DATA, group="dam") == (
+        f"{PLACE}.group: group 'dam' does not exist in {DATA / 'hex8.msh'}; "
+        "groups of solid elements are lower, upper"
+    )
+    assert "group 'base' holds no solid elements" in error_of("hex8.msh", DATA, group="base")
+
+
+def test_vtu_with_several_integer_arrays(tmp_path):
+    block = mesh("tet4")
+    data = {n: [np.arange(len(block.cells))] for n in ("a", "b")}
+    meshio.Mesh(block.points, [("tetra", block.cells)], cell_data=data).write(tmp_path / "m.vtu")
+    error = error_of("m.vtu", tmp_path, group=1)
+    assert "has 2 integer cell arrays (a, b) and none is named group or region or material" in error
