@@ -94,4 +94,5 @@ def _stiffness(gradient: Floats, volume: Floats, material: Material) -> Floats:
 
 def _mass(shape: Floats, volume: Floats, rho: float) -> Floats:
     """Element mass per component (nc, a, b) [kg]."""
-    return rho * np.einsum("cq,qa,qb->cab", volume, shape, shape, optimize=True)
+    mass = rho * np.einsum("cq,qa,qb->cab", volume, shape, shape, optimize=True)
+    return (mass + mass.transpose(0, 2, 1)) / 2

@@ -113,7 +113,8 @@ def _motions(own: Floats) -> str:
         return "free to move in every way"
     reach = np.linalg.norm(U[:, :rank], axis=1)
     able = [name for name, r in zip(_MOTIONS, reach, strict=True) if r > 1.0 - 1e-6]
-    return "free in " + ", ".join(able) if able else f"{rank} free rigid motions"
+    others = [f"{rank - len(able)} combined motions"] if len(able) < rank else []
+    return "free in " + ", ".join(able + others)
 
 
 def held_rigidly(block: Block, held: Bools) -> bool:
