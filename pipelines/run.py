@@ -1,0 +1,179 @@
+"""One job from a configuration to result files: scene, reduction, integration, output."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.config.load import Job
+from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.system import System
+from romdam.dynamics.transient import integrate
+from romdam.errors import ConfigError, RomdamError
+from romdam.fem.unreduced import assemble_full
+from romdam.outputs.dataset import Timing, build_dataset, prepare_folder, write_dataset
+from romdam.outputs.fields import write_model
+from romdam.outputs.variables import Case
+from romdam.records.motion import GroundMotion
+from romdam.records.resampling import resample_linear
+from romdam.records.suite import load_motions
+from romdam.reduction.synthesis import ReducedModel, reduce_scene
+from romdam.scene.build import build_scene
+from romdam.scene.model import Scene
+
+log = logging.getLogger(__name__)
+
+Floats = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+Stage = Callable[[str], AbstractContextManager[Progress]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run wrote, and which records failed.
+
+    Attributes
+    ----------
+    paths : result files, in the order of the records
+    failures : record name -> message
+    """
+
+    paths: tuple[Path, ...]
+    failures: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene and its open-joint system; `reduced` is None at full order."""
+
+    scene: Scene
+    system: System
+    reduced: ReducedModel | None
+
+
+@dataclass
+class Clock:
+    """Wall and CPU seconds of named stages; `show` tells a watcher which stage is on."""
+
+    show: Stage
+    wall: dict[str, float] = field(default_factory=dict)
+    cpu: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str, text: str) -> Iterator[Progress]:
+        """Time the body under `name`; it gets a callable for (steps done, steps in all)."""
+        wall, cpu = time.perf_counter(), time.process_time()
+        with self.show(text) as progress:
+            yield progress
+        self.wall[name] = time.perf_counter() - wall
+        self.cpu[name] = time.process_time() - cpu
+        log.info("%s: %.2f s wall, %.2f s CPU", text, self.wall[name], self.cpu[name])
+
+
+def silent(text: str) -> AbstractContextManager[Progress]:
+    """Show nothing."""
+    return nullcontext(lambda done, total: None)
+
+
+def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
+    """Run every ground motion of a job; each lands as `out`/<record>.nc.
+
+    Parameters
+    ----------
+    job : from `romdam.load_config`
+    out : folder, made if needed
+    show : told of every stage and its progress
+
+    Raises
+    ------
+    RomdamError
+        for bad input, and for a lone record that fails; of several records the others go on.
+    """
+    transient_options(job)
+    folder = prepare_folder(Path(out))
+    clock = Clock(show)
+    with clock.stage("records", "reading records"):
+        motions = load_motions(job.config.records, job.folder)
+    model = build_model(job, clock)
+    model_file = write_model(folder, model.scene, model.reduced.basis) if model.reduced else None
+    paths, failures = [], {}
+    for motion in motions:
+        try:
+            paths.append(run_motion(job, model, motion, (folder, model_file), clock))
+        except RomdamError as error:
+            if len(motions) == 1:
+                raise
+            failures[motion.name] = str(error)
+    return Outcome(tuple(paths), failures)
+
+
+def build_model(job: Job, clock: Clock) -> Model:
+    """Scene and system, reduced or not as the configuration says."""
+    with clock.stage("scene", "building the scene"):
+        scene = build_scene(job.config, job.folder, str(job.path))
+    if job.config.model.order == "full":
+        with clock.stage("model", "assembling the full model"):
+            return Model(scene, assemble_full(scene, job.config.damping), None)
+    with clock.stage("model", "reducing the blocks"):
+        reduced = reduce_scene(scene, job.config.model, job.config.damping)
+    return Model(scene, reduced.system, reduced)
+
+
+def run_motion(
+    job: Job, model: Model, motion: GroundMotion, target: tuple[Path, str | None], clock: Clock
+) -> Path:
+    """Integrate one ground motion and write its result; `target` is the folder and the basis file's name."""
+    folder, model_file = target
+    options = transient_options(job)
+    with clock.stage("integration", f"shaking with {motion.name}") as progress:
+        ground = ground_at_steps(motion, options.dt, job.config.transient.duration)
+        history = integrate(model.system, ground, options, progress)
+    with clock.stage("output", "writing the result"):
+        timing = Timing(dict(clock.wall), dict(clock.cpu))
+        dataset = build_dataset(Case(model.scene, motion, history), job, timing, model_file)
+        path = folder / f"{motion.name}.nc"
+        write_dataset(dataset, path)
+    return path
+
+
+def transient_options(job: Job) -> TransientOptions:
+    """Integration settings of a job.
+
+    Raises
+    ------
+    ConfigError
+        where `outputs.every` is no whole multiple of `transient.dt`.
+    """
+    transient, every = job.config.transient, job.config.outputs.every
+    ratio = 1.0 if every is None else every / transient.dt
+    stride = round(ratio)
+    if stride < 1 or abs(ratio - stride) > 1e-6 * ratio:
+        raise ConfigError(
+            f"{job.path}: outputs.every must be a whole multiple of transient.dt ({transient.dt:g} s), "
+            f"got {every:g} s; {max(1, stride) * transient.dt:g} s is the nearest"
+        )
+    default = "modal" if job.config.model.order == "reduced" else "generalized_alpha"
+    return TransientOptions(
+        dt=transient.dt,
+        stride=stride,
+        integrator=transient.integrator or default,
+        rho_inf=transient.rho_inf,
+        tolerance=transient.tolerance,
+        initial_state=job.config.loads.initial_state,
+    )
+
+
+def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> Floats:
+    """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it."""
+    acc = resample_linear(motion.acc, motion.dt, dt)
+    if duration is None:
+        return acc
+    samples = round(duration / dt) + 1
+    return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))

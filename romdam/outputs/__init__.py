@@ -1,0 +1,1 @@
+"""Results: datasets, files, fields rebuilt from the reduced coordinates, and figures."""

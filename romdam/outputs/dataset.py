@@ -1,0 +1,168 @@
+"""A computed case as an xarray.Dataset, and its file."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.config.load import Job
+from romdam.errors import ResultError
+from romdam.outputs.variables import COORDINATES, VARIABLES, Case, Variable
+
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
+COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of the stages of a run: name -> wall and CPU."""
+
+    wall: dict[str, float]
+    cpu: dict[str, float]
+
+
+def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) -> xr.Dataset:
+    """Put one case into a Dataset with units, names and provenance.
+
+    Parameters
+    ----------
+    case : scene, ground motion and history
+    job : the configuration that asked for it
+    timing : seconds spent
+    model_file : name of the basis file beside the result; None at full order
+    """
+    dataset = xr.Dataset(
+        data_vars=dict(_present(VARIABLES, case)),
+        coords=dict(_present(COORDINATES, case)),
+        attrs=_attributes(case, job) | _timing_attributes(case, timing),
+    )
+    if model_file is not None:
+        dataset.attrs["model_file"] = model_file
+    return dataset
+
+
+def _present(table: dict[str, Variable], case: Case) -> Iterator[tuple[str, xr.Variable]]:
+    for name, variable in table.items():
+        if variable.when(case):
+            attributes = {"long_name": variable.long_name, **variable.attributes}
+            if variable.units:
+                attributes["units"] = variable.units
+            yield name, xr.Variable(variable.dims, variable.get(case), attributes)
+
+
+def _attributes(case: Case, job: Job) -> dict[str, object]:
+    motion = case.motion
+    versions = {name: version(name) for name in LIBRARIES}
+    return {
+        "Conventions": "CF-1.11",
+        "title": job.config.title or job.path.stem,
+        "source": f"romdam {romdam.__version__}",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "record": motion.name,
+        "record_provenance": json.dumps(motion.provenance, default=str),
+        "record_warnings": json.dumps(list(motion.warnings)),
+        "record_dt": motion.dt,
+        "record_peak_acceleration": float(np.abs(motion.acc).max()),
+        "configuration_file": job.path.name,
+        "configuration": json.dumps(job.config.model_dump(mode="json")),
+        "configuration_sha256": job.digest,
+        "model_order": job.config.model.order,
+        "dt": job.config.transient.dt,
+        "versions": json.dumps(versions | {"python": platform.python_version()}),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+    }
+
+
+def _timing_attributes(case: Case, timing: Timing) -> dict[str, object]:
+    seconds: dict[str, object] = {f"wall_seconds_{k}": v for k, v in timing.wall.items()}
+    seconds |= {f"cpu_seconds_{k}": v for k, v in timing.cpu.items()}
+    return seconds | {f"solver_{k}": v for k, v in case.history.stats.items()}
+
+
+def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+    """Write a NetCDF-4 file whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses it.
+    """
+    encoding = {
+        name: dict(COMPRESSION)
+        for name, v in dataset.variables.items()
+        if v.dtype.kind in "fiu" and v.ndim > 0
+    }
+    with replacing(path) as part:
+        dataset.to_netcdf(part, engine="h5netcdf", encoding=encoding)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a temporary name in the same folder, renamed to `path` once the body has ended well.
+
+    Raises
+    ------
+    ResultError
+        where the operating system refuses the file.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as error:
+        raise ResultError(
+            f"{path}: cannot be written ({error}); free the disk or choose another folder"
+        ) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def prepare_folder(folder: Path) -> Path:
+    """Make an output folder and prove that it takes files, before anything is computed.
+
+    Raises
+    ------
+    ResultError
+        where it cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"{folder}: the output folder cannot be made ({error}); choose another") from error
+    with replacing(folder / ".writable") as part:
+        part.touch()
+    (folder / ".writable").unlink()
+    return folder
+
+
+def open_dataset(path: Path) -> xr.Dataset:
+    """Open a result lazily.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, or it is not a romdam result.
+    """
+    if not path.is_file():
+        raise ResultError(
+            f"{path}: no such result file; `romdam run CONFIG --out DIR` writes DIR/<record>.nc"
+        )
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf")
+    except (OSError, ValueError, KeyError) as error:
+        raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
+    if not str(dataset.attrs.get("source", "")).startswith("romdam"):
+        dataset.close()
+        raise ResultError(f"{path}: was not written by romdam; it has no `source` attribute that says so")
+    return dataset
