@@ -101,8 +101,8 @@ def generalized_alpha(
             progress(n + 1, total)
     stats = {
         "steps": float(total),
-        "solver_iterations": float(memory.counts[1]),
-        "largest_iterations": float(memory.counts[2]),
+        "solver_iterations": float(memory.counts[2]),
+        "largest_iterations": float(memory.counts[3]),
         "largest_residual": worst,
         "setup_cpu_seconds": setup,
         "loop_cpu_seconds": time.process_time() - loop,

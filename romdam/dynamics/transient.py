@@ -79,8 +79,8 @@ def modal(system: System, ground: Floats, options: TransientOptions, progress: P
     worst = _march_in_chunks((model, step, problem, memory), state, acc, track, options, progress)
     stats = {
         "steps": float(ground.shape[1] - 1),
-        "solver_iterations": float(memory.counts[1]),
-        "largest_iterations": float(memory.counts[2]),
+        "solver_iterations": float(memory.counts[2]),
+        "largest_iterations": float(memory.counts[3]),
         "largest_residual": worst,
         "setup_cpu_seconds": setup,
         "loop_cpu_seconds": time.process_time() - loop,

@@ -55,14 +55,18 @@ class GapMemory(NamedTuple):
     force : (N,) p_c of the last step, the warm start [N]
     anchor : (n, 2) slip anchors [m]; empty without friction
     closed : (n,) whether the gap is in the active set
-    tableau : (n, n) principal pivot transform of W on the closed set (frictionless), else empty
-    counts : (3,) pivots since the tableau was made, Newton iterations in all, largest in a step
+    inverse : (n, n) the inverse of W on the closed gaps in its leading rows (frictionless), else empty
+    order : (n,) the closed gaps in the order of those rows
+    work : (n,) scratch
+    counts : (4,) closed gaps in `inverse`, changes since it was made, iterations in all, largest in a step
     """
 
     force: Floats
     anchor: Floats
     closed: NDArray[np.bool_]
-    tableau: Floats
+    inverse: Floats
+    order: NDArray[np.int64]
+    work: Floats
     counts: NDArray[np.int64]
 
 
@@ -130,6 +134,8 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         force=np.zeros(N),
         anchor=np.zeros((0 if frictionless else n, 2)),
         closed=np.zeros(n, dtype=np.bool_),
-        tableau=problem.W.copy() if frictionless else np.zeros((0, 0)),
-        counts=np.zeros(3, dtype=np.int64),
+        inverse=np.zeros((n, n) if frictionless else (0, 0)),
+        order=np.zeros(n, dtype=np.int64),
+        work=np.zeros(n),
+        counts=np.zeros(4, dtype=np.int64),
     )
