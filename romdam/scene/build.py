@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.config.models import Config
+from romdam.errors import ConfigError
 from romdam.scene.boxes import box_block
 from romdam.scene.elements import Floats
 from romdam.scene.held import refuse_free_blocks
@@ -33,6 +34,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     """
     blocks = _blocks(config, folder, source)
     fixed = _fixed(config, blocks, source)
+    _refuse_joined_twice(config, source)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source) for name, joint in config.joints.items()
     }
@@ -61,6 +63,19 @@ def _blocks(config: Config, folder: Path, source: str) -> dict[str, Block]:
             place = f"{source}: blocks.{name}.mesh"
             blocks[name] = mesh_file_block(name, block.mesh, constants, folder, place)
     return blocks
+
+
+def _refuse_joined_twice(config: Config, source: str) -> None:
+    """A joint takes all facets that two blocks share; a second one would double every gap."""
+    seen: dict[frozenset[str], str] = {}
+    for name, joint in config.joints.items():
+        other = seen.setdefault(frozenset(joint.between), name)
+        if other != name:
+            raise ConfigError(
+                f"{source}: joints.{name}.between: blocks {joint.between[0]!r} and {joint.between[1]!r} are "
+                f"already joined by joints.{other}, which takes all facets they share, limit one joint; "
+                "remove one of the two"
+            )
 
 
 def _fixed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, Bools]:

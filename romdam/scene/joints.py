@@ -6,7 +6,6 @@ import logging
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from romdam.config.models import GapTable, JointConfig, PerGap, SurfaceStiffness
 from romdam.errors import ConfigError
@@ -18,6 +17,7 @@ from romdam.scene.pairing import coincident_facets
 
 _log = logging.getLogger(__name__)
 
+_NOTHING = 1e-12  # weights and cosines below it are rounding
 _STEEP = np.cos(np.pi / 4) + 1e-6  # above rounding, so that a flat face at 45 degrees gets one rule
 
 
@@ -45,17 +45,20 @@ def build_joint(
         when the two meshes do not conform on the common face.
     """
     place = f"{source}: joints.{name}"
+    return _without_held_gaps(_all_gaps(name, joint, blocks, folder, place), fixed, place)
+
+
+def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: Path, place: str) -> Joint:
     block_I, block_J = (blocks[b] for b in joint.between)
     facets, partner = coincident_facets(block_I, block_J, joint.tolerance, place)
-    nodes_I, area, weights = gap_weights(block_I.points, facets)
-    nodes = nodes_I, partner[nodes_I]
-    outward = node_normals(block_I.points, facets)[nodes_I]
-    normal = _normals(joint, block_I.points[nodes[0]], block_J.points[nodes[1]], outward, place)
-    position = block_I.points[nodes_I]
-    found = Joint(
+    nodes, area, weights = gap_weights(block_I.points, facets)
+    position = block_I.points[nodes]
+    outward = node_normals(block_I.points, facets)[nodes]
+    normal = _normals(joint, position, block_J.points[partner[nodes]], outward, place)
+    return Joint(
         name=name,
         blocks=joint.between,
-        nodes=nodes,
+        nodes=(nodes, partner[nodes]),
         position=position,
         area=area,
         axes=local_axes(normal),
@@ -66,7 +69,6 @@ def build_joint(
         K_s=_per_gap(joint.shear_stiffness, area),
         mu=np.tile(np.array(joint.friction), (len(area), 1)),
     )
-    return _without_held_gaps(found, fixed, place)
 
 
 def local_axes(normal: Floats) -> Floats:
@@ -135,7 +137,10 @@ def _per_gap(stiffness: str | SurfaceStiffness, area: Floats) -> Floats:
 
 
 def _without_held_gaps(joint: Joint, fixed: dict[str, Bools], place: str) -> Joint:
-    """Drop the gaps whose opening the supports keep at zero."""
+    """Drop the gaps whose opening the supports keep at zero.
+
+    Gaps that stay may see dropped nodes: those do not move, so their weight is dropped with them.
+    """
     keep = np.zeros(len(joint.area), dtype=bool)
     for block, nodes in zip(joint.blocks, joint.nodes, strict=True):
         keep |= _moves(joint, ~fixed[block][nodes])
@@ -156,8 +161,8 @@ def _without_held_gaps(joint: Joint, fixed: dict[str, Bools], place: str) -> Joi
 
 def _moves(joint: Joint, free: Bools) -> Bools:
     """Gaps whose normal sees a free component of a node with weight on this side."""
-    coupling = csr_matrix((np.ones_like(joint.weights.data), joint.weights.indices, joint.weights.indptr))
-    return ((coupling @ free.astype(float) > 0.0) & (np.abs(joint.axes[:, 0]) > 1e-12)).any(axis=1)
+    seen = abs(joint.weights) @ free.astype(float) > _NOTHING
+    return (seen & (np.abs(joint.axes[:, 0]) > _NOTHING)).any(axis=1)
 
 
 def _select(joint: Joint, keep: Ints) -> Joint:

@@ -61,7 +61,7 @@ class Joint:
     position : (n, 3) of the gaps [m]
     area : (n,) tributary areas, all positive [m2]
     axes : (n, 3, 3) rows i (normal, from I to J), j, k
-    weights : (n, n) sparse, rows sum to 1
+    weights : (n, n) sparse, rows sum to 1 (less the weight of nodes that supports hold, where left out)
     gap : (n,) initial gap [m]; negative is initial penetration
     K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
     mu : (n, 2) friction coefficients along j and k

@@ -265,6 +265,15 @@ def test_different_elements_do_not_conform(element, kinds, make):
         assert "12 of block 'left'" in error
 
 
+def test_second_joint_between_two_blocks(make):
+    raw = two_boxes()
+    raw["joints"]["d"] = raw["joints"]["c"] | {"between": ["right", "left"]}
+    assert str(error_of(make, raw)) == (
+        "s.yaml: joints.d.between: blocks 'right' and 'left' are already joined by joints.c, "
+        "which takes all facets they share, limit one joint; remove one of the two"
+    )
+
+
 def test_overlapping_blocks_are_no_joint(make):
     """Facets that coincide but look the same way belong to blocks that occupy one place."""
     raw = two_boxes()
