@@ -12,7 +12,7 @@ _CHUNK = 4096  # cells at a time
 
 
 def refuse_bad_cells(block: Block, place: str) -> None:
-    """Raise if a cell is turned inside out or occurs twice.
+    """Raise if a cell is turned inside out, occurs twice or has its nodes in another format's order.
 
     Parameters
     ----------
@@ -28,10 +28,30 @@ def refuse_bad_cells(block: Block, place: str) -> None:
             f"{place}: {len(block.cells) - len(unique)} of {len(block.cells)} elements of block "
             f"{block.name!r} occur twice, limit 0; remove duplicates, or select one `group` of the file"
         )
+    _refuse_stray_midsides(block, place)
     element = ELEMENTS[block.element]
     for first in range(0, len(block.cells), _CHUNK):
         jacobian = jacobians(block.points, block.cells[first : first + _CHUNK], element, element.rule[0])
         refuse_inverted(block, np.linalg.det(jacobian), first, place)
+
+
+def _refuse_stray_midsides(block: Block, place: str) -> None:
+    """A mid-edge node half an edge away from its middle is one of another edge: a wrong node order."""
+    element = ELEMENTS[block.element]
+    if not element.quadratic:
+        return
+    ends = block.points[block.cells[:, np.array(element.edges)]]
+    middle = block.points[block.cells[:, element.corners :]]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    off = np.linalg.norm(middle - ends.mean(axis=2), axis=2) / length
+    if off.max() < 0.5:
+        return
+    cell, edge = np.unravel_index(np.argmax(off), off.shape)
+    raise MeshError(
+        f"{place}: mid-edge node {element.corners + edge} of element {cell} of block {block.name!r} "
+        f"({block.element}, both counted from 0) is {off[cell, edge]:.3g} edge lengths off the middle of its edge, "
+        "limit 0.5: the file's node order is not that of its format; export the mesh anew"
+    )
 
 
 def refuse_inverted(block: Block, determinant: Floats, first: int, place: str = "mesh") -> None:

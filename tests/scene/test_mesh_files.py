@@ -266,6 +266,19 @@ def test_wrong_file(name, tmp_path):
     assert message.format(path=tmp_path / name) in error
 
 
+@pytest.mark.parametrize("element", ["hex20", "tet10"])
+def test_node_order_of_another_format(element, tmp_path):
+    """The last two mid-edge nodes swapped, as between Gmsh and VTK for 10-node tetrahedra."""
+    block = mesh(element)
+    swapped = block.cells.copy()
+    swapped[:, [-1, -2]] = swapped[:, [-2, -1]]
+    names = {v: k for k, v in SOLIDS.items()}
+    meshio.Mesh(block.points, [(names[element], swapped)]).write(tmp_path / "m.vtu")
+    error = error_of("m.vtu", tmp_path)
+    assert f"of block 'b' ({element}, both counted from 0) is" in error
+    assert "limit 0.5: the file's node order is not that of its format; export the mesh anew" in error
+
+
 def test_missing_group():
     assert error_of("hex8.msh", DATA, group="dam") == (
         f"{PLACE}.group: group 'dam' does not exist in {DATA / 'hex8.msh'}; "
