@@ -49,8 +49,8 @@ def _refuse_stray_midsides(block: Block, place: str) -> None:
     cell, edge = np.unravel_index(np.argmax(off), off.shape)
     raise MeshError(
         f"{place}: mid-edge node {element.corners + edge} of element {cell} of block {block.name!r} "
-        f"({block.element}, both counted from 0) is {off[cell, edge]:.3g} edge lengths off the middle of its edge, "
-        "limit 0.5: the file's node order is not that of its format; export the mesh anew"
+        f"({block.element}, both counted from 0) is {off[cell, edge]:.3g} edge lengths off the middle of its "
+        "edge, limit 0.5: the file's node order is not that of its format; export the mesh anew"
     )
 
 
