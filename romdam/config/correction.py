@@ -44,7 +44,12 @@ class TaperStep(Model):
 
 
 class CornersStep(Model):
-    """Choose the corner frequencies that `pad` and `butterworth` use after this."""
+    """Choose the corner frequencies that `pad` and `butterworth` use after this.
+
+    given: as written; ridder: the lowest high-pass in [lowest, highest] that leaves the displacement less
+    than `target` of drift; snr: the band where signal over pre-event noise exceeds `threshold`. The
+    low-pass of ridder is `lowpass`; that of snr is capped by `lowpass` and by 0.75 of Nyquist.
+    """
 
     step: Literal["corners"] = "corners"
     method: Literal["given", "ridder", "snr"] = "given"
@@ -92,7 +97,10 @@ class DisplacementBaselineStep(Model):
 
 
 class VelocityBaselineStep(Model):
-    """Fit a continuous piecewise-linear velocity with these knots and subtract its slope."""
+    """Fit a continuous piecewise-linear velocity with these knots and subtract its slope.
+
+    Without knots it bends at the picked onset and at the later time that leaves the least velocity.
+    """
 
     step: Literal["velocity_baseline"] = "velocity_baseline"
     knots: tuple[Annotated[Time, Positive], ...] = ()
@@ -124,13 +132,37 @@ Step = Annotated[
     BeforeValidator(_bare_step),
 ]
 
+_PEER: tuple[object, ...] = (
+    "mean",
+    {"taper": {"fraction": 0.05}},
+    {"corners": {"method": "ridder"}},
+    "pad",
+    "butterworth",
+    "displacement_baseline",
+)
+
 CHAINS: dict[str, tuple[object, ...]] = {
-    "basic": (
+    # the order of operations of PEER NGA-West2 (Ancheta et al. 2013); its analysts pick the corners by eye
+    "peer": _PEER,
+    # USGS gmprocess' default configuration (processing:), without its quality checks
+    "gmprocess": (
+        {"detrend": {"order": 1}},
         "mean",
-        "detrend",
+        {"corners": {"method": "snr", "threshold": 3.0, "lowpass": 40.0}},
         {"taper": {"fraction": 0.05}},
-        {"corners": {"highpass": 0.1}},
         "pad",
-        "butterworth",
+        {"butterworth": {"order": 5}},
+        {"mean": {"until": "onset"}},
+        {"displacement_baseline": {"order": 6}},
+    ),
+    # PRISM 1.0 (OFR 2017-1008), with its corners for magnitudes of 5.5 and more
+    "prism": (
+        {"mean": {"until": "onset"}},
+        {"detrend": {"of": "velocity", "order": 1}},
+        "velocity_baseline",
+        {"corners": {"highpass": 0.1, "lowpass": 40.0}},
+        {"taper": {"fraction": 0.05}},
+        {"pad": {"order": 4}},
+        {"butterworth": {"order": 4}},
     ),
 }

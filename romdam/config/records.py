@@ -6,19 +6,31 @@ P-695 set); what follows the source (axes, correction, scaling, ...) applies to 
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+import yaml
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from romdam.config.base import Model
 from romdam.config.correction import CHAINS, Step
 from romdam.config.quantities import Acceleration, Dimensionless, Time, to_si
+from romdam.errors import ConfigError
 
 Axis = Literal["x", "y", "z"]
-SUITES = ("farfield", "nearfield_pulse", "nearfield_no_pulse")
-MEASURES = ("pga", "pgv", "pgd", "arias", "cav", "d5_75", "d5_95", "duration", "dt")
+MEASURES = {  # what records can be filtered by, and the unit of each
+    "pga": "m/s^2",
+    "pgv": "m/s",
+    "pgd": "m",
+    "arias": "m/s",
+    "cav": "m/s",
+    "d5_75": "s",
+    "d5_95": "s",
+    "duration": "s",
+    "dt": "s",
+}
 _BARE_UNIT = re.compile(r"^\s*[A-Za-z]")
 
 
@@ -81,12 +93,19 @@ class RangeConfig(Model):
     min: float | str | None = None
     max: float | str | None = None
 
+    def in_unit(self, unit: str) -> tuple[float, float]:
+        """The two limits as numbers; minus and plus infinity where there is none."""
+        low = float("-inf") if self.min is None else to_si(self.min, unit)
+        return low, float("inf") if self.max is None else to_si(self.max, unit)
+
 
 class RecordConfig(Model):
     """One entry of `records:`.
 
     Give one source: `file`, `files` (folder or glob), `manifest` (CSV or YAML), `suite` (P-695), or a
-    `file` under each component.
+    `file` under each component. Then say where the channels go: `components` (axis -> channel), or
+    `x_azimuth`, the azimuth of the model's x, to rotate them there by the azimuths in their files.
+    `group: station` joins files of one station and event (one file per component) to one record.
     """
 
     file: Path | None = None
@@ -100,6 +119,7 @@ class RecordConfig(Model):
     response: Path | None = None
     components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
     x_azimuth: Degrees | None = None
+    group: Literal["file", "station"] = "file"
     gaps: Literal["error", "zero", "linear"] = "error"
     align: Literal["error", "overlap"] = "overlap"
     correction: tuple[Step, ...] = ()
@@ -131,6 +151,8 @@ class RecordConfig(Model):
         unknown = sorted(set(value) - set(MEASURES))
         if unknown:
             raise ValueError(f"no such measure {', '.join(unknown)}; known: {', '.join(MEASURES)}")
+        for name, limits in value.items():
+            limits.in_unit(MEASURES[name])
         return value
 
     @model_validator(mode="after")
@@ -141,6 +163,61 @@ class RecordConfig(Model):
             raise ValueError(
                 "give exactly one source: `file`, `files`, `manifest`, `suite`, or a `file` per component"
             )
+        if self.components and self.x_azimuth is not None:
+            raise ValueError(
+                "give `components` or `x_azimuth`, not both: either name the axes or rotate to them"
+            )
         if by_component and not all(c.file for c in self.components.values()):
             raise ValueError("when one component has a `file`, every component needs its own")
         return self
+
+
+def read_manifest(path: Path, common: RecordConfig) -> list[tuple[RecordConfig, dict[str, object]]]:
+    """Read a CSV or YAML list of records; every entry needs `file`, the rest as in `records:`.
+
+    Parameters
+    ----------
+    path : the manifest; files in it start at its folder
+    common : the entry that named it, whose settings hold where a row does not say its own
+
+    Returns
+    -------
+    One configuration per row, and what else the row says (event, station, sha256, ...).
+
+    Raises
+    ------
+    ConfigError
+        naming manifest and row.
+    """
+    rows = _manifest_rows(path)
+    base = common.model_dump(exclude_unset=True, exclude={"manifest", "name"})
+    entries = []
+    for number, row in enumerate(rows, start=1):
+        if not isinstance(row, dict) or not row.get("file"):
+            raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {row!r}")
+        own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
+        other = {
+            key: str(value) for key, value in row.items() if key not in _ROW_KEYS and value not in (None, "")
+        }
+        try:
+            entries.append((RecordConfig.model_validate(base | own), dict[str, object](other)))
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            message = first["msg"].removeprefix("Value error, ")
+            raise ConfigError(f"{path}: record {number} ({row['file']}): {where}: {message}") from None
+    return entries
+
+
+_ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "components", "scale"}
+
+
+def _manifest_rows(path: Path) -> list[object]:
+    try:
+        text = path.read_text(encoding="utf-8")
+        rows = list(csv.DictReader(text.splitlines())) if path.suffix == ".csv" else yaml.safe_load(text)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a manifest ({error})") from None
+    if not isinstance(rows, list) or not rows:
+        raise ConfigError(f"{path}: expected a list of records, each with a `file`")
+    return rows

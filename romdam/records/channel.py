@@ -1,8 +1,9 @@
-"""One recorded channel, in SI, with what its file says about it."""
+"""One recorded channel with what its file says about it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import re
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,24 @@ from numpy.typing import NDArray
 from romdam.errors import RecordError
 
 MIN_SAMPLES = 3  # two steps
+_DIRECTIONS = {"N": 0.0, "E": 90.0, "S": 180.0, "W": 270.0}
+_UP = {"UP", "UD", "U", "Z", "V", "VERT", "VERTICAL", "VRT", "VER"}
+_DOWN = {"DOWN", "DWN", "DN", "D"}
+_PAIRS = {"NS": 0.0, "EW": 90.0, "SN": 180.0, "WE": 270.0}
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """Where positive motion points.
+
+    Attributes
+    ----------
+    azimuth : degrees clockwise from north; None for a vertical channel
+    vertical : +1 up, -1 down, 0 horizontal
+    """
+
+    azimuth: float | None
+    vertical: int = 0
 
 
 @dataclass(frozen=True)
@@ -19,27 +38,55 @@ class Channel:
     Attributes
     ----------
     code : channel code ("HNE", "009", "EW", or the column number of plain text)
-    data : (nt,) values in `unit`
+    data : (nt,) acceleration in `unit`
     dt : sampling interval [s]
-    unit : unit of the values, or "" where the file does not say
-    azimuth : degrees clockwise from north of positive motion; None where unknown or vertical
-    vertical : +1 up, -1 down, 0 horizontal, None unknown
-    start : time of the first sample, ISO 8601, "" unknown
-    meta : station, network, event, filter corners and the like; plain JSON values
+    unit : unit of the values, "" where the file does not say
+    orientation : None where the file does not say
+    start : time of the first sample, ISO 8601 UTC, "" unknown
+    meta : format, station, network, event, filter corners and the like; plain JSON values
     """
 
     code: str
     data: NDArray[np.float64]
     dt: float
     unit: str = ""
-    azimuth: float | None = None
-    vertical: int | None = None
+    orientation: Orientation | None = None
     start: str = ""
     meta: dict[str, object] = field(default_factory=dict)
 
-    def with_data(self, data: NDArray[np.float64], unit: str) -> Channel:
-        """Return this channel with other values."""
-        return replace(self, data=data, unit=unit)
+
+def parse_orientation(text: str) -> Orientation | None:
+    """Read an orientation from a component code: "090", "N35E", "EW", "HNZ", "UP".
+
+    A three-letter SEED code counts by its last letter; 1, 2, R and T say nothing.
+    """
+    word = text.strip().upper().replace("-", "")
+    if word in _UP:
+        return Orientation(None, 1)
+    if word in _DOWN:
+        return Orientation(None, -1)
+    if re.fullmatch(r"\d{1,3}(\.\d+)?", word) and float(word) <= 360.0:
+        return Orientation(float(word) % 360.0)
+    if match := re.fullmatch(r"([NS])(\d{1,2})([EW])", word):
+        return Orientation(_quadrant(match[1], float(match[2]), match[3]))
+    stem = re.sub(r"[12]$", "", word)  # KiK-net: EW1 down the hole, EW2 at the surface
+    if stem in _PAIRS:
+        return Orientation(_PAIRS[stem])
+    if stem in _UP:
+        return Orientation(None, 1)
+    return _seed(word)
+
+
+def _quadrant(origin: str, angle: float, towards: str) -> float:
+    base = 0.0 if origin == "N" else 180.0
+    clockwise = (origin == "N") == (towards == "E")
+    return (base + (angle if clockwise else -angle)) % 360.0
+
+
+def _seed(word: str) -> Orientation | None:
+    if not re.fullmatch(r"([A-Z][A-Z])?[NESWZ]", word):
+        return None
+    return Orientation(None, 1) if word[-1] == "Z" else Orientation(_DIRECTIONS[word[-1]])
 
 
 def check_channel(channel: Channel, where: str) -> None:

@@ -30,7 +30,7 @@ class GroundMotion:
     @property
     def time(self) -> NDArray[np.float64]:
         """(nt,) sample times [s]."""
-        return np.arange(self.acc.shape[1]) * self.dt
+        return np.arange(self.acc.shape[1], dtype=np.float64) * self.dt
 
     @property
     def duration(self) -> float:

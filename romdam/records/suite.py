@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from romdam.config.records import ComponentConfig, RecordConfig, unit_in_si
+from romdam.config.records import MEASURES, RecordConfig
 from romdam.errors import RecordError
-from romdam.records.channel import Channel, check_channel
-from romdam.records.format_columns import read_columns
+from romdam.records.assemble import build_motion
+from romdam.records.channel import Channel
+from romdam.records.measures import measure
 from romdam.records.motion import GroundMotion
+from romdam.records.sources import Found, find_records, pick
 
-AXES = ("x", "y", "z")
+EACH = "each"
 
 
 def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMotion]:
-    """Read every record that the configuration asks for.
+    """Read, correct, orient and scale every record that the configuration asks for.
 
     Parameters
     ----------
@@ -28,44 +30,71 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
     Raises
     ------
     RecordError
-        for a record that cannot be used, or two records with one name.
+        for a record that cannot be used, two records with one name, or a filter that keeps none.
     """
-    motions = [_load_motion(record, folder) for record in records]
-    names = [motion.name for motion in motions]
-    for name in names:
-        if names.count(name) > 1:
-            raise RecordError(
-                f"records: {names.count(name)} records are named {name!r}; give each its own `name`"
-            )
+    motions: list[GroundMotion] = []
+    for config in records:
+        found = [motion for one in find_records(config, folder) for motion in _motions(one)]
+        kept = [motion for motion in found if _kept(motion, config)]
+        if not kept:
+            limits = {name: limit.model_dump(exclude_none=True) for name, limit in config.keep.items()}
+            raise RecordError(f"records: none of {len(found)} records passes `keep` {limits}")
+        motions += kept
+    _check_names(motions)
     return motions
 
 
-def _load_motion(record: RecordConfig, folder: Path) -> GroundMotion:
-    assert record.file is not None
-    path = folder / record.file
-    channels = {c.code: c for c in read_columns(path, record.unit or "", record.dt, record.time_column)}
-    if record.unit is None:
-        raise RecordError(f'{path}: the file does not say its unit; give `unit`, for example "g" or "cm/s2"')
-    picked = {axis: _pick(channels, wanted, path) for axis, wanted in record.components.items()}
-    for channel in picked.values():
-        check_channel(channel, str(path))
-    first = next(iter(picked.values()))
-    acc = np.zeros((3, first.data.size))
-    for axis, channel in picked.items():
-        sign = -1.0 if record.components[axis].reverse else 1.0
-        acc[AXES.index(axis)] = sign * unit_in_si(record.unit) * channel.data
-    provenance: dict[str, object] = {
-        "file": path.name,
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "unit": record.unit,
-        "unit_m_s2": unit_in_si(record.unit),
-        "dt_recorded": first.dt,
-    }
-    return GroundMotion(record.name or path.stem, acc, first.dt, provenance)
+def _motions(found: Found) -> Iterator[GroundMotion]:
+    """One motion per record, or one per channel where an axis asks for each."""
+    components = found.config.components
+    axes = [axis for axis, component in components.items() if component.channel == EACH]
+    if not axes:
+        yield build_motion(found, _axes(found))
+        return
+    if len(components) > 1:
+        raise RecordError(f"{found.place}: `{EACH}` takes one axis, not {', '.join(components)}")
+    for channel in found.channels:
+        name = f"{found.name}_{channel.code}" if len(found.channels) > 1 else found.name
+        yield build_motion(replace(found, name=name), {axes[0]: channel})
 
 
-def _pick(channels: dict[str, Channel], wanted: ComponentConfig, path: Path) -> Channel:
-    code = "1" if wanted.channel is None else str(wanted.channel)
-    if code not in channels:
-        raise RecordError(f"{path}: no channel {code!r}; it has {', '.join(channels)}")
-    return channels[code]
+def _axes(found: Found) -> dict[str, Channel]:
+    """Channel of each axis; empty means: rotate all channels by their azimuths."""
+    if found.picked:
+        return found.picked
+    if found.config.components:
+        return {
+            axis: pick(found.channels, component.channel, found.place)
+            for axis, component in found.config.components.items()
+        }
+    if found.config.x_azimuth is None:
+        codes = ", ".join(channel.code for channel in found.channels)
+        raise RecordError(
+            f"{found.place}: which axis does it shake? Give `components` "
+            f"(for example {{y: {found.channels[0].code}}}) or `x_azimuth`; its channels are {codes}"
+        )
+    return {}
+
+
+def _kept(motion: GroundMotion, config: RecordConfig) -> bool:
+    """Whether the largest component's measures lie in the limits."""
+    if not config.keep:
+        return True
+    used = motion.acc[np.any(motion.acc != 0.0, axis=-1)]
+    values = measure(used if used.size else motion.acc, motion.dt)
+    for name, limits in config.keep.items():
+        low, high = limits.in_unit(MEASURES[name])
+        if not low <= float(np.nanmax(values[name])) <= high:
+            return False
+    return True
+
+
+def _check_names(motions: list[GroundMotion]) -> None:
+    names = [motion.name for motion in motions]
+    for motion in motions:
+        if names.count(motion.name) > 1:
+            places = [str(m.provenance.get("place", "")) for m in motions if m.name == motion.name]
+            raise RecordError(
+                f"records: {len(places)} records are named {motion.name!r} ({'; '.join(places)}); "
+                "give each its own `name`"
+            )

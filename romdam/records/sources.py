@@ -1,0 +1,170 @@
+"""From an entry of the configuration to recorded channels: one file, a folder, a manifest, a P-695 set."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from romdam.config.records import RecordConfig, read_manifest
+from romdam.errors import RecordError
+from romdam.records.channel import Channel
+from romdam.records.formats import Declared, read_channels
+from romdam.records.text import read_bytes
+
+NOT_RECORDS = {".md", ".yaml", ".yml", ".csv", ".json", ".xml", ".py", ".pdf", ".png"}
+
+
+@dataclass(frozen=True)
+class Found:
+    """The channels of one record and where they came from.
+
+    Attributes
+    ----------
+    name : identifier, from the configuration or the file
+    place : how errors name the record: its file, or its suite and number
+    channels : what was recorded, in recorded units
+    config : what is to be done with them
+    files : name and SHA-256 of each file
+    about : what a manifest says of it
+    picked : channel of each axis where every axis has its own file
+    """
+
+    name: str
+    place: str
+    channels: list[Channel]
+    config: RecordConfig
+    files: dict[str, str] = field(default_factory=dict)
+    about: dict[str, object] = field(default_factory=dict)
+    picked: dict[str, Channel] = field(default_factory=dict)
+
+
+def find_records(config: RecordConfig, folder: Path) -> Iterator[Found]:
+    """Read every record that one entry asks for, in the order of names.
+
+    Parameters
+    ----------
+    config : the entry
+    folder : where its relative paths start
+
+    Raises
+    ------
+    RecordError
+        for files that are missing or cannot be read, and globs that match nothing.
+    """
+    if config.suite is not None:
+        yield from _from_suite(config)
+    elif config.manifest is not None:
+        yield from _from_manifest(config, folder)
+    elif config.files is not None:
+        yield from _from_folder(config, folder)
+    elif config.file is not None:
+        yield _from_file(folder / config.file, config, folder)
+    else:
+        yield _from_component_files(config, folder)
+
+
+def _declared(config: RecordConfig, folder: Path) -> Declared:
+    response = None if config.response is None else folder / config.response
+    return Declared(config.dt, config.time_column, response)
+
+
+def _from_file(path: Path, config: RecordConfig, folder: Path) -> Found:
+    channels = read_channels(path, _declared(config, folder))
+    return Found(config.name or path.stem, str(path), channels, config, _digest(path))
+
+
+def _digest(path: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(read_bytes(path)).hexdigest()}
+
+
+def _from_component_files(config: RecordConfig, folder: Path) -> Found:
+    """One file per axis; where a file holds several channels, `channel` picks one."""
+    picked: dict[str, Channel] = {}
+    files: dict[str, str] = {}
+    for axis, component in config.components.items():
+        path = folder / str(component.file)
+        channels = read_channels(path, _declared(config, folder))
+        picked[axis] = pick(channels, component.channel, str(path))
+        files |= _digest(path)
+    place = ", ".join(files)
+    return Found(
+        config.name or Path(next(iter(files))).stem, place, list(picked.values()), config, files, {}, picked
+    )
+
+
+def pick(channels: list[Channel], wanted: int | str | None, place: str) -> Channel:
+    """Return the channel named by code, or by number from 1; None is right only where there is one.
+
+    Raises
+    ------
+    RecordError
+        listing the channels, when it is not there or ambiguous.
+    """
+    codes = [channel.code for channel in channels]
+    if wanted is None and len(channels) == 1:
+        return channels[0]
+    if str(wanted) in codes and codes.count(str(wanted)) == 1:
+        return channels[codes.index(str(wanted))]
+    if isinstance(wanted, int) and 1 <= wanted <= len(channels) and not any(code.isdigit() for code in codes):
+        return channels[wanted - 1]
+    asked = "no channel named" if wanted is None else f"no channel {wanted!r}"
+    raise RecordError(f"{place}: {asked}; it has {', '.join(codes)}; name one under `components`")
+
+
+def _from_folder(config: RecordConfig, folder: Path) -> Iterator[Found]:
+    paths = _matching(folder / str(config.files))
+    if not paths:
+        raise RecordError(
+            f"{folder / str(config.files)}: no record files found; check the path or the pattern"
+        )
+    found = [_from_file(path, config, folder) for path in paths]
+    yield from found if config.group == "file" else _by_station(found)
+
+
+def _matching(pattern: Path) -> list[Path]:
+    if pattern.is_dir():
+        paths = [path for path in pattern.iterdir() if path.suffix.lower() not in NOT_RECORDS]
+    else:
+        paths = [Path(match) for match in glob.glob(str(pattern), recursive=True)]
+    return sorted(path for path in paths if path.is_file() and not path.name.startswith("."))
+
+
+def _by_station(found: list[Found]) -> Iterator[Found]:
+    groups: dict[tuple[str, str, str], list[Found]] = {}
+    for one in found:
+        for channel in one.channels:
+            meta = channel.meta
+            key = (str(meta.get("event", "")), str(meta.get("network", "")), str(meta.get("station", "")))
+            if not key[2]:
+                raise RecordError(f"{one.place}: the file names no station to group it by; set `group: file`")
+            groups.setdefault(key, []).append(replace(one, channels=[channel]))
+    for key, parts in groups.items():
+        files = {name: digest for part in parts for name, digest in part.files.items()}
+        name = ".".join(word.replace(" ", "_").replace("/", "-") for word in key[1:] if word)
+        events = {k[0] for k in groups if k[1:] == key[1:]}
+        suffix = f"_{sorted(events).index(key[0]) + 1}" if len(events) > 1 else ""
+        channels = [channel for part in parts for channel in part.channels]
+        yield Found(name + suffix, ", ".join(files), channels, parts[0].config, files)
+
+
+def _from_manifest(config: RecordConfig, folder: Path) -> Iterator[Found]:
+    path = folder / str(config.manifest)
+    for row, about in read_manifest(path, config):
+        found = _from_file(path.parent / str(row.file), row, path.parent)
+        stated = about.get("sha256")
+        if stated and stated not in found.files.values():
+            raise RecordError(
+                f"{found.place}: SHA-256 is {next(iter(found.files.values()))}, {path} says {stated}; "
+                "the file has changed"
+            )
+        yield replace(found, about=about)
+
+
+def _from_suite(config: RecordConfig) -> Iterator[Found]:
+    from romdam.records.p695 import read_p695  # here: needs the extra `suites`
+
+    for name, channels in read_p695(str(config.suite)).items():
+        yield Found(name, f"suite {name}", channels, config)
