@@ -1,7 +1,6 @@
-"""The verification model of the source against the arrays of an independent reading of it.
+"""The verification model of the source: against the arrays of tests/reference, and by its numbers.
 
-Reference: shared/reference/two_cantilevers/model.npz, of which the numbers below are the invariants
-(1470 nodes, 100 gaps of 6.25 m2, half and quarter of it on the rim, 1440 Pa on two faces).
+1470 nodes, 100 gaps of 6.25 m2, half and a quarter of it on the rim, 1440 Pa on two faces.
 """
 
 import logging
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from romdam.config import load_config
 from romdam.fem.assembly import assemble
@@ -16,12 +16,36 @@ from romdam.fem.loads import static_force
 from romdam.scene.build import build_scene
 
 CONFIG = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
+REFERENCE = Path(__file__).parents[1] / "reference" / "two_cantilevers" / "model.npz"
 
 
 @pytest.fixture(scope="module")
 def scene():
     job = load_config(CONFIG)
     return build_scene(job.config, job.folder, job.path.name)
+
+
+@pytest.mark.skipif(not REFERENCE.is_file(), reason="reference arrays are not in this tree")
+def test_scene_equals_the_reference_arrays(scene):
+    reference = np.load(REFERENCE)
+    split = int(reference["nleft_nodes"])
+    number = {}
+    for name, part in (("left", slice(None, split)), ("right", slice(split, None))):
+        block = scene.blocks[name]
+        distance, number[name] = cKDTree(block.points).query(reference["points"][part])
+        assert distance.max() < 1e-9
+        assert len(np.unique(number[name])) == len(block.points) == len(distance)
+        force = static_force(scene, name, assemble(block)[1])
+        assert np.abs(force[number[name]] - reference["force"][part]).max() < 1e-9
+        held = np.isin(np.arange(1470)[part], reference["base"])
+        assert np.array_equal(scene.fixed[name][number[name]].all(axis=1), held)
+    joint, pairs = scene.joints["contraction"], reference["pairs"]
+    found = {(i, j): a for i, j, a in zip(*joint.nodes, joint.area, strict=True)}
+    wanted = zip(
+        number["left"][pairs[:, 0]], number["right"][pairs[:, 1] - split], reference["area"], strict=True
+    )
+    assert len(found) == len(pairs)
+    assert max(abs(found[i, j] - area) for i, j, area in wanted) < 1e-9
 
 
 def test_nodes_are_the_grid_of_the_source(scene):
