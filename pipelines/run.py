@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from romdam.config.load import Job
@@ -18,6 +19,7 @@ from romdam.dynamics.system import System
 from romdam.dynamics.transient import integrate
 from romdam.errors import ConfigError, RomdamError
 from romdam.fem.unreduced import assemble_full
+from romdam.outputs.comparison import read_statement
 from romdam.outputs.dataset import Timing, build_dataset, prepare_folder, write_dataset
 from romdam.outputs.fields import write_model
 from romdam.outputs.variables import Case
@@ -139,8 +141,19 @@ def run_motion(
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         dataset = build_dataset(Case(model.scene, motion, history), job, timing, model_file)
         path = folder / f"{motion.name}.nc"
+        dataset.attrs.update(read_statement(folder, job.digest))
         write_dataset(dataset, path)
+    if job.config.outputs.plots:
+        with clock.stage("plots", "drawing figures"):
+            draw(dataset, folder, motion.name)
     return path
+
+
+def draw(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
+    """Draw every figure of a result."""
+    from romdam.outputs.plots import write_plots  # here: a run without figures need not load matplotlib
+
+    return write_plots(dataset, folder, stem)
 
 
 def transient_options(job: Job) -> TransientOptions:

@@ -80,8 +80,10 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
         return None
     names = list(dataset.joint.values)
     columns = min(4, len(names))
-    figure = Figure(figsize=(max(3.6, 2.6 * columns), 4.6 * -(-len(names) // columns)), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(-(-len(names) // columns), columns, squeeze=False)).ravel()
+    rows = -(-len(names) // columns)
+    face = max(_width_over_height(dataset, name) for name in names)
+    figure = Figure(figsize=(columns * (4.0 * face + 0.8) + 1.2, 4.8 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
     peaks, _, unit = scaled(dataset.gap_peak_opening, "m")
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
     for ax, name in zip(axes, names, strict=False):
@@ -91,7 +93,7 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
         ax.set_visible(False)
     bar = mpl.cm.ScalarMappable(norm, "viridis")
     figure.colorbar(bar, ax=list(axes[: len(names)]), label=f"largest opening [{unit}]", shrink=0.85)
-    figure.suptitle(f"Opening envelope\n{dataset.attrs['record']}", fontsize=9)
+    figure.suptitle(f"Opening envelope\n{dataset.attrs['record']}", fontsize=9, x=0.02, ha="left")
     return figure
 
 
@@ -102,7 +104,7 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
     figure, axes = new_figure(rows=2, height=2.6, ratios=(3, 1))
     supplied, factor, unit = scaled(dataset.energy_input, "J")
     stack = [dataset[f"energy_{p}"].values * factor for p in shown]
-    labels = [p.replace("_", " ") for p in shown]
+    labels = [_ENERGY_LABELS.get(p, p) for p in shown]
     axes[0].stackplot(dataset.time.values, stack, labels=labels, colors=COLOURS, lw=0, alpha=0.85)
     axes[0].plot(dataset.time, supplied, color="black", lw=1.0, label="input")
     axes[0].set_ylabel(f"energy [{unit}]")
@@ -112,6 +114,8 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
     axes[1].set_ylabel(f"imbalance\n[{unit}]")
     return _finish(figure, axes, dataset, "Energy ledger")
 
+
+_ENERGY_LABELS = {"joint_stored": "joint springs", "contact": "contact (numerical)"}
 
 FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "ground_motion": ground_motion,
@@ -137,6 +141,27 @@ def write_plots(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
             if figure is not None:
                 paths.append(save_figure(figure, folder / f"{stem}-{name}.png"))
     return paths
+
+
+def opening_comparison(histories: dict[str, tuple[Array, Array]], title: str) -> Figure:
+    """Widest opening against time of several computations.
+
+    Parameters
+    ----------
+    histories : label -> (time (nt,) [s], opening (nt, ng) [m]); the first is drawn on top
+    title : of the figure
+    """
+    with mpl.rc_context(STYLE):
+        figure, axes = new_figure(rows=1, height=2.9)
+        for k, (label, (time, opening)) in reversed(list(enumerate(histories.items()))):
+            widest, style = opening.max(axis=1) * 1e3, "-" if k else "--"
+            axes[0].plot(time, widest, style, color=COLOURS[1 - k % 2], lw=1.0 if k else 1.2, label=label)
+            axes[0].set_xlim(time[0], time[-1])
+        axes[0].set_ylabel("widest opening [mm]")
+        axes[0].set_xlabel("time [s]")
+        axes[0].set_title(title, loc="left")
+        axes[0].legend(loc="upper left")
+    return figure
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
@@ -165,9 +190,7 @@ def _mark_peak(ax: Axes, row: xr.DataArray, text: str) -> None:
 
 def _face_map(ax: Axes, dataset: xr.Dataset, chosen: Array, peaks: xr.DataArray, norm: Normalize) -> None:
     """One joint's gaps in its own plane: the local axis nearest to vertical up, the other across."""
-    position = dataset.gap_position.values[chosen]
-    across, up = _plane_axes(dataset.gap_tangent.values[chosen].mean(axis=0))
-    x, y = position @ across, position @ up
+    x, y = _face_coordinates(dataset, chosen)
     if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
         ax.tripcolor(x, y, peaks.values[chosen], norm=norm, cmap="viridis", shading="gouraud")
         ax.scatter(x, y, s=2, color="white", lw=0)
@@ -177,6 +200,19 @@ def _face_map(ax: Axes, dataset: xr.Dataset, chosen: Array, peaks: xr.DataArray,
     ax.set_aspect("equal")
     ax.set_xlabel("across [m]")
     ax.set_ylabel("up [m]")
+
+
+def _face_coordinates(dataset: xr.Dataset, chosen: Array) -> tuple[Array, Array]:
+    """Positions of gaps across and up their joint's plane [m]."""
+    position = dataset.gap_position.values[chosen]
+    across, up = _plane_axes(dataset.gap_tangent.values[chosen].mean(axis=0))
+    return position @ across, position @ up
+
+
+def _width_over_height(dataset: xr.Dataset, name: str) -> float:
+    """Shape of a joint's face, kept between what a figure can show."""
+    x, y = _face_coordinates(dataset, dataset.gap_joint.values == name)
+    return float(np.clip(np.ptp(x) / max(np.ptp(y), 1e-9), 0.25, 1.5))
 
 
 def _plane_axes(tangents: Array) -> tuple[Array, Array]:

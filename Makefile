@@ -1,0 +1,47 @@
+# Needs Python 3.11 or later, with its venv module, and make; everything else goes into .venv.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+CONFIG ?= configs/two_cantilevers.yaml
+OUT ?= results
+JOBS ?= 2
+
+.PHONY: run test test-slow bench lint clean
+
+run: $(VENV)/.installed
+	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
+	@echo "How far is that from the unreduced mesh? Running both on the first 10 s (about a minute) ..."
+	@$(BIN)/romdam verify $(CONFIG) --out $(OUT)
+	@echo "Results, figures and the error statement are in $(OUT)/ ; read $(OUT)/*.nc with xarray."
+
+test: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -n $(JOBS)
+
+test-slow: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -m slow
+
+bench: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -s -m "slow or not slow" tests/benchmarks
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy romdam pipelines
+
+clean:
+	rm -rf $(VENV) $(OUT) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+$(VENV)/bin/python:
+	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv $(VENV)
+
+# The stamps make a second call install nothing; they follow pyproject.toml.
+$(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
+	@echo "Installing romdam into $(VENV) ..."
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml | $(VENV)/bin/python
+	@echo "Installing romdam and its development tools into $(VENV) ..."
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev,suites]"
+	@touch $@ $(VENV)/.installed

@@ -1,0 +1,174 @@
+"""The `romdam` command: argument parsing only."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import romdam
+from romdam.errors import ConvergenceError, RomdamError
+
+if TYPE_CHECKING:
+    from romdam.terminal import Stages
+
+FAILED, BAD_INPUT = 1, 2
+EXIT_CODES = """
+Exit codes: 0 all is well; 1 a record failed or a step did not converge; 2 bad input (nothing was computed).
+"""
+
+app = typer.Typer(
+    help="Reduced-order seismic analysis of concrete dams cut by contraction joints.",
+    epilog=EXIT_CODES,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Config = Annotated[Path, typer.Argument(help="YAML file of the job.", metavar="CONFIG")]
+ResultFile = Annotated[Path, typer.Argument(help="NetCDF file that `romdam run` wrote.", metavar="RESULT")]
+Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if needed.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell what is done and how long it takes.")]
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"romdam {romdam.__version__} (Python {sys.version.split()[0]})")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command(epilog=EXIT_CODES)
+def run(config: Config, out: Out, quiet: Quiet = False, verbose: Verbose = False) -> None:
+    """Run every record of CONFIG; each lands as OUT/<record>.nc."""
+    from romdam.pipelines.run import run as run_job
+    from romdam.terminal import peaks_table
+
+    stages, say = _terminal(quiet, verbose)
+    outcome = run_job(romdam.load_config(config), out, stages)
+    say(peaks_table({path.stem: romdam.open_result(path).dataset for path in outcome.paths}))
+    say(*(f"written: {path}" for path in outcome.paths))
+    for name, message in outcome.failures.items():
+        typer.echo(f"{name}: {message}", err=True)
+    if outcome.failures:
+        typer.echo(
+            f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.paths)} records failed",
+            err=True,
+        )
+        raise typer.Exit(FAILED)
+
+
+@app.command(epilog=EXIT_CODES)
+def check(config: Config, quiet: Quiet = False, verbose: Verbose = False) -> None:
+    """Validate CONFIG and print sizes, frequencies, estimated time and memory, without running it."""
+    from romdam.pipelines.check import check as check_job
+    from romdam.terminal import check_tables, estimate_line
+
+    stages, say = _terminal(quiet, verbose)
+    found = check_job(romdam.load_config(config), stages)
+    say(*check_tables(found), estimate_line(found), *(f"warning: {w}" for w in found.warnings))
+    say(f"{config}: is valid")
+
+
+@app.command(epilog=EXIT_CODES)
+def verify(
+    config: Config,
+    out: Out,
+    duration: Annotated[str, typer.Option(help="Length of record to compare, with a unit.")] = "10 s",
+    reference: Annotated[
+        Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with as well.")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Measure the reduced model's error against the unreduced mesh, on the first record of CONFIG."""
+    from romdam.config.quantities import to_si
+    from romdam.pipelines.verification import verify as verify_job
+    from romdam.terminal import verification_lines
+
+    try:
+        seconds = to_si(duration, "s")
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--duration") from error
+    stages, say = _terminal(quiet, verbose)
+    found = verify_job(romdam.load_config(config), out, seconds, reference, stages)
+    say(*verification_lines(found.statement), f"written: {found.path}", f"written: {found.figure}")
+
+
+@app.command(epilog=EXIT_CODES)
+def info(result: ResultFile) -> None:
+    """Tell what a result is, its peaks, and its error where it has been measured."""
+    from romdam.terminal import info_lines, peaks_table
+
+    _, say = _terminal(quiet=False, verbose=False)
+    with romdam.open_result(result) as opened:
+        say(*info_lines(opened.dataset))
+        say(peaks_table({str(opened.dataset.attrs["record"]): opened.dataset}))
+
+
+@app.command(epilog=EXIT_CODES)
+def plot(
+    result: ResultFile,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the figures; RESULT's own if not given.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw the figures of a result as PNG."""
+    from romdam.outputs.dataset import prepare_folder
+    from romdam.outputs.plots import write_plots
+
+    _, say = _terminal(quiet, verbose=False)
+    with romdam.open_result(result) as opened:
+        folder = prepare_folder(out or result.parent)
+        say(*(f"written: {path}" for path in write_plots(opened.dataset, folder, result.stem)))
+
+
+def _terminal(quiet: bool, verbose: bool) -> tuple[Stages, Callable[..., None]]:
+    """Progress on stderr, and a printer to stdout that --quiet silences."""
+    import logging
+
+    from rich.console import Console
+    from rich.logging import RichHandler
+
+    from romdam.terminal import Stages
+
+    errors, output = Console(stderr=True), Console(soft_wrap=True, highlight=False)
+    level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
+    logging.basicConfig(
+        level=level, format="%(message)s", handlers=[RichHandler(console=errors, show_path=False)]
+    )
+
+    def say(*lines: object) -> None:
+        for line in lines if not quiet else ():
+            output.print(line, markup=False)
+
+    return Stages(errors, quiet), say
+
+
+def main() -> None:
+    """Run the command; every error of romdam's own is one message and an exit code."""
+    try:
+        app()
+    except ConvergenceError as error:
+        _stop(error, FAILED)
+    except RomdamError as error:
+        _stop(error, BAD_INPUT)
+
+
+def _stop(error: RomdamError, code: int) -> None:
+    typer.echo(f"romdam: {error}", err=True)
+    raise SystemExit(code)

@@ -1,0 +1,166 @@
+"""What a person sees in a terminal: progress on stderr, tables on stdout."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from romdam.pipelines.check import Check
+
+DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
+
+
+class Stages:
+    """Shows each stage with a bar and the time left, once it takes longer than `DELAY`.
+
+    Called with a stage's text, it is a context manager giving a callable for (steps done, steps in all).
+    """
+
+    def __init__(self, console: Console, quiet: bool) -> None:
+        self._console = console
+        self._shown = console.is_terminal and not quiet
+
+    @contextmanager
+    def __call__(self, text: str) -> Iterator[Callable[[int, int], None]]:
+        if not self._shown:
+            yield _ignore
+            return
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        bar = Progress(
+            *columns, TextColumn("left"), TimeRemainingColumn(), console=self._console, transient=True
+        )
+        task = bar.add_task(text, total=None)
+        timer = threading.Timer(DELAY, bar.start)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+        finally:
+            timer.cancel()
+            timer.join()
+            bar.stop()
+
+
+def _ignore(done: int, total: int) -> None:
+    """Show nothing."""
+
+
+def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
+    """Peaks of every joint, a row for each record and joint."""
+    table = Table(title="Peaks", title_justify="left")
+    for name in ("record", "joint"):
+        table.add_column(name, overflow="fold")
+    for name in ("opening [mm]", "at [s]", "compression [MPa]", "slip [mm]"):
+        table.add_column(name, justify="right")
+    for record, dataset in results.items():
+        for joint in dataset.joint.values if "joint" in dataset else ():
+            row = dataset.sel(joint=joint)
+            slip = f"{1e3 * float(row.peak_slip):.2f}" if "peak_slip" in row else "-"
+            table.add_row(
+                record,
+                str(joint),
+                f"{1e3 * float(row.peak_opening):.2f}",
+                f"{float(row.peak_opening_time):.2f}",
+                f"{1e-6 * float(row.peak_compressive_stress):.2f}",
+                slip,
+            )
+    return table
+
+
+def check_tables(found: Check) -> list[Table]:
+    """Blocks, joints and records of a job that was checked."""
+    blocks = _table(
+        "Blocks",
+        ("block", "element"),
+        ("nodes", "cells", "free DOFs", "retained", "modes", "Hz (open joints)"),
+    )
+    for name, block in found.blocks.items():
+        lowest = block.get("frequencies_hz", [])
+        shown = ", ".join(f"{f:.4g}" for f in list(lowest)[:5]) if isinstance(lowest, list) else ""
+        counts = (
+            block.get(key, "-")
+            for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")
+        )
+        blocks.add_row(name, str(block["element"]), *map(str, counts), shown)
+    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction"))
+    for name, joint in found.joints.items():
+        joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
+    records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))
+    for name, record in found.records.items():
+        records.add_row(name, *(f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()))
+    return [blocks, joints, records]
+
+
+def estimate_line(found: Check) -> str:
+    """Unknowns, time, memory and disk of a job that was checked."""
+    return (
+        f"{found.unknowns} unknowns; about {found.seconds:.2g} s of integration, "
+        f"{found.memory / 1e6:.0f} MB of memory, up to {found.file_size / 1e6:.0f} MB of results"
+    )
+
+
+_NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
+
+
+def info_lines(dataset: xr.Dataset) -> list[str]:
+    """What a result is, how it was made, and how far off it is known to be."""
+    attrs = dataset.attrs
+    size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
+    cpu = float(attrs.get("solver_loop_cpu_seconds", float("nan")))
+    return [
+        str(attrs["title"]),
+        f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, "
+        f"peak {attrs['record_peak_acceleration']:.3g} m/s²",
+        f"configuration  {attrs['configuration_file']}, SHA-256 {str(attrs['configuration_sha256'])[:12]}",
+        f"model          {attrs['model_order']} order, dt {attrs['dt']:g} s, "
+        f"basis {attrs.get('model_file', 'none')}",
+        f"size           {size}",
+        f"solved         {attrs.get('solver_steps', 0):.0f} steps, {cpu:.3g} s CPU in the time loop",
+        f"written        {attrs['date_created']} by {attrs['source']}",
+        f"error          {attrs.get('error_statement', _NOT_STATED)}",
+    ]
+
+
+def verification_lines(statement: Mapping[str, object]) -> list[str]:
+    """The outcome of a verification."""
+    numbers = {k: v for k, v in statement.items() if isinstance(v, float)}
+    lines = [
+        str(statement["statement"]),
+        f"peak opening   reduced {1e3 * numbers['peak']:.3f} mm, "
+        f"full order {1e3 * numbers['peak_reference']:.3f} mm",
+        f"CPU, time loop reduced {numbers['cpu_seconds']:.3g} s, "
+        f"full order {numbers['cpu_seconds_full']:.3g} s: "
+        f"{numbers['cpu_ratio']:.0f} times ({numbers['cpu_ratio_per_step']:.0f} times per step)",
+        f"CPU, reduction {numbers['cpu_seconds_reduction']:.3g} s, once for all records",
+    ]
+    for name in ("reduced", "full"):
+        other = statement.get(f"{name}_against_reference")
+        if isinstance(other, dict):
+            errors = f"peak {100 * other['peak_error']:.2g} %, L2 {100 * other['l2_error']:.2g} %"
+            lines.append(f"reference      {name}: {errors} over {other['seconds']:g} s")
+    return lines
+
+
+def _table(title: str, left: tuple[str, ...], right: tuple[str, ...]) -> Table:
+    table = Table(title=title, title_justify="left")
+    for name in left:
+        table.add_column(name, overflow="fold")
+    for name in right:
+        table.add_column(name, justify="right")
+    return table

@@ -1,0 +1,155 @@
+"""The import rule: data flows one way, so nothing imports what comes after it.
+
+`romdam` itself is the facade (lazy names only), `terminal` belongs to `cli`. The modules in TYPES
+define what passes between rooms; a room may import the types of any room.
+"""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EVERY_ROOM = {
+    "config", "records", "scene", "fem", "linalg", "reduction", "joints", "dynamics", "outputs", "errors",
+}  # fmt: skip
+ALLOWED = {
+    "errors": set(),
+    "config": set(),
+    "records": set(),
+    "scene": set(),
+    "linalg": set(),
+    "joints": set(),
+    "fem": {"scene"},
+    "dynamics": {"joints", "linalg"},
+    "reduction": {"fem", "linalg", "scene"},
+    "outputs": set(),
+    "pipelines": EVERY_ROOM,
+    "terminal": {"pipelines", "outputs"},
+    "cli": {"pipelines", "outputs", "terminal"},
+    "__init__": {"pipelines", "outputs"},
+}
+TYPES = {
+    "romdam.scene.model": {"fem", "reduction", "outputs"},
+    "romdam.dynamics.system": {"fem", "reduction", "outputs"},
+    "romdam.records.motion": {"outputs"},
+}
+ANYWHERE = {"errors", "config"}
+ONLY_IN = {
+    "xarray": {"outputs", "pipelines", "terminal"},
+    "matplotlib": {"outputs"},
+    "obspy": {"records"},
+    "yaml": {"config", "records"},
+    "typer": {"cli"},
+    "rich": {"cli", "terminal"},
+    "pydantic": {"config"},
+    "pint": {"config"},
+    "skfem": {"fem", "scene"},
+    "meshio": {"scene"},
+}
+
+
+def modules() -> list[tuple[str, Path]]:
+    """(room, file) of every module of the package; `pipelines` is installed as romdam.pipelines."""
+    found = [("pipelines", path) for path in sorted((ROOT / "pipelines").rglob("*.py"))]
+    for path in sorted((ROOT / "romdam").rglob("*.py")):
+        first = path.relative_to(ROOT / "romdam").parts[0]
+        found.append((first.removesuffix(".py"), path))
+    return found
+
+
+def imports(path: Path) -> list[tuple[str, int]]:
+    """Every absolute module name imported anywhere in a file, with its line."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, node.lineno) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            found.append((node.module, node.lineno))
+    return found
+
+
+def is_type_only(path: Path, line: int) -> bool:
+    """Whether a line stands in an `if TYPE_CHECKING:` block, which never runs."""
+    blocks = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.If)]
+    return any(
+        isinstance(n.test, ast.Name) and n.test.id == "TYPE_CHECKING" and n.lineno <= line <= n.end_lineno
+        for n in blocks
+    )
+
+
+def breaks_rule(room: str, name: str) -> bool:
+    parts = name.split(".")
+    if parts[0] != "romdam" or len(parts) == 1:
+        return False
+    target = parts[1]
+    if target == room or target in ANYWHERE:
+        return room == "errors" or (room == "config" and target not in ANYWHERE)
+    return target not in ALLOWED[room] and room not in TYPES.get(name, set())
+
+
+@pytest.mark.parametrize(
+    ("room", "path"), modules(), ids=lambda v: str(v.relative_to(ROOT)) if isinstance(v, Path) else ""
+)
+def test_module_imports_only_what_comes_before_it(room, path):
+    assert room in ALLOWED, f"{path}: a new room; state in this test what it may import"
+    wrong = [f"{path.name}:{line} imports {name}" for name, line in imports(path) if breaks_rule(room, name)]
+    assert not wrong, f"{room} may import {sorted(ALLOWED[room])}: {wrong}"
+
+
+@pytest.mark.parametrize("library", ONLY_IN)
+def test_library_is_imported_only_in_its_room(library):
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}"
+        for room, path in modules()
+        for name, line in imports(path)
+        if name.split(".")[0] == library and room not in ONLY_IN[library] and not is_type_only(path, line)
+    ]
+    assert not wrong, f"{library} belongs to {ONLY_IN[library]}"
+
+
+def test_rule_would_catch_a_step_back():
+    assert breaks_rule("dynamics", "romdam.outputs.dataset")
+    assert breaks_rule("joints", "romdam.dynamics.system")
+    assert breaks_rule("scene", "romdam.fem.assembly")
+    assert breaks_rule("config", "romdam.scene.model")
+    assert breaks_rule("outputs", "romdam.dynamics.transient")
+    assert breaks_rule("errors", "romdam.config.models")
+    assert not breaks_rule("outputs", "romdam.dynamics.system")
+    assert not breaks_rule("dynamics", "romdam.config.models")
+
+
+def test_library_neither_prints_nor_exits_nor_configures_logging():
+    forbidden = {"print", "exit", "quit"}
+    for room, path in modules():
+        if room in ("cli", "terminal"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call):
+                name = ast.unparse(node.func)
+                assert name not in forbidden | {"sys.exit", "logging.basicConfig"}, f"{path}:{node.lineno}"
+
+
+def test_import_is_quick_and_loads_no_heavy_library():
+    heavy = ("numpy", "scipy", "obspy", "numba", "matplotlib", "xarray", "pint", "pydantic", "skfem", "h5py")
+    code = (
+        "import time, sys; start = time.perf_counter(); import romdam; took = time.perf_counter() - start;"
+        f"print(took, *[m for m in {heavy!r} if m in sys.modules])"
+    )
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert out[1:] == [], "loaded by `import romdam`"
+    assert float(out[0]) < 0.5
+
+
+def test_lazy_names_exist_and_unknown_ones_do_not():
+    import romdam
+
+    for name in romdam.__all__:
+        assert getattr(romdam, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = romdam.nothing
