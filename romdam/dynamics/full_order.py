@@ -101,8 +101,8 @@ def generalized_alpha(
             progress(n + 1, total)
     stats = {
         "steps": float(total),
-        "solver_iterations": float(memory.counts[2]),
-        "largest_iterations": float(memory.counts[3]),
+        "solver_iterations": float(memory.counts[:, 2].sum()),
+        "largest_iterations": float(memory.counts[:, 3].max()),
         "largest_residual": worst,
         "setup_cpu_seconds": setup,
         "loop_cpu_seconds": time.process_time() - loop,
@@ -133,7 +133,7 @@ def _step(
     right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
     w_free = stepper.operator @ u_star + s.beta * dt**2 * (stepper.X.T @ right)
     y = np.empty(len(w_free))
-    residual = float(solve_gaps(stepper.problem, memory, w_free, y, tolerance))
+    residual = float(solve_gaps(stepper.problem, memory, state.state > 0, w_free, y, (tolerance, False)))
     if not residual <= tolerance:
         return residual
     jump_old = state.jump.copy()
@@ -173,7 +173,7 @@ class _Rows:
         now = first_peaks(state.jump, state.force)
         larger = now[0] > self.peaks[0]
         self.peaks[0, larger] = now[0, larger]
-        self.peaks[1, larger] = step
+        self.peaks[1, larger] = step * self.options.dt
         self.peaks[2:] = np.maximum(self.peaks[2:], now[2:])
         if step % self.options.stride == 0:
             self._write(state, step // self.options.stride)
@@ -201,6 +201,6 @@ class _Rows:
             q=None,
             v=None,
             energy=ledger(self.works, *self.energies),
-            peaks=named_peaks(self.peaks, self.options.dt),
+            peaks=named_peaks(self.peaks),
             stats=stats,
         )

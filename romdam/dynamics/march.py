@@ -3,6 +3,14 @@
 Over one step the joint force p is constant and equal to its value at the step's end (DESIGN,
 section 2; higher orders of the contact force blow up). Per step the work is three products, G q,
 the gap-space solve and G^T p, beside the modes' own few flops.
+
+The error of this scheme is made where contact changes: a gap that closes within a step is pushed over
+the whole of it. So a step in which the closed set changes is not accepted above the finest level; it
+is halved, and steps grow again when contact rests. Steps sit on a dyadic grid below the base step, so the
+propagators and flexibilities of every level exist before the march. One level is the fixed-step scheme.
+
+Modes above the cut-off are not states. They answer the joint force as a flexibility R that relaxes with
+their common time tau = c/k (stiffness-proportional damping gives beta to all of them): tau s' + s = p, u_r = R s.
 """
 
 from __future__ import annotations
@@ -242,3 +250,413 @@ def march(
         if (n + 1) % track.stride == 0:
             record_row(track, state, (n + 1) // track.stride)
     return last, worst
+class ModalModel(NamedTuple):
+    """A diagonal system in arrays for the loop.
+
+    Attributes
+    ----------
+    k, c : (m,) modal stiffness [1/s2] and damping [1/s]
+    static : (m,) static force [N/sqrt(kg)]
+    load : (components, m) inertia force per unit ground acceleration, negative sign included
+    tiles : (nt, 5) row start and end, column start and end of each non-zero block of G, offset of its values
+    values : G's blocks, row-major, one after another
+    R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
+    tau : their relaxation time [s]
+    """
+
+    k: Floats
+    c: Floats
+    static: Floats
+    load: Floats
+    tiles: NDArray[np.int64]
+    values: Floats
+    R: Floats
+    tau: float
+
+
+class Levels(NamedTuple):
+    """Step coefficients and gap-space problems of every step size, the base step first.
+
+    Every array of `step`, `W`, `Z`, `lift` of the problem, and `active`, `inverse`, `order` and `counts` of the
+    memory have a leading axis of levels; level l has the step dt / 2^l.
+
+    Attributes
+    ----------
+    step : stacked Propagator
+    problem : stacked GapProblem
+    memory : stacked GapMemory
+    decay : (levels,) exp(-step / tau)
+    """
+
+    step: Propagator
+    problem: GapProblem
+    memory: GapMemory
+    decay: Floats
+
+
+class Control(NamedTuple):
+    """When a step is fine enough.
+
+    Attributes
+    ----------
+    tolerance : of the gap-space problem, relative
+    impulse : largest gap velocity that the change of a joint force over a step may stand for [m/s]
+    """
+
+    tolerance: float
+    impulse: float
+    ratio: int
+    calm: int
+
+
+class ModalState(NamedTuple):
+    """State at the last accepted step; changed in place.
+
+    Attributes
+    ----------
+    q, v : (m,) modal displacement and velocity
+    f : (m,) external modal force
+    s, u_r : (N,) relaxed joint force and the jump it makes, R s [N], [m]
+    jump, force : (n, d) of the gaps
+    state : (n,) of the gaps
+    closed : (n,) closed gaps
+    works : (4,) see `romdam.dynamics.energy.ACCUMULATED` [J]
+    stored : (1,) energy in the gaps [J]
+    level : (1,) level of the next step
+    counts : (3,) steps accepted, steps refused, largest gap residual
+    """
+
+    q: Floats
+    v: Floats
+    f: Floats
+    s: Floats
+    u_r: Floats
+    jump: Floats
+    force: Floats
+    state: NDArray[np.uint8]
+    closed: NDArray[np.bool_]
+    works: Floats
+    stored: Floats
+    level: NDArray[np.int64]
+    counts: Floats
+
+
+class Track(NamedTuple):
+    """What is written: one row per kept base step; peaks see every step.
+
+    Attributes
+    ----------
+    stride : base steps per row
+    q, v : (rows, m)
+    s : (rows, N)
+    jump, force : (rows, n, d)
+    state : (rows, n)
+    works : (rows, 4)
+    stored : (rows,)
+    peaks : (4, n) largest opening, its time, largest compression, largest slip
+    """
+
+    stride: int
+    q: Floats
+    v: Floats
+    s: Floats
+    jump: Floats
+    force: Floats
+    state: NDArray[np.uint8]
+    works: Floats
+    stored: Floats
+    peaks: Floats
+
+
+class Scratch(NamedTuple):
+    """Vectors of the loop: modal forces, free displacement, joint force on the modes, gap vectors."""
+
+    f_0: Floats
+    f_1: Floats
+    f_end: Floats
+    q_free: Floats
+    r: Floats
+    w: Floats
+    y: Floats
+    old: Floats
+    old_force: Floats
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def gap_jumps(model: ModalModel, q: Floats, w: Floats) -> None:
+    """w = G q, block by block."""
+    w[:] = 0.0
+    for t in range(len(model.tiles)):
+        r0, r1, c0, c1, start = model.tiles[t]
+        width = c1 - c0
+        part = q[c0:c1]
+        for r in range(r0, r1):
+            row = model.values[start + (r - r0) * width : start + (r - r0 + 1) * width]
+            total = 0.0
+            for j in range(width):
+                total += row[j] * part[j]
+            w[r] += total
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def modal_force(model: ModalModel, p: Floats, r: Floats) -> None:
+    """r = G^T p, skipping unloaded gap directions."""
+    r[:] = 0.0
+    for t in range(len(model.tiles)):
+        r0, r1, c0, c1, start = model.tiles[t]
+        width = c1 - c0
+        part = r[c0:c1]
+        for g in range(r0, r1):
+            force = p[g]
+            if force != 0.0:
+                row = model.values[start + (g - r0) * width : start + (g - r0 + 1) * width]
+                for j in range(width):
+                    part[j] += row[j] * force
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _external(model: ModalModel, acc: Floats, f: Floats) -> None:
+    """External modal force at one instant."""
+    f[:] = model.static
+    for a in range(len(acc)):
+        for j in range(len(f)):
+            f[j] += model.load[a, j] * acc[a]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats) -> None:
+    """Displacement at the step's end without joint force."""
+    for j in range(len(q_free)):
+        q_free[j] = (
+            step.q_q[j] * state.q[j]
+            + step.q_v[j] * state.v[j]
+            + step.q_0[j] * state.f[j]
+            + step.q_1[j] * f_1[j]
+        )
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _advance(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats, r: Floats) -> tuple[float, float]:
+    """Move the modes to the step's end; work of the external force and damping loss in the step."""
+    work, loss = 0.0, 0.0
+    rate = 1.0 / step.dt
+    moment, D = step.moment, step.loss
+    for j in range(len(q_free)):
+        q, v, f = state.q[j], state.v[j], state.f[j]
+        F, s = f + r[j], (f_1[j] - f) * rate
+        q_1 = q_free[j] + step.q_p[j] * r[j]
+        v_1 = step.v_q[j] * q + step.v_v[j] * v + step.v_0[j] * f + step.v_1[j] * f_1[j] + step.v_p[j] * r[j]
+        work += f * (q_1 - q) + s * (moment[0, j] * q + moment[1, j] * v + moment[2, j] * F + moment[3, j] * s)
+        loss += q * (D[0, j] * q + D[1, j] * v + D[2, j] * F + D[3, j] * s)
+        loss += v * (D[4, j] * v + D[5, j] * F + D[6, j] * s)
+        loss += F * (D[7, j] * F + D[8, j] * s) + D[9, j] * s * s
+        state.q[j], state.v[j], state.f[j] = q_1, v_1, f_1[j]
+    return work, loss
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _relax(model: ModalModel, state: ModalState, decay: float, p: Floats, goal: Floats) -> float:
+    """Relax the residual flexibility towards a joint force; what it loses in the step."""
+    s, u_r, N = state.s, state.u_r, len(p)
+    loss, size = 0.0, 0.0
+    for i in range(N):
+        size = max(size, abs(s[i]), abs(p[i]))
+    if size == 0.0:
+        return 0.0
+    goal[:] = 0.0
+    for i in range(N):
+        f = p[i]
+        if f != 0.0:
+            row = model.R[i]
+            for j in range(N):
+                goal[j] += row[j] * f
+    for i in range(N):
+        loss += (p[i] - s[i]) * (goal[i] - u_r[i])
+        u_r[i] = decay * u_r[i] + (1.0 - decay) * goal[i]
+    size = 0.0
+    for i in range(N):
+        s[i] = decay * s[i] + (1.0 - decay) * p[i]
+        size = max(size, abs(s[i]))
+    if size < 1e-30:
+        s[:] = 0.0
+        u_r[:] = 0.0
+    return 0.5 * (1.0 - decay * decay) * loss
+
+
+@njit(cache=True)
+def _joint_work(old: Floats, jump: Floats, force: Floats) -> float:
+    """Work of the joint force on the blocks in the step: constant force times change of the jump."""
+    work = 0.0
+    for i in range(len(jump)):
+        for a in range(jump.shape[1]):
+            work += force[i, a] * (jump[i, a] - old[i, a])
+    return work
+
+
+@njit(cache=True)
+def _peak(track: Track, state: ModalState, time: float) -> None:
+    for i in range(len(state.jump)):
+        if state.jump[i, 0] > track.peaks[0, i]:
+            track.peaks[0, i] = state.jump[i, 0]
+            track.peaks[1, i] = time
+        track.peaks[2, i] = max(track.peaks[2, i], state.force[i, 0])
+        if state.jump.shape[1] == 3:
+            slip = np.hypot(state.jump[i, 1], state.jump[i, 2])
+            track.peaks[3, i] = max(track.peaks[3, i], slip)
+
+
+@njit(cache=True)
+def record_row(track: Track, state: ModalState, row: int) -> None:
+    """Copy the state into a row of the track."""
+    track.q[row], track.v[row], track.s[row] = state.q, state.v, state.s
+    track.jump[row], track.force[row], track.state[row] = state.jump, state.force, state.state
+    track.works[row], track.stored[row] = state.works, state.stored[0]
+
+
+@njit(cache=True)
+def _level(levels: Levels, l: int) -> tuple[Propagator, GapProblem, GapMemory]:
+    """Views of one level."""
+    s, p, m = levels.step, levels.problem, levels.memory
+    step = Propagator(
+        s.dt[l], s.q_q[l], s.q_v[l], s.v_q[l], s.v_v[l], s.q_0[l], s.q_1[l], s.v_0[l], s.v_1[l],
+        s.q_p[l], s.v_p[l], s.moment[l], s.loss[l],
+    )  # fmt: skip
+    problem = GapProblem(p.W[l], p.Z[l], p.lift[l], p.tension, p.compliance, p.mu, p.gap)
+    memory = GapMemory(m.force, m.anchor, m.active[l], m.inverse[l], m.order[l], m.counts[l], m.work)
+    return step, problem, memory
+
+
+@njit(cache=True)
+def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: float) -> float:
+    """Largest gap velocity that the change of its normal force over the step stands for."""
+    n = len(problem.gap)
+    d = len(memory.force) // max(n, 1)
+    worst = 0.0
+    for i in range(n):
+        b = d * i
+        flexibility = problem.W[b, b] - problem.compliance[b]
+        worst = max(worst, flexibility * abs(memory.force[b] - old_force[b]))
+    return worst / dt
+
+
+@njit(cache=True)
+def _try_step(
+    model: ModalModel, levels: Levels, control: Control, state: ModalState, x: Scratch, finest: bool
+) -> tuple[bool, float]:
+    """Solve one step of the present level to x.f_1; whether to accept it, and its gap residual."""
+    l = state.level[0]
+    step, problem, memory = _level(levels, l)
+    _free_motion(step, state, x.f_1, x.q_free)
+    gap_jumps(model, x.q_free, x.w)
+    if len(model.R):
+        for i in range(len(x.w)):
+            x.w[i] += levels.decay[l] * state.u_r[i]
+    x.old_force[:] = memory.force
+    residual = solve_gaps(problem, memory, state.closed, x.w, x.y, (control.tolerance, not finest))
+    if not residual <= control.tolerance:
+        memory.force[:] = x.old_force
+        return False, residual
+    if finest or _impulse(problem, memory, x.old_force, step.dt) <= control.impulse:
+        return True, residual
+    memory.force[:] = x.old_force
+    return False, residual
+
+
+@njit(cache=True)
+def _accept(model: ModalModel, levels: Levels, state: ModalState, x: Scratch) -> None:
+    """Commit a solved step: gaps, modes, residual flexibility and works."""
+    l = state.level[0]
+    step, problem, memory = _level(levels, l)
+    x.old[:] = state.jump.ravel()
+    stored, friction = commit_gaps(problem, memory, x.y, state.jump, state.force, state.state)
+    for i in range(len(state.closed)):
+        state.closed[i] = state.state[i] > 0
+    p = state.force.ravel()
+    modal_force(model, p, x.r)
+    work, loss = _advance(step, state, x.f_1, x.q_free, x.r)
+    if len(model.R):
+        loss += _relax(model, state, levels.decay[l], p, x.w)
+    state.works[0] += work
+    state.works[1] += loss
+    state.works[2] += _joint_work(x.old.reshape(state.jump.shape), state.jump, state.force)
+    state.works[3] += friction
+    state.stored[0] = stored
+
+
+@njit(cache=True)
+def _base_step(
+    model: ModalModel, levels: Levels, control: Control, state: ModalState, x: Scratch, track: Track, start: float
+) -> bool:
+    """March over one base step from x.f_0 to x.f_end by steps of the dyadic grid; False if it cannot."""
+    finest = len(levels.decay) - 1
+    calm = 0
+    at, whole = 0, control.ratio**finest
+    while at < whole:
+        l = state.level[0]
+        size = control.ratio ** (finest - l)
+        share = (at + size) / whole
+        for j in range(len(x.f_1)):
+            x.f_1[j] = x.f_0[j] + share * (x.f_end[j] - x.f_0[j])
+        good, residual = _try_step(model, levels, control, state, x, l == finest)
+        if not good:
+            state.counts[1] += 1
+            if l == finest:
+                state.counts[2] = residual
+                return False
+            state.level[0] = l + 1
+            continue
+        changed = False
+        if l == finest:
+            for i in range(len(state.closed)):
+                if state.closed[i] != (levels.memory.force[i] > 0.0):
+                    changed = True
+        _accept(model, levels, state, x)
+        at += size
+        state.counts[0] += 1
+        state.counts[2] = max(state.counts[2], residual)
+        _peak(track, state, start + levels.step.dt[0] * at / whole)
+        calm = calm + 1 if not changed else 0
+        if l > 0 and calm >= control.calm and at % (control.ratio * size) == 0:
+            state.level[0] = l - 1
+            calm = 0
+    return True
+
+
+@njit(cache=True)
+def march(
+    model: ModalModel,
+    levels: Levels,
+    control: Control,
+    state: ModalState,
+    ground: tuple[Floats, int, int],
+    track: Track,
+) -> int:
+    """March from one base step to another.
+
+    Parameters
+    ----------
+    model, levels, control : the modes, the step sizes, and when a step is fine enough
+    state : changed in place
+    ground : ((components, nt) ground acceleration at every base step [m/s2], first step, last step)
+    track : receives rows and peaks
+
+    Returns
+    -------
+    int, the last base step taken; short of the one asked for when the gap-space problem did not
+        converge at the finest level (state.counts[2] then holds its residual)
+    """
+    acc, first, last = ground
+    m, N = len(model.k), len(levels.memory.force)
+    x = Scratch(
+        np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
+        np.empty(N), np.empty(N), np.empty(N), np.empty(N),
+    )  # fmt: skip
+    _external(model, acc[:, first], x.f_end)
+    for n in range(first, last):
+        x.f_0[:] = x.f_end
+        _external(model, acc[:, n + 1], x.f_end)
+        if not _base_step(model, levels, control, state, x, track, n * levels.step.dt[0]):
+            return n
+        if (n + 1) % track.stride == 0:
+            record_row(track, state, (n + 1) // track.stride)
+    return last

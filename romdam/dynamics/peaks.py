@@ -11,11 +11,11 @@ PEAKS = ("opening", "opening_time", "compression", "slip")
 
 
 def first_peaks(jump: Floats, force: Floats) -> Floats:
-    """(4, n) peaks that the first state sets; the second row counts steps."""
+    """(4, n) peaks that the first state sets, in the order of `PEAKS`."""
     slip = np.hypot(jump[:, 1], jump[:, 2]) if jump.shape[1] == 3 else np.zeros(len(jump))
     return np.stack([jump[:, 0], np.zeros(len(jump)), np.maximum(force[:, 0], 0.0), slip])
 
 
-def named_peaks(peaks: Floats, dt: float) -> dict[str, Floats]:
-    """Peaks by name, the time of the largest opening in seconds."""
-    return dict(zip(PEAKS, (peaks[0], peaks[1] * dt, peaks[2], peaks[3]), strict=True))
+def named_peaks(peaks: Floats) -> dict[str, Floats]:
+    """Peaks by name."""
+    return dict(zip(PEAKS, peaks, strict=True))

@@ -1,26 +1,27 @@
 """Integrate a system with gaps under ground acceleration.
 
-To add an integrator, write one function with the signature of `modal` and name it in INTEGRATORS.
+To add an integrator, write one function with the signature of `adaptive` and name it in INTEGRATORS.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.dynamics.energy import ledger
 from romdam.dynamics.full_order import generalized_alpha
-from romdam.dynamics.march import ModalModel, ModalState, Track, march, record_row
+from romdam.dynamics.march import Control, Levels, ModalModel, ModalState, Track, march, record_row
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.peaks import first_peaks, named_peaks
-from romdam.dynamics.propagator import Propagator, modal_propagator
-from romdam.dynamics.static import GapState, static_equilibrium, system_gap_problem, undeformed
+from romdam.dynamics.states import StateSplit, modal_model, split_states, step_levels, whole_motion
+from romdam.dynamics.static import GapState, static_equilibrium, undeformed
 from romdam.dynamics.system import History, System
 from romdam.errors import ConfigError, ConvergenceError
-from romdam.joints.problem import GapMemory, GapProblem, gap_memory
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -53,7 +54,19 @@ def integrate(
 
 
 def modal(system: System, ground: Floats, options: TransientOptions, progress: Progress) -> History:
-    """Exact modal propagation with the joint force constant over the step and implicit at its end.
+    """Exact modal propagation at a fixed step, every mode a state: the baseline.
+
+    Raises
+    ------
+    ConfigError
+        for a system that is not diagonal.
+    """
+    fixed = replace(options, halvings=0, impulse=math.inf, state_cutoff=math.inf)
+    return adaptive(system, ground, fixed, progress)
+
+
+def adaptive(system: System, ground: Floats, options: TransientOptions, progress: Progress) -> History:
+    """Exact modal propagation with steps halved where contact changes, high modes as a flexibility.
 
     Raises
     ------
@@ -62,58 +75,34 @@ def modal(system: System, ground: Floats, options: TransientOptions, progress: P
     """
     if not system.diagonal:
         raise ConfigError(
-            "transient.integrator: modal needs a reduced model; use generalized_alpha, or model.order: reduced"
+            f"transient.integrator: {options.integrator} needs a reduced model; use generalized_alpha, "
+            "or model.order: reduced"
         )
     start = time.process_time()
     active = np.flatnonzero(np.abs(ground).max(axis=1) > 0.0)
-    model = modal_model(system, active)
-    step = modal_propagator(model.k, model.c, options.dt)
-    problem, memory = _gap_arrays(system, step, options.dt)
-    q, gaps = _initial(system, options)
     acc = np.ascontiguousarray(ground[active])
-    state = _modal_state(model, q, gaps, acc)
-    memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
-    track = _track(model, state, options.stride, ground.shape[1])
-    setup = time.process_time() - start
-    loop = time.process_time()
-    worst = _march_in_chunks((model, step, problem, memory), state, acc, track, options, progress)
+    split = split_states(system, options.state_cutoff)
+    model = modal_model(system, split, active)
+    levels = step_levels(system, model, split, options)
+    q, gaps = _initial(system, options)
+    state = _modal_state(model, q[split.states], gaps, acc)
+    levels.memory.force[:], levels.memory.anchor[:] = gaps.p_c, gaps.anchor
+    track = _track(state, options.stride, ground.shape[1])
+    setup, loop = time.process_time() - start, time.process_time()
+    _march_in_chunks((model, levels), state, acc, track, options, progress)
     stats = {
-        "steps": float(ground.shape[1] - 1),
-        "solver_iterations": float(memory.counts[2]),
-        "largest_iterations": float(memory.counts[3]),
-        "largest_residual": worst,
+        "base_steps": float(ground.shape[1] - 1),
+        "steps": state.counts[0],
+        "refused_steps": state.counts[1],
+        "solver_iterations": float(levels.memory.counts[..., 2].sum()),
+        "largest_iterations": float(levels.memory.counts[..., 3].max()),
+        "largest_residual": state.counts[2],
+        "state_modes": float(len(model.k)),
+        "flexible_modes": float(len(split.rest)),
         "setup_cpu_seconds": setup,
         "loop_cpu_seconds": time.process_time() - loop,
     }
-    return _history(system, model, track, acc[:, :: options.stride], options, stats)
-
-
-def modal_model(system: System, active: NDArray[np.int64]) -> ModalModel:
-    """Arrays of a diagonal system for the hot loop; `active` are the shaken components."""
-    rows, offset, tiles, values = system.law.directions, 0, [], []
-    dense = system.B.tocsc()
-    for columns in system.parts.values():
-        part = dense[:, columns].tocsr()
-        for gaps in system.law.joints.values():
-            block = part[rows * gaps.start : rows * gaps.stop]
-            if block.nnz:
-                tiles.append((rows * gaps.start, rows * gaps.stop, columns.start, columns.stop, offset))
-                values.append(block.toarray().ravel())
-                offset += values[-1].size
-    return ModalModel(
-        k=system.K.diagonal(),
-        c=system.C.diagonal(),
-        static=np.ascontiguousarray(system.force),
-        load=np.ascontiguousarray(-system.load[:, active].T),
-        tiles=np.array(tiles, dtype=np.int64).reshape(-1, 5),
-        values=np.concatenate(values) if values else np.zeros(0),
-    )
-
-
-def _gap_arrays(system: System, step: Propagator, dt: float) -> tuple[GapProblem, GapMemory]:
-    G = system.B.toarray()
-    problem = system_gap_problem(system, (G * step.q_p) @ G.T)
-    return problem, gap_memory(problem)
+    return _history(system, (model, split), track, acc[:, :: options.stride], options, stats)
 
 
 def _initial(system: System, options: TransientOptions) -> tuple[Floats, GapState]:
@@ -123,24 +112,32 @@ def _initial(system: System, options: TransientOptions) -> tuple[Floats, GapStat
 
 
 def _modal_state(model: ModalModel, q: Floats, gaps: GapState, acc: Floats) -> ModalState:
+    p = gaps.force.ravel()
+    relaxed = len(model.R) > 0
     return ModalState(
-        q=q,
+        q=q.copy(),
         v=np.zeros_like(q),
         f=model.static + model.load.T @ acc[:, 0],
+        s=p.copy() if relaxed else np.zeros(0),
+        u_r=model.R @ p if relaxed else np.zeros(0),
         jump=gaps.jump.copy(),
         force=gaps.force.copy(),
         state=gaps.state.copy(),
+        closed=gaps.state > 0,
         works=np.zeros(4),
         stored=np.array([gaps.stored]),
+        level=np.zeros(1, dtype=np.int64),
+        counts=np.zeros(3),
     )
 
 
-def _track(model: ModalModel, state: ModalState, stride: int, samples: int) -> Track:
-    rows, m = (samples - 1) // stride + 1, len(model.k)
+def _track(state: ModalState, stride: int, samples: int) -> Track:
+    rows = (samples - 1) // stride + 1
     track = Track(
         stride=stride,
-        q=np.zeros((rows, m)),
-        v=np.zeros((rows, m)),
+        q=np.zeros((rows, len(state.q))),
+        v=np.zeros((rows, len(state.q))),
+        s=np.zeros((rows, len(state.s))),
         jump=np.zeros((rows, *state.jump.shape)),
         force=np.zeros((rows, *state.force.shape)),
         state=np.zeros((rows, len(state.state)), dtype=np.uint8),
@@ -153,25 +150,22 @@ def _track(model: ModalModel, state: ModalState, stride: int, samples: int) -> T
 
 
 def _march_in_chunks(
-    arrays: tuple[ModalModel, Propagator, GapProblem, GapMemory],
+    arrays: tuple[ModalModel, Levels],
     state: ModalState,
     acc: Floats,
     track: Track,
     options: TransientOptions,
     progress: Progress,
-) -> float:
-    """March over all steps; the largest gap residual met."""
-    model, step, problem, memory = arrays
-    last, worst = acc.shape[1] - 1, 0.0
+) -> None:
+    model, levels = arrays
+    control = Control(options.tolerance, options.impulse, options.ratio, options.calm)
+    last = acc.shape[1] - 1
     for first in range(0, last, _CHUNK):
         until = min(first + _CHUNK, last)
-        gaps = (problem, memory, options.tolerance)
-        reached, residual = march(model, step, gaps, state, (acc, first, until), track)
+        reached = march(model, levels, control, state, (acc, first, until), track)
         if reached < until:
-            raise ConvergenceError(not_converged(reached + 1, options, residual))
-        worst = max(worst, residual)
+            raise ConvergenceError(not_converged(reached + 1, options, state.counts[2]))
         progress(until, last)
-    return worst
 
 
 def not_converged(step: int, options: TransientOptions, residual: float) -> str:
@@ -184,15 +178,22 @@ def not_converged(step: int, options: TransientOptions, residual: float) -> str:
 
 def _history(
     system: System,
-    model: ModalModel,
+    arrays: tuple[ModalModel, StateSplit],
     track: Track,
     acc: Floats,
     options: TransientOptions,
     stats: dict[str, float],
 ) -> History:
-    q, v = track.q, track.v
+    model, split = arrays
+    q, v = whole_motion(system, split, track)
     traction = track.force.reshape(len(q), -1)
-    rate = model.static + acc.T @ model.load + traction @ system.B - v * model.c - q * model.k
+    rate = np.zeros_like(q)
+    rate[:, split.states] = (
+        model.static + acc.T @ model.load + traction @ split.G - track.v * model.c - track.q * model.k
+    )
+    strain = 0.5 * (track.q**2) @ model.k
+    if len(model.R):
+        strain += 0.5 * np.einsum("ti,ij,tj->t", track.s, model.R, track.s, optimize=True)
     return History(
         time=np.arange(len(q)) * (options.dt * options.stride),
         jump=track.jump,
@@ -203,13 +204,14 @@ def _history(
         acc=rate @ system.observe.T,
         q=q,
         v=v,
-        energy=ledger(track.works, 0.5 * (v**2).sum(axis=1), 0.5 * (q**2) @ model.k, track.stored),
-        peaks=named_peaks(track.peaks, options.dt),
+        energy=ledger(track.works, 0.5 * (v**2).sum(axis=1), strain, track.stored),
+        peaks=named_peaks(track.peaks),
         stats=stats,
     )
 
 
 INTEGRATORS: dict[str, Callable[[System, Floats, TransientOptions, Progress], History]] = {
+    "adaptive": adaptive,
     "modal": modal,
     "generalized_alpha": generalized_alpha,
 }

@@ -240,6 +240,6 @@ def solve_frictional(
                 p[i] = 0.0
         for _ in range(_SWEEPS):
             _sweep(W, mu, y_free, p)
-    memory.counts[2] += iterations
-    memory.counts[3] = max(memory.counts[3], iterations)
+    memory.counts[0, 2] += iterations
+    memory.counts[0, 3] = max(memory.counts[0, 3], iterations)
     return residual

@@ -32,6 +32,7 @@ class GapProblem(NamedTuple):
     Attributes
     ----------
     W : (N, N) flexibility of the jumps with the gaps' own compliance on the diagonal [m/N]
+    Z : (n, n) its inverse (frictionless, where W is well conditioned), else (0, 0) [N/m]
     lift : (N, N) or (0, 0), the factor (I + H D)^-1 where there is tension stiffness
     tension : (n,) K_nz [N/m]
     compliance : (N,) of the gaps [m/N]
@@ -40,6 +41,7 @@ class GapProblem(NamedTuple):
     """
 
     W: Floats
+    Z: Floats
     lift: Floats
     tension: Floats
     compliance: Floats
@@ -47,27 +49,43 @@ class GapProblem(NamedTuple):
     gap: Floats
 
 
+class ActiveSet(NamedTuple):
+    """The inverse of W (or Z) on an active set, changed in place.
+
+    Attributes
+    ----------
+    active : (n,) whether a gap is in the set
+    inverse : (n, n) the inverse on the set in its leading rows
+    order : (n,) the gaps of the set in the order of those rows
+    counts : (4,) size of the set, changes since the inverse was made, changes in all, largest in a step
+    work : (3, n) scratch
+    """
+
+    active: NDArray[np.bool_]
+    inverse: Floats
+    order: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    work: Floats
+
+
 class GapMemory(NamedTuple):
-    """What the solver carries from step to step, changed in place by an accepted step only.
+    """What the solver carries from step to step.
 
     Attributes
     ----------
     force : (N,) p_c of the last step, the warm start [N]
-    anchor : (n, 2) slip anchors [m]; empty without friction
-    closed : (n,) whether the gap is in the active set
-    inverse : (n, n) the inverse of W on the closed gaps in its leading rows (frictionless), else empty
-    order : (n,) the closed gaps in the order of those rows
-    work : (n,) scratch
-    counts : (4,) closed gaps in `inverse`, changes since it was made, iterations in all, largest in a step
+    anchor : (n, 2) slip anchors [m], moved by accepted steps only; empty without friction
+    active, inverse, order, counts : two of each of `ActiveSet`'s: closed gaps with W, open gaps with Z
+    work : (3, n) scratch
     """
 
     force: Floats
     anchor: Floats
-    closed: NDArray[np.bool_]
+    active: NDArray[np.bool_]
     inverse: Floats
     order: NDArray[np.int64]
-    work: Floats
     counts: NDArray[np.int64]
+    work: Floats
 
 
 def gap_problem(
@@ -108,6 +126,7 @@ def gap_problem(
     W = 0.5 * (W + W.T) + np.diag(compliance.ravel())
     return GapProblem(
         W=np.ascontiguousarray(W),
+        Z=_dual(W) if d == 1 else np.zeros((0, 0)),
         lift=np.ascontiguousarray(lift),
         tension=np.ascontiguousarray(K_nz, dtype=float),
         compliance=compliance.ravel(),
@@ -126,16 +145,29 @@ def _check_tension(K_n: Floats, K_nz: Floats, mu: Floats) -> None:
         )
 
 
+def _dual(W: Floats) -> Floats:
+    """The inverse of W, or nothing where round-off would spoil it."""
+    nothing = np.zeros((0, 0))
+    if len(W) == 0:
+        return nothing
+    try:
+        Z = np.linalg.inv(W)
+    except np.linalg.LinAlgError:
+        return nothing
+    good = np.abs(Z @ W - np.eye(len(W))).max() < 1e-9
+    return np.ascontiguousarray(0.5 * (Z + Z.T)) if good else nothing
+
+
 def gap_memory(problem: GapProblem) -> GapMemory:
     """A memory with every gap open and unloaded."""
     n, N = len(problem.gap), len(problem.W)
-    frictionless = n == N
+    carried = n if n == N else 0
     return GapMemory(
         force=np.zeros(N),
-        anchor=np.zeros((0 if frictionless else n, 2)),
-        closed=np.zeros(n, dtype=np.bool_),
-        inverse=np.zeros((n, n) if frictionless else (0, 0)),
-        order=np.zeros(n, dtype=np.int64),
-        work=np.zeros(n),
-        counts=np.zeros(4, dtype=np.int64),
+        anchor=np.zeros((0 if n == N else n, 2)),
+        active=np.zeros((2, n), dtype=np.bool_),
+        inverse=np.zeros((2, carried, carried)),
+        order=np.zeros((2, n), dtype=np.int64),
+        counts=np.zeros((2, 4), dtype=np.int64),
+        work=np.zeros((3, n)),
     )

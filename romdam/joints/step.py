@@ -16,21 +16,29 @@ Floats = NDArray[np.float64]
 
 @njit(cache=True)
 def solve_gaps(
-    problem: GapProblem, memory: GapMemory, w_free: Floats, y: Floats, tolerance: float
+    problem: GapProblem,
+    memory: GapMemory,
+    closed: NDArray[np.bool_],
+    w_free: Floats,
+    y: Floats,
+    control: tuple[float, bool],
 ) -> float:
     """Solve the gap-space problem of one step; the history is not moved.
 
     Parameters
     ----------
     problem, memory : see `romdam.joints.problem`; memory.force receives p_c
+    closed : (n,) gaps that were closed at the step's start, the warm start
     w_free : (N,) jumps for no joint force, without the initial gap; overwritten [m]
     y : (N,) receives the problem's residual displacements [m]
-    tolerance : relative
+    control : (relative tolerance, whether to give up as soon as a gap opens or closes)
 
     Returns
     -------
-    float, the relative residual reached; above `tolerance` means no convergence
+    float, the relative residual reached; above the tolerance means no convergence, inf that a gap
+    opened or closed in a step that must not have it
     """
+    tolerance, steady = control
     n = len(problem.gap)
     d = len(w_free) // max(n, 1)
     for i in range(n):
@@ -38,11 +46,16 @@ def solve_gaps(
     if len(problem.lift):
         w_free[:] = problem.lift @ w_free
     if d == 1:
-        return solve_unilateral(problem.W, memory, w_free, y, tolerance)
+        return solve_unilateral(problem, memory, closed, w_free, y, control)
     for i in range(n):
         w_free[3 * i + 1] -= memory.anchor[i, 0]
         w_free[3 * i + 2] -= memory.anchor[i, 1]
-    return solve_frictional(problem.W, problem.mu, memory, w_free, y, tolerance)
+    residual = solve_frictional(problem.W, problem.mu, memory, w_free, y, tolerance)
+    if steady and residual <= tolerance:
+        for i in range(n):
+            if (memory.force[3 * i] > 0.0) != closed[i]:
+                return np.inf
+    return residual
 
 
 @njit(cache=True)

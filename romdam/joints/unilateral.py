@@ -8,6 +8,10 @@ as gaps close and open: a change costs O(closed^2), a step without any costs the
 inverse, and nothing is refactored. (A full principal pivot transform does the same with rank-one updates of
 all n^2 entries; on the two-cantilever model it cost three times as much per change.)
 
+With more than half of the gaps closed the dual problem is the smaller one: p = Z y - Z y_free with
+Z = W^-1 made beforehand is the same problem with the roles of force and opening swapped, and its active set
+is the open gaps. An impact that runs along a joint thus never carries more than n/2 gaps.
+
 References
 ----------
 Judice, Pires, Computers Oper. Res. 21 (1994) 587: block principal pivoting.
@@ -19,7 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from romdam.joints.problem import GapMemory
+from romdam.joints.problem import ActiveSet, GapMemory, GapProblem
 
 Floats = NDArray[np.float64]
 
@@ -29,35 +33,36 @@ _REFRESH = 2000  # changes after which the inverse is made anew, to stop round-o
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _border(W: Floats, memory: GapMemory, k: int) -> None:
+def _border(W: Floats, set_: ActiveSet, k: int) -> None:
     """Close gap k: border the inverse by its row and column."""
-    inverse, order, n = memory.inverse, memory.order, memory.counts[0]
-    b = memory.work
+    inverse, order, n = set_.inverse, set_.order, set_.counts[0]
+    b, column = set_.work[0], set_.work[1]
     for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += inverse[i, j] * W[k, order[j]]
-        b[i] = total
+        column[i] = W[k, order[i]]
     schur = W[k, k]
     for i in range(n):
-        schur -= W[k, order[i]] * b[i]
+        row, total = inverse[i], 0.0
+        for j in range(n):
+            total += row[j] * column[j]
+        b[i] = total
+        schur -= column[i] * total
     scale = 1.0 / max(schur, 1e-14 * W[k, k])  # a gap that the others determine already carries no more
     for i in range(n):
-        factor = b[i] * scale
+        row, factor = inverse[i], b[i] * scale
         for j in range(n):
-            inverse[i, j] += factor * b[j]
+            row[j] += factor * b[j]
         inverse[i, n] = -factor
         inverse[n, i] = -factor
     inverse[n, n] = scale
     order[n] = k
-    memory.counts[0] = n + 1
-    memory.closed[k] = True
+    set_.counts[0] = n + 1
+    set_.active[k] = True
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _deflate(memory: GapMemory, k: int) -> None:
+def _deflate(set_: ActiveSet, k: int) -> None:
     """Open gap k: take its row and column out of the inverse; the last gap takes its place."""
-    inverse, order, n = memory.inverse, memory.order, memory.counts[0]
+    inverse, order, n = set_.inverse, set_.order, set_.counts[0]
     at = 0
     while order[at] != k:
         at += 1
@@ -68,68 +73,72 @@ def _deflate(memory: GapMemory, k: int) -> None:
         inverse[j, at], inverse[j, last] = inverse[j, last], inverse[j, at]
     order[at] = order[last]
     scale = 1.0 / inverse[last, last]
+    tail = inverse[last]
     for i in range(last):
-        factor = inverse[i, last] * scale
+        row, factor = inverse[i], tail[i] * scale
         for j in range(last):
-            inverse[i, j] -= factor * inverse[last, j]
-    memory.counts[0] = last
-    memory.closed[k] = False
+            row[j] -= factor * tail[j]
+    set_.counts[0] = last
+    set_.active[k] = False
 
 
 @njit(cache=True)
-def _rebuild(W: Floats, memory: GapMemory, wanted: NDArray[np.bool_]) -> None:
+def _rebuild(W: Floats, set_: ActiveSet, wanted: NDArray[np.bool_]) -> None:
     """Make the inverse anew for a closed set."""
-    memory.counts[0], memory.counts[1] = 0, 0
-    memory.closed[:] = False
+    set_.counts[0], set_.counts[1] = 0, 0
+    set_.active[:] = False
     for k in range(len(wanted)):
         if wanted[k]:
-            _border(W, memory, k)
+            _border(W, set_, k)
 
 
 @njit(cache=True)
-def adopt_closed(W: Floats, memory: GapMemory, wanted: NDArray[np.bool_]) -> None:
-    """Start from another closed set than the memory's own, by the cheaper of changes and a rebuild."""
+def adopt(W: Floats, set_: ActiveSet, wanted: NDArray[np.bool_]) -> None:
+    """Start from another closed set than the set_'s own, by the cheaper of changes and a rebuild."""
     changes, size = 0, 0
     for k in range(len(wanted)):
-        changes += int(memory.closed[k] != wanted[k])
+        changes += int(set_.active[k] != wanted[k])
         size += int(wanted[k])
     if 3 * changes > size:
-        _rebuild(W, memory, wanted)
+        _rebuild(W, set_, wanted)
         return
     for k in range(len(wanted)):
-        if memory.closed[k] and not wanted[k]:
-            _deflate(memory, k)
+        if set_.active[k] and not wanted[k]:
+            _deflate(set_, k)
     for k in range(len(wanted)):
-        if wanted[k] and not memory.closed[k]:
-            _border(W, memory, k)
-    memory.counts[1] += changes
+        if wanted[k] and not set_.active[k]:
+            _border(W, set_, k)
+    set_.counts[1] += changes
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _evaluate(W: Floats, memory: GapMemory, y_free: Floats, out: Floats) -> None:
+def _evaluate(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> None:
     """Force of the closed gaps and opening of the open ones, in one vector."""
-    inverse, order, n, force = memory.inverse, memory.order, memory.counts[0], memory.work
+    inverse, order, n = set_.inverse, set_.order, set_.counts[0]
+    force, right = set_.work[0], set_.work[1]
     for i in range(n):
-        total = 0.0
+        right[i] = y_free[order[i]]
+    for i in range(n):
+        row, total = inverse[i], 0.0
         for j in range(n):
-            total -= inverse[i, j] * y_free[order[j]]
+            total -= row[j] * right[j]
         force[i] = total
     out[:] = y_free
     if n < len(out):
         for a in range(n):
-            f, k = force[a], order[a]
+            f, row = force[a], W[order[a]]
             for j in range(len(out)):
-                out[j] += W[k, j] * f
+                out[j] += row[j] * f
     for a in range(n):
         out[order[a]] = force[a]
 
 
 @njit(cache=True)
-def _infeasible(closed: NDArray[np.bool_], out: Floats, slack: tuple[float, float]) -> tuple[int, int]:
+def _infeasible(active: NDArray[np.bool_], out: Floats, slack: tuple[float, float]) -> tuple[int, int]:
     """How many gaps are on the wrong side, and the largest index among them."""
     count, last = 0, -1
-    for i in range(len(closed)):
-        if out[i] < -(slack[0] if closed[i] else slack[1]):
+    for i in range(len(active)):
+        if out[i] < -(slack[0] if active[i] else slack[1]):
             count += 1
             last = i
     return count, last
@@ -146,10 +155,10 @@ def _slack(W: Floats, y_free: Floats) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _residual(W: Floats, memory: GapMemory, y_free: Floats, out: Floats) -> float:
+def _residual(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> float:
     """Largest |W p + y_free| over the closed gaps, relative to the largest |y_free|."""
     worst, size = 0.0, 1e-300
-    order, n = memory.order, memory.counts[0]
+    order, n = set_.order, set_.counts[0]
     for i in range(len(out)):
         size = max(size, abs(y_free[i]))
     for a in range(n):
@@ -161,23 +170,23 @@ def _residual(W: Floats, memory: GapMemory, y_free: Floats, out: Floats) -> floa
 
 
 @njit(cache=True)
-def _change(W: Floats, memory: GapMemory, k: int) -> None:
-    if memory.closed[k]:
-        _deflate(memory, k)
+def _change(W: Floats, set_: ActiveSet, k: int) -> None:
+    if set_.active[k]:
+        _deflate(set_, k)
     else:
-        _border(W, memory, k)
+        _border(W, set_, k)
 
 
 @njit(cache=True)
-def _change_until_feasible(W: Floats, memory: GapMemory, y_free: Floats, out: Floats) -> int:
+def _change_until_feasible(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> int:
     """Change sides until no gap is infeasible; changes made, or -1 if the limit was reached."""
-    closed = memory.closed
+    active = set_.active
     slack = _slack(W, y_free)
-    best, patience, changes = len(closed) + 1, _PATIENCE, 0
-    wrong = np.empty(len(closed), dtype=np.bool_)
-    while changes <= _MAX_CHANGES_PER_GAP * len(closed):
-        _evaluate(W, memory, y_free, out)
-        count, last = _infeasible(closed, out, slack)
+    best, patience, changes = len(active) + 1, _PATIENCE, 0
+    wrong = np.empty(len(active), dtype=np.bool_)
+    while changes <= _MAX_CHANGES_PER_GAP * len(active):
+        _evaluate(W, set_, y_free, out)
+        count, last = _infeasible(active, out, slack)
         if count == 0:
             return changes
         if count < best:
@@ -185,44 +194,91 @@ def _change_until_feasible(W: Floats, memory: GapMemory, y_free: Floats, out: Fl
         else:
             patience -= 1
         if patience <= 0:
-            _change(W, memory, last)
+            _change(W, set_, last)
             changes += 1
             continue
-        for i in range(len(closed)):
-            wrong[i] = out[i] < -(slack[0] if closed[i] else slack[1])
-        adopt_closed(W, memory, wrong ^ closed)
+        for i in range(len(active)):
+            wrong[i] = out[i] < -(slack[0] if active[i] else slack[1])
+        adopt(W, set_, wrong ^ active)
         changes += count
     return -1
 
 
 @njit(cache=True)
-def solve_unilateral(W: Floats, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float) -> float:
+def _solve_on(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats, control: tuple[float, bool]) -> float:
+    """Solve from the active set at hand; relative residual, inf without convergence."""
+    tolerance, steady = control
+    if steady:
+        _evaluate(W, set_, y_free, out)
+        if _infeasible(set_.active, out, _slack(W, y_free))[0] > 0:
+            return np.inf
+        changes = 0
+    else:
+        changes = _change_until_feasible(W, set_, y_free, out)
+    residual = 0.0 if changes == 0 else _residual(W, set_, y_free, out)
+    if changes < 0 or residual > 1e-2 * tolerance or set_.counts[1] > _REFRESH:
+        _rebuild(W, set_, set_.active.copy())
+        changes = _change_until_feasible(W, set_, y_free, out)
+        if changes < 0 or (steady and changes > 0):
+            return np.inf
+        residual = _residual(W, set_, y_free, out)
+    set_.counts[2] += changes
+    set_.counts[3] = max(set_.counts[3], changes)
+    return residual
+
+
+@njit(cache=True)
+def solve_unilateral(
+    problem: GapProblem,
+    memory: GapMemory,
+    closed: NDArray[np.bool_],
+    y_free: Floats,
+    y: Floats,
+    control: tuple[float, bool],
+) -> float:
     """Solve for the joint force; p goes to memory.force and W p + y_free to y.
 
     Parameters
     ----------
-    W : (n, n), see `romdam.joints.problem`
-    memory : its closed set and inverse are the warm start
+    problem, memory : see `romdam.joints.problem`
+    closed : (n,) closed gaps to start from
     y_free : (n,) [m]
     y : (n,) result [m]
-    tolerance : allowed relative residual of the closed gaps
+    control : (allowed relative residual on the active gaps, whether to give up at the first change)
 
     Returns
     -------
-    float, the relative residual reached; above `tolerance` (or inf) means no convergence
+    float, the relative residual reached; above the tolerance (or inf) means no convergence
     """
-    out = y
-    changes = _change_until_feasible(W, memory, y_free, out)
-    residual = 0.0 if changes == 0 else _residual(W, memory, y_free, out)
-    if changes < 0 or residual > 1e-2 * tolerance or memory.counts[1] > _REFRESH:
-        _rebuild(W, memory, memory.closed.copy())
-        changes = _change_until_feasible(W, memory, y_free, out)
-        if changes < 0:
-            return np.inf
-        residual = _residual(W, memory, y_free, out)
-    memory.counts[2] += changes
-    memory.counts[3] = max(memory.counts[3], changes)
-    for i in range(len(out)):
-        memory.force[i] = max(out[i], 0.0) if memory.closed[i] else 0.0
-        y[i] = 0.0 if memory.closed[i] else out[i]
+    n, size = len(closed), 0
+    for i in range(n):
+        size += int(closed[i])
+    dual = int(2 * size > n and len(problem.Z) > 0)
+    set_ = ActiveSet(
+        memory.active[dual], memory.inverse[dual], memory.order[dual], memory.counts[dual], memory.work
+    )
+    out = memory.work[2]
+    if dual == 1:
+        _product(problem.Z, y_free, y)
+        adopt(problem.Z, set_, ~closed)
+        residual = _solve_on(problem.Z, set_, y, out, control)
+    else:
+        adopt(problem.W, set_, closed)
+        residual = _solve_on(problem.W, set_, y_free, out, control)
+    if not residual <= control[0]:
+        return residual
+    for i in range(n):
+        loaded = set_.active[i] != (dual == 1)
+        memory.force[i] = max(out[i], 0.0) if loaded else 0.0
+        y[i] = 0.0 if loaded else out[i]
     return residual
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _product(Z: Floats, y_free: Floats, out: Floats) -> None:
+    """out = -Z y_free."""
+    for i in range(len(out)):
+        row, total = Z[i], 0.0
+        for j in range(len(out)):
+            total -= row[j] * y_free[j]
+        out[i] = total
