@@ -1,0 +1,112 @@
+"""A synthetic case with known numbers: two blocks of one cell, joints of 2 and 3 gaps, friction or not."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse import eye
+
+from romdam.config import load_config
+from romdam.config.load import Job
+from romdam.dynamics.energy import TERMS
+from romdam.dynamics.system import History
+from romdam.outputs.dataset import Timing
+from romdam.outputs.variables import Case
+from romdam.records.motion import GroundMotion
+from romdam.scene.model import Block, Joint, Material, Probe, Scene
+
+EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
+CUBE = np.array(
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float
+)
+STEPS = 41
+
+
+@dataclass(frozen=True)
+class Basis:
+    matrix: np.ndarray
+    columns: slice
+
+
+def make_block(name: str, shift: float) -> Block:
+    return Block(
+        name,
+        "hex8",
+        CUBE + np.array([0.0, shift, 0.0]),
+        np.arange(8)[None, :],
+        Material(3e10, 0.2, 2400.0),
+        {},
+    )
+
+
+def make_joint(name: str, gaps: int, mu: float) -> Joint:
+    ones = np.ones(gaps)
+    z = np.linspace(0.0, 1.0, gaps)
+    axes = np.tile(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]), (gaps, 1, 1))
+    position = np.stack([0.0 * z, 0.0 * z, z], axis=1)
+    nodes = (np.arange(gaps), np.arange(gaps))
+    coefficients = np.full((gaps, 2), mu)
+    return Joint(
+        name, ("left", "right"), nodes, position, 0.5 * ones, axes, eye(gaps).tocsr(), 1e-3 * ones,
+        1e10 * ones, 0 * ones, 5e9 * ones, coefficients,
+    )  # fmt: skip
+
+
+def make_history(gaps: int, directions: int, reduced: bool) -> History:
+    rng = np.random.default_rng(1)
+    time = np.arange(STEPS) * 0.05
+    jump = rng.normal(size=(STEPS, gaps, directions)) * 1e-3
+    traction = np.abs(rng.normal(size=(STEPS, gaps, directions))) * 1e6
+    slip = np.hypot(jump[..., 1], jump[..., 2]) if directions == 3 else 0.0 * jump[..., 0]
+    peaks = {
+        "opening": jump[..., 0].max(axis=0),
+        "opening_time": time[jump[..., 0].argmax(axis=0)],
+        "compression": traction[..., 0].max(axis=0),
+        "slip": slip.max(axis=0),
+    }
+    motion = rng.normal(size=(3, STEPS, 6))
+    energy = {term: rng.uniform(size=STEPS) for term in TERMS}
+    q, v = (rng.normal(size=(STEPS, 7)) for _ in range(2))
+    stats = {"steps": 40.0, "loop_cpu_seconds": 0.1}
+    state = rng.integers(0, 3, size=(STEPS, gaps)).astype(np.uint8)
+    coordinates = (q, v) if reduced else (None, None)
+    return History(
+        time, jump, traction, state, *motion, *coordinates, energy=energy, peaks=peaks, stats=stats
+    )
+
+
+def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Case:
+    blocks = {"left": make_block("left", -1.0), "right": make_block("right", 0.0)}
+    found = {"J1": make_joint("J1", 2, mu), "J2": make_joint("J2", 3, 0.0)} if joints else {}
+    fixed = {name: np.zeros((8, 3), dtype=bool) for name in blocks}
+    probes = (Probe("top_left", "left", 6), Probe("top_right", "right", 5))
+    scene = Scene(blocks, found, fixed, (), (), np.zeros(3), probes)
+    acc = np.zeros((3, 401))
+    acc[1] = np.sin(np.arange(401) * 0.05)
+    motion = GroundMotion("quake", acc, 0.005, {"sha256": "abc"}, ("a warning",))
+    gaps = 5 if joints else 0
+    return Case(scene, motion, make_history(gaps, 3 if mu > 0 and joints else 1, reduced))
+
+
+def make_basis() -> dict[str, Basis]:
+    rng = np.random.default_rng(2)
+    return {
+        "left": Basis(rng.normal(size=(24, 3)), slice(0, 3)),
+        "right": Basis(rng.normal(size=(24, 4)), slice(3, 7)),
+    }
+
+
+@pytest.fixture(scope="session")
+def job() -> Job:
+    return load_config(EXAMPLE)
+
+
+@pytest.fixture
+def case() -> Case:
+    return make_case()
+
+
+@pytest.fixture
+def timing() -> Timing:
+    return Timing({"scene": 0.5}, {"scene": 0.4})

@@ -1,0 +1,81 @@
+"""The error measures, on numbers worked by hand, and where the statement lands."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from romdam.errors import ResultError
+from romdam.outputs.comparison import (
+    Openings,
+    compare_openings,
+    read_reference,
+    read_statement,
+    write_statement,
+)
+from romdam.outputs.dataset import build_dataset, write_dataset
+
+POSITION = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]])
+TIME = np.arange(5) * 0.1
+NAMES = ("a", "b")
+
+
+def openings(values: np.ndarray, time=TIME, position=POSITION) -> Openings:
+    return Openings(time, values, position)
+
+
+def test_errors_by_hand():
+    reference = np.zeros((5, 3))
+    reference[2] = [3.0, 0.0, 4.0]  # norm 5, peak 4
+    computed = reference.copy()
+    computed[2, 2] = 4.4
+    computed[3, 1] = 0.3
+    found = compare_openings(openings(computed), openings(reference), NAMES)
+    assert found.peak_error == pytest.approx(0.1)
+    assert found.l2_error == pytest.approx(np.hypot(0.4, 0.3) / 5.0)
+    assert found.seconds == pytest.approx(0.4)
+
+
+def test_gaps_are_matched_by_position_and_times_by_value():
+    reference = np.random.default_rng(0).normal(size=(5, 3))
+    order = [2, 0, 1]
+    shuffled = openings(reference[::2][:, order], TIME[::2], POSITION[order])
+    assert compare_openings(openings(reference), shuffled, NAMES).l2_error < 1e-15
+
+
+def test_gaps_or_times_that_do_not_match_are_refused():
+    values = np.ones((5, 3))
+    with pytest.raises(ResultError, match="not at the places"):
+        compare_openings(openings(values), openings(values, position=POSITION + 0.5), NAMES)
+    with pytest.raises(ResultError, match="fewer than two times"):
+        compare_openings(openings(values), openings(values, time=TIME + 0.05), NAMES)
+    with pytest.raises(ResultError, match="nothing to compare"):
+        compare_openings(openings(values), openings(0 * values), NAMES)
+
+
+def test_reference_with_positions_of_its_own_or_beside_it(tmp_path):
+    np.savez(tmp_path / "own.npz", time=TIME, gap=np.ones((5, 3)), position=POSITION)
+    np.savez(tmp_path / "bare.npz", time=TIME, gap=np.ones((5, 3)))
+    np.testing.assert_array_equal(read_reference(tmp_path / "own.npz").position, POSITION)
+    with pytest.raises(ResultError, match=r"bare\.npz: is no reference"):
+        read_reference(tmp_path / "bare.npz")
+    np.savez(tmp_path / "model.npz", points=POSITION[::-1], pairs=np.array([[2, 0], [1, 0], [0, 0]]))
+    np.testing.assert_array_equal(read_reference(tmp_path / "bare.npz").position, POSITION)
+
+
+def test_statement_lands_in_results_of_the_same_configuration_only(case, job, timing, tmp_path):
+    write_dataset(build_dataset(case, job, timing, None), tmp_path / "same.nc")
+    other = build_dataset(case, job, timing, None)
+    other.attrs["configuration_sha256"] = "other"
+    write_dataset(other, tmp_path / "other.nc")
+    write_statement(
+        tmp_path, {"statement": "0.1 % off", "configuration_sha256": job.digest, "l2_error": 0.001}
+    )
+    with h5py.File(tmp_path / "same.nc") as file:
+        assert file.attrs["error_statement"] == "0.1 % off"
+        assert json.loads(file.attrs["verification"])["l2_error"] == 0.001
+    with h5py.File(tmp_path / "other.nc") as file:
+        assert "error_statement" not in file.attrs
+    assert read_statement(tmp_path, job.digest)["error_statement"] == "0.1 % off"
+    assert read_statement(tmp_path, "other") == {}

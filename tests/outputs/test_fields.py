@@ -1,0 +1,88 @@
+"""Displacements rebuilt from the basis file equal basis times coordinates, at any node and time."""
+
+import h5py
+import numpy as np
+import pytest
+
+from romdam import open_result
+from romdam.errors import ResultError
+from romdam.outputs.dataset import build_dataset, write_dataset
+from romdam.outputs.fields import write_model
+
+from .conftest import make_basis, make_case
+
+
+@pytest.fixture
+def result(case, job, timing, tmp_path):
+    name = write_model(tmp_path, case.scene, make_basis())
+    write_dataset(build_dataset(case, job, timing, name), tmp_path / "quake.nc")
+    with open_result(tmp_path / "quake.nc") as opened:
+        yield opened
+
+
+@pytest.mark.parametrize(("block", "columns"), [("left", slice(0, 3)), ("right", slice(3, 7))])
+def test_field_is_basis_times_coordinates(result, case, block, columns):
+    expected = case.history.q[:, columns] @ make_basis()[block].matrix.T
+    np.testing.assert_allclose(
+        result.displacement(block).values.reshape(41, -1), expected, rtol=1e-13, atol=1e-13
+    )
+
+
+def test_nodes_in_any_order_and_times_are_picked(result):
+    whole = result.displacement("right")
+    some = result.displacement("right", nodes=[5, 1, 5], times=[0.051, 1.0])
+    np.testing.assert_allclose(some.values, whole.values[[1, 20]][:, [5, 1, 5]], atol=1e-14)
+    assert list(some.point.values) == [5, 1, 5]
+    part = result.displacement("right", nodes=2, times=slice(0.5, 1.0))
+    assert part.sizes == {"time": 11, "point": 1, "component": 3}
+
+
+def test_mesh_comes_with_the_result(result, case):
+    np.testing.assert_array_equal(result.points("left"), case.scene.blocks["left"].points)
+    element, cells = result.cells("left")
+    assert element == "hex8"
+    np.testing.assert_array_equal(cells, case.scene.blocks["left"].cells)
+    assert result.blocks == ["left", "right"]
+
+
+def test_wrong_block_or_node_is_named(result):
+    with pytest.raises(ResultError, match="no block 'middle'; there are left, right"):
+        result.displacement("middle")
+    with pytest.raises(ResultError, match="must be from 0 to 7, got 8"):
+        result.displacement("left", nodes=8)
+    with pytest.raises(ResultError, match="must be from 0 to 7, got -1"):
+        result.displacement("left", nodes=-1)
+
+
+def test_full_order_result_says_what_it_lacks(job, timing, tmp_path):
+    write_dataset(build_dataset(make_case(reduced=False), job, timing, None), tmp_path / "a.nc")
+    with open_result(tmp_path / "a.nc") as opened, pytest.raises(ResultError, match="full-order result"):
+        opened.displacement("left")
+
+
+def test_basis_is_written_once_and_rewritten_when_broken(case, tmp_path):
+    name = write_model(tmp_path, case.scene, make_basis())
+    written = (tmp_path / name).stat().st_mtime_ns
+    assert write_model(tmp_path, case.scene, make_basis()) == name
+    assert (tmp_path / name).stat().st_mtime_ns == written
+    (tmp_path / name).write_bytes(b"broken")
+    write_model(tmp_path, case.scene, make_basis())
+    with h5py.File(tmp_path / name) as file:
+        assert set(file["blocks"]) == {"left", "right"}
+
+
+def test_another_basis_has_another_name(case, tmp_path):
+    other = make_basis()
+    other["left"].matrix[0, 0] += 1e-12
+    assert write_model(tmp_path, case.scene, other) != write_model(tmp_path, case.scene, make_basis())
+
+
+def test_basis_file_outside_the_folder_is_never_opened(case, job, timing, tmp_path):
+    (tmp_path / "inner").mkdir()
+    name = write_model(tmp_path, case.scene, make_basis())
+    write_dataset(build_dataset(case, job, timing, f"../{name}"), tmp_path / "inner" / "a.nc")
+    with (
+        open_result(tmp_path / "inner" / "a.nc") as opened,
+        pytest.raises(ResultError, match="cannot be read"),
+    ):
+        opened.points("left")

@@ -1,0 +1,57 @@
+"""Every figure draws for every kind of result and shows the numbers of the dataset."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from romdam.outputs.dataset import build_dataset
+from romdam.outputs.plots import FIGURES, opening_comparison, write_plots
+from romdam.outputs.style import scaled
+
+from .conftest import make_case
+
+CASES = {
+    "friction": {},
+    "frictionless": {"mu": 0.0},
+    "full order": {"reduced": False},
+    "no joints": {"joints": False},
+}
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_figures_are_written_for_what_there_is(kind, job, timing, tmp_path):
+    ds = build_dataset(make_case(**CASES[kind]), job, timing, None)
+    paths = write_plots(ds, tmp_path, "quake")
+    without_joints = {"joint_opening", "opening_envelope"} if kind == "no joints" else set()
+    assert {p.name for p in paths} == {f"quake-{name}.png" for name in FIGURES if name not in without_joints}
+    for path in paths:
+        pixels = np.asarray(Image.open(path).convert("L"))
+        assert min(pixels.shape) > 300 and pixels.std() > 5, f"{path.name} is blank"
+
+
+def test_line_of_the_widest_gap_is_the_dataset_in_millimetres(case, job, timing):
+    ds = build_dataset(case, job, timing, None)
+    axes = FIGURES["joint_opening"](ds).axes
+    assert "J1" in axes[0].get_ylabel() and "[mm]" in axes[0].get_ylabel()
+    line = axes[1].lines[0].get_ydata()
+    np.testing.assert_allclose(line, 1e3 * ds.opening[:, 2:].max("gap"), rtol=1e-12)
+
+
+def test_comparison_shows_both_histories():
+    time, opening = np.arange(3.0), np.array([[0.0, 0.001], [0.002, 0.001], [0.0, 0.0]])
+    figure = opening_comparison({"reduced": (time, opening), "full": (time, 2 * opening)}, "title")
+    shown = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+    np.testing.assert_allclose(shown["reduced"], [1.0, 2.0, 0.0])
+    np.testing.assert_allclose(shown["full"], [2.0, 4.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("value", "shown", "unit"), [(0.056, 56.0, "mm"), (8e6, 8.0, "MJ"), (0.0, 0.0, "J"), (2.0, 2.0, "m")]
+)
+def test_prefix_suits_the_largest_value(value, shown, unit):
+    import xarray as xr
+
+    values, factor, name = scaled(xr.DataArray([0.0, -value]), unit[-1])
+    assert name == unit
+    np.testing.assert_allclose(values[1], -shown)
+    assert factor * value == pytest.approx(shown)

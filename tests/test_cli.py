@@ -1,0 +1,266 @@
+"""The command as a person meets it: exit codes, one message per mistake, files where they are said to be."""
+
+import io
+import os
+import subprocess
+import sys
+import textwrap
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from typer.testing import CliRunner
+
+import romdam
+from romdam import cli
+
+SMALL = """
+materials:
+  concrete: {E: 30 GPa, nu: 0.18, rho: 2440 kg/m3}
+blocks:
+  left: {material: concrete, box: {origin: [0, -5, 0], size: [5, 5, 20], element_size: 5 m}}
+  right: {material: concrete, box: {origin: [0, 0, 0], size: [5, 10, 20], element_size: 5 m}}
+supports:
+  - {block: left, face: zmin}
+  - {block: right, face: zmin}
+joints:
+  gap: {between: [left, right], normal_stiffness: 16 GPa/m}
+damping:
+  rayleigh: {frequencies: [5 Hz, 50 Hz], ratio: 5 %}
+records:
+  - {name: pulse, file: pulse.txt, unit: m/s2, dt: 0.01 s, components: {y: 1}}
+model: {order: reduced, modes: 10}
+transient: {dt: 2 ms}
+outputs:
+  every: 0.01 s
+  nodes: {top: {block: right, at: [0, 0, 20]}}
+"""
+
+
+@pytest.fixture
+def config(tmp_path) -> Path:
+    time = np.arange(60) * 0.01
+    np.savetxt(tmp_path / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-4 * time))
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL)
+    return path
+
+
+def call(*args: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of `main`, in this process: the kernels are loaded once."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", ["romdam", *map(str, args)])
+        patch.setenv("COLUMNS", "200")
+        try:
+            cli.main()
+        except SystemExit as stop:
+            return int(stop.code or 0), out.getvalue(), err.getvalue()
+    return 0, out.getvalue(), err.getvalue()
+
+
+def call_alone(*args: object) -> tuple[int, str, str]:
+    """The same in a process of its own, as the console script runs it."""
+    code = "from romdam.cli import main; main()"
+    run = [sys.executable, "-c", code, *map(str, args)]
+    done = subprocess.run(run, capture_output=True, text=True, env={**os.environ, "COLUMNS": "200"})
+    return done.returncode, done.stdout, done.stderr
+
+
+def edited(config: Path, **sections: object) -> Path:
+    raw = yaml.safe_load(config.read_text())
+    raw.update(sections)
+    config.write_text(yaml.safe_dump(raw))
+    return config
+
+
+def refuse(config: Path, *parts: str, args: tuple[object, ...] = ()) -> None:
+    """The command ends with 2, one message that holds `parts`, no traceback, and no file."""
+    out = config.parent / "out"
+    code, stdout, stderr = call("run", config, "--out", out, *args)
+    assert code == 2, stderr
+    assert "Traceback" not in stderr and stdout == ""
+    assert stderr.startswith("romdam: ") and stderr.count("romdam: ") == 1
+    for part in parts:
+        assert part in stderr
+    assert not out.exists() or not list(out.iterdir()), "nothing half-written"
+
+
+def test_run_then_info_then_plot(config, tmp_path):
+    out = tmp_path / "results"
+    code, stdout, stderr = call_alone("run", config, "--out", out)
+    assert (code, stderr) == (0, "")
+    assert f"written: {out / 'pulse.nc'}" in stdout
+    ds = xr.open_dataset(out / "pulse.nc")
+    assert f"{1e3 * float(ds.peak_opening.sel(joint='gap')):.2f}" in stdout
+    assert float(ds.peak_opening.max()) > 1e-5, "the pulse opens the joint"
+    names = {p.name for p in out.iterdir()}
+    assert {"pulse.nc", "pulse-joint_opening.png", ds.attrs["model_file"]} <= names
+    code, stdout, _ = call("info", out / "pulse.nc")
+    assert code == 0 and "not stated" in stdout and "pulse" in stdout
+    code, stdout, _ = call("plot", out / "pulse.nc", "--out", tmp_path / "figures")
+    assert code == 0 and (tmp_path / "figures" / "pulse-energy.png").is_file()
+
+
+def test_quiet_prints_nothing_and_verbose_tells_the_stages(config, tmp_path):
+    assert call("run", config, "--out", tmp_path / "a", "--quiet") == (0, "", "")
+    _, _, stderr = call_alone("run", config, "--out", tmp_path / "a", "--verbose")
+    for stage in ("reducing the blocks", "shaking with pulse", "writing the result"):
+        assert stage in stderr
+
+
+def test_check_tells_sizes_and_runs_nothing(config, tmp_path):
+    before = sorted(tmp_path.iterdir())
+    code, stdout, _ = call("check", config)
+    assert code == 0
+    for part in ("left", "hex8", "295", "unknowns", "is valid"):
+        assert part in stdout
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_verify_states_the_error_in_the_result(config, tmp_path):
+    out = tmp_path / "results"
+    call("run", config, "--out", out, "--quiet")
+    code, stdout, stderr = call("verify", config, "--out", out, "--duration", "0.4 s")
+    assert code == 0, stderr
+    assert "in L2" in stdout and (out / "verification.png").is_file()
+    assert "in L2" in call("info", out / "pulse.nc")[1]
+    with romdam.open_result(out / "pulse.nc") as result:
+        assert "in L2" in result.dataset.attrs["error_statement"]
+    call("run", config, "--out", out, "--quiet")
+    assert "in L2" in call("info", out / "pulse.nc")[1], "a later run keeps the statement"
+
+
+def test_five_lines_of_python(config, tmp_path):
+    job = romdam.load_config(config)
+    outcome = romdam.run(job, out=tmp_path / "results")
+    result = romdam.open_result(outcome.paths[0])
+    top = result.dataset.displacement.sel(node="top").values
+    node = int(np.abs(result.points("right") - [0, 0, 20]).sum(axis=1).argmin())
+    np.testing.assert_allclose(result.displacement("right", nodes=node).values[:, 0], top, atol=1e-15)
+    result.close()
+
+
+def test_basis_is_shared_by_the_records_and_by_a_second_run(config, tmp_path):
+    record = yaml.safe_load(SMALL)["records"][0]
+    edited(config, records=[record, {**record, "name": "again", "scale": 2}])
+    for _ in range(2):
+        outcome = romdam.run(romdam.load_config(config), out=tmp_path / "results")
+    assert [p.name for p in outcome.paths] == ["pulse.nc", "again.nc"]
+    assert len(list((tmp_path / "results").glob("model-*.h5"))) == 1
+
+
+def test_unknown_key_and_bad_numbers_end_with_two(config):
+    refuse(edited(config, outputz={}), "small.yaml", "outputz is not a known key", "'outputs'")
+
+
+def test_output_folder_that_cannot_be_written_is_refused_before_computing(config, tmp_path):
+    (tmp_path / "taken").touch()
+    code, _, stderr = call("run", config, "--out", tmp_path / "taken" / "out")
+    assert code == 2 and "taken/out: the output folder cannot be made" in stderr
+    assert "Traceback" not in stderr
+
+
+def test_output_interval_that_is_no_multiple_of_the_step(config):
+    refuse(edited(config, outputs={"every": "0.005 s"}), "outputs.every", "0.002 s", "got 0.005 s", "nearest")
+
+
+def test_scene_mistakes_name_file_and_key(config):
+    raw = yaml.safe_load(config.read_text())
+    raw["blocks"]["left"]["box"]["element_size"] = "3 m"
+    refuse(edited(config, blocks=raw["blocks"]), "blocks.left", "3")
+
+
+def test_joint_between_blocks_that_do_not_touch(config):
+    raw = yaml.safe_load(config.read_text())
+    raw["blocks"]["right"]["box"]["origin"] = [0, 1, 0]
+    refuse(edited(config, blocks=raw["blocks"]), "joints.gap", "left", "right")
+
+
+def test_support_that_catches_no_node(config):
+    supports = [{"block": "left", "face": {"axis": "z", "at": 7}}, {"block": "right", "face": "zmin"}]
+    refuse(edited(config, supports=supports), "supports[0]")
+
+
+def test_free_block_is_named(config):
+    raw = yaml.safe_load(config.read_text())
+    far = {"material": "concrete", "box": {"origin": [90, 0, 0], "size": [5, 5, 5], "element_size": 5}}
+    refuse(edited(config, blocks={**raw["blocks"], "lonely": far}), "lonely")
+
+
+def test_more_modes_than_the_block_has(config):
+    refuse(edited(config, model={"modes": 5000}), "model.modes", "5000")
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [("1\nnan\n2\n", "pulse.txt"), ("", "pulse.txt"), ("1\n", "pulse.txt"), (None, "pulse.txt")],
+)
+def test_unusable_record_is_refused(config, content, part):
+    if content is None:
+        (config.parent / "pulse.txt").unlink()
+    else:
+        (config.parent / "pulse.txt").write_text(content)
+    refuse(config, part)
+
+
+def test_wrong_use_ends_with_two(tmp_path):
+    assert call("run")[0] == 2
+    assert call("run", tmp_path / "none.yaml", "--out", tmp_path / "o")[0] == 2
+    assert call("info", tmp_path / "none.nc")[0] == 2
+    assert call("verify", tmp_path / "none.yaml", "--out", tmp_path / "o", "--duration", "10 kg")[0] == 2
+
+
+def test_help_states_exit_codes_and_version_prints():
+    shown = CliRunner().invoke(cli.app, ["--help"], env={"COLUMNS": "200"}).output
+    assert "Exit codes" in shown and "2 bad input" in shown
+    assert CliRunner().invoke(cli.app, ["--version"]).output.startswith(f"romdam {romdam.__version__}")
+
+
+def test_help_loads_no_numerical_library():
+    code = textwrap.dedent("""
+        import sys
+        sys.argv = ["romdam", "--help"]
+        from romdam.cli import main
+        try:
+            main()
+        except SystemExit:
+            pass
+        print(sorted({"numpy", "scipy", "numba", "xarray", "matplotlib", "obspy", "pint"} & set(sys.modules)))
+    """)
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.splitlines()[-1] == "[]"
+
+
+def test_failure_of_one_record_of_two_leaves_the_other(config, tmp_path, monkeypatch):
+    from romdam.errors import ConvergenceError
+    from romdam.pipelines import run as pipeline
+
+    record = yaml.safe_load(SMALL)["records"][0]
+    edited(config, records=[record, {**record, "name": "bad"}])
+    real = pipeline.run_motion
+
+    def fail(job, model, motion, *rest):
+        if motion.name == "bad":
+            raise ConvergenceError("step 3 did not converge")
+        return real(job, model, motion, *rest)
+
+    monkeypatch.setattr(pipeline, "run_motion", fail)
+    shown = CliRunner().invoke(cli.app, ["run", str(config), "--out", str(tmp_path / "out")])
+    assert shown.exit_code == 1
+    assert "bad: step 3 did not converge" in shown.output and "1 of 2 records failed" in shown.output
+    assert (tmp_path / "out" / "pulse.nc").is_file() and not (tmp_path / "out" / "bad.nc").exists()
+
+
+def test_lone_record_that_does_not_converge_ends_with_one(config, tmp_path, monkeypatch):
+    from romdam.errors import ConvergenceError
+    from romdam.pipelines import run as pipeline
+
+    def fail(*args):
+        raise ConvergenceError("step 3 did not converge")
+
+    monkeypatch.setattr(pipeline, "run_motion", fail)
+    assert call("run", config, "--out", tmp_path / "o") == (1, "", "romdam: step 3 did not converge\n")
