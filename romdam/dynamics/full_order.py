@@ -119,9 +119,7 @@ def _stepper(system: System, options: TransientOptions) -> _Stepper:
     return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), system_gap_problem(system, H))
 
 
-def _step(
-    stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, tolerance: float
-) -> float:
+def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, tolerance: float) -> float:
     """Advance one step in place; the relative residual of the gap-space problem."""
     s, dt, system = stepper.scheme, stepper.dt, stepper.system
     u_old, v_old = state.u, state.v

@@ -18,10 +18,11 @@ class TransientOptions:
     rho_inf : spectral radius at infinite frequency (generalized_alpha only)
     tolerance : allowed relative residual of the gap-space problem of a step
     initial_state : "static" (equilibrium under the static loads) or "from_start" (at rest, undeformed)
-    halvings : how often a base step may be halved where contact changes (adaptive only)
+    levels : step sizes below the base step, each a quarter of the one before (adaptive only)
     impulse : gap velocity that the change of a joint force over a step may stand for before the step
-        is halved [m/s] (adaptive only)
-    state_cutoff : modes above this frequency answer as a relaxing flexibility [Hz] (adaptive only)
+        is cut [m/s] (adaptive only)
+    flexible_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility and are
+        no states (adaptive only)
     """
 
     dt: float
@@ -30,8 +31,6 @@ class TransientOptions:
     rho_inf: float = 0.9
     tolerance: float = 1e-8
     initial_state: str = "static"
-    halvings: int = 4
+    levels: int = 2
     impulse: float = math.inf
-    state_cutoff: float = math.inf
-    ratio: int = 2
-    calm: int = 0
+    flexible_ratio: float = 0.7

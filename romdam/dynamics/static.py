@@ -106,7 +106,7 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     n, N = len(problem.gap), len(problem.W)
     d = N // max(n, 1)
     y = np.zeros(N)
-    residual = solve_gaps(problem, memory, memory.force[:: d] > 0.0, w_free, y, (tolerance, False))
+    residual = solve_gaps(problem, memory, memory.force[::d] > 0.0, w_free, y, (tolerance, False))
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "

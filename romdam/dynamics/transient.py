@@ -61,7 +61,7 @@ def modal(system: System, ground: Floats, options: TransientOptions, progress: P
     ConfigError
         for a system that is not diagonal.
     """
-    fixed = replace(options, halvings=0, impulse=math.inf, state_cutoff=math.inf)
+    fixed = replace(options, levels=0, flexible_ratio=math.inf)
     return adaptive(system, ground, fixed, progress)
 
 
@@ -81,7 +81,7 @@ def adaptive(system: System, ground: Floats, options: TransientOptions, progress
     start = time.process_time()
     active = np.flatnonzero(np.abs(ground).max(axis=1) > 0.0)
     acc = np.ascontiguousarray(ground[active])
-    split = split_states(system, options.state_cutoff)
+    split = split_states(system, options.flexible_ratio)
     model = modal_model(system, split, active)
     levels = step_levels(system, model, split, options)
     q, gaps = _initial(system, options)
@@ -158,7 +158,7 @@ def _march_in_chunks(
     progress: Progress,
 ) -> None:
     model, levels = arrays
-    control = Control(options.tolerance, options.impulse, options.ratio, options.calm)
+    control = Control(options.tolerance, options.impulse)
     last = acc.shape[1] - 1
     for first in range(0, last, _CHUNK):
         until = min(first + _CHUNK, last)

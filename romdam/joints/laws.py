@@ -29,9 +29,7 @@ def normal_force(opening: float, K_n: float, K_nz: float) -> float:
 
 
 @njit(cache=True)
-def project_shear(
-    t_j: float, t_k: float, limit_j: float, limit_k: float
-) -> tuple[float, float, bool]:
+def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tuple[float, float, bool]:
     """Nearest admissible shear to a trial shear, and whether the gap slips.
 
     Equal limits bound the resultant (a disc), unequal limits each direction (a rectangle).

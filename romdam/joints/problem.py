@@ -88,9 +88,7 @@ class GapMemory(NamedTuple):
     work: Floats
 
 
-def gap_problem(
-    H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats, gap: Floats
-) -> GapProblem:
+def gap_problem(H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats, gap: Floats) -> GapProblem:
     """Set up the gap-space problem of one time step.
 
     Parameters
