@@ -17,7 +17,7 @@ from romdam.config.load import Job
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.system import System
 from romdam.dynamics.transient import integrate
-from romdam.errors import ConfigError, RomdamError
+from romdam.errors import ConfigError, RecordError, RomdamError
 from romdam.fem.unreduced import assemble_full
 from romdam.outputs.comparison import read_statement
 from romdam.outputs.dataset import Timing, build_dataset, prepare_folder, write_dataset
@@ -25,7 +25,7 @@ from romdam.outputs.fields import write_model
 from romdam.outputs.variables import Case
 from romdam.records.motion import GroundMotion
 from romdam.records.resampling import resample_linear
-from romdam.records.suite import load_motions
+from romdam.records.suite import check_names, load_motions
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.model import Scene
@@ -102,18 +102,38 @@ def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
     folder = prepare_folder(Path(out))
     clock = Clock(show)
     with clock.stage("records", "reading records"):
-        motions = load_motions(job.config.records, job.folder)
+        motions, failures = read_motions(job)
     model = build_model(job, clock)
     model_file = write_model(folder, model.scene, model.reduced.basis) if model.reduced else None
-    paths, failures = [], {}
+    paths = []
     for motion in motions:
         try:
             paths.append(run_motion(job, model, motion, (folder, model_file), clock))
         except RomdamError as error:
-            if len(motions) == 1:
+            if len(motions) + len(failures) == 1:
                 raise
             failures[motion.name] = str(error)
     return Outcome(tuple(paths), failures)
+
+
+def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
+    """Ground motions of a job, and entry -> message of those that cannot be read.
+
+    Raises
+    ------
+    RecordError
+        where no entry can be read, or two records share a name.
+    """
+    motions, failures = [], {}
+    for i, entry in enumerate(job.config.records):
+        try:
+            motions += load_motions((entry,), job.folder)
+        except RecordError as error:
+            failures[entry.name or f"records[{i}]"] = str(error)
+    if not motions:
+        raise RecordError("\n".join(failures.values()))
+    check_names(motions)
+    return motions, failures
 
 
 def build_model(job: Job, clock: Clock) -> Model:

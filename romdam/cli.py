@@ -137,6 +137,24 @@ def plot(
         say(*(f"written: {path}" for path in write_plots(opened.dataset, folder, result.stem)))
 
 
+@app.command(epilog=EXIT_CODES)
+def records(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LIST...", help="Jobs (YAML), manifests, folders, record files, or P-695 sets."
+        ),
+    ],
+) -> None:
+    """List ground motions with their measures; one that cannot be read is a row that says why."""
+    from romdam.records.table import format_table, list_records
+
+    listed = list_records(sources)
+    typer.echo(format_table(listed))
+    if any(one.motion is None for one in listed):
+        raise typer.Exit(FAILED)
+
+
 def _terminal(quiet: bool, verbose: bool) -> tuple[Stages, Callable[..., None]]:
     """Progress on stderr, and a printer to stdout that --quiet silences."""
     import logging

@@ -255,6 +255,27 @@ def test_failure_of_one_record_of_two_leaves_the_other(config, tmp_path, monkeyp
     assert (tmp_path / "out" / "pulse.nc").is_file() and not (tmp_path / "out" / "bad.nc").exists()
 
 
+def test_unreadable_record_of_two_leaves_the_other(config, tmp_path):
+    record = yaml.safe_load(SMALL)["records"][0]
+    edited(config, records=[{**record, "name": "lost", "file": "nowhere.txt"}, record])
+    code, stdout, stderr = call("run", config, "--out", tmp_path / "out")
+    assert code == 1 and "lost: " in stderr and "nowhere.txt" in stderr and "1 of 2 records failed" in stderr
+    assert "pulse.nc" in stdout and (tmp_path / "out" / "pulse.nc").is_file()
+
+
+def test_two_records_of_one_name_are_refused(config):
+    record = yaml.safe_load(SMALL)["records"][0]
+    refuse(edited(config, records=[record, record]), "2 records are named 'pulse'", "`name`")
+
+
+def test_records_are_listed_with_their_measures(config):
+    code, stdout, _ = call("records", config)
+    assert code == 0 and "pulse" in stdout and "1 records" in stdout
+    (config.parent / "pulse.txt").unlink()
+    code, stdout, _ = call("records", config)
+    assert code == 1 and "pulse.txt" in stdout
+
+
 def test_lone_record_that_does_not_converge_ends_with_one(config, tmp_path, monkeypatch):
     from romdam.errors import ConvergenceError
     from romdam.pipelines import run as pipeline

@@ -25,16 +25,15 @@ ALLOWED = {
     "fem": {"scene"},
     "dynamics": {"joints", "linalg"},
     "reduction": {"fem", "linalg", "scene"},
-    "outputs": set(),
+    "outputs": {"records"},
     "pipelines": EVERY_ROOM,
     "terminal": {"pipelines", "outputs"},
-    "cli": {"pipelines", "outputs", "terminal"},
+    "cli": {"pipelines", "outputs", "records", "terminal"},
     "__init__": {"pipelines", "outputs"},
 }
 TYPES = {
     "romdam.scene.model": {"fem", "reduction", "outputs"},
     "romdam.dynamics.system": {"fem", "reduction", "outputs"},
-    "romdam.records.motion": {"outputs"},
 }
 ANYWHERE = {"errors", "config"}
 ONLY_IN = {

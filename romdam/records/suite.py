@@ -40,7 +40,7 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
             limits = {name: limit.model_dump(exclude_none=True) for name, limit in config.keep.items()}
             raise RecordError(f"records: none of {len(found)} records passes `keep` {limits}")
         motions += kept
-    _check_names(motions)
+    check_names(motions)
     return motions
 
 
@@ -89,7 +89,14 @@ def _kept(motion: GroundMotion, config: RecordConfig) -> bool:
     return True
 
 
-def _check_names(motions: list[GroundMotion]) -> None:
+def check_names(motions: Sequence[GroundMotion]) -> None:
+    """Refuse two records with one name, whose results would overwrite each other.
+
+    Raises
+    ------
+    RecordError
+        which names both places.
+    """
     names = [motion.name for motion in motions]
     for motion in motions:
         if names.count(motion.name) > 1:
