@@ -1,0 +1,126 @@
+"""Random gap-space problems, and a check of a solution that shares no code with the solver."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from romdam.joints.laws import coulomb
+from romdam.joints.problem import gap_memory, gap_problem
+from romdam.joints.step import commit_gaps, solve_gaps
+
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Case:
+    """One step: w = w_free + H p with the law's parameters; d is 1 or 3."""
+
+    H: np.ndarray
+    stiffness: tuple[np.ndarray, np.ndarray, np.ndarray]
+    mu: np.ndarray
+    gap: np.ndarray
+    anchor: np.ndarray
+    w_free: np.ndarray
+
+    @property
+    def problem(self):
+        return gap_problem(self.H, self.stiffness, self.mu, self.gap)
+
+
+def random_case(seed, n, mu=(0.0, 0.0), K_n=1e9, K_nz=0.0, K_s=5e8, coupling=1.0, floor=1e-3):
+    """H is a Gram matrix of about 1e-9 m/N; `coupling` scales its off-diagonal part, `floor` is added.
+
+    Free jumps are as often closed as open, initial gaps lie around zero (penetration included).
+    """
+    rng = np.random.default_rng(seed)
+    d = 3 if max(mu) > 0.0 else 1
+    A = rng.standard_normal((d * n, max(1, int(0.8 * d * n))))
+    H = A @ A.T / A.shape[1]
+    H = 1e-9 * (coupling * (H - np.diag(np.diag(H))) + np.diag(np.diag(H)) + floor * np.eye(d * n))
+    full = np.ones(n)
+    return Case(
+        H=H,
+        stiffness=(K_n * full, K_nz * full, K_s * full),
+        mu=np.tile(np.asarray(mu, dtype=float), (n, 1)),
+        gap=1e-4 * rng.standard_normal(n),
+        anchor=1e-4 * rng.standard_normal((n, 2)) if d == 3 else np.zeros((0, 2)),
+        w_free=1e-3 * rng.standard_normal(d * n),
+    )
+
+
+def solve_step(problem, memory, w_free):
+    """(y, residual) of one step, started from the gaps that carry force; `w_free` is left as it was."""
+    y = np.empty(len(w_free))
+    closed = memory.force[:: max(len(w_free) // max(len(problem.gap), 1), 1)] > 0.0
+    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (TOLERANCE, False))
+    return y, residual
+
+
+def solve(case, memory=None, problem=None):
+    """Solve and commit one step; (jump, force, state, memory, stored, friction)."""
+    problem = case.problem if problem is None else problem
+    if memory is None:
+        memory = gap_memory(problem)
+        memory.anchor[:] = case.anchor
+    n, N = len(case.gap), len(case.w_free)
+    y, residual = solve_step(problem, memory, case.w_free)
+    assert residual <= TOLERANCE, f"not converged: {residual:.3g}"
+    jump, force, state = np.empty((n, N // n)), np.empty((n, N // n)), np.empty(n, dtype=np.uint8)
+    stored, friction = commit_gaps(problem, memory, y, jump, force, state)
+    return jump, force, state, memory, stored, friction
+
+
+def check(case, jump, force, state):
+    """The solution satisfies w = w_free + H p, and every gap its own law.
+
+    Finite stiffness: against the point law `coulomb`, evaluated at the jump of the solution. Rigid:
+    complementarity, disc or box, and sliding against the shear.
+    """
+    n, N = len(case.gap), len(case.w_free)
+    d = N // n
+    p_scale = max(np.abs(force).max(), 1e-6)
+    w = (case.w_free + case.H @ force.ravel()).reshape(n, d)
+    w[:, 0] += case.gap
+    w_scale = np.abs(case.w_free).max() + np.abs(case.gap).max() + np.abs(case.H).max() * p_scale
+    assert np.abs(w - jump).max() <= 1e-9 * w_scale
+    K_n, K_nz, K_s = case.stiffness
+    for i in range(n):
+        if np.isinf(K_n[i]):
+            _check_rigid(case, i, jump[i], force[i], p_scale, w_scale)
+            continue
+        j = np.zeros(3)
+        j[:d] = jump[i]
+        anchor = tuple(case.anchor[i]) if d == 3 else (j[1], j[2])
+        law = coulomb(tuple(j), anchor, (K_n[i], K_nz[i], K_s[i]), tuple(case.mu[i]))
+        # the solver's tolerance is on the force; the law sees the jump, W times that, through its stiffness
+        gain = max(K_n[i], K_s[i] if d == 3 else 0.0) * np.abs(case.H).max()
+        slack = 5.0 * TOLERANCE * (1.0 + gain) * p_scale + 1e-12 * gain * w_scale / np.abs(case.H).max()
+        assert np.abs(force[i] - law[:d]).max() <= slack, (i, force[i], law)
+        grazing = abs(j[0]) * K_n[i] <= slack
+        assert grazing or (state[i] == 0) == (law[3] == 0), (i, state[i], law)
+
+
+def _check_rigid(case, i, jump, force, p_scale, w_scale):
+    K_nz, K_s, mu = case.stiffness[1][i], case.stiffness[2][i], case.mu[i]
+    p_n = force[0] + K_nz * jump[0]  # less the linear tension
+    assert p_n >= -1e-9 * p_scale
+    assert jump[0] >= -1e-9 * w_scale
+    assert min(p_n / p_scale, jump[0] / w_scale) <= 1e-8
+    if len(jump) == 1:
+        return
+    t, limit = force[1:], mu * max(p_n, 0.0)
+    slip = jump[1:] + t / K_s - case.anchor[i]  # move of the anchor
+    slack = 1e-7 * p_scale
+    if mu[0] == mu[1]:
+        size = np.hypot(*t)
+        assert size <= limit[0] + slack
+        if size < limit[0] - slack:
+            assert np.abs(slip).max() <= 1e-7 * w_scale
+        # the anchor slides against the shear
+        assert -(t @ slip) >= (1 - 1e-6) * size * np.hypot(*slip) - 1e-7 * p_scale * w_scale
+        return
+    for a in range(2):
+        assert abs(t[a]) <= limit[a] + slack
+        if abs(t[a]) < limit[a] - slack:
+            assert abs(slip[a]) <= 1e-7 * w_scale
+        assert -t[a] * slip[a] >= -1e-7 * p_scale * w_scale
