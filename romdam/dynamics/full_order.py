@@ -50,7 +50,7 @@ def scheme(rho_inf: float) -> Scheme:
 
 @dataclass(frozen=True)
 class _Stepper:
-    """What a step needs and never changes: A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
+    """What never changes: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
 
     system: System
     scheme: Scheme
@@ -92,8 +92,8 @@ def generalized_alpha(
         residual = _step(stepper, memory, state, ground[:, n : n + 2], options.tolerance)
         if not residual <= options.tolerance:
             raise ConvergenceError(
-                f"step {n + 1}, t = {(n + 1) * options.dt:.6g} s: the gap-space problem stopped at a relative "
-                f"residual of {residual:.2g}, limit {options.tolerance:.2g}; halve transient.dt"
+                f"step {n + 1}, t = {(n + 1) * options.dt:.6g} s: the gap-space problem stopped at a "
+                f"relative residual of {residual:.2g}, limit {options.tolerance:.2g}; halve transient.dt"
             )
         worst = max(worst, residual)
         rows.keep(state, n + 1)
@@ -189,7 +189,7 @@ class _Rows:
     def history(self, stats: dict[str, float]) -> History:
         """The finished history."""
         return History(
-            time=np.arange(len(self.jump)) * (self.options.dt * self.options.stride),
+            time=np.arange(len(self.jump), dtype=np.float64) * (self.options.dt * self.options.stride),
             jump=self.jump,
             traction=self.force,
             state=self.gap_state,

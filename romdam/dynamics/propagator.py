@@ -11,7 +11,7 @@ both from Gramians int_0^h e^(A^T s) Q e^(A s) ds, so the energy ledger carries 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ class Propagator(NamedTuple):
 
     Attributes
     ----------
-    dt : step [s]
+    dt : step [s]; a number, or (levels,) where several steps are stacked
     q_q, q_v, v_q, v_v : (m,) state to state
     q_0, q_1, v_0, v_1 : (m,) external force at the step's start and end to state
     q_p, v_p : (m,) force constant over the step to state
@@ -36,7 +36,7 @@ class Propagator(NamedTuple):
     loss : (10, m) int c v^2 dt as a quadratic form of (q, v, f + p, f'), upper triangle by rows
     """
 
-    dt: float
+    dt: Any
     q_q: Floats
     q_v: Floats
     v_q: Floats
@@ -80,6 +80,12 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
         moment=_moment(work, E),
         loss=_upper(loss),
     )
+
+
+def stacked(steps: list[Propagator]) -> Propagator:
+    """Several steps in one, every array with a leading axis."""
+    fields = zip(*steps, strict=True)
+    return Propagator(*(np.stack([np.asarray(value) for value in values]) for values in fields))
 
 
 def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Floats]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.dynamics.march import RATIO, Levels, ModalModel, Track
+from romdam.dynamics.arrays import RATIO, Levels, ModalModel, Track
 from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.propagator import Propagator, modal_propagator
+from romdam.dynamics.propagator import modal_propagator, stacked
 from romdam.dynamics.static import system_gap_problem
 from romdam.dynamics.system import System
 from romdam.joints.problem import GapMemory, gap_memory
@@ -109,18 +109,16 @@ def step_levels(system: System, model: ModalModel, split: StateSplit, options: T
     if any(Z.shape != duals[0].shape for Z in duals):
         duals = [np.zeros((0, 0)) for _ in duals]
     return Levels(
-        step=Propagator(
-            *(np.stack([np.asarray(field) for field in fields]) for fields in zip(*steps, strict=True))
-        ),
+        step=stacked(steps),
         problem=first._replace(
             W=np.stack([p.W for p in problems]), Z=np.stack(duals), lift=np.stack([p.lift for p in problems])
         ),
-        memory=_stacked(memories),
+        memory=_stacked_memory(memories),
         decay=decay,
     )
 
 
-def _stacked(memories: list[GapMemory]) -> GapMemory:
+def _stacked_memory(memories: list[GapMemory]) -> GapMemory:
     return memories[0]._replace(
         active=np.stack([m.active for m in memories]),
         inverse=np.stack([m.inverse for m in memories]),

@@ -54,7 +54,7 @@ def system_gap_problem(system: System, H: Floats) -> GapProblem:
 
 
 def undeformed(system: System) -> tuple[Floats, GapState]:
-    """The undeformed state at rest; gaps with an initial penetration or none carry their force from step one."""
+    """The undeformed state at rest; an initial penetration carries its force from the first step on."""
     law = system.law
     n, d = len(law), law.directions
     jump = np.zeros((n, d))
@@ -96,8 +96,8 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         if shift == 0.0 or np.abs(moved).max() <= _REST * max(np.abs(q).max(), 1e-12):
             return q, gaps
     raise ConvergenceError(
-        f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last one still moved "
-        f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by its joints alone and they "
+        f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
+        f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "
         "cannot carry its loads: add a support or friction, or set loads.initial_state: from_start"
     )
 

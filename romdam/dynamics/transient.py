@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.dynamics.arrays import Control, Levels, ModalModel, ModalState, Track
 from romdam.dynamics.energy import ledger
 from romdam.dynamics.full_order import generalized_alpha
-from romdam.dynamics.march import Control, Levels, ModalModel, ModalState, Track, march, record_row
+from romdam.dynamics.march import march, record_row
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.peaks import first_peaks, named_peaks
 from romdam.dynamics.states import StateSplit, modal_model, split_states, step_levels, whole_motion
@@ -171,8 +172,8 @@ def _march_in_chunks(
 def not_converged(step: int, options: TransientOptions, residual: float) -> str:
     """Message for a step whose gap-space problem did not converge."""
     return (
-        f"step {step}, t = {step * options.dt:.6g} s: the gap-space problem stopped at a relative residual of "
-        f"{residual:.2g}, limit {options.tolerance:.2g}; halve transient.dt, or lower the friction"
+        f"step {step}, t = {step * options.dt:.6g} s: the gap-space problem stopped at a relative residual "
+        f"of {residual:.2g}, limit {options.tolerance:.2g}; halve transient.dt, or lower the friction"
     )
 
 
@@ -195,7 +196,7 @@ def _history(
     if len(model.R):
         strain += 0.5 * np.einsum("ti,ij,tj->t", track.s, model.R, track.s, optimize=True)
     return History(
-        time=np.arange(len(q)) * (options.dt * options.stride),
+        time=np.arange(len(q), dtype=np.float64) * (options.dt * options.stride),
         jump=track.jump,
         traction=track.force,
         state=track.state,

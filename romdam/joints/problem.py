@@ -113,12 +113,13 @@ def gap_problem(H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats,
     if d == 3:
         with np.errstate(divide="ignore"):
             compliance[:, 1:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
-    W, lift = H, np.zeros((0, 0))
+    lift: Floats = np.zeros((0, 0))
+    W: Floats = H
     if K_nz.any():
         D = np.zeros((n, d))
         D[:, 0] = K_nz
-        lift = np.linalg.inv(np.eye(n * d) + H * D.ravel())
-        W = lift @ H
+        lift = np.asarray(np.linalg.inv(np.eye(n * d) + H * D.ravel()), dtype=float)
+        W = np.asarray(lift @ H)
     with np.errstate(invalid="ignore"):
         whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
     W = 0.5 * (W + W.T) + np.diag(compliance.ravel())
@@ -138,7 +139,7 @@ def _check_tension(K_n: Floats, K_nz: Floats, mu: Floats) -> None:
     if wrong.any():
         i = int(np.argmax(wrong))
         raise ConfigError(
-            f"joints: tension_stiffness must be below normal_stiffness (at most equal to it without friction), "
+            "joints: tension_stiffness must be below normal_stiffness (at most equal without friction), "
             f"got {K_nz[i]:.4g} N/m against {K_n[i]:.4g} N/m at gap {i}; lower tension_stiffness"
         )
 

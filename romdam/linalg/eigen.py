@@ -69,7 +69,8 @@ def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:
     n = K.shape[0]
     if n > _DENSE_LIMIT:
         raise ReductionError(
-            f"all modes of {n} unknowns need a dense solve, which is limited to {_DENSE_LIMIT}; ask for fewer modes"
+            f"all modes of {n} unknowns need a dense solve, limited to {_DENSE_LIMIT} unknowns; "
+            "ask for fewer modes"
         )
     omega2, modes = eigh(K.toarray(), M.toarray())
     return omega2, modes
