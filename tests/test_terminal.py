@@ -1,0 +1,48 @@
+"""Progress appears only on a terminal and only for stages that take a while."""
+
+import io
+import time
+
+import pytest
+from rich.console import Console
+
+from romdam import terminal
+
+
+def console(is_terminal: bool) -> Console:
+    return Console(file=io.StringIO(), force_terminal=is_terminal, width=120)
+
+
+def shown(where: Console, quiet: bool, seconds: float) -> str:
+    with terminal.Stages(where, quiet)("shaking") as progress:
+        progress(1, 4)
+        time.sleep(seconds)
+        progress(4, 4)
+    return where.file.getvalue()
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.setattr(terminal, "DELAY", 0.1)
+
+
+def test_long_stage_shows_its_name_and_the_time_left():
+    text = shown(console(True), quiet=False, seconds=0.6)
+    assert "shaking" in text and "left" in text
+
+
+@pytest.mark.parametrize(
+    ("is_terminal", "quiet", "seconds"), [(True, False, 0.0), (True, True, 0.4), (False, False, 0.4)]
+)
+def test_short_quiet_or_piped_stage_shows_nothing(is_terminal, quiet, seconds):
+    assert shown(console(is_terminal), quiet, seconds) == ""
+
+
+def test_stage_that_fails_takes_its_bar_away():
+    where = console(True)
+    with pytest.raises(ValueError, match="inside"), terminal.Stages(where, quiet=False)("shaking"):
+        time.sleep(0.3)
+        raise ValueError("inside")
+    assert where.file.getvalue().rstrip().endswith(("\x1b[2K", "\x1b[?25h")), (
+        "the bar is erased, the cursor is back"
+    )
