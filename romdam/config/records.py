@@ -212,6 +212,16 @@ def read_manifest(path: Path, common: RecordConfig) -> list[tuple[RecordConfig, 
 _ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "components", "scale"}
 
 
+def is_manifest(path: Path) -> bool:
+    """Whether a CSV or YAML file lists records, where a job's YAML file is a mapping of keys."""
+    if path.suffix.lower() == ".csv":
+        return True
+    try:
+        return isinstance(yaml.safe_load(path.read_text(encoding="utf-8")), list)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return False  # the reader of job files says what is wrong
+
+
 def _manifest_rows(path: Path) -> list[object]:
     try:
         text = path.read_text(encoding="utf-8")

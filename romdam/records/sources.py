@@ -115,7 +115,7 @@ def pick(channels: list[Channel], wanted: int | str | None, place: str) -> Chann
 
 
 def _from_folder(config: RecordConfig, folder: Path) -> Iterator[Found]:
-    paths = _matching(folder / str(config.files))
+    paths = matching_files(folder / str(config.files))
     if not paths:
         raise RecordError(
             f"{folder / str(config.files)}: no record files found; check the path or the pattern"
@@ -124,7 +124,8 @@ def _from_folder(config: RecordConfig, folder: Path) -> Iterator[Found]:
     yield from found if config.group == "file" else _by_station(found)
 
 
-def _matching(pattern: Path) -> list[Path]:
+def matching_files(pattern: Path) -> list[Path]:
+    """Return the record files of a folder or a glob, sorted, without hidden files and other kinds."""
     if pattern.is_dir():
         paths = [path for path in pattern.iterdir() if path.suffix.lower() not in NOT_RECORDS]
     else:

@@ -24,6 +24,7 @@ from romdam.errors import RecordError
 Array = NDArray[np.float64]
 TURNS = 8.0  # substeps a period, at least
 ROTATIONS = 180  # one a degree
+ROTATED_TURNS = 32.0  # a parabola through samples this close errs by less than 1e-4 of the peak
 CHUNK = 64  # samples between stored states
 NEAR = 0.9  # cos(pi / 8) = 0.924 of a peak is what the worst placed samples see
 
@@ -110,10 +111,12 @@ def rotated_psa(
     periods, _ = _checked(periods, (damping,))
     angles = np.radians(np.arange(ROTATIONS))
     rotd = np.zeros((2, periods.size))
-    for group, substeps, coefficients in _groups(periods, dt, float(damping)):
+    for group, substeps, coefficients in _groups(periods, dt, float(damping), ROTATED_TURNS):
         for column, index in enumerate(np.flatnonzero(group)):
-            pair = [_history(row, substeps, coefficients[:, column]) for row in (first, second)]
-            peaks = _rotated_peaks(pair[0], pair[1], np.cos(angles), np.sin(angles))
+            u1, u2 = (_history(row, substeps, coefficients[:, column]) for row in (first, second))
+            radius = np.hypot(u1, u2)
+            order = np.argsort(-radius)
+            peaks = _rotated_peaks(u1, u2, radius, order, np.cos(angles), np.sin(angles))
             rotd[:, index] = np.median(peaks), np.max(peaks)
     scale = (2.0 * np.pi / periods) ** 2
     return rotd[0] * scale, rotd[1] * scale
@@ -129,17 +132,19 @@ def _checked(periods: Array, dampings: Array | tuple[float, ...]) -> tuple[Array
     return periods, ratios
 
 
-def _groups(periods: Array, dt: float, damping: float) -> list[tuple[NDArray[np.bool_], int, Array]]:
+def _groups(
+    periods: Array, dt: float, damping: float, turns: float = TURNS
+) -> list[tuple[NDArray[np.bool_], int, Array]]:
     """Periods that share a number of substeps (a power of two): which, how many, their recursion."""
-    return list(_cached_groups(periods.tobytes(), dt, damping))
+    return list(_cached_groups(periods.tobytes(), dt, damping, turns))
 
 
 @functools.lru_cache(maxsize=64)  # the records of a suite share few dt
 def _cached_groups(
-    periods: bytes, dt: float, damping: float
+    periods: bytes, dt: float, damping: float, turns: float
 ) -> tuple[tuple[NDArray[np.bool_], int, Array], ...]:
     every = np.frombuffer(periods)
-    power = np.ceil(np.log2(np.maximum(TURNS * dt / every, 1.0)) - 1e-9).astype(int)
+    power = np.ceil(np.log2(np.maximum(turns * dt / every, 1.0)) - 1e-9).astype(int)
     groups = []
     for p in np.unique(power):
         group, substeps = power == p, 2 ** int(p)
@@ -286,12 +291,19 @@ def _history(acc: Array, substeps: int, c: Array) -> Array:
 
 
 @numba.njit(cache=True, fastmath=True)
-def _rotated_peaks(first: Array, second: Array, cosines: Array, sines: Array) -> Array:
-    """Largest |first cos + second sin| for every angle, between samples by a parabola."""
+def _rotated_peaks(
+    first: Array, second: Array, radius: Array, order: NDArray[np.int64], cosines: Array, sines: Array
+) -> Array:
+    """Largest |first cos + second sin| for every angle, between samples by a parabola.
+
+    Samples are visited by falling radius: no later one can beat a value that exceeds its radius.
+    """
     peaks = np.zeros(cosines.size)
     for i in range(cosines.size):
         best, at = 0.0, 0
-        for n in range(first.size):
+        for n in order:
+            if radius[n] <= best:
+                break
             value = abs(cosines[i] * first[n] + sines[i] * second[n])
             if value > best:
                 best, at = value, n

@@ -96,8 +96,8 @@ def csmip(values: np.ndarray, count: int | None = None) -> str:
         ]
         blocks += [*_rows(np.arange(40), 10, "8d")]
         for kind in ("accel", "veloc", "displ"):
-            head = f"{count or values.size:6d} points of {kind} data equally spaced at  {DT:.3f} sec, in cm/sec2. (8f10.3)"
-            blocks += [head, *_rows(number * values, 8, "10.3f")]
+            what = f"points of {kind} data equally spaced at  {DT:.3f} sec, in cm/sec2. (8f10.3)"
+            blocks += [f"{count or values.size:6d} {what}", *_rows(number * values, 8, "10.3f")]
         blocks.append(f"/&  ----------  End of data for channel  {number}  ----------")
     return "\n".join(blocks) + "\n"
 

@@ -115,7 +115,7 @@ def test_pads_follow_boore_and_stay():
 
 
 def test_cutting_the_pads_would_bring_the_drift_back():
-    """Boore (2005): the displacement of a record stripped of its pads drifts, with pads it returns to zero."""
+    """Boore (2005): without its pads a filtered record's displacement drifts, with them it ends at zero."""
     for channel in ten_records()[:3]:
         acc, dt = 9.80665 * channel.data[None], channel.dt
         signal = correct(acc, dt, chain(DRIFT_CHAIN))
@@ -127,7 +127,7 @@ def test_ridder_finds_the_lowest_corner_that_stops_the_drift():
     acc, dt = steps.subtract_mean(samples.motion()[None]), samples.DT
     corner = search_highpass(acc, dt, 0.02, (0.001, 10.0))
     assert drift_ratio(acc, dt, corner) == pytest.approx(0.02, rel=0.02)
-    with pytest.raises(RecordError, match="no high-pass corner up to 0.5 Hz"):
+    with pytest.raises(RecordError, match=r"no high-pass corner up to 0\.5 Hz"):
         search_highpass(acc, dt, 1e-6, (0.001, 0.5))
 
 

@@ -193,8 +193,8 @@ def test_p695_sets_hold_what_the_report_lists():
     ("text", "azimuth", "vertical"),
     [
         ("090", 90.0, 0), ("360", 0.0, 0), ("N35E", 35.0, 0), ("S40W", 220.0, 0), ("N10W", 350.0, 0),
-        ("EW", 90.0, 0), ("N-S", 0.0, 0), ("HNE", 90.0, 0), ("UD", None, 1), ("EW2", 90.0, 0), ("DWN", None, -1),
-        ("HNZ", None, 1), ("UP", None, 1),
+        ("EW", 90.0, 0), ("N-S", 0.0, 0), ("HNE", 90.0, 0), ("UD", None, 1), ("EW2", 90.0, 0),
+        ("DWN", None, -1), ("HNZ", None, 1), ("UP", None, 1),
     ],
 )  # fmt: skip
 def test_component_codes(text, azimuth, vertical):

