@@ -92,7 +92,7 @@ def check_tables(found: Check) -> list[Table]:
     )
     for name, block in found.blocks.items():
         lowest = block.get("frequencies_hz", [])
-        shown = ", ".join(f"{f:.4g}" for f in list(lowest)[:5]) if isinstance(lowest, list) else ""
+        shown = ", ".join(f"{f:.4g}" for f in list(lowest)[:3]) if isinstance(lowest, list) else ""
         counts = (
             block.get(key, "-")
             for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")

@@ -52,7 +52,7 @@ def top_displacements(dataset: xr.Dataset) -> Figure | None:
             )
         ax.set_ylabel(f"displacement {component}\n[{unit}]")
         ax.axhline(0.0, color=GREY, lw=0.5, zorder=0)
-    axes[0].legend(loc="upper right", ncols=4)
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=6)
     return _finish(figure, axes, dataset, "Displacement of the output nodes, relative to the base")
 
 
@@ -105,7 +105,8 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
     supplied, factor, unit = scaled(dataset.energy_input, "J")
     stack = [dataset[f"energy_{p}"].values * factor for p in shown]
     labels = [_ENERGY_LABELS.get(p, p) for p in shown]
-    axes[0].stackplot(dataset.time.values, stack, labels=labels, colors=COLOURS, lw=0, alpha=0.85)
+    colours = [COLOURS[parts.index(p)] for p in shown]  # the same part has the same colour in every figure
+    axes[0].stackplot(dataset.time.values, stack, labels=labels, colors=colours, lw=0, alpha=0.85)
     axes[0].plot(dataset.time, supplied, color="black", lw=1.0, label="input")
     axes[0].set_ylabel(f"energy [{unit}]")
     axes[0].legend(loc="upper left", ncols=2)
