@@ -83,6 +83,7 @@ class ModalState(NamedTuple):
     jump, force : (n, d) of the gaps
     state : (n,) of the gaps
     closed : (n,) closed gaps
+    impulse : (n, d) time integral of the joint force since the last row [N s]
     works : (4,) see `romdam.dynamics.energy.ACCUMULATED` [J]
     stored : (1,) energy in the gaps [J]
     level : (1,) level of the next step
@@ -98,6 +99,7 @@ class ModalState(NamedTuple):
     force: Floats
     state: NDArray[np.uint8]
     closed: NDArray[np.bool_]
+    impulse: Floats
     works: Floats
     stored: Floats
     level: NDArray[np.int64]
@@ -112,7 +114,7 @@ class Track(NamedTuple):
     stride : base steps per row
     q, v : (rows, m)
     s : (rows, N)
-    jump, force : (rows, n, d)
+    jump, force, impulse : (rows, n, d)
     state : (rows, n)
     works : (rows, 4)
     stored : (rows,)
@@ -125,6 +127,7 @@ class Track(NamedTuple):
     s: Floats
     jump: Floats
     force: Floats
+    impulse: Floats
     state: NDArray[np.uint8]
     works: Floats
     stored: Floats

@@ -69,7 +69,7 @@ class _State:
         self.v = np.zeros_like(q)
         self.jump, self.force, self.state = gaps.jump.copy(), gaps.force.copy(), gaps.state.copy()
         self.stored = gaps.stored
-        self.works = np.zeros(4)
+        self.works, self.impulse = np.zeros(4), np.zeros_like(gaps.force)
         rest = system.force - system.load @ ground + system.B.T @ gaps.force.ravel() - system.K @ q
         self.a = Factor(system.M).solve(rest)
 
@@ -138,6 +138,7 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     state.stored, friction = commit_gaps(stepper.problem, memory, y, state.jump, state.force, state.state)
     right += stepper.operator.T @ state.force.ravel()
     state.a = stepper.factor.solve(right)
+    state.impulse += dt * state.force
     state.u = u_star + s.beta * dt**2 * state.a
     state.v = v_star + s.gamma * dt * state.a
     moved, mean_v = state.u - u_old, 0.5 * (v_old + state.v)
@@ -160,6 +161,7 @@ class _Rows:
         self.jump = np.zeros((rows, *state.jump.shape))
         self.force = np.zeros((rows, *state.force.shape))
         self.gap_state = np.zeros((rows, len(state.state)), dtype=np.uint8)
+        self.impulse = np.zeros_like(self.force)
         self.motion = np.zeros((3, rows, probes))
         self.works = np.zeros((rows, 4))
         self.energies = np.zeros((3, rows))
@@ -179,6 +181,7 @@ class _Rows:
     def _write(self, state: _State, row: int) -> None:
         system = self.system
         self.jump[row], self.force[row], self.gap_state[row] = state.jump, state.force, state.state
+        self.impulse[row], state.impulse = state.impulse, np.zeros_like(state.impulse)
         for k, field in enumerate((state.u, state.v, state.a)):
             self.motion[k, row] = system.observe @ field
         self.works[row] = state.works
@@ -192,6 +195,7 @@ class _Rows:
             time=np.arange(len(self.jump), dtype=np.float64) * (self.options.dt * self.options.stride),
             jump=self.jump,
             traction=self.force,
+            mean_traction=self.impulse / (self.options.dt * self.options.stride),
             state=self.gap_state,
             disp=self.motion[0],
             vel=self.motion[1],

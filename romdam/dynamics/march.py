@@ -176,9 +176,11 @@ def _peak(track: Track, state: ModalState, time: float) -> None:
 
 @njit(cache=True)
 def record_row(track: Track, state: ModalState, row: int) -> None:
-    """Copy the state into a row of the track."""
+    """Copy the state into a row of the track, and begin a new impulse."""
     track.q[row], track.v[row], track.s[row] = state.q, state.v, state.s
     track.jump[row], track.force[row], track.state[row] = state.jump, state.force, state.state
+    track.impulse[row] = state.impulse
+    state.impulse[:] = 0.0
     track.works[row], track.stored[row] = state.works, state.stored[0]
 
 
@@ -252,6 +254,9 @@ def _accept(model: ModalModel, levels: Levels, state: ModalState, x: Scratch) ->
     state.works[1] += loss
     state.works[2] += _joint_work(x.old.reshape(state.jump.shape), state.jump, state.force)
     state.works[3] += friction
+    for i in range(len(state.impulse)):
+        for a in range(state.impulse.shape[1]):
+            state.impulse[i, a] += step.dt * state.force[i, a]
     state.stored[0] = stored
     return changed
 

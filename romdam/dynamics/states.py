@@ -43,8 +43,9 @@ def split_states(system: System, flexible_ratio: float) -> StateSplit:
     model half of all, at no visible cost in error; lightly damped modes always are states.
     """
     k, c = system.K.diagonal(), system.C.diagonal()
-    rests = c**2 > 4.0 * flexible_ratio**2 * k
-    rests &= k > (2.0 * np.pi * _SLOW) ** 2
+    elastic = k > (2.0 * np.pi * _SLOW) ** 2
+    rests = elastic.copy()
+    rests[elastic] = c[elastic] > 2.0 * flexible_ratio * np.sqrt(k[elastic])
     states, rest = np.flatnonzero(~rests), np.flatnonzero(rests)
     G = system.B.toarray()
     return StateSplit(states, rest, np.ascontiguousarray(G[:, states]), np.ascontiguousarray(G[:, rest]))

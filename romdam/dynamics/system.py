@@ -86,6 +86,7 @@ class History:
     time : (nt,) [s]
     jump : (nt, ng, d) opening (with the initial gap) and slip of every gap [m]
     traction : (nt, ng, d) joint force on side J, compression positive, shear along j and k [N]
+    mean_traction : (nt, ng, d) its mean over the interval that ends at each time; zero at the first [N]
     state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
     q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
@@ -97,6 +98,7 @@ class History:
     time: Floats
     jump: Floats
     traction: Floats
+    mean_traction: Floats
     state: NDArray[np.uint8]
     disp: Floats
     vel: Floats
