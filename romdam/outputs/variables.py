@@ -211,6 +211,20 @@ VARIABLES: dict[str, Variable] = {
         lambda c: c.history.traction[:, :, 1:],
         _frictional,
     ),
+    "mean_normal_force": Variable(
+        ("time", "gap"),
+        "N",
+        "mean normal force over the writing interval that ends at the time, compression negative",
+        lambda c: -c.history.mean_traction[:, :, 0],
+        _has_joints,
+    ),
+    "mean_shear_force": Variable(
+        ("time", "gap", "tangent"),
+        "N",
+        "mean shear force on block J over the writing interval that ends at the time",
+        lambda c: c.history.mean_traction[:, :, 1:],
+        _frictional,
+    ),
     "joint_state": Variable(
         ("time", "gap"),
         "1",

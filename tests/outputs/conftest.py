@@ -70,10 +70,13 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     q, v = (rng.normal(size=(STEPS, 7)) for _ in range(2))
     stats = {"steps": 40.0, "loop_cpu_seconds": 0.1}
     state = rng.integers(0, 3, size=(STEPS, gaps)).astype(np.uint8)
-    coordinates = (q, v) if reduced else (None, None)
+    q, v = (q, v) if reduced else (None, None)
+    disp, vel, acc = motion
+    mean = 0.5 * traction
     return History(
-        time, jump, traction, state, *motion, *coordinates, energy=energy, peaks=peaks, stats=stats
-    )
+        time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
+        q=q, v=v, energy=energy, peaks=peaks, stats=stats,
+    )  # fmt: skip
 
 
 def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Case:

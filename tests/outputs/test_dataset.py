@@ -20,6 +20,8 @@ def test_signs_follow_the_conventions(case, job, timing):
     np.testing.assert_array_equal(ds.slip, history.jump[:, :, 1:])
     np.testing.assert_array_equal(ds.normal_force, -history.traction[:, :, 0])
     np.testing.assert_array_equal(ds.shear_force, history.traction[:, :, 1:])
+    np.testing.assert_array_equal(ds.mean_normal_force, -history.mean_traction[:, :, 0])
+    np.testing.assert_array_equal(ds.mean_shear_force, history.mean_traction[:, :, 1:])
     assert ds.normal_force.max() <= 0.0, "compression is negative"
 
 
@@ -53,7 +55,7 @@ def test_peaks_are_taken_joint_by_joint(case, job, timing):
 
 def test_frictionless_scene_has_no_tangential_variables(job, timing):
     ds = build_dataset(make_case(mu=0.0), job, timing, None)
-    assert not {"slip", "shear_force", "peak_slip"} & set(ds.variables)
+    assert not {"slip", "shear_force", "mean_shear_force", "peak_slip"} & set(ds.variables)
     assert "opening" in ds
 
 
