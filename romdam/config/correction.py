@@ -72,7 +72,7 @@ class CornersStep(Model):
 
 
 class PadStep(Model):
-    """Add zeros on both sides, 1.5 order / corner seconds each (Boore 2005), or `length` each."""
+    """Add zeros on both sides: `length` each, or 1.5 order / corner seconds (after Boore 2005)."""
 
     step: Literal["pad"] = "pad"
     order: Order = 5

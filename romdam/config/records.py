@@ -112,7 +112,7 @@ class RecordConfig(Model):
     files: str | None = None
     manifest: Path | None = None
     suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
-    name: str | None = None
+    name: Annotated[str, Field(pattern=r"^[\w.+-]+$")] | None = None
     unit: str | None = None
     dt: Annotated[Time, Field(gt=0.0)] | None = None
     time_column: Annotated[int, Field(ge=1)] | None = None

@@ -41,6 +41,7 @@ def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
     ]
     for channel in channels:
         check_channel(channel, found.place)
+        _check_dt(channel, config, found.place)
     factors = np.array([_factor(channel, config, found.place) for channel in channels])
     recorded = align(channels, config.align, found.place) * factors[:, None]
     signal = correct(recorded, channels[0].dt, config.correction)
@@ -63,6 +64,14 @@ def _filled(channel: Channel, config: RecordConfig, place: str) -> Channel:
     line = np.interp(index, index[~missing], channel.data[~missing]) if config.gaps == "linear" else 0.0
     meta = {**channel.meta, "filled_samples": int(missing.sum()), "filled_by": config.gaps}
     return replace(channel, data=np.where(missing, line, channel.data), meta=meta)
+
+
+def _check_dt(channel: Channel, config: RecordConfig, place: str) -> None:
+    if config.dt is not None and abs(channel.dt - config.dt) > 1e-6 * config.dt:
+        raise RecordError(
+            f"{place}, channel {channel.code}: the file says dt = {channel.dt:g} s, `dt` {config.dt:g} s; "
+            "remove `dt`"
+        )
 
 
 def _factor(channel: Channel, config: RecordConfig, place: str) -> float:

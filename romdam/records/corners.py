@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from romdam.errors import RecordError
 from romdam.records.correction_steps import butterworth, pad, pad_samples
@@ -57,6 +56,8 @@ def search_highpass(acc: Array, dt: float, target: float, band: tuple[float, flo
 
 
 def _ridder(acc: Array, dt: float, target: float, band: tuple[float, float]) -> float:
+    from scipy import optimize  # here: reading a record should not wait for it
+
     def excess(log_corner: float) -> float:
         return drift_ratio(acc, dt, float(np.exp(log_corner))) - target
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.errors import RecordError
+from romdam.records.motion import GroundMotion
 
 Method = Literal["linear", "fourier"]
 
@@ -48,6 +49,21 @@ def resample(
     if method == "fourier":
         return _fourier_at(source, dt_old, time)
     return _linear_at(source, dt_old, time)
+
+
+def resample_motion(motion: GroundMotion, dt: float) -> NDArray[np.float64]:
+    """Resample a ground motion (3, nt) to the analysis step, as its `resampling` says (else linear).
+
+    Raises
+    ------
+    RecordError
+        naming the record.
+    """
+    method = "fourier" if motion.provenance.get("resampling") == "fourier" else "linear"
+    try:
+        return resample(motion.acc, motion.dt, dt, method)  # type: ignore[arg-type]
+    except RecordError as error:
+        raise RecordError(f"record {motion.name}: {error}") from None
 
 
 def resample_linear(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray[np.float64]:

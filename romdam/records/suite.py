@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -54,7 +55,8 @@ def _motions(found: Found) -> Iterator[GroundMotion]:
     if len(components) > 1:
         raise RecordError(f"{found.place}: `{EACH}` takes one axis, not {', '.join(components)}")
     for channel in found.channels:
-        name = f"{found.name}_{channel.code}" if len(found.channels) > 1 else found.name
+        suffix = re.sub(r"[^\w.+-]", "_", channel.code)  # the name becomes a file's
+        name = f"{found.name}_{suffix}" if len(found.channels) > 1 else found.name
         yield build_motion(replace(found, name=name), {axes[0]: channel})
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import eqsig
 import numpy as np
 import pyrotd
+import pytest
 
 from romdam.config.records import RecordConfig
 from romdam.records.correction import correct
@@ -141,10 +142,8 @@ def whole_suite() -> dict[str, float]:
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("results/bench_records.json"))
-    out = parser.parse_args().out
+def run(out: Path) -> dict[str, dict[str, float]]:
+    """Compute all figures, print them and write them to `out`."""
     results = {"read_and_measure_100": whole_suite()}  # first: it pays for imports and kernels like a user
     every = components()
     results["spectra_speed"] = spectra_speed(every)
@@ -155,7 +154,15 @@ def main() -> None:
         print(f"{name:24s}" + "  ".join(f"{key} {value:.3g}" for key, value in figures.items()))
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(results, indent=1) + "\n")
+    return results
+
+
+@pytest.mark.slow
+def test_records() -> None:
+    run(Path("results/bench_records.json"))
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("results/bench_records.json"))
+    run(parser.parse_args().out)

@@ -14,7 +14,7 @@ from romdam.records.align import align
 from romdam.records.channel import Channel, Orientation
 from romdam.records.formats import FORMATS
 from romdam.records.orientation import rotation
-from romdam.records.resampling import resample
+from romdam.records.resampling import resample, resample_motion
 from romdam.records.spectra import pseudo_acceleration
 from romdam.records.suite import load_motions
 
@@ -168,6 +168,19 @@ def test_coarser_steps_do_not_alias(method):
     assert np.abs(kept).max() == pytest.approx(1.0, abs=0.02)
 
 
+def test_a_motion_is_resampled_as_its_entry_says(tmp_path):
+    at2(tmp_path, "r.AT2")
+    for method in ("linear", "fourier"):
+        entry = {"file": "r.AT2", "components": {"y": "090"}, "resampling": method}
+        (motion,) = load(tmp_path, entry)
+        fine = resample_motion(motion, 0.001)
+        np.testing.assert_array_equal(fine, resample(motion.acc, 0.005, 0.001, method))
+        with pytest.raises(
+            RecordError, match=r"record r: resampling: dt 9 s is longer than the record \(3\.01 s\)"
+        ):
+            resample_motion(motion, 9.0)
+
+
 def test_gaps_need_a_policy(tmp_path):
     text = "0\n1\nnan\n3\n2\n"
     with pytest.raises(
@@ -264,6 +277,10 @@ def test_bad_at2(tmp_path, old, new, message):
             "needs two horizontal channels, one vertical at most; it has 1 and 0",
         ),
         ({"file": "r.AT2", "unit": "m/s2", "components": {"y": "090"}}, "the file says g, `unit` m/s2"),
+        (
+            {"file": "r.AT2", "dt": 0.01, "components": {"y": "090"}},
+            r"the file says dt = 0\.005 s, `dt` 0\.01 s",
+        ),
         ({"files": "*.xyz", "components": {"y": 1}}, "no record files found"),
         (
             {"file": "r.AT2", "components": {"y": "090"}, "keep": {"pga": {"min": "9 g"}}},
@@ -292,6 +309,7 @@ def test_bad_entries_name_the_place_and_the_remedy(tmp_path, entry, message):
         ({"keep": {"pgz": {}}}, "no such measure pgz"),
         ({"keep": {"pga": {"min": "3 kg"}}}, "not a quantity in m/s"),
         ({"resampling": "cubic"}, "linear"),
+        ({"name": "a/b"}, "should match pattern"),
     ],
 )
 def test_bad_configuration(change, message):

@@ -1,0 +1,1 @@
+"""Strong-motion records: formats, correction, orientation, measures and suites."""
