@@ -1,0 +1,142 @@
+"""The static state before the shaking, against equilibria solved by hand."""
+
+import numpy as np
+import pytest
+from hand_systems import gap_law, modal_twin, run, sparse_system, still
+
+from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.static import static_equilibrium
+from romdam.dynamics.transient import INTEGRATORS, integrate
+from romdam.errors import ConfigError, ConvergenceError
+
+MODAL = [name for name in INTEGRATORS if name != "generalized_alpha"]
+
+
+def _static(system):
+    q, gaps = static_equilibrium(system, 1e-10)
+    return system.observe @ q, gaps
+
+
+def _two_springs(F, law):
+    """Springs 2e6 and 1e6 N/m to the left and right ground, a gap between their ends, F on the left one."""
+    return sparse_system(np.eye(2), np.diag([2e6, 1e6]), [[-1.0, 1.0]], law, force=[F, 0.0])
+
+
+@pytest.mark.parametrize("twin", [lambda s: s, modal_twin], ids=["sparse", "modal"])
+@pytest.mark.parametrize("K_n", [1e6, np.inf])
+def test_two_springs_and_a_gap(twin, K_n):
+    """Open below 2e6 * 1 mm; closed at 5 kN: p = (F/k1 - gap) / (1/k1 + 1/k2 + 1/K_n)."""
+    law = gap_law(1, K_n=K_n, gap=1e-3)
+    u, gaps = _static(twin(_two_springs(1000.0, law)))
+    assert u == pytest.approx([0.5e-3, 0.0], abs=1e-15)
+    assert gaps.jump[0, 0] == pytest.approx(0.5e-3)
+    assert (gaps.force[0, 0], gaps.state[0], gaps.stored) == (0.0, 0, 0.0)
+    u, gaps = _static(twin(_two_springs(5000.0, law)))
+    p = 1.5e-3 / (0.5e-6 + 1e-6 + 1.0 / K_n)
+    assert gaps.force[0, 0] == pytest.approx(p, rel=1e-9)
+    assert u == pytest.approx([(5000.0 - p) / 2e6, p / 1e6], rel=1e-9)
+    assert gaps.jump[0, 0] == pytest.approx(-p / K_n, rel=1e-9, abs=1e-15)
+    assert gaps.stored == pytest.approx(0.5 * p**2 / K_n, rel=1e-9, abs=1e-15)
+
+
+def test_sap2000_hook():
+    """SAP2000 verification 6-004: L 100 in, A 10 in2, E 29000 ksi, 6.5e-6 /F, -100 F, opening 0.04 in,
+    K 5000 kip/in: 0.04918 in, 45.886 kip. The cooling as its equivalent force E A alpha dT."""
+    kip, inch = 4448.2216152605, 0.0254
+    k = 29000.0 * 10.0 / 100.0 * kip / inch
+    law = gap_law(1, K_n=5000.0 * kip / inch, gap=0.04 * inch)
+    hook = sparse_system([[1.0]], [[k]], [[-1.0]], law, force=[k * 6.5e-6 * 100.0 * 100.0 * inch])
+    for system in (hook, modal_twin(hook)):
+        u, gaps = _static(system)
+        assert u[0] / inch == pytest.approx(0.04918, abs=0.5e-5)
+        assert gaps.force[0, 0] / kip == pytest.approx(45.886, abs=0.5e-3)
+
+
+def test_tension_stiffness_pulls():
+    law = gap_law(1, K_n=1e7, K_nz=1e6)
+    u, gaps = _static(sparse_system([[1.0]], [[1e6]], [[1.0]], law, force=[1000.0]))
+    assert u[0] == pytest.approx(0.5e-3)
+    assert gaps.force[0, 0] == pytest.approx(-500.0)
+    assert gaps.state[0] == 0
+
+
+def _loose_block(force, **law):
+    """Mass 2000 kg loose in x, y and z, on a table (normal +z)."""
+    B = [[0, 0, 1], [1, 0, 0], [0, 1, 0]] if law.get("mu") else [[0, 0, 1]]
+    return sparse_system(
+        2000.0 * np.eye(3), np.zeros((3, 3)), B, gap_law(1, **law), force=force, floating=True
+    )
+
+
+_REST = (
+    "the iteration is asked to rest more quietly than the gap solver's tolerance allows; it is in equilibrium"
+)
+
+
+@pytest.mark.parametrize("twin", [lambda s: s, modal_twin], ids=["sparse", "modal"])
+@pytest.mark.parametrize(
+    ("K_n", "K_s"),
+    [
+        pytest.param(1e9, 5e8, marks=pytest.mark.xfail(strict=True, reason=_REST)),
+        pytest.param(np.inf, 5e8, marks=pytest.mark.xfail(strict=True, reason=_REST)),
+        (np.inf, np.inf),
+    ],
+)
+def test_loose_block_rests_on_friction(twin, K_n, K_s):
+    """Weight 20 kN, 6 kN and 8 kN sideways: 10 kN on the resultant, below 0.6 * 20 kN."""
+    system = twin(_loose_block([6e3, -8e3, -20e3], K_n=K_n, K_s=K_s, mu=0.6))
+    u, gaps = _static(system)
+    assert gaps.force[0] == pytest.approx([20e3, -6e3, 8e3], rel=1e-6)
+    assert gaps.state[0] == 1
+    assert u == pytest.approx([6e3 / K_s, -8e3 / K_s, -20e3 / K_n], rel=1e-6, abs=1e-12)
+
+
+def test_loose_block_rests_on_a_smooth_table_if_nothing_pushes_it():
+    u, gaps = _static(_loose_block([0.0, 0.0, -20e3], K_n=1e9))
+    assert gaps.force[0, 0] == pytest.approx(20e3, rel=1e-9)
+    assert u == pytest.approx([0.0, 0.0, -2e-5], rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("force", "law"),
+    [
+        ([6e3, -8e3, -10e3], {"K_n": 1e9, "K_s": 5e8, "mu": 0.6}),  # 10 kN against 6 kN of friction
+        ([1.0, 0.0, -20e3], {"K_n": 1e9}),  # nothing holds it sideways
+        ([0.0, 0.0, 5e3], {"K_n": np.inf}),  # lifted
+    ],
+    ids=["slides", "smooth", "lifted"],
+)
+def test_no_equilibrium_is_an_error_with_a_remedy(force, law):
+    with pytest.raises(ConvergenceError, match=r"no static equilibrium .* joints alone .* friction"):
+        _static(_loose_block(force, **law))
+
+
+@pytest.mark.parametrize("integrator", [*MODAL, "generalized_alpha"])
+@pytest.mark.parametrize("mu", [0.0, pytest.param(0.6, marks=pytest.mark.xfail(strict=True, reason=_REST))])
+def test_a_run_from_equilibrium_stays_there(integrator, mu):
+    force = [6e3, -8e3, -20e3] if mu else [0.0, 0.0, -20e3]
+    system = _loose_block(force, K_n=1e9, K_s=5e8, mu=mu)
+    system = modal_twin(system) if integrator in MODAL else system
+    h = run(system, still(1.0, 0.005), 0.005, initial_state="static", integrator=integrator)
+    assert np.abs(h.disp - h.disp[0]).max() <= 1e-8 * np.abs(h.disp[0]).max()
+    assert np.abs(h.traction - h.traction[0]).max() <= 1e-6 * 20e3
+    assert (h.state == 1).all()
+
+
+@pytest.mark.parametrize("integrator", MODAL)
+def test_a_load_from_the_start_overshoots_by_two(integrator):
+    """Held spring, sudden load: u = F/k (1 - cos wt); from equilibrium nothing moves."""
+    system = modal_twin(sparse_system([[1.0]], [[100.0]], [[1.0]], gap_law(1, gap=1.0), force=[5.0]))
+    dt = np.pi / 10 / 100
+    sudden = run(system, still(100 * dt, dt), dt, integrator=integrator)
+    assert sudden.disp[-1, 0] == pytest.approx(0.1, rel=1e-12)
+    settled = run(system, still(100 * dt, dt), dt, initial_state="static", integrator=integrator)
+    assert settled.disp[:, 0] == pytest.approx(0.05, rel=1e-9)
+
+
+def test_what_does_not_suit_is_refused():
+    system = _two_springs(0.0, gap_law(1))
+    with pytest.raises(ConfigError, match="modal needs a reduced model"):
+        integrate(system, np.zeros((3, 2)), TransientOptions(0.01, integrator="modal"))
+    with pytest.raises(ConfigError, match="no integrator 'euler'"):
+        integrate(system, np.zeros((3, 2)), TransientOptions(0.01, integrator="euler"))

@@ -1,0 +1,135 @@
+"""The main job against `two_cantilevers/reference.npz` (its README says what made it).
+
+Limits: reduced, 60 modes per block, dt 0.0025 s: peak opening within 0.5 %, L2 of all openings over 10 s at
+most 3 % (1.2 % at 0.00125 s); full order, dt 0.000625 s: peak within 0.3 %, L2 at most 1.5 %.
+"""
+
+import numpy as np
+import pytest
+from reference_run import RECORD, errors, job, march, reference, shaking
+
+from romdam.dynamics.transient import INTEGRATORS
+from romdam.fem.unreduced import assemble_full
+from romdam.reduction.synthesis import reduce_scene
+
+MODAL = [name for name in INTEGRATORS if name != "generalized_alpha"]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return reduce_scene(job().scene, job().config.model, job().config.damping)
+
+
+def test_sizes_and_frequencies(model):
+    """Block frequencies of the mesh by CalculiX 2.20 (C3D8), five digits.
+
+    The reduced blocks are Ritz approximations of it: never below, and with 60 modes at most 0.06 % above
+    (the lowest to all digits).
+    """
+    wanted = {
+        "left": [2.2454, 2.2454, 10.792, 12.301, 12.301, 17.579, 29.790, 29.790],
+        "right": [2.2504, 4.1265, 8.9162, 12.319, 17.589, 17.818],
+    }
+    for name, given in wanted.items():
+        frequencies = np.array(given)
+        report = model.report[name]
+        assert (report["retained_dofs"], report["fixed_interface_modes"]) == (100, 60)
+        found = np.array(report["frequencies_hz"][: len(frequencies)])
+        last_digit = 10.0 ** (np.floor(np.log10(frequencies)) - 4)
+        assert (found >= frequencies - 0.51 * last_digit).all()
+        assert (found <= frequencies * (1.0 + 6e-4)).all()
+        assert abs(found[0] - frequencies[0]) <= 0.51 * last_digit[0]
+    assert model.system.size == 320
+    assert not model.system.floating
+
+
+@pytest.mark.parametrize("integrator", MODAL)
+@pytest.mark.parametrize(("dt", "peak", "L2"), [(0.0025, 0.005, 0.03), (0.00125, 0.005, 0.012)])
+def test_reduced_model(model, integrator, dt, peak, L2, request):
+    if (integrator, dt) == ("adaptive", 0.00125):
+        reason = "1.27 %: its error stays at 1.3 % down to 0.0003 s, the fixed step's falls to 0.2 %"
+        request.applymarker(pytest.mark.xfail(strict=True, reason=reason))
+    h = march(model.system, dt, integrator=integrator)
+    found = errors(job().scene, h)
+    assert abs(found[0]) <= peak
+    assert found[1] <= L2
+    size = np.abs(h.energy["input"]).max()
+    assert np.abs(h.energy["residual"]).max() <= 1e-9 * size
+    assert np.diff(h.energy["contact"]).min() >= -1e-9 * size
+    assert h.traction.min() >= 0.0
+    assert h.stats["largest_residual"] <= 1e-8
+    assert h.peaks["opening"].max() == pytest.approx(0.05609, rel=peak)  # the limit stated in the design
+
+
+def test_top_displacements(model):
+    """The probes are at x = 5, z = 50: columns 1 (left) and 4 (right) of `top_uy`."""
+    h = march(model.system, 0.00125, 10.0)
+    for probe, column in ((0, 1), (1, 4)):
+        found, wanted = h.disp[:, 3 * probe + 1], reference()[1][:, column]
+        assert np.linalg.norm(found - wanted) <= 0.012 * np.linalg.norm(wanted)
+    assert np.abs(reference()[1][:, :3]).max() == pytest.approx(0.05242, rel=1e-3)
+    assert np.abs(reference()[1][:, 3:]).max() == pytest.approx(0.02060, rel=1e-3)
+    # shaken along y in a scene symmetric about x = 5: nothing goes sideways
+    assert np.abs(h.disp[:, [0, 3]]).max() <= 1e-8 * np.abs(h.disp).max()
+
+
+def test_the_record_of_the_configuration_is_the_one_read_by_hand():
+    assert job().config.records[0].file.name == RECORD.name
+    # in m/s2 at 9.81 per g: 4.078 m/s2 for the component 009 of Beverly Hills - Mulholland (0.4158 g)
+    assert np.abs(shaking(0.01)[1]).max() == pytest.approx(4.08, rel=0.01)
+
+
+@pytest.mark.parametrize("joint", [{"normal_stiffness": 1.6e13}, {"normal_stiffness": "rigid"}], ids=str)
+def test_stiff_and_rigid_joints_lie_close_to_the_penalty_one(joint):
+    """Penetration of 1.6e10 N/m3 under the peak pressure is small: the openings differ by a few percent."""
+    stiff = job(**joint)
+    model = reduce_scene(stiff.scene, stiff.config.model, stiff.config.damping)
+    h = march(model.system, 0.00125, 10.0)
+    peak, L2 = errors(stiff.scene, h)
+    assert abs(peak) <= 0.02
+    assert L2 <= 0.1
+    assert h.jump[:, :, 0].min() >= -1e-5
+
+
+@pytest.mark.parametrize("normal", [1.6e10, "rigid"])
+@pytest.mark.parametrize("mu", [0.6, 2.0])
+def test_friction_converges_at_every_step(normal, mu):
+    rough = job(friction=mu, shear_stiffness=8e9, normal_stiffness=normal)
+    model = reduce_scene(rough.scene, rough.config.model, rough.config.damping)
+    h = march(model.system, 0.0025, 10.0)
+    assert h.stats["largest_residual"] <= 1e-8
+    energy, size = h.energy, np.abs(h.energy["input"]).max()
+    assert np.abs(energy["residual"]).max() <= 1e-9 * size
+    assert np.diff(energy["friction"]).min() >= -1e-9 * size
+    assert np.diff(energy["contact"]).min() >= -1e-7 * size
+    assert energy["friction"][-1] > 1e-3 * size
+    p_n, t = h.traction[:, :, 0], np.linalg.norm(h.traction[:, :, 1:], axis=2)
+    assert p_n.min() >= 0.0
+    assert (t <= mu * p_n * (1 + 1e-6) + 1e-7 * p_n.max()).all()
+
+
+@pytest.mark.slow
+def test_full_order():
+    full = assemble_full(job().scene, job().config.damping)
+    assert full.size == 4200
+    h = march(full, 0.000625, 10.0, integrator="generalized_alpha")
+    peak, L2 = errors(job().scene, h)
+    assert abs(peak) <= 0.003
+    assert L2 <= 0.015
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_all_modes_are_the_full_order(friction):
+    """2 s of the record with the blocks in contact, same integrator on both: 1e-8 of the peak."""
+    from romdam.config.models import ModelConfig
+
+    scene = job(friction=friction, shear_stiffness=8e9).scene
+    damping = job().config.damping
+    reduced = reduce_scene(scene, ModelConfig(modes="all"), damping).system
+    options = {"integrator": "generalized_alpha", "tolerance": 1e-12}
+    a, b = (march(s, 0.005, 2.0, **options) for s in (reduced, assemble_full(scene, damping)))
+    assert b.traction.max() > 0.0
+    for name in ("jump", "disp"):
+        wanted = getattr(b, name)
+        assert np.abs(getattr(a, name) - wanted).max() <= 1e-8 * np.abs(wanted).max()
