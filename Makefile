@@ -21,7 +21,8 @@ test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -m slow
 
 bench: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -q -s -m "slow or not slow" tests/benchmarks
+	$(BIN)/python tests/benchmarks/bench_main.py --out $(OUT)/bench_main.json
+	$(BIN)/python tests/benchmarks/bench_records.py --out $(OUT)/bench_records.json
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -1,0 +1,236 @@
+"""Error and time of the main job: reduced model, full order, bare products and friction, in one run.
+
+    python tests/benchmarks/bench_main.py [--seconds 10] [--repeats 3] [--out results/bench_main.json]
+
+Errors are against tests/reference/two_cantilevers/reference.npz (peak opening, and L2 of all openings over
+10 s); times are CPU seconds of the time loop on one core, medians over the repeats. Nothing here passes or
+fails.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import json
+import platform
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
+
+from reference_run import ROOT, errors, job, march
+
+from romdam.dynamics.propagator import modal_propagator
+from romdam.dynamics.system import History, System
+from romdam.dynamics.transient import INTEGRATORS
+from romdam.fem.unreduced import assemble_full
+from romdam.reduction.synthesis import reduce_scene
+
+Floats = NDArray[np.float64]
+Row = dict[str, object]
+
+STEPS = (0.01, 0.005, 0.0025, 0.00125, 0.000625, 0.0003125)
+FULL_STEPS = (0.0025, 0.000625)
+ROUGH = {"friction": 0.6, "shear_stiffness": 8e9}
+
+
+def machine() -> Row:
+    """What the times were taken on."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        model = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        model = platform.processor()
+    packages = ("numpy", "scipy", "numba", "scikit-fem")
+    return {
+        "cpu": model,
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in packages},
+    }
+
+
+def reduced_system(**joint: object) -> tuple[System, float]:
+    """The reduced system of the main job, and the CPU seconds its reduction took."""
+    start = time.process_time()
+    the_job = job(**joint)
+    model = reduce_scene(the_job.scene, the_job.config.model, the_job.config.damping)
+    return model.system, time.process_time() - start
+
+
+def repeat(repeats: int, system: System, dt: float, seconds: float | None = None, **options: object) -> Row:
+    """One row: errors, and the median CPU of the loop; the first run, which may compile, is not counted."""
+    march(system, dt, 0.1, **options)
+    runs = [march(system, dt, seconds, **options) for _ in range(repeats)]
+    return row(runs, dt, seconds)
+
+
+def row(runs: list[History], dt: float, seconds: float | None) -> Row:
+    """Errors of the last run and median times."""
+    h = runs[-1]
+    cpu = median(run.stats["loop_cpu_seconds"] for run in runs)
+    steps = round(h.time[-1] / dt)
+    peak, L2 = errors(job().scene, h)
+    return {
+        "dt": dt,
+        "seconds": seconds or float(h.time[-1]),
+        "peak_opening": float(h.peaks["opening"].max()),
+        "peak_error": peak,
+        "L2_error": L2,
+        "cpu_seconds": cpu,
+        "cpu_us_per_step": 1e6 * cpu / steps,
+        "setup_cpu_seconds": median(run.stats["setup_cpu_seconds"] for run in runs),
+        "substeps": h.stats["steps"],
+        "iterations_per_step": h.stats["solver_iterations"] / h.stats["steps"],
+        "largest_residual": h.stats["largest_residual"],
+        "ledger_residual": float(np.abs(h.energy["residual"]).max() / np.abs(h.energy["input"]).max()),
+    }
+
+
+@njit(error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _products(tiles: list[Floats], H: Floats, q: list[Floats], p: Floats, w: Floats, count: int) -> float:
+    """G q, G^T p and H p, `count` times, each block of G on its own."""
+    total = 0.0
+    for _ in range(count):
+        w[:] = 0.0
+        for t in range(len(tiles)):
+            G, part = tiles[t], q[t]
+            for r in range(G.shape[0]):
+                line, dot = G[r], 0.0
+                for j in range(len(part)):
+                    dot += line[j] * part[j]
+                w[r] += dot
+        for t in range(len(tiles)):
+            G, part = tiles[t], q[t]
+            part[:] = 0.0
+            for r in range(G.shape[0]):
+                line, force = G[r], p[r]
+                for j in range(len(part)):
+                    part[j] += line[j] * force
+        for r in range(len(p)):
+            line, dot = H[r], 0.0
+            for j in range(len(p)):
+                dot += line[j] * p[j]
+            w[r] += dot
+        total += w[0] + q[0][0]
+    return total
+
+
+def products(system: System, dt: float, repeats: int, count: int = 3000) -> Row:
+    """Microseconds of the three products that no step can do without, in numba and in numpy (BLAS)."""
+    from numba.typed import List
+
+    G = system.B.toarray()
+    step = modal_propagator(system.K.diagonal(), system.C.diagonal(), dt)
+    H = np.ascontiguousarray((G * step.q_p) @ G.T)
+    tiles = List(np.ascontiguousarray(G[:, part]) for part in system.parts.values())
+    q = List(np.full(tile.shape[1], 1e-3) for tile in tiles)
+    p, w = np.full(len(H), 1e-3), np.zeros(len(H))
+    _products(tiles, H, q, p, w, 1)
+    loops, blas = [], []
+    for _ in range(max(repeats, 5)):
+        start = time.process_time()
+        _products(tiles, H, q, p, w, count)
+        loops.append(time.process_time() - start)
+        start = time.process_time()
+        for _ in range(count):
+            for tile, part in zip(tiles, q, strict=True):
+                tile @ part
+                tile.T @ p
+            H @ p
+        blas.append(time.process_time() - start)
+    return {"numba_us": 1e6 * median(loops) / count, "numpy_us": 1e6 * median(blas) / count}
+
+
+def measure(seconds: float, repeats: int) -> dict[str, object]:
+    """Every row, in one run."""
+    smooth, reduction = reduced_system()
+    report: dict[str, object] = {"machine": machine(), "unknowns": smooth.size, "reduction_cpu_s": reduction}
+    for name in INTEGRATORS:
+        if name != "generalized_alpha":
+            report[f"reduced, {name}"] = [repeat(repeats, smooth, dt, integrator=name) for dt in STEPS]
+    rough, _ = reduced_system(**ROUGH)
+    report["friction"] = [_friction(rough, smooth, dt, repeats) for dt in (0.0025, 0.000625)]
+    report["products"] = products(smooth, 0.0025, repeats)
+    full = assemble_full(job().scene, job().config.damping)
+    report["full order"] = [_full(full, smooth, dt, seconds) for dt in FULL_STEPS]
+    return report
+
+
+def _friction(rough: System, smooth: System, dt: float, repeats: int) -> Row:
+    with_it, without = (repeat(repeats, s, dt, integrator="modal") for s in (rough, smooth))
+    names = ("cpu_seconds", "cpu_us_per_step", "iterations_per_step", "largest_residual", "ledger_residual")
+    ratio = float(str(with_it["cpu_seconds"])) / float(str(without["cpu_seconds"]))
+    return {"dt": dt, **{name: with_it[name] for name in names}, "cost_against_frictionless": ratio}
+
+
+def _full(full: System, reduced: System, dt: float, seconds: float) -> Row:
+    """One full-order run and the reduced one beside it, same record and step."""
+    big = repeat(1, full, dt, seconds, integrator="generalized_alpha")
+    small = repeat(3, reduced, dt, seconds, integrator="modal")
+    ratio = float(str(big["cpu_seconds"])) / float(str(small["cpu_seconds"]))
+    return {**big, "reduced_cpu_seconds": small["cpu_seconds"], "times_the_reduced": ratio}
+
+
+def table(report: dict[str, object]) -> str:
+    """The report as text."""
+    about = dict(report["machine"])  # type: ignore[call-overload]
+    lines = [f"{about['cpu']}, {about['cores']} cores, Python {about['python']}, {about['packages']}"]
+    lines += [f"{'':24} {'dt s':>10} {'peak m':>9} {'peak %':>7} {'L2 %':>7} {'CPU s':>8} {'us/step':>9}"]
+    for name, rows in report.items():
+        if name.startswith("reduced,") or name == "full order":
+            lines += [_line(name, dict(row)) for row in rows]  # type: ignore[attr-defined]
+    for friction in report["friction"]:  # type: ignore[attr-defined]
+        lines.append(
+            f"friction mu 0.6, dt {friction['dt']:g}: {friction['cpu_us_per_step']:.1f} us/step, "
+            f"{friction['cost_against_frictionless']:.1f} times the frictionless step, "
+            f"largest residual {friction['largest_residual']:.1e}"
+        )
+    bare = dict(report["products"])  # type: ignore[call-overload]
+    step = next(r for r in report["reduced, modal"] if r["dt"] == 0.0025)  # type: ignore[attr-defined]
+    lines.append(
+        f"G q, G^T p, H p: {bare['numba_us']:.2f} us in numba, {bare['numpy_us']:.2f} us in numpy; "
+        f"the step at 0.0025 s is {step['cpu_us_per_step'] / bare['numba_us']:.2f} times the former"
+    )
+    for full in report["full order"]:  # type: ignore[attr-defined]
+        lines.append(
+            f"full order at dt {full['dt']:g}: {full['times_the_reduced']:.0f} times the reduced CPU"
+        )
+    return "\n".join(lines)
+
+
+def _line(name: str, row: Row) -> str:
+    return (
+        f"{name:24} {row['dt']:10g} {row['peak_opening']:9.5f} {100 * row['peak_error']:7.2f} "  # type: ignore
+        f"{100 * row['L2_error']:7.2f} {row['cpu_seconds']:8.3f} {row['cpu_us_per_step']:9.2f}"  # type: ignore
+    )
+
+
+def main() -> None:
+    """Measure, print, and write the JSON."""
+    parser = argparse.ArgumentParser(description="Error and time of the main job.")
+    parser.add_argument("--seconds", type=float, default=10.0, help="length of the full-order runs [s]")
+    parser.add_argument("--repeats", type=int, default=3, help="runs of each reduced row")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "bench_main.json")
+    options = parser.parse_args()
+    report = measure(options.seconds, options.repeats)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    options.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    print(table(report))
+    print(f"written to {options.out}")
+
+
+if __name__ == "__main__":
+    main()
