@@ -56,8 +56,8 @@ def read_at2(path: Path) -> list[Channel]:
     event, station, component = _title(text.line(1))
     meta: dict[str, object] = {"format": "AT2", "event": event, "station": station, "component": component}
     meta |= {f"{k.lower()}_corner_hz": float(v) for k, v in _FILTER.findall(text.line(2)) if _is_number(v)}
-    code = component or path.stem
-    return [Channel(code, values, dt, _unit(text), parse_orientation(component), "", meta)]
+    code = (component.split() or [path.stem])[0]  # "090 (CUE)" names the network behind the azimuth
+    return [Channel(code, values, dt, _unit(text), parse_orientation(code), "", meta)]
 
 
 def _is_number(word: str) -> bool:

@@ -11,6 +11,7 @@ Shakal and Huang (1985), Standard tape format for CSMIP strong-motion data tapes
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 from romdam.errors import RecordError
@@ -22,6 +23,16 @@ _DATA = re.compile(
 )
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
 _CHANNEL = re.compile(r"Chan\s*(\d+)\s*:?\s*(.*)$", re.I)
+
+
+_BAND = re.compile(r"3 dB pts at\s+(\d*\.\d+)\s+and\s+(\d*\.\d+)", re.I)
+
+
+@dataclass(frozen=True)
+class _About:
+    number: str
+    orientation: Orientation | None
+    meta: dict[str, object]
 
 
 def is_csmip(head: str) -> bool:
@@ -40,22 +51,24 @@ def read_csmip(path: Path) -> list[Channel]:
     """
     text = read_text(path)
     channels: list[Channel] = []
-    title = ""
-    index = 0
+    header = index = 0
     while index < len(text.lines):
-        title = text.lines[index] if _CHANNEL.search(text.lines[index]) else title
         match = _DATA.match(text.lines[index])
         if match is None:
             index += 1
             continue
-        channel, index = _read_block(text, index, match, title)
+        about = _about(text.lines[header:index])
+        channel, index = _read_block(text, index, match, about)
         channels += [] if channel is None else [channel]
+        header = index
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
     return channels
 
 
-def _read_block(text: TextFile, index: int, match: re.Match[str], title: str) -> tuple[Channel | None, int]:
+def _read_block(
+    text: TextFile, index: int, match: re.Match[str], about: _About
+) -> tuple[Channel | None, int]:
     count, dt = text.integer(match[1], index, "points"), text.real(match[3], index, "interval")
     form = _FORTRAN.search(match[4])
     per_row, width = (int(form[1] or 1), int(form[2])) if form else (8, 10)
@@ -66,14 +79,9 @@ def _read_block(text: TextFile, index: int, match: re.Match[str], title: str) ->
     _check_end(text, end)
     if match[2].lower() != "accel":
         return None, end
-    number, where = _component(title)
-    meta: dict[str, object] = {
-        "format": "CSMIP",
-        "level": "V2",
-        "station_name": title.strip()[:60],
-        "processed": True,
-    }
-    return Channel(number, values, dt, _unit(text, index, match[4]), where, "", meta), end
+    meta = {"format": "CSMIP", "level": "V2", "processed": True, **about.meta}
+    unit = _unit(text, index, match[4])
+    return Channel(about.number, values, dt, unit, about.orientation, "", meta), end
 
 
 def _check_end(text: TextFile, index: int) -> None:
@@ -90,9 +98,16 @@ def _unit(text: TextFile, index: int, rest: str) -> str:
     raise text.fail(index, f"the acceleration's unit is not stated in {rest.strip()[:40]!r}")
 
 
-def _component(title: str) -> tuple[str, Orientation | None]:
-    match = _CHANNEL.search(title)
+def _about(header: list[str]) -> _About:
+    """What the lines above a channel's data say: "58667-L2866-14236.52  Concord   Chan  1: 90 Deg"."""
+    titles = [line for line in header if _CHANNEL.search(line)]
+    match = _CHANNEL.search(titles[-1]) if titles else None
     if match is None:
-        return "1", None
+        return _About("1", None, {})
+    number, _, name = titles[-1][: match.start()].strip().partition(" ")
+    meta: dict[str, object] = {"station": number.partition("-")[0], "station_name": name.strip()}
+    for line in header:
+        if band := _BAND.search(line):
+            meta |= {"hp_corner_hz": float(band[1]), "lp_corner_hz": float(band[2])}
     word = re.sub(r"\s*deg\w*", "", match[2].strip(), flags=re.I).split("  ")[0]
-    return match[1], parse_orientation(word)
+    return _About(match[1], parse_orientation(word), meta)

@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 from romdam.records.channel import Channel, Orientation
 from romdam.records.text import TextFile, iso_time, read_text
 
+Array = NDArray[np.float64]
 TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
 KINDS = {"1 UNCORRECTED ACCELEROGRAM": "V1", "2 CORRECTED ACCELEROGRAM": "V2"}
 OTHERS = ("3 VELOCITY", "4 DISPLACEMENT", "5 RESPONSE SPECTRA", "6 FOURIER AMPLITUDE SPECTRA")
 NULL_INTEGER, NULL_REAL = -32768, 1.7e38
 MAX_RATE = 1e5  # samples/s; some files carry a null value where the rate should be
+HIGHPASS = 32  # real header 33, the corner of the low-cut filter [Hz]
+_MAGNITUDE = re.compile(r"Moment Mag\s*=\s*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _TITLE = re.compile(r"station\s*=\s*(.*?)\s*component\s*=\s*(.*)$", re.IGNORECASE)
 
 
@@ -51,12 +54,10 @@ def read_smc(path: Path) -> list[Channel]:
     left = [i for i in range(first - (-count // 8), len(text.lines)) if text.lines[i].strip()]
     if left:
         raise text.fail(left[0], f"data after the {count} values that the header announces; altered file")
-    return [_channel(text, kind, values, dt, integers)]
+    return [_channel(text, kind, (values, dt), (integers, reals))]
 
 
-def _sizes(
-    text: TextFile, integers: NDArray[np.float64], reals: NDArray[np.float64]
-) -> tuple[int, float, int]:
+def _sizes(text: TextFile, integers: Array, reals: Array) -> tuple[int, float, int]:
     count, flag, comments, rate = int(integers[16]), int(integers[17]), int(integers[15]), float(reals[1])
     if not 1 <= count < 10**9:
         raise text.fail(TEXT_LINES + 2, f"the number of samples must be positive, got {count}")
@@ -76,8 +77,9 @@ def _sizes(
 
 
 def _channel(
-    text: TextFile, kind: str, values: NDArray[np.float64], dt: float, integers: NDArray[np.float64]
+    text: TextFile, kind: str, samples: tuple[Array, float], headers: tuple[Array, Array]
 ) -> Channel:
+    (values, dt), (integers, reals) = samples, headers
     title = _TITLE.search(text.line(5))
     station, component = (title[1], title[2].strip()) if title else (text.line(5).strip(), "")
     orientation = _orientation(integers)
@@ -86,14 +88,18 @@ def _channel(
         "level": kind,
         "station": text.line(2)[:4].strip(),
         "station_name": station,
-        "event": text.line(4).strip(),
+        "event": " ".join(text.line(3).split()).strip("* "),
         "processed": kind == "V2",
     }
+    if magnitude := _MAGNITUDE.search(text.line(4)):
+        meta["magnitude"] = float(magnitude[1])
+    if kind == "V2" and 0.0 < reals[HIGHPASS] < 50.0:
+        meta["hp_corner_hz"] = float(reals[HIGHPASS])
     code = component or text.path.stem
     return Channel(code, values, dt, "cm/s2", orientation, _start(integers), meta)
 
 
-def _orientation(integers: NDArray[np.float64]) -> Orientation | None:
+def _orientation(integers: Array) -> Orientation | None:
     null = integers[0]
     vertical, azimuth = integers[12], integers[13]
     if vertical == 0:
@@ -105,7 +111,7 @@ def _orientation(integers: NDArray[np.float64]) -> Orientation | None:
     return None
 
 
-def _start(integers: NDArray[np.float64]) -> str:
+def _start(integers: Array) -> str:
     null = integers[0]
     year, day, hour, minute = (int(value) for value in integers[1:5])
     if null in (year, day, hour, minute):
@@ -124,8 +130,8 @@ def write_smc(channel: Channel, path: Path) -> None:
         "2 CORRECTED ACCELEROGRAM",
         "*",
         str(meta.get("station", ""))[:4],
-        "*",
         str(meta.get("event", "")),
+        f"Moment Mag= {meta.get('magnitude', '')}     Ms=          Ml=",
         f"station ={meta.get('station_name', '')} component={channel.code}",
         *["*"] * 5,
     ]

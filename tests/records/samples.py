@@ -31,6 +31,7 @@ def channel(code: str = "HNE", seed: int = 1) -> Channel:
         "network": "CE",
         "event": "Northridge, 1/17/1994",
         "station_name": "Beverly Hills",
+        "magnitude": 6.7,
     }
     return Channel(code, motion(seed), DT, "m/s2", ORIENTATIONS[code], START, meta)
 
@@ -44,7 +45,7 @@ def old_at2(values: np.ndarray) -> str:
     rows = [" ".join(f"{v:.7E}" for v in values[i : i + 5]) for i in range(0, values.size, 5)]
     head = [
         "PEER STRONG MOTION DATABASE RECORD. PROCESSING BY PACIFIC ENGINEERING.",
-        "IMPERIAL VALLEY 10/15/79 2319, EL CENTRO ARRAY 6, 230",
+        "IMPERIAL VALLEY 10/15/79 2319, EL CENTRO ARRAY 6, 230 (USGS STATION 5165)",
         "ACCELERATION TIME HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1 Hz LP=40.0 Hz",
         f" {values.size}    {DT:.5f}    NPTS, DT",
     ]
@@ -94,6 +95,7 @@ def csmip(values: np.ndarray, count: int | None = None) -> str:
             "Corrected accelerogram 58065  CSMIP",
             f"58065-S2486   Saratoga - Aloha Ave   Chan  {number}: {name}",
         ]
+        blocks += ["Accelerogram bandpass filtered with 3 dB pts at   .07 and 40.00 cyc/sec"]
         blocks += [*_rows(np.arange(40), 10, "8d")]
         for kind in ("accel", "veloc", "displ"):
             what = f"points of {kind} data equally spaced at  {DT:.3f} sec, in cm/sec2. (8f10.3)"

@@ -57,13 +57,18 @@ def test_obspy_reads_and_writes_every_format(files, name, tmp_path):
         ("AT2", {"event": "Northridge, 1/17/1994", "station": "MUL", "component": "090"}),
         (
             "AT2-old",
-            {"station": "EL CENTRO ARRAY 6", "component": "230", "hp_corner_hz": 0.1, "lp_corner_hz": 40.0},
+            {
+                "station": "EL CENTRO ARRAY 6",
+                "component": "230 (USGS STATION 5165)",
+                "hp_corner_hz": 0.1,
+                "lp_corner_hz": 40.0,
+            },
         ),
         ("COSMOS", {"station": "MUL", "network": "CE", "station_name": "Beverly Hills", "level": "V2"}),
         ("COSMOS-cgs", {"station": "24389", "network": "CE", "hp_corner_hz": 0.12, "level": "V2"}),
-        ("SMC", {"station": "MUL", "station_name": "Beverly Hills", "event": "Northridge, 1/17/1994"}),
+        ("SMC", {"station": "MUL", "event": "Northridge, 1/17/1994", "magnitude": 6.7}),
         ("ESM", {"station": "MUL", "network": "CE", "event": "Northridge, 1/17/1994"}),
-        ("CSMIP", {"level": "V2"}),
+        ("CSMIP", {"station": "58065", "station_name": "Saratoga - Aloha Ave", "hp_corner_hz": 0.07}),
         ("KNET", {"station": "AKT013", "network": "BO", "magnitude": 5.9}),
     ],
 )
