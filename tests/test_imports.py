@@ -7,6 +7,7 @@ define what passes between rooms; a room may import the types of any room.
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -152,3 +153,11 @@ def test_lazy_names_exist_and_unknown_ones_do_not():
         assert getattr(romdam, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = romdam.nothing
+
+
+def test_every_room_is_packaged():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    folders = {path.parent for path in (ROOT / "romdam").rglob("*.py")}
+    expected = {".".join(folder.relative_to(ROOT).parts) for folder in folders} | {"romdam.pipelines"}
+    assert set(settings["packages"]) == expected, "a wheel would lack what is not listed"
+    assert settings["package-dir"] == {"romdam.pipelines": "pipelines"}
