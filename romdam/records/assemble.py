@@ -19,6 +19,8 @@ from romdam.records.spectra import pseudo_acceleration
 
 AXES = ("x", "y", "z")
 FLAT_TOP = 6  # samples in a row at the extreme; real peaks of digital records repeat two or three times
+STANDARD_GRAVITY = 9.80665  # m/s2
+STRONGEST = 5.0  # g
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
 
 
@@ -48,7 +50,12 @@ def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
     matrix = _matrix(axes, channels, config, found.place)
     acc = matrix @ signal.acc
     scale = _scale(acc, signal.dt, config.scale, found.place)
-    warnings = (*_clipped(channels), *_below_usable(channels, signal), *signal.warnings)
+    warnings = (
+        *_clipped(channels),
+        *_too_strong(recorded),
+        *_below_usable(channels, signal),
+        *signal.warnings,
+    )
     if not config.correction:
         warnings += check_processed(recorded, signal.dt)
     account = _account(found, channels, factors, matrix) | _done(signal, config, scale)
@@ -145,6 +152,17 @@ def _clipped(channels: list[Channel]) -> tuple[str, ...]:
                     f"{channel.unit} (limit {FLAT_TOP - 1})"
                 )
     return tuple(found)
+
+
+def _too_strong(recorded: NDArray[np.float64]) -> tuple[str, ...]:
+    """Doubt the unit of what no instrument has recorded (about 4 g, Iwate-Miyagi 2008)."""
+    around = recorded - np.mean(recorded, axis=-1, keepdims=True)  # raw records carry offsets
+    peak = float(np.max(np.abs(around))) / STANDARD_GRAVITY
+    if peak <= STRONGEST:
+        return ()
+    return (
+        f"the peak acceleration is {peak:.3g} g, more than any record (limit {STRONGEST:g} g): is the unit right?",
+    )
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:

