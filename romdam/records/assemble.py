@@ -160,9 +160,8 @@ def _too_strong(recorded: NDArray[np.float64]) -> tuple[str, ...]:
     peak = float(np.max(np.abs(around))) / STANDARD_GRAVITY
     if peak <= STRONGEST:
         return ()
-    return (
-        f"the peak acceleration is {peak:.3g} g, more than any record (limit {STRONGEST:g} g): is the unit right?",
-    )
+    limit = f"more than any record (limit {STRONGEST:g} g)"
+    return (f"the peak acceleration is {peak:.3g} g, {limit}: is the unit right?",)
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:
