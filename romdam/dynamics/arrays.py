@@ -27,6 +27,7 @@ class ModalModel(NamedTuple):
     values : G's blocks, row-major, one after another
     R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
     tau : their relaxation time [s]
+    conserving : whether the joint force acts with its mean over the step, so that no energy is lost
     """
 
     k: Floats
@@ -37,6 +38,7 @@ class ModalModel(NamedTuple):
     values: Floats
     R: Floats
     tau: float
+    conserving: bool
 
 
 class Levels(NamedTuple):
@@ -51,12 +53,14 @@ class Levels(NamedTuple):
     problem : stacked GapProblem
     memory : stacked GapMemory
     decay : (levels,) exp(-step / tau)
+    half : (levels, N, N) half the states' flexibility over a step (conserving), else empty [m/N]
     """
 
     step: Propagator
     problem: GapProblem
     memory: GapMemory
     decay: Floats
+    half: Floats
 
 
 class Control(NamedTuple):
@@ -81,6 +85,8 @@ class ModalState(NamedTuple):
     f : (m,) external modal force
     s, u_r : (N,) relaxed joint force and the jump it makes, R s [N], [m]
     jump, force : (n, d) of the gaps
+    mean : (N,) joint force that acted over the last step [N]
+    w : (N,) jump of the states, G q (conserving only) [m]
     state : (n,) of the gaps
     closed : (n,) closed gaps
     impulse : (n, d) time integral of the joint force since the last row [N s]
@@ -97,6 +103,8 @@ class ModalState(NamedTuple):
     u_r: Floats
     jump: Floats
     force: Floats
+    mean: Floats
+    w: Floats
     state: NDArray[np.uint8]
     closed: NDArray[np.bool_]
     impulse: Floats

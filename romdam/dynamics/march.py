@@ -30,6 +30,7 @@ from romdam.joints.step import commit_gaps, solve_gaps
 
 Floats = NDArray[np.float64]
 
+_MEAN_ITERATIONS = 50  # of the discrete gradient in a step that changes the closed set
 _CALM = 1  # accepted steps without a change of the closed set before a longer one is tried
 
 
@@ -43,7 +44,6 @@ class Scratch(NamedTuple):
     r: Floats
     w: Floats
     y: Floats
-    old: Floats
     old_force: Floats
 
 
@@ -101,37 +101,38 @@ def _free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Float
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _advance(
-    step: Propagator, state: ModalState, f_1: Floats, q_free: Floats, r: Floats
-) -> tuple[float, float]:
-    """Move the modes to the step's end; work of the external force and damping loss in the step."""
-    work, loss = 0.0, 0.0
+def _advance(step: Propagator, state: ModalState, x: Scratch) -> tuple[float, float, float]:
+    """Move the modes to the step's end; work of external and joint force, and damping loss, in the step."""
+    work, joint, loss = 0.0, 0.0, 0.0
     rate = 1.0 / step.dt
     moment, D = step.moment, step.loss
-    for j in range(len(q_free)):
-        q, v, f = state.q[j], state.v[j], state.f[j]
-        F, s = f + r[j], (f_1[j] - f) * rate
-        q_1 = q_free[j] + step.q_p[j] * r[j]
-        v_1 = step.v_q[j] * q + step.v_v[j] * v + step.v_0[j] * f + step.v_1[j] * f_1[j] + step.v_p[j] * r[j]
+    for j in range(len(state.q)):
+        q, v, f, f_1, r = state.q[j], state.v[j], state.f[j], x.f_1[j], x.r[j]
+        F, s = f + r, (f_1 - f) * rate
+        q_1 = x.q_free[j] + step.q_p[j] * r
+        v_1 = step.v_q[j] * q + step.v_v[j] * v + step.v_0[j] * f + step.v_1[j] * f_1 + step.v_p[j] * r
         work += f * (q_1 - q) + s * (
             moment[0, j] * q + moment[1, j] * v + moment[2, j] * F + moment[3, j] * s
         )
+        joint += r * (q_1 - q)
         loss += q * (D[0, j] * q + D[1, j] * v + D[2, j] * F + D[3, j] * s)
         loss += v * (D[4, j] * v + D[5, j] * F + D[6, j] * s)
         loss += F * (D[7, j] * F + D[8, j] * s) + D[9, j] * s * s
-        state.q[j], state.v[j], state.f[j] = q_1, v_1, f_1[j]
-    return work, loss
+        state.q[j], state.v[j], state.f[j] = q_1, v_1, f_1
+    return work, joint, loss
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _relax(model: ModalModel, state: ModalState, decay: float, p: Floats, goal: Floats) -> float:
-    """Relax the residual flexibility towards a joint force; what it loses in the step."""
+def _relax(
+    model: ModalModel, state: ModalState, decay: float, p: Floats, goal: Floats
+) -> tuple[float, float]:
+    """Relax the residual flexibility towards a joint force; the force's work on it, and what it loses."""
     s, u_r, N = state.s, state.u_r, len(p)
-    loss, size = 0.0, 0.0
+    work, loss, size = 0.0, 0.0, 0.0
     for i in range(N):
         size = max(size, abs(s[i]), abs(p[i]))
     if size == 0.0:
-        return 0.0
+        return 0.0, 0.0
     goal[:] = 0.0
     for i in range(N):
         f = p[i]
@@ -140,8 +141,13 @@ def _relax(model: ModalModel, state: ModalState, decay: float, p: Floats, goal: 
             for j in range(N):
                 goal[j] += row[j] * f
     for i in range(N):
-        loss += (p[i] - s[i]) * (goal[i] - u_r[i])
-        u_r[i] = decay * u_r[i] + (1.0 - decay) * goal[i]
+        new = decay * u_r[i] + (1.0 - decay) * goal[i]
+        if model.conserving:
+            work += 0.5 * (p[i] * new - s[i] * u_r[i])
+        else:
+            work += p[i] * (new - u_r[i])
+            loss += 0.5 * (1.0 - decay * decay) * (p[i] - s[i]) * (goal[i] - u_r[i])
+        u_r[i] = new
     size = 0.0
     for i in range(N):
         s[i] = decay * s[i] + (1.0 - decay) * p[i]
@@ -149,17 +155,7 @@ def _relax(model: ModalModel, state: ModalState, decay: float, p: Floats, goal: 
     if size < 1e-30:
         s[:] = 0.0
         u_r[:] = 0.0
-    return 0.5 * (1.0 - decay * decay) * loss
-
-
-@njit(cache=True)
-def _joint_work(old: Floats, jump: Floats, force: Floats) -> float:
-    """Work of the joint force on the blocks in the step: constant force times change of the jump."""
-    work = 0.0
-    for i in range(len(jump)):
-        for a in range(jump.shape[1]):
-            work += force[i, a] * (jump[i, a] - old[i, a])
-    return work
+    return work, loss
 
 
 @njit(cache=True)
@@ -233,12 +229,95 @@ def _try_step(
     return False, residual
 
 
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _add_product(A: Floats, p: Floats, scale: float, out: Floats) -> None:
+    """out += scale A p for a symmetric A, skipping unloaded directions."""
+    for i in range(len(p)):
+        f = scale * p[i]
+        if f != 0.0:
+            row = A[i]
+            for j in range(len(out)):
+                out[j] += row[j] * f
+
+
+@njit(cache=True)
+def _elastic(model: ModalModel, problem: GapProblem, p_c: Floats, p: Floats, g: Floats) -> float:
+    """Energy of the residual flexibility and of the gaps' springs."""
+    d = len(p) // max(len(problem.gap), 1)
+    energy = 0.0
+    for i in range(len(p)):
+        energy += 0.5 * problem.compliance[i] * p_c[i] ** 2
+        if len(model.R) and p[i] != 0.0:
+            row = model.R[i]
+            for j in range(len(p)):
+                energy += 0.5 * p[i] * row[j] * p[j]
+    for i in range(len(problem.gap)):
+        energy += 0.5 * problem.tension[i] * g[d * i] ** 2
+    return energy
+
+
+@njit(cache=True)
+def _try_conserving(
+    model: ModalModel, levels: Levels, control: Control, state: ModalState, x: Scratch
+) -> tuple[bool, float]:
+    """Solve a step in which the joint force acts with a mean that does the work the gaps store.
+
+    The mean is (p_0 + p_1) / 2, which is exact while the closed set stands still, and a multiple of the
+    change of the states' jump on the loaded gaps where it does not (a discrete gradient).
+    """
+    step, problem, memory = _level(levels, 0)
+    half, N = levels.half[0], len(x.w)
+    d = N // max(len(problem.gap), 1)
+    _free_motion(step, state, x.f_1, x.q_free)
+    gap_jumps(model, x.q_free, x.w)
+    base = x.w.copy()
+    p_0 = state.force.ravel()
+    _add_product(half, p_0, 1.0, base)
+    before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
+    correction, p_1, g_1 = np.zeros(N), np.zeros(N), np.zeros(N)
+    x.old_force[:] = memory.force
+    residual = 0.0
+    for _ in range(_MEAN_ITERATIONS):
+        w = base.copy()
+        _add_product(half, correction, 2.0, w)
+        memory.force[:] = x.old_force
+        residual = solve_gaps(problem, memory, state.closed, w, x.y, (control.tolerance, False))
+        if not residual <= control.tolerance:
+            memory.force[:] = x.old_force
+            return False, residual
+        changed = False
+        for i in range(N):
+            g_1[i] = x.y[i] - problem.compliance[i] * memory.force[i]
+            p_1[i] = memory.force[i]
+            if i % d == 0:
+                p_1[i] -= problem.tension[i // d] * g_1[i]
+                changed = changed or (memory.force[i] > 0.0) != state.closed[i // d]
+        state.mean[:] = 0.5 * (p_0 + p_1) + correction
+        x.r[: len(x.r)] = 0.0
+        w_1 = x.w.copy()
+        _add_product(half, state.mean, 2.0, w_1)
+        moved = w_1 - state.w
+        if not changed or d > 1:
+            break
+        moved *= (p_0 != 0.0) | (p_1 != 0.0)
+        missing = _elastic(model, problem, memory.force, p_1, g_1) - before + (0.5 * (p_0 + p_1)) @ moved
+        size = moved @ moved
+        new = -(missing / size) * moved if size > 0.0 else np.zeros(N)
+        settled = np.abs(new - correction).max() <= 1e-9 * np.abs(state.mean).max()
+        correction = new
+        if settled:
+            break
+    state.mean[:] = 0.5 * (p_0 + p_1) + correction
+    state.w[:] = x.w
+    _add_product(half, state.mean, 2.0, state.w)
+    return True, residual
+
+
 @njit(cache=True)
 def _accept(model: ModalModel, levels: Levels, state: ModalState, x: Scratch) -> bool:
     """Commit a solved step: gaps, modes, residual flexibility, works; whether the closed set changed."""
     l = state.level[0]
     step, problem, memory = _level(levels, l)
-    x.old[:] = state.jump.ravel()
     stored, friction = commit_gaps(problem, memory, x.y, state.jump, state.force, state.state)
     changed = False
     for i in range(len(state.closed)):
@@ -246,17 +325,21 @@ def _accept(model: ModalModel, levels: Levels, state: ModalState, x: Scratch) ->
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
     p = state.force.ravel()
-    modal_force(model, p, x.r)
-    work, loss = _advance(step, state, x.f_1, x.q_free, x.r)
+    if not model.conserving:
+        state.mean[:] = p
+    modal_force(model, state.mean, x.r)
+    work, joint, loss = _advance(step, state, x)
     if len(model.R):
-        loss += _relax(model, state, levels.decay[l], p, x.w)
+        joint_r, loss_r = _relax(model, state, levels.decay[l], p, x.w)
+        joint += joint_r
+        loss += loss_r
     state.works[0] += work
     state.works[1] += loss
-    state.works[2] += _joint_work(x.old.reshape(state.jump.shape), state.jump, state.force)
+    state.works[2] += joint
     state.works[3] += friction
-    for i in range(len(state.impulse)):
-        for a in range(state.impulse.shape[1]):
-            state.impulse[i, a] += step.dt * state.force[i, a]
+    d = state.impulse.shape[1]
+    for i in range(len(state.mean)):
+        state.impulse[i // d, i % d] += step.dt * state.mean[i]
     state.stored[0] = stored
     return changed
 
@@ -280,7 +363,10 @@ def _base_step(
         share = (at + size) / whole
         for j in range(len(x.f_1)):
             x.f_1[j] = x.f_0[j] + share * (x.f_end[j] - x.f_0[j])
-        good, residual = _try_step(model, levels, control, state, x, l == finest)
+        if model.conserving:
+            good, residual = _try_conserving(model, levels, control, state, x)
+        else:
+            good, residual = _try_step(model, levels, control, state, x, l == finest)
         if not good:
             state.counts[1] += 1
             if l == finest:
@@ -327,7 +413,7 @@ def march(
     m, N = len(model.k), len(levels.memory.force)
     x = Scratch(
         np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
-        np.empty(N), np.empty(N), np.empty(N), np.empty(N),
+        np.empty(N), np.empty(N), np.empty(N),
     )  # fmt: skip
     _external(model, acc[:, first], x.f_end)
     for n in range(first, last):

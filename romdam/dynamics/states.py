@@ -12,6 +12,7 @@ from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.propagator import modal_propagator, stacked
 from romdam.dynamics.static import system_gap_problem
 from romdam.dynamics.system import System
+from romdam.errors import ConfigError
 from romdam.joints.problem import GapMemory, gap_memory
 
 Floats = NDArray[np.float64]
@@ -51,8 +52,61 @@ def split_states(system: System, flexible_ratio: float) -> StateSplit:
     return StateSplit(states, rest, np.ascontiguousarray(G[:, states]), np.ascontiguousarray(G[:, rest]))
 
 
-def modal_model(system: System, split: StateSplit, active: NDArray[np.int64]) -> ModalModel:
-    """Arrays of a diagonal system for the hot loop; `active` are the shaken components."""
+def split_conserving(system: System, dt: float) -> StateSplit:
+    """Split the modes so that the gaps' boundary is massless and a step with linear joint force is stable.
+
+    The states are the lowest modes whose bonded frequency (every gap closed, the rest a static
+    flexibility R) stays below 1/dt, half of the central difference's limit; joint forces then are a
+    function of the displacement and nothing is lost at closure (massless boundary: Monjaraz-Tec, Gross,
+    Krack, Comput. Struct. 260 (2022) 106698).
+
+    Raises
+    ------
+    ConfigError
+        where no split is stable at this step.
+    """
+    k = system.K.diagonal()
+    order = np.argsort(k, kind="stable")
+    G = system.B.toarray()
+    compliance = system_gap_problem(system, np.zeros((len(G), len(G)))).compliance
+    ends = np.flatnonzero(np.diff(k[order], append=np.inf) > 1e-9 * k[order]) + 1
+    low, high = 0, len(ends)
+    while low < high:  # bisect for the largest stable number of states
+        middle = (low + high + 1) // 2
+        stable = _bonded_frequency(k, G, compliance, order[: ends[middle - 1]]) * dt <= 1.0
+        low, high = (middle, high) if stable else (low, middle - 1)
+    if low == 0:
+        limit = 1.0 / _bonded_frequency(k, G, compliance, order[: ends[0]])
+        raise ConfigError(
+            f"transient.dt is {dt:g} s; without damping the step must be below {limit:.3g} s, the inverse of the "
+            "bonded structure's angular frequency; lower it, give some damping, or lower normal_stiffness"
+        )
+    states = np.sort(order[: ends[low - 1]])
+    rest = np.sort(order[ends[low - 1] :])
+    return StateSplit(states, rest, np.ascontiguousarray(G[:, states]), np.ascontiguousarray(G[:, rest]))
+
+
+def _bonded_frequency(k: Floats, G: Floats, compliance: Floats, states: NDArray[np.int64]) -> float:
+    """Highest angular frequency of the states with every gap closed; inf if their boundary has mass."""
+    rest = np.setdiff1d(np.arange(len(k)), states)
+    if (k[rest] <= 0.0).any():
+        return np.inf
+    flexibility = (G[:, rest] / k[rest]) @ G[:, rest].T + np.diag(compliance)
+    size, vectors = np.linalg.eigh(flexibility)
+    if len(size) and size[0] <= 1e-10 * size[-1]:
+        return np.inf
+    seen = (vectors.T @ G[:, states]) / np.sqrt(size)[:, None]
+    return float(np.sqrt(np.linalg.eigvalsh(np.diag(k[states]) + seen.T @ seen)[-1]))
+
+
+def modal_model(system: System, split: StateSplit, active: NDArray[np.int64], conserving: bool) -> ModalModel:
+    """Arrays of a diagonal system for the hot loop.
+
+    Parameters
+    ----------
+    active : the shaken components
+    conserving : whether the joint force acts with its mean over a step
+    """
     k, c = system.K.diagonal(), system.C.diagonal()
     tiles, values = _tiles(system, split)
     R = (split.G_rest / k[split.rest]) @ split.G_rest.T if len(split.rest) else np.zeros((0, 0))
@@ -65,6 +119,7 @@ def modal_model(system: System, split: StateSplit, active: NDArray[np.int64]) ->
         values=values,
         R=np.ascontiguousarray(R),
         tau=_relaxation_time(k[split.rest], c[split.rest], split.G_rest),
+        conserving=conserving,
     )
 
 
@@ -98,9 +153,12 @@ def step_levels(system: System, model: ModalModel, split: StateSplit, options: T
     steps = [modal_propagator(model.k, model.c, dt) for dt in sizes]
     decay = np.array([np.exp(-dt / model.tau) if model.tau > 0.0 else 0.0 for dt in sizes])
     offset = split.G_rest @ (system.force[split.rest] / system.K.diagonal()[split.rest])
-    problems = []
+    problems, halves = [], []
     for step, e in zip(steps, decay, strict=True):
         H = (split.G * step.q_p) @ split.G.T
+        if model.conserving:
+            halves.append(0.5 * H)
+            H = halves[-1]
         if len(model.R):
             H = H + (1.0 - e) * model.R
         problems.append(system_gap_problem(system, H))
@@ -116,6 +174,7 @@ def step_levels(system: System, model: ModalModel, split: StateSplit, options: T
         ),
         memory=_stacked_memory(memories),
         decay=decay,
+        half=np.stack(halves) if halves else np.zeros((1, 0, 0)),
     )
 
 

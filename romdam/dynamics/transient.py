@@ -19,7 +19,14 @@ from romdam.dynamics.full_order import generalized_alpha
 from romdam.dynamics.march import march, record_row
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.peaks import first_peaks, named_peaks
-from romdam.dynamics.states import StateSplit, modal_model, split_states, step_levels, whole_motion
+from romdam.dynamics.states import (
+    StateSplit,
+    modal_model,
+    split_conserving,
+    split_states,
+    step_levels,
+    whole_motion,
+)
 from romdam.dynamics.static import GapState, static_equilibrium, undeformed
 from romdam.dynamics.system import History, System
 from romdam.errors import ConfigError, ConvergenceError
@@ -67,36 +74,70 @@ def modal(system: System, ground: Floats, options: TransientOptions, progress: P
 
 
 def adaptive(system: System, ground: Floats, options: TransientOptions, progress: Progress) -> History:
-    """Exact modal propagation with steps halved where contact changes, high modes as a flexibility.
+    """Exact modal propagation with steps cut where contact changes, damped high modes as a flexibility.
 
     Raises
     ------
     ConfigError
         for a system that is not diagonal.
     """
+    return _march_modes(system, ground, options, progress, split_states(system, options.flexible_ratio))
+
+
+def conserving(system: System, ground: Floats, options: TransientOptions, progress: Progress) -> History:
+    """Massless boundary and joint force linear over a fixed step: for scenes without damping.
+
+    A joint force constant over the step takes almost all energy out of impacts that nothing damps
+    (94 to 99 % in 10 s on the two-cantilever model, at any step); this scheme keeps it, within a drift
+    that the ledger reports as `contact`.
+
+    Raises
+    ------
+    ConfigError
+        for a system that is not diagonal, and for a step beyond the stability limit.
+    """
+    fixed = replace(options, levels=0, impulse=math.inf)
+    _refuse_sparse(system, options)
+    return _march_modes(
+        system, ground, fixed, progress, split_conserving(system, options.dt), conserving=True
+    )
+
+
+def _refuse_sparse(system: System, options: TransientOptions) -> None:
     if not system.diagonal:
         raise ConfigError(
             f"transient.integrator: {options.integrator} needs a reduced model; use generalized_alpha, "
             "or model.order: reduced"
         )
+
+
+def _march_modes(
+    system: System,
+    ground: Floats,
+    options: TransientOptions,
+    progress: Progress,
+    split: StateSplit,
+    conserving: bool = False,
+) -> History:
+    _refuse_sparse(system, options)
     start = time.process_time()
     active = np.flatnonzero(np.abs(ground).max(axis=1) > 0.0)
     acc = np.ascontiguousarray(ground[active])
-    split = split_states(system, options.flexible_ratio)
-    model = modal_model(system, split, active)
+    model = modal_model(system, split, active, conserving)
     levels = step_levels(system, model, split, options)
     q, gaps = _initial(system, options)
-    state = _modal_state(model, q[split.states], gaps, acc)
+    state = _modal_state((model, split.G), q[split.states], gaps, acc)
     levels.memory.force[:], levels.memory.anchor[:] = gaps.p_c, gaps.anchor
     track = _track(state, options.stride, ground.shape[1])
     setup, loop = time.process_time() - start, time.process_time()
     _march_in_chunks((model, levels), state, acc, track, options, progress)
     stats = {
         "base_steps": float(ground.shape[1] - 1),
+        "finest_step": float(levels.step.dt[-1]),
         "steps": state.counts[0],
         "refused_steps": state.counts[1],
         "solver_iterations": float(levels.memory.counts[..., 2].sum()),
-        "largest_iterations": float(levels.memory.counts[..., 3].max()),
+        "largest_iterations": float(levels.memory.counts[..., 3].max(initial=0)),
         "largest_residual": state.counts[2],
         "state_modes": float(len(model.k)),
         "flexible_modes": float(len(split.rest)),
@@ -112,7 +153,8 @@ def _initial(system: System, options: TransientOptions) -> tuple[Floats, GapStat
     return undeformed(system)
 
 
-def _modal_state(model: ModalModel, q: Floats, gaps: GapState, acc: Floats) -> ModalState:
+def _modal_state(arrays: tuple[ModalModel, Floats], q: Floats, gaps: GapState, acc: Floats) -> ModalState:
+    model, G = arrays
     p = gaps.force.ravel()
     relaxed = len(model.R) > 0
     return ModalState(
@@ -123,6 +165,8 @@ def _modal_state(model: ModalModel, q: Floats, gaps: GapState, acc: Floats) -> M
         u_r=model.R @ p if relaxed else np.zeros(0),
         jump=gaps.jump.copy(),
         force=gaps.force.copy(),
+        mean=p.copy(),
+        w=G @ q,
         state=gaps.state.copy(),
         closed=gaps.state > 0,
         impulse=np.zeros_like(gaps.force),
@@ -216,6 +260,7 @@ def _history(
 
 INTEGRATORS: dict[str, Callable[[System, Floats, TransientOptions, Progress], History]] = {
     "adaptive": adaptive,
+    "conserving": conserving,
     "modal": modal,
     "generalized_alpha": generalized_alpha,
 }
