@@ -17,6 +17,8 @@ from romdam.joints.problem import GapMemory, gap_memory
 
 Floats = NDArray[np.float64]
 
+_FEW = 30  # modes up to which all may be states of the conserving scheme
+_BONDED = 4.0  # largest bonded angular frequency times step: the scheme is stable at any, but not accurate
 _SLOW = 50.0  # [Hz] a strongly damped mode below this moves with the ground and stays a state
 
 
@@ -28,12 +30,15 @@ class StateSplit:
     ----------
     states, rest : mode numbers
     G, G_rest : (N, states), (N, rest) jumps of the modes
+    taper : (states,) share with which each state moves the gaps; what it leaves answers as a flexibility.
+        G has it already
     """
 
     states: NDArray[np.int64]
     rest: NDArray[np.int64]
     G: Floats
     G_rest: Floats
+    taper: Floats
 
 
 def split_states(system: System, flexible_ratio: float) -> StateSplit:
@@ -49,41 +54,50 @@ def split_states(system: System, flexible_ratio: float) -> StateSplit:
     rests[elastic] = c[elastic] > 2.0 * flexible_ratio * np.sqrt(k[elastic])
     states, rest = np.flatnonzero(~rests), np.flatnonzero(rests)
     G = system.B.toarray()
-    return StateSplit(states, rest, np.ascontiguousarray(G[:, states]), np.ascontiguousarray(G[:, rest]))
+    whole = np.ones(len(states))
+    return StateSplit(
+        states, rest, np.ascontiguousarray(G[:, states]), np.ascontiguousarray(G[:, rest]), whole
+    )
 
 
 def split_conserving(system: System, dt: float) -> StateSplit:
-    """Split the modes so that the gaps' boundary is massless and a step with linear joint force is stable.
+    """Split the modes so that the gaps' boundary is massless: joint forces follow from displacements.
 
-    The states are the lowest modes whose bonded frequency (every gap closed, the rest a static
-    flexibility R) stays below 1/dt, half of the central difference's limit; joint forces then are a
-    function of the displacement and nothing is lost at closure (massless boundary: Monjaraz-Tec, Gross,
-    Krack, Comput. Struct. 260 (2022) 106698).
+    States are the lowest modes whose bonded frequency (every gap closed, the rest a static flexibility)
+    the step resolves, and of many modes only the lower third, which the mesh resolves. The coupling of
+    the states to the gaps is tapered by Lanczos' sigma factors, what it leaves is added to the static
+    flexibility: a sharp cut rings (70 % of the pressure on a bouncing bar, 0.04 % with the taper).
+
+    References
+    ----------
+    Monjaraz-Tec, Gross, Krack, Comput. Struct. 260 (2022) 106698: massless boundaries.
 
     Raises
     ------
     ConfigError
-        where no split is stable at this step.
+        where no split is possible: rigid gaps on a boundary that keeps its mass.
     """
     k = system.K.diagonal()
     order = np.argsort(k, kind="stable")
     G = system.B.toarray()
     compliance = system_gap_problem(system, np.zeros((len(G), len(G)))).compliance
     ends = np.flatnonzero(np.diff(k[order], append=np.inf) > 1e-9 * k[order]) + 1
-    low, high = 0, len(ends)
-    while low < high:  # bisect for the largest stable number of states
+    low, high = 0, len(ends) if len(k) <= _FEW else int(np.searchsorted(ends, len(k) / 3.0))
+    while low < high:  # bisect for the largest number of states
         middle = (low + high + 1) // 2
-        stable = _bonded_frequency(k, G, compliance, order[: ends[middle - 1]]) * dt <= 1.0
-        low, high = (middle, high) if stable else (low, middle - 1)
+        bonded = _bonded_frequency(k, G, compliance, order[: ends[middle - 1]])
+        low, high = (middle, high) if bonded * dt <= _BONDED else (low, middle - 1)
     if low == 0:
-        limit = 1.0 / _bonded_frequency(k, G, compliance, order[: ends[0]])
         raise ConfigError(
-            f"transient.dt is {dt:g} s; without damping the step must be below {limit:.3g} s, the inverse of the "
-            "bonded structure's angular frequency; lower it, give some damping, or lower normal_stiffness"
+            f"without damping and with transient.dt {dt:g} s no joint force keeps the energy: "
+            "the gaps are rigid or too stiff for the step, and the model has no higher modes to give their "
+            "boundary a flexibility; keep more modes, lower dt, give a finite normal_stiffness, or damping"
         )
-    states = np.sort(order[: ends[low - 1]])
-    rest = np.sort(order[ends[low - 1] :])
-    return StateSplit(states, rest, np.ascontiguousarray(G[:, states]), np.ascontiguousarray(G[:, rest]))
+    states, rest = np.sort(order[: ends[low - 1]]), np.sort(order[ends[low - 1] :])
+    taper = np.sinc(np.sqrt(k[states] / k[rest].min())) if len(rest) else np.ones(len(states))
+    return StateSplit(
+        states, rest, np.ascontiguousarray(G[:, states] * taper), np.ascontiguousarray(G[:, rest]), taper
+    )
 
 
 def _bonded_frequency(k: Floats, G: Floats, compliance: Floats, states: NDArray[np.int64]) -> float:
@@ -110,6 +124,10 @@ def modal_model(system: System, split: StateSplit, active: NDArray[np.int64], co
     k, c = system.K.diagonal(), system.C.diagonal()
     tiles, values = _tiles(system, split)
     R = (split.G_rest / k[split.rest]) @ split.G_rest.T if len(split.rest) else np.zeros((0, 0))
+    tapered = np.flatnonzero(split.taper < 1.0)
+    if len(tapered):
+        left = (1.0 / split.taper[tapered] ** 2 - 1.0) / k[split.states[tapered]]
+        R = R + (split.G[:, tapered] * left) @ split.G[:, tapered].T
     return ModalModel(
         k=k[split.states],
         c=c[split.states],
@@ -190,7 +208,12 @@ def _stacked_memory(memories: list[GapMemory]) -> GapMemory:
 def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:
     """All modes' displacements and velocities from the states and the relaxed joint forces."""
     q, v = np.zeros((len(track.q), system.size)), np.zeros((len(track.q), system.size))
-    q[:, split.states], v[:, split.states] = track.q, track.v
+    q[:, split.states], v[:, split.states] = track.q * split.taper, track.v * split.taper
+    tapered = np.flatnonzero(split.taper < 1.0)
+    if len(tapered):
+        k = system.K.diagonal()[split.states[tapered]]
+        left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k
+        q[:, split.states[tapered]] += track.s @ (split.G[:, tapered] * left)
     if len(split.rest):
         k = system.K.diagonal()[split.rest]
         q[:, split.rest] = (track.s @ split.G_rest + system.force[split.rest]) / k

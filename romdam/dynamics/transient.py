@@ -252,7 +252,7 @@ def _history(
         acc=rate @ system.observe.T,
         q=q,
         v=v,
-        energy=ledger(track.works, 0.5 * (v**2).sum(axis=1), strain, track.stored),
+        energy=ledger(track.works, 0.5 * (track.v**2).sum(axis=1), strain, track.stored),
         peaks=named_peaks(track.peaks),
         stats=stats,
     )
