@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from romdam.config.load import Job
 from romdam.dynamics.options import TransientOptions
-from romdam.pipelines.run import Clock, Model, Stage, build_model, silent, transient_options
+from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
+from romdam.pipelines.shaking import check_interval, transient_options
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
 from romdam.scene.model import Scene
@@ -50,10 +51,12 @@ def check(job: Job, show: Stage = silent) -> Check:
     RomdamError
         for everything `romdam.run` would refuse before its first step.
     """
-    options, clock = transient_options(job), Clock(show)
+    check_interval(job)
+    clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions = load_motions(job.config.records, job.folder)
     model = build_model(job, clock)
+    options = transient_options(job, model.system, motions[0])
     steps = {m.name: _steps(m, options, job.config.transient.duration) for m in motions}
     total = sum(steps.values())
     return Check(

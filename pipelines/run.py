@@ -9,22 +9,18 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from romdam.config.load import Job
-from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.system import System
-from romdam.dynamics.transient import integrate
-from romdam.errors import ConfigError, RecordError, RomdamError
+from romdam.errors import RecordError, RomdamError
 from romdam.fem.unreduced import assemble_full
 from romdam.outputs.comparison import read_statement
 from romdam.outputs.dataset import Timing, build_dataset, prepare_folder, write_dataset
 from romdam.outputs.fields import write_model
 from romdam.outputs.variables import Case
+from romdam.pipelines.shaking import check_interval, shake
 from romdam.records.motion import GroundMotion
-from romdam.records.resampling import resample_linear
 from romdam.records.suite import check_names, load_motions
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
@@ -32,7 +28,6 @@ from romdam.scene.model import Scene
 
 log = logging.getLogger(__name__)
 
-Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 Stage = Callable[[str], AbstractContextManager[Progress]]
 
@@ -98,7 +93,7 @@ def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
     RomdamError
         for bad input, and for a lone record that fails; of several records the others go on.
     """
-    transient_options(job)
+    check_interval(job)
     folder = prepare_folder(Path(out))
     clock = Clock(show)
     with clock.stage("records", "reading records"):
@@ -153,10 +148,8 @@ def run_motion(
 ) -> Path:
     """Integrate one ground motion and write its result; `target` is the folder and the basis file's name."""
     folder, model_file = target
-    options = transient_options(job)
     with clock.stage("integration", f"shaking with {motion.name}") as progress:
-        ground = ground_at_steps(motion, options.dt, job.config.transient.duration)
-        history = integrate(model.system, ground, options, progress)
+        history = shake(job, model.system, motion, job.config.transient.duration, progress)
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         dataset = build_dataset(Case(model.scene, motion, history), job, timing, model_file)
@@ -174,39 +167,3 @@ def draw(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
     from romdam.outputs.plots import write_plots  # here: a run without figures need not load matplotlib
 
     return write_plots(dataset, folder, stem)
-
-
-def transient_options(job: Job) -> TransientOptions:
-    """Integration settings of a job.
-
-    Raises
-    ------
-    ConfigError
-        where `outputs.every` is no whole multiple of `transient.dt`.
-    """
-    transient, every = job.config.transient, job.config.outputs.every
-    ratio = 1.0 if every is None else every / transient.dt
-    stride = round(ratio)
-    if stride < 1 or abs(ratio - stride) > 1e-6 * ratio:
-        raise ConfigError(
-            f"{job.path}: outputs.every must be a whole multiple of transient.dt ({transient.dt:g} s), "
-            f"got {every:g} s; {max(1, stride) * transient.dt:g} s is the nearest"
-        )
-    default = "modal" if job.config.model.order == "reduced" else "generalized_alpha"
-    return TransientOptions(
-        dt=transient.dt,
-        stride=stride,
-        integrator=transient.integrator or default,
-        rho_inf=transient.rho_inf,
-        tolerance=transient.tolerance,
-        initial_state=job.config.loads.initial_state,
-    )
-
-
-def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> Floats:
-    """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it."""
-    acc = resample_linear(motion.acc, motion.dt, dt)
-    if duration is None:
-        return acc
-    samples = round(duration / dt) + 1
-    return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))

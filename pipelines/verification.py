@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from romdam.config.load import Job
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.system import History, System
+from romdam.dynamics.system import History
 from romdam.dynamics.transient import integrate
 from romdam.errors import ConfigError
 from romdam.fem.unreduced import assemble_full
 from romdam.outputs.comparison import Difference, Openings, compare_openings, read_reference, write_statement
 from romdam.outputs.dataset import prepare_folder
-from romdam.pipelines.run import Clock, Stage, build_model, ground_at_steps, silent, transient_options
+from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
+from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
 from romdam.scene.model import Scene
 
-REFINEMENT = 4  # the full order steps at dt / 4, where its own error is about 0.3 of the reduced model's
+REFINEMENT = 4  # the full order steps at the reduced model's finest step / 4, where its own error is about
+# 0.3 of the reduced model's,
+SAMPLE = 16  # but at no less than this part of the record's step, to end in minutes
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,10 @@ class Verification:
 
 @dataclass(frozen=True)
 class Marched:
-    """One integration and its options."""
+    """One integration, its step where contact changes, and its openings."""
 
     history: History
-    options: TransientOptions
+    dt: float
     openings: Openings
 
 
@@ -67,19 +69,13 @@ def verify(
         for bad input, a scene without joints, and steps that do not converge.
     """
     _refuse_what_cannot_be_verified(job)
-    options, folder, clock = transient_options(job), prepare_folder(Path(out)), Clock(show)
+    folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motion = load_motions(job.config.records, job.folder)[0]
     model = build_model(job, clock)
-    reduced = _march(clock, "reduced", model.system, (model.scene, motion, duration), options)
-    fine = replace(
-        options,
-        dt=options.dt / REFINEMENT,
-        stride=options.stride * REFINEMENT,
-        integrator="generalized_alpha",
-    )
-    full_system = assemble_full(model.scene, job.config.damping)
-    full = _march(clock, "full", full_system, (model.scene, motion, duration), fine)
+    seconds = min(duration, motion.duration)
+    reduced = _reduced(job, model, motion, seconds, clock)
+    full = _full(job, model, (motion, seconds, reduced), clock)
     names = ("the reduced model", "the full order")
     statement = _statement(
         job, motion, (reduced, full), compare_openings(reduced.openings, full.openings, names)
@@ -102,22 +98,30 @@ def _refuse_what_cannot_be_verified(job: Job) -> None:
         )
 
 
-def _march(
-    clock: Clock,
-    name: str,
-    system: System,
-    what: tuple[Scene, GroundMotion, float],
-    options: TransientOptions,
-) -> Marched:
-    scene, motion, duration = what
-    ground = ground_at_steps(motion, options.dt, min(duration, motion.duration))
-    integrate(
-        system, ground[:, : 2 * options.stride + 1], options
-    )  # compiled kernels are not part of the time
-    with clock.stage(name, f"{name} model, {ground.shape[1] - 1} steps") as progress:
+def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock: Clock) -> Marched:
+    shake(job, model.system, motion, 10.0 * motion.dt)  # compiled kernels are not part of the time
+    with clock.stage("reduced", "reduced model") as progress:
+        history = shake(job, model.system, motion, seconds, progress)
+    return _marched(model.scene, history)
+
+
+def _full(job: Job, model: Model, what: tuple[GroundMotion, float, Marched], clock: Clock) -> Marched:
+    motion, seconds, reduced = what
+    every = float(reduced.history.time[1])
+    wanted = max(reduced.dt / REFINEMENT, motion.dt / SAMPLE)
+    dt = every / np.ceil(every / wanted * (1.0 - 1e-9))
+    options = fixed_step(transient_options(job, model.system, motion), dt, every, "generalized_alpha")
+    system = assemble_full(model.scene, job.config.damping)
+    ground = ground_at_steps(motion, dt, seconds)
+    with clock.stage("full", f"full order, {ground.shape[1] - 1} steps") as progress:
         history = integrate(system, ground, options, progress)
+    return _marched(model.scene, history)
+
+
+def _marched(scene: Scene, history: History) -> Marched:
     position = np.concatenate([joint.position for joint in scene.joints.values()])
-    return Marched(history, options, Openings(history.time, history.jump[:, :, 0], position))
+    openings = Openings(history.time, history.jump[:, :, 0], position)
+    return Marched(history, history.stats["finest_step"], openings)
 
 
 def _statement(
@@ -129,11 +133,11 @@ def _statement(
         run.history.stats["loop_cpu_seconds"] / run.history.stats["steps"] for run in runs
     )
     return {
-        "statement": _sentence(full.options.dt, motion.name, difference),
+        "statement": _sentence(full.dt, motion.name, difference),
         "record": motion.name,
         **asdict(difference),
-        "dt": reduced.options.dt,
-        "dt_full": full.options.dt,
+        "dt": reduced.dt,
+        "dt_full": full.dt,
         "cpu_seconds": cpu,
         "cpu_seconds_full": cpu_full,
         "cpu_ratio": cpu_full / cpu,
@@ -166,7 +170,7 @@ def _against_reference(path: Path, stored: Openings, reduced: Marched, full: Mar
 def _draw(folder: Path, motion: GroundMotion, reduced: Marched, full: Marched) -> Path:
     from romdam.outputs.plots import opening_comparison, save_figure
 
-    labels = (f"reduced, dt {reduced.options.dt:g} s", f"full order, dt {full.options.dt:g} s")
+    labels = (f"reduced, dt {reduced.dt:g} s", f"full order, dt {full.dt:g} s")
     histories = {
         label: (run.openings.time, run.openings.opening)
         for label, run in zip(labels, (reduced, full), strict=True)

@@ -257,13 +257,26 @@ class ModelConfig(Model):
 
 
 class TransientConfig(Model):
-    """Time integration."""
+    """Time integration: the step where contact changes, or the accuracy that picks it.
 
-    dt: Annotated[Time, Positive]
+    Without `integrator` the scene decides: "adaptive" (steps cut where contact changes) with damping,
+    "conserving" without any, "generalized_alpha" at full order; "modal" is the fixed-step baseline.
+    """
+
+    dt: Annotated[Time, Positive] | None = None
+    accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
     duration: Annotated[Time, Positive] | None = None
-    integrator: Literal["modal", "generalized_alpha"] | None = None
+    integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
     rho_inf: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
     tolerance: Annotated[float, Field(gt=0.0, le=1e-6)] = 1e-8
+
+    @model_validator(mode="after")
+    def _one_step(self) -> Self:
+        if (self.dt is None) == (self.accuracy is None):
+            raise ValueError("give exactly one of `dt` (for example 2.5 ms) and `accuracy` (for example 1 %)")
+        if self.accuracy is not None and self.integrator == "generalized_alpha":
+            raise ValueError("`accuracy` chooses the step of a reduced model; give `dt` to generalized_alpha")
+        return self
 
 
 class NodeConfig(Model):
@@ -305,6 +318,10 @@ class Config(Model):
 
     @model_validator(mode="after")
     def _references(self) -> Self:
+        if self.model.order == "full" and self.transient.dt is None:
+            raise ValueError(
+                "transient.dt is missing; a full-order model needs a step, `accuracy` is for reduced ones"
+            )
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):

@@ -101,6 +101,7 @@ def generalized_alpha(
             progress(n + 1, total)
     stats = {
         "steps": float(total),
+        "finest_step": options.dt,
         "solver_iterations": float(memory.counts[:, 2].sum()),
         "largest_iterations": float(memory.counts[:, 3].max()),
         "largest_residual": worst,
@@ -205,4 +206,5 @@ class _Rows:
             energy=ledger(self.works, *self.energies),
             peaks=named_peaks(self.peaks),
             stats=stats,
+            integrator="generalized_alpha",
         )

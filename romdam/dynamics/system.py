@@ -93,6 +93,7 @@ class History:
     energy : name -> (nt,) [J], see `romdam.dynamics.energy.TERMS`
     peaks : name -> (ng,) over every step, not only the written ones, see `romdam.dynamics.peaks.PEAKS`
     stats : counts and CPU seconds of the run
+    integrator : key of `romdam.dynamics.transient.INTEGRATORS`
     """
 
     time: Floats
@@ -108,3 +109,4 @@ class History:
     energy: dict[str, Floats]
     peaks: dict[str, Floats]
     stats: dict[str, float]
+    integrator: str

@@ -255,6 +255,7 @@ def _history(
         energy=ledger(track.works, 0.5 * (track.v**2).sum(axis=1), strain, track.stored),
         peaks=named_peaks(track.peaks),
         stats=stats,
+        integrator=options.integrator,
     )
 
 

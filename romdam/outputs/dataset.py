@@ -78,7 +78,8 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
         "configuration": json.dumps(job.config.model_dump(mode="json")),
         "configuration_sha256": job.digest,
         "model_order": job.config.model.order,
-        "dt": job.config.transient.dt,
+        "integrator": case.history.integrator,
+        "dt": case.history.stats["finest_step"],
         "versions": json.dumps(versions | {"python": platform.python_version()}),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
     }

@@ -68,14 +68,14 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     motion = rng.normal(size=(3, STEPS, 6))
     energy = {term: rng.uniform(size=STEPS) for term in TERMS}
     q, v = (rng.normal(size=(STEPS, 7)) for _ in range(2))
-    stats = {"steps": 40.0, "loop_cpu_seconds": 0.1}
+    stats = {"steps": 40.0, "loop_cpu_seconds": 0.1, "finest_step": 0.0025}
     state = rng.integers(0, 3, size=(STEPS, gaps)).astype(np.uint8)
     q, v = (q, v) if reduced else (None, None)
     disp, vel, acc = motion
     mean = 0.5 * traction
     return History(
         time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
-        q=q, v=v, energy=energy, peaks=peaks, stats=stats,
+        q=q, v=v, energy=energy, peaks=peaks, stats=stats, integrator="modal",
     )  # fmt: skip
 
 

@@ -1,0 +1,133 @@
+"""One ground motion on one system, with the step and scheme that configuration and scene ask for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.config.load import Job
+from romdam.dynamics.accuracy import force_change_limit, integrate_to, refined_step
+from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.system import History, System
+from romdam.dynamics.transient import Progress, integrate
+from romdam.errors import ConfigError
+from romdam.records.motion import GroundMotion
+from romdam.records.resampling import resample_motion
+
+Floats = NDArray[np.float64]
+
+_DEFAULT_ACCURACY = 0.01  # of joint force changes, where the configuration gives a step
+
+
+def shake(
+    job: Job, system: System, motion: GroundMotion, duration: float | None, progress: Progress | None = None
+) -> History:
+    """Integrate one ground motion as the configuration says.
+
+    Parameters
+    ----------
+    duration : seconds from the record's start, or its whole length [s]
+
+    Raises
+    ------
+    ConfigError
+        where steps and output interval do not fit, or the integrator does not suit the scene.
+    ConvergenceError
+        where a step does not converge.
+    """
+    options = transient_options(job, system, motion)
+    accuracy = job.config.transient.accuracy
+    if accuracy is None:
+        return integrate(system, ground_at_steps(motion, options.dt, duration), options, progress)
+
+    def ground(dt: float) -> Floats:
+        return ground_at_steps(motion, dt, duration)
+
+    return integrate_to(system, ground, options, accuracy, progress)
+
+
+def choose_integrator(job: Job, system: System) -> str:
+    """The configured integrator, or the one that suits the scene.
+
+    A reduced scene with joints but no damping at all gets the scheme that conserves energy; any other
+    reduced scene the one that cuts its steps where contact changes; full order generalised-alpha.
+    """
+    transient = job.config.transient
+    if transient.integrator is not None:
+        return transient.integrator
+    if job.config.model.order == "full":
+        return "generalized_alpha"
+    undamped = system.C.nnz == 0 or not system.C.diagonal().any()
+    return "conserving" if undamped and len(system.law) else "adaptive"
+
+
+def transient_options(job: Job, system: System, motion: GroundMotion) -> TransientOptions:
+    """Integration settings of a job for one ground motion.
+
+    Raises
+    ------
+    ConfigError
+        where `outputs.every` is no whole multiple of `transient.dt`.
+    """
+    transient, integrator = job.config.transient, choose_integrator(job, system)
+    base, levels, stride = _steps(job, motion, integrator)
+    share = transient.accuracy or _DEFAULT_ACCURACY
+    return TransientOptions(
+        dt=base,
+        stride=stride,
+        integrator=integrator,
+        rho_inf=transient.rho_inf,
+        tolerance=transient.tolerance,
+        initial_state=job.config.loads.initial_state,
+        levels=levels,
+        impulse=force_change_limit(motion.acc, motion.dt, share),
+    )
+
+
+def _steps(job: Job, motion: GroundMotion, integrator: str) -> tuple[float, int, int]:
+    """Base step, levels below it, base steps per written row."""
+    dt, every = job.config.transient.dt, job.config.outputs.every
+    if dt is None:  # an accuracy is given: start from the record's step, or what fits the rows
+        interval = every or motion.dt
+        parts = math.ceil(interval / motion.dt * (1.0 - 1e-9))
+        return interval / parts, 0, parts
+    check_interval(job)
+    base, levels = refined_step(dt, motion.dt, every) if integrator == "adaptive" else (dt, 0)
+    return base, levels, 1 if every is None else round(every / base)
+
+
+def check_interval(job: Job) -> None:
+    """Refuse an output interval that the step does not divide.
+
+    Raises
+    ------
+    ConfigError
+        where `outputs.every` is no whole multiple of `transient.dt`.
+    """
+    dt, every = job.config.transient.dt, job.config.outputs.every
+    if dt is None or every is None:
+        return
+    ratio = every / dt
+    stride = round(ratio)
+    if stride < 1 or abs(ratio - stride) > 1e-6 * ratio:
+        raise ConfigError(
+            f"{job.path}: outputs.every must be a whole multiple of transient.dt ({dt:g} s), "
+            f"got {every:g} s; {max(1, stride) * dt:g} s is the nearest"
+        )
+
+
+def fixed_step(options: TransientOptions, dt: float, every: float, integrator: str) -> TransientOptions:
+    """The same settings at a fixed step of another integrator."""
+    return replace(options, dt=dt, levels=0, stride=round(every / dt), integrator=integrator)
+
+
+def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> Floats:
+    """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it."""
+    acc = resample_motion(motion, dt)
+    if duration is None:
+        return acc
+    samples = round(duration / dt) + 1
+    return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))
