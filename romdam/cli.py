@@ -145,12 +145,22 @@ def records(
             metavar="LIST...", help="Jobs (YAML), manifests, folders, record files, or P-695 sets."
         ),
     ],
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Folder for a page of plots per record.")
+    ] = None,
 ) -> None:
     """List ground motions with their measures; one that cannot be read is a row that says why."""
+    from romdam.outputs.dataset import prepare_folder
+    from romdam.outputs.record_plots import write_record_plots
     from romdam.records.table import format_table, list_records
 
+    folder = prepare_folder(plot) if plot else None
     listed = list_records(sources)
     typer.echo(format_table(listed))
+    if folder:
+        pairs = [(one.motion, one.recorded) for one in listed if one.motion]
+        for path in write_record_plots(pairs, folder):
+            typer.echo(f"written: {path}")
     if any(one.motion is None for one in listed):
         raise typer.Exit(FAILED)
 

@@ -118,6 +118,15 @@ def estimate_line(found: Check) -> str:
 _NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
 
 
+def _time_error(attrs: Mapping[str, object]) -> str:
+    """What is known of the time-stepping error."""
+    if "solver_estimated_time_error" not in attrs:
+        return "error not estimated; transient.accuracy instead of dt does"
+    estimate, wanted = (float(str(attrs[f"solver_{k}"])) for k in ("estimated_time_error", "accuracy"))
+    verdict = "" if estimate <= wanted else ", NOT reached at the finest step allowed"
+    return f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}), by refining the step"
+
+
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """What a result is, how it was made, and how far off it is known to be."""
     attrs = dataset.attrs
@@ -131,7 +140,9 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"model          {attrs['model_order']} order, dt {attrs['dt']:g} s, "
         f"basis {attrs.get('model_file', 'none')}",
         f"size           {size}",
-        f"solved         {attrs.get('solver_steps', 0):.0f} steps, {cpu:.3g} s CPU in the time loop",
+        f"solved         {attrs.get('integrator')}: {attrs.get('solver_steps', 0):.0f} steps, "
+        f"{cpu:.3g} s CPU in the time loop",
+        f"time stepping  {_time_error(attrs)}",
         f"written        {attrs['date_created']} by {attrs['source']}",
         f"error          {attrs.get('error_statement', _NOT_STATED)}",
     ]
