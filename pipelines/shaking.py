@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.config.load import Job
-from romdam.dynamics.accuracy import force_change_limit, integrate_to, refined_step
+from romdam.dynamics.accuracy import integrate_to, refined_step
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.system import History, System
 from romdam.dynamics.transient import Progress, integrate
@@ -18,8 +18,6 @@ from romdam.records.motion import GroundMotion
 from romdam.records.resampling import resample_motion
 
 Floats = NDArray[np.float64]
-
-_DEFAULT_ACCURACY = 0.01  # of joint force changes, where the configuration gives a step
 
 
 def shake(
@@ -74,7 +72,6 @@ def transient_options(job: Job, system: System, motion: GroundMotion) -> Transie
     """
     transient, integrator = job.config.transient, choose_integrator(job, system)
     base, levels, stride = _steps(job, motion, integrator)
-    share = transient.accuracy or _DEFAULT_ACCURACY
     return TransientOptions(
         dt=base,
         stride=stride,
@@ -83,7 +80,7 @@ def transient_options(job: Job, system: System, motion: GroundMotion) -> Transie
         tolerance=transient.tolerance,
         initial_state=job.config.loads.initial_state,
         levels=levels,
-        impulse=force_change_limit(motion.acc, motion.dt, share),
+        force_change=transient.accuracy or TransientOptions.force_change,
     )
 
 

@@ -108,14 +108,3 @@ def _difference(fine: History, rough: History, integrator: str) -> float:
     measured = (fine.jump[..., 0], rough.jump[..., 0]) if fine.jump.size else (fine.disp, rough.disp)
     size = float(np.linalg.norm(measured[0]))
     return float(np.linalg.norm(measured[0] - measured[1])) / max(size, _NEGLIGIBLE)
-
-
-def force_change_limit(ground: Floats, dt: float, accuracy: float) -> float:
-    """Gap velocity that the change of a joint force over a step may stand for [m/s].
-
-    The accuracy times the peak ground velocity: impacts happen at about that velocity. On the
-    two-cantilever model anything below 3 % of it no longer changes the error.
-    """
-    velocity = np.cumsum(ground, axis=1) * dt
-    peak = float(np.abs(velocity).max(initial=0.0))
-    return accuracy * peak if peak > 0.0 else math.inf

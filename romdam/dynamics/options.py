@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 
@@ -19,8 +18,8 @@ class TransientOptions:
     tolerance : allowed relative residual of the gap-space problem of a step
     initial_state : "static" (equilibrium under the static loads) or "from_start" (at rest, undeformed)
     levels : step sizes below the base step, each a quarter of the one before (adaptive only)
-    impulse : gap velocity that the change of a joint force over a step may stand for before the step
-        is cut [m/s] (adaptive only)
+    force_change : what the change of a joint force over a step may do before the step is cut, as a gap
+        velocity relative to the peak ground velocity (adaptive only)
     flexible_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility and are
         no states (adaptive only)
     """
@@ -32,5 +31,5 @@ class TransientOptions:
     tolerance: float = 1e-8
     initial_state: str = "static"
     levels: int = 2
-    impulse: float = math.inf
+    force_change: float = 0.01
     flexible_ratio: float = 0.7

@@ -22,7 +22,8 @@ Floats = NDArray[np.float64]
 
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _MAX_ITERATIONS = 2000
-_REST = 1e-10  # relative change of q that counts as rest
+_REST = 1e-9  # relative change of q that counts as rest
+_TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can come to rest
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,14 @@ def undeformed(system: System) -> tuple[Floats, GapState]:
     n, d = len(law), law.directions
     jump = np.zeros((n, d))
     jump[:, 0] = law.gap
+    stiffness = np.where(law.gap < 0.0, np.where(np.isinf(law.K_n), 0.0, law.K_n), law.K_nz)
     empty = GapState(
         jump=jump,
         force=np.zeros((n, d)),
         state=np.zeros(n, dtype=np.uint8),
         p_c=np.zeros(n * d),
         anchor=np.zeros((n if d == 3 else 0, 2)),
-        stored=0.0,
+        stored=float((0.5 * stiffness * law.gap**2).sum()),
     )
     return np.zeros(system.size), empty
 
@@ -106,7 +108,9 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     n, N = len(problem.gap), len(problem.W)
     d = N // max(n, 1)
     y = np.zeros(N)
-    residual = solve_gaps(problem, memory, memory.force[::d] > 0.0, w_free, y, (tolerance, False))
+    residual = solve_gaps(
+        problem, memory, memory.force[::d] > 0.0, w_free, y, (min(tolerance, _TIGHT), False)
+    )
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "

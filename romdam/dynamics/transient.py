@@ -96,7 +96,7 @@ def conserving(system: System, ground: Floats, options: TransientOptions, progre
     ConfigError
         for a system that is not diagonal, and for a step beyond the stability limit.
     """
-    fixed = replace(options, levels=0, impulse=math.inf)
+    fixed = replace(options, levels=0)
     _refuse_sparse(system, options)
     return _march_modes(
         system, ground, fixed, progress, split_conserving(system, options.dt), conserving=True
@@ -205,7 +205,7 @@ def _march_in_chunks(
     progress: Progress,
 ) -> None:
     model, levels = arrays
-    control = Control(options.tolerance, options.impulse)
+    control = Control(options.tolerance, _impulse_limit(acc, options))
     last = acc.shape[1] - 1
     for first in range(0, last, _CHUNK):
         until = min(first + _CHUNK, last)
@@ -213,6 +213,17 @@ def _march_in_chunks(
         if reached < until:
             raise ConvergenceError(not_converged(reached + 1, options, state.counts[2]))
         progress(until, last)
+
+
+def _impulse_limit(acc: Floats, options: TransientOptions) -> float:
+    """Gap velocity that the change of a joint force over a step may stand for [m/s].
+
+    Impacts happen at about the peak ground velocity. On the two-cantilever model anything below 3 % of it no
+    longer changes the error; without that limit it stays above 1 % at any step.
+    """
+    velocity = np.cumsum(acc, axis=1) * options.dt
+    peak = float(np.abs(velocity).max(initial=0.0))
+    return options.force_change * peak if peak > 0.0 else math.inf
 
 
 def not_converged(step: int, options: TransientOptions, residual: float) -> str:

@@ -109,7 +109,7 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
     axes[0].stackplot(dataset.time.values, stack, labels=labels, colors=colours, lw=0, alpha=0.85)
     axes[0].plot(dataset.time, supplied, color="black", lw=1.0, label="input")
     axes[0].set_ylabel(f"energy [{unit}]")
-    axes[0].legend(loc="upper left", ncols=2)
+    axes[0].legend(loc="upper left")
     imbalance, _, unit = scaled(dataset.energy_residual, "J")
     axes[1].plot(dataset.time, imbalance, color=COLOURS[0], lw=0.8)
     axes[1].set_ylabel(f"imbalance\n[{unit}]")

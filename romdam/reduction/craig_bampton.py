@@ -136,6 +136,8 @@ def _fixed_interface_modes(
     if choice.count is not None:
         return lowest_modes(K, M, choice.count, factor, shift)
     assert choice.cutoff is not None
+    if K.shape[0] == 0:
+        return np.zeros(0), np.zeros((0, 0))
     limit, count = (2.0 * np.pi * choice.cutoff) ** 2, min(_FIRST_COUNT, K.shape[0])
     while True:
         omega2, Phi = lowest_modes(K, M, count, factor, shift)
