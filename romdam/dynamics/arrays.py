@@ -28,6 +28,7 @@ class ModalModel(NamedTuple):
     R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
     tau : their relaxation time [s]
     conserving : whether the joint force acts with its mean over the step, so that no energy is lost
+    shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
     """
 
     k: Floats
@@ -39,6 +40,7 @@ class ModalModel(NamedTuple):
     R: Floats
     tau: float
     conserving: bool
+    shift: Floats
 
 
 class Levels(NamedTuple):

@@ -35,7 +35,11 @@ _CALM = 1  # accepted steps without a change of the closed set before a longer o
 
 
 class Scratch(NamedTuple):
-    """Vectors of the loop: modal forces, free displacement, joint force on the modes, gap vectors."""
+    """Vectors of the loop: modal forces, free displacement, joint force on the modes, gap vectors.
+
+    `ends` (2, N) holds the added jumps at both ends of a base step, `shift` (N,) those at the step's end;
+    both are empty where none are added.
+    """
 
     f_0: Floats
     f_1: Floats
@@ -45,6 +49,8 @@ class Scratch(NamedTuple):
     w: Floats
     y: Floats
     old_force: Floats
+    ends: Floats
+    shift: Floats
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
@@ -218,6 +224,8 @@ def _try_step(
     if len(model.R):
         for i in range(len(x.w)):
             x.w[i] += levels.decay[l] * state.u_r[i]
+    for i in range(len(x.shift)):
+        x.w[i] += x.shift[i]
     x.old_force[:] = memory.force
     residual = solve_gaps(problem, memory, state.closed, x.w, x.y, (control.tolerance, not finest))
     if not residual <= control.tolerance:
@@ -271,6 +279,8 @@ def _try_conserving(
     _free_motion(step, state, x.f_1, x.q_free)
     gap_jumps(model, x.q_free, x.w)
     base = x.w.copy()
+    for i in range(len(x.shift)):
+        base[i] += x.shift[i]
     p_0 = state.force.ravel()
     _add_product(half, p_0, 1.0, base)
     before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
@@ -363,6 +373,8 @@ def _base_step(
         share = (at + size) / whole
         for j in range(len(x.f_1)):
             x.f_1[j] = x.f_0[j] + share * (x.f_end[j] - x.f_0[j])
+        for i in range(len(x.shift)):
+            x.shift[i] = x.ends[0, i] + share * (x.ends[1, i] - x.ends[0, i])
         if model.conserving:
             good, residual = _try_conserving(model, levels, control, state, x)
         else:
@@ -410,15 +422,17 @@ def march(
         converge at the finest level (state.counts[2] then holds its residual)
     """
     acc, first, last = ground
-    m, N = len(model.k), len(levels.memory.force)
+    m, N, shifted = len(model.k), len(levels.memory.force), len(model.shift) > 0
     x = Scratch(
         np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
-        np.empty(N), np.empty(N), np.empty(N),
+        np.empty(N), np.empty(N), np.empty(N), np.empty((2, N)), np.empty(N if shifted else 0),
     )  # fmt: skip
     _external(model, acc[:, first], x.f_end)
     for n in range(first, last):
         x.f_0[:] = x.f_end
         _external(model, acc[:, n + 1], x.f_end)
+        if shifted:
+            x.ends[:] = model.shift[n : n + 2]
         if not _base_step(model, levels, control, state, x, track, n * levels.step.dt[0]):
             return n
         if (n + 1) % track.stride == 0:

@@ -4,6 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Start:
+    """A state to go on from, as a row of a `History` holds it.
+
+    Attributes
+    ----------
+    q, v : (n,) unknowns of a diagonal system and their rates
+    jump, traction : (ng, d) of the gaps [m], [N]
+    """
+
+    q: Floats
+    v: Floats
+    jump: Floats
+    traction: Floats
+
 
 @dataclass(frozen=True)
 class TransientOptions:
@@ -22,6 +43,8 @@ class TransientOptions:
         velocity relative to the peak ground velocity (adaptive only)
     flexible_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility and are
         no states (adaptive only)
+    start : state to go on from, instead of `initial_state` (diagonal systems)
+    shift : (nt, directions * ng) jumps added at every base step, linear in between (diagonal systems) [m]
     """
 
     dt: float
@@ -33,3 +56,5 @@ class TransientOptions:
     levels: int = 2
     force_change: float = 0.01
     flexible_ratio: float = 0.7
+    start: Start | None = None
+    shift: Floats | None = None

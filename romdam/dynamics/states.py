@@ -113,13 +113,20 @@ def _bonded_frequency(k: Floats, G: Floats, compliance: Floats, states: NDArray[
     return float(np.sqrt(np.linalg.eigvalsh(np.diag(k[states]) + seen.T @ seen)[-1]))
 
 
-def modal_model(system: System, split: StateSplit, active: NDArray[np.int64], conserving: bool) -> ModalModel:
+def modal_model(
+    system: System,
+    split: StateSplit,
+    active: NDArray[np.int64],
+    conserving: bool,
+    shift: Floats | None = None,
+) -> ModalModel:
     """Arrays of a diagonal system for the hot loop.
 
     Parameters
     ----------
     active : the shaken components
     conserving : whether the joint force acts with its mean over a step
+    shift : (nt, N) added to the jumps at every base step [m]
     """
     k, c = system.K.diagonal(), system.C.diagonal()
     tiles, values = _tiles(system, split)
@@ -138,6 +145,7 @@ def modal_model(system: System, split: StateSplit, active: NDArray[np.int64], co
         R=np.ascontiguousarray(R),
         tau=_relaxation_time(k[split.rest], c[split.rest], split.G_rest),
         conserving=conserving,
+        shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
     )
 
 

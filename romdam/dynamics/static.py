@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.dynamics.options import Start
 from romdam.dynamics.system import System
 from romdam.errors import ConvergenceError
 from romdam.joints.problem import GapMemory, GapProblem, gap_memory, gap_problem
@@ -70,6 +71,20 @@ def undeformed(system: System) -> tuple[Floats, GapState]:
         stored=float((0.5 * stiffness * law.gap**2).sum()),
     )
     return np.zeros(system.size), empty
+
+
+def resumed(system: System, start: Start) -> GapState:
+    """The gaps of a state to go on from; each slip anchor follows from its shear force."""
+    law, d = system.law, system.law.directions
+    tension = law.K_nz * start.jump[:, 0]
+    p_c, anchor = start.traction.copy(), np.zeros((0, 2))
+    p_c[:, 0] = np.maximum(p_c[:, 0] + tension, 0.0)
+    compliance = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d))).compliance.reshape(-1, d)
+    if d == 3:
+        anchor = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
+    stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, 0]).sum()
+    closed = (p_c[:, 0] > 0.0).astype(np.uint8)
+    return GapState(start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored))
 
 
 def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapState]:

@@ -27,7 +27,7 @@ from romdam.dynamics.states import (
     step_levels,
     whole_motion,
 )
-from romdam.dynamics.static import GapState, static_equilibrium, undeformed
+from romdam.dynamics.static import GapState, resumed, static_equilibrium, undeformed
 from romdam.dynamics.system import History, System
 from romdam.errors import ConfigError, ConvergenceError
 
@@ -123,10 +123,10 @@ def _march_modes(
     start = time.process_time()
     active = np.flatnonzero(np.abs(ground).max(axis=1) > 0.0)
     acc = np.ascontiguousarray(ground[active])
-    model = modal_model(system, split, active, conserving)
+    model = modal_model(system, split, active, conserving, options.shift)
     levels = step_levels(system, model, split, options)
-    q, gaps = _initial(system, options)
-    state = _modal_state((model, split.G), q[split.states], gaps, acc)
+    q, v, gaps = _initial(system, options)
+    state = _modal_state((model, split.G), (q[split.states], v[split.states]), gaps, acc)
     levels.memory.force[:], levels.memory.anchor[:] = gaps.p_c, gaps.anchor
     track = _track(state, options.stride, ground.shape[1])
     setup, loop = time.process_time() - start, time.process_time()
@@ -147,19 +147,23 @@ def _march_modes(
     return _history(system, (model, split), track, acc[:, :: options.stride], options, stats)
 
 
-def _initial(system: System, options: TransientOptions) -> tuple[Floats, GapState]:
-    if options.initial_state == "static":
-        return static_equilibrium(system, options.tolerance)
-    return undeformed(system)
+def _initial(system: System, options: TransientOptions) -> tuple[Floats, Floats, GapState]:
+    if options.start is not None:
+        return options.start.q, options.start.v, resumed(system, options.start)
+    static = options.initial_state == "static"
+    q, gaps = static_equilibrium(system, options.tolerance) if static else undeformed(system)
+    return q, np.zeros_like(q), gaps
 
 
-def _modal_state(arrays: tuple[ModalModel, Floats], q: Floats, gaps: GapState, acc: Floats) -> ModalState:
-    model, G = arrays
+def _modal_state(
+    arrays: tuple[ModalModel, Floats], motion: tuple[Floats, Floats], gaps: GapState, acc: Floats
+) -> ModalState:
+    (model, G), (q, v) = arrays, motion
     p = gaps.force.ravel()
     relaxed = len(model.R) > 0
     return ModalState(
         q=q.copy(),
-        v=np.zeros_like(q),
+        v=v.copy(),
         f=model.static + model.load.T @ acc[:, 0],
         s=p.copy() if relaxed else np.zeros(0),
         u_r=model.R @ p if relaxed else np.zeros(0),
