@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow bench lint clean
+.PHONY: run test test-slow bench campaign lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -25,6 +25,10 @@ bench: $(VENV)/.installed-dev
 	@mkdir -p $(OUT)
 	@for bench in tests/benchmarks/bench_*.py; do \
 	  $(BIN)/python $$bench --out $(OUT)/$$(basename $$bench .py).json || exit 1; done
+
+# All 100 FEMA P-695 components x friction x stiffness, 400 runs: half an hour on two cores.
+campaign: $(VENV)/.installed-dev
+	$(BIN)/python tests/benchmarks/campaign.py --jobs $(JOBS) --out $(OUT)/campaign.json
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
