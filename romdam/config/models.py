@@ -243,11 +243,15 @@ ModeCount = Annotated[
 
 
 class ModelConfig(Model):
-    """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off."""
+    """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off.
+
+    `corrections` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
+    """
 
     order: Literal["reduced", "full"] = "reduced"
     modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
+    corrections: Annotated[int, Field(ge=0, le=1000)] = 0
 
     @model_validator(mode="after")
     def _basis(self) -> Self:

@@ -6,6 +6,11 @@ free to move rigidly (normal gaps alone hold the block), K_ii is singular; K_ii 
 takes its place, the constraint modes become those of a harmonic motion just below zero frequency, and
 the rigid motions appear among the Phi. Any such basis is a Ritz basis, and with all modes it is complete.
 
+Corrections: of the lowest open-joint modes phi of that basis, the static answer of the interior to what they
+leave unbalanced, K_ii^-1 (K phi - omega^2 M phi), joins the basis. One solve each brings the modes that carry
+the response much nearer to the mesh's: on the two-cantilever model 20 modes and 10 corrections a block
+(260 unknowns) have 0.6 % reduction error where 20 modes alone have 6.4 %, and 60 modes 0.5 %.
+
 References
 ----------
 Craig, Bampton, AIAA Journal 6 (1968) 1313.
@@ -28,15 +33,17 @@ Bools = NDArray[np.bool_]
 
 _FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
 _FIRST_COUNT = 20
+_DEPENDENT = 1e-8  # eigenvalue of the corrections' Gram matrix, relative, below which one is dropped
 _ALL = 2**62
 
 
 @dataclass(frozen=True)
 class ModeChoice:
-    """Which fixed-interface modes to keep: a count, or all below a frequency [Hz]."""
+    """Which fixed-interface modes to keep: a count, or all below a frequency [Hz]; how many corrections."""
 
     count: int | None = None
     cutoff: float | None = None
+    corrections: int = 0
 
     @property
     def keeps_all(self) -> bool:
@@ -55,7 +62,7 @@ class Substructure:
     ----------
     omega2 : (m,) ascending [1/s2]
     basis : (n, m) M-orthonormal open-joint modes over the free DOFs
-    retained, fixed_interface : how many retained DOFs and fixed-interface modes span it
+    retained, fixed_interface, corrections : how many retained DOFs, modes and corrections span it
     highest : frequency of the highest fixed-interface mode kept [Hz], 0 if there is none
     orthonormality : largest entry of Phi^T M Phi - I
     residual : largest |K phi - omega^2 M phi| of the fixed-interface modes, relative to omega^2 |M phi|
@@ -68,6 +75,7 @@ class Substructure:
     highest: float
     orthonormality: float
     residual: float
+    corrections: int = 0
 
 
 def reduce_block(
@@ -100,26 +108,32 @@ def reduce_block(
         omega2, basis = dense_modes(K, M)
         highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0
         return Substructure(_clean(omega2), basis, len(retained) - interior, interior, highest, 0.0, 0.0)
-    Psi, Phi, omega2_fixed, residual = _ritz_vectors(K, M, retained, held, choice)
+    (Psi, Phi, omega2_fixed, residual), factor = _ritz_vectors(K, M, retained, held, choice)
     T = _assemble_basis(Psi, Phi, retained)
     K_r, M_r = T.T @ (K @ T), T.T @ (M @ T)
     omega2, V = _diagonalise(K_r, M_r, place)
+    basis, added = T @ V, 0
+    if choice.corrections:
+        omega2, basis, added = _corrected(
+            K, M, (omega2, basis), (~retained, factor, choice.corrections), place
+        )
     gram = Phi.T @ (M[~retained][:, ~retained] @ Phi)
     return Substructure(
         omega2=_clean(omega2),
-        basis=T @ V,
+        basis=basis,
         retained=Psi.shape[1],
         fixed_interface=Phi.shape[1],
         highest=float(np.sqrt(max(omega2_fixed[-1], 0.0)) / (2.0 * np.pi)) if len(omega2_fixed) else 0.0,
         orthonormality=float(np.abs(gram - np.eye(len(gram))).max(initial=0.0)),
         residual=residual,
+        corrections=added,
     )
 
 
 def _ritz_vectors(
     K: csr_matrix, M: csr_matrix, retained: Bools, held: bool, choice: ModeChoice
-) -> tuple[Floats, Floats, Floats, float]:
-    """Constraint modes, fixed-interface modes, their omega^2, and the modes' largest residual."""
+) -> tuple[tuple[Floats, Floats, Floats, float], Factor]:
+    """Constraint modes, fixed-interface modes, their omega^2 and largest residual; the interior's factors."""
     shift = 0.0 if held else -_FREE_SHIFT
     K_i, M_i = K[~retained], M[~retained]
     K_ii, M_ii = csr_matrix(K_i[:, ~retained]), csr_matrix(M_i[:, ~retained])
@@ -127,7 +141,7 @@ def _ritz_vectors(
     coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
     Psi = -factor.solve(coupling) if coupling.shape[1] else coupling
     omega2, Phi = _fixed_interface_modes(K_ii, M_ii, factor, shift, choice)
-    return Psi, Phi, omega2, _residual(K_ii, M_ii, omega2, Phi)
+    return (Psi, Phi, omega2, _residual(K_ii, M_ii, omega2, Phi)), factor
 
 
 def _fixed_interface_modes(
@@ -173,6 +187,37 @@ def _diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
         return eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
     except LinAlgError as error:
         raise ReductionError(f"{place}: the reduced mass is not positive definite ({error})") from error
+
+
+def _corrected(
+    K: csr_matrix,
+    M: csr_matrix,
+    modes: tuple[Floats, Floats],
+    interior: tuple[Bools, Factor, int],
+    place: str,
+) -> tuple[Floats, Floats, int]:
+    """Open-joint modes with the interior's answer to the lowest ones' residuals; how many were added."""
+    (omega2, X), (inside, factor, count) = modes, interior
+    low = X[:, :count]
+    residual = K @ low - (M @ low) * omega2[:count]
+    D = np.zeros_like(low)
+    D[inside] = factor.solve(residual[inside])
+    D = D - X @ (X.T @ (M @ D))
+    size, U = np.linalg.eigh(_unit_diagonal(D.T @ (M @ D)))
+    keep = size > _DEPENDENT * size[-1]
+    D = (D / _norms(D, M)) @ (U[:, keep] / np.sqrt(size[keep]))
+    Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
+    omega2, V = _diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), place)
+    return omega2, Y @ V, int(keep.sum())
+
+
+def _norms(D: Floats, M: csr_matrix) -> Floats:
+    return np.sqrt(np.maximum((D * (M @ D)).sum(axis=0), np.finfo(float).tiny))
+
+
+def _unit_diagonal(gram: Floats) -> Floats:
+    scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
+    return gram * scale * scale[:, None]
 
 
 def _clean(omega2: Floats) -> Floats:

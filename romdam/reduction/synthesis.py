@@ -98,7 +98,7 @@ def reduce_scene(scene: Scene, model: ModelConfig, damping: DampingConfig) -> Re
 def _choice(model: ModelConfig) -> ModeChoice:
     if model.modes == "all":
         return ALL_MODES
-    return ModeChoice(count=model.modes, cutoff=model.cutoff)
+    return ModeChoice(count=model.modes, cutoff=model.cutoff, corrections=model.corrections)
 
 
 def _reduce(
@@ -135,6 +135,7 @@ def _report(sub: Substructure) -> dict[str, object]:
     return {
         "retained_dofs": sub.retained,
         "fixed_interface_modes": sub.fixed_interface,
+        "corrections": sub.corrections,
         "highest_fixed_interface_hz": sub.highest,
         "frequencies_hz": [float(f) for f in np.sqrt(sub.omega2[:10]) / (2.0 * np.pi)],
         "orthonormality_error": sub.orthonormality,

@@ -1,0 +1,44 @@
+"""Corrections of the open-joint modes: nearer to the mesh, still a basis."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from small_scenes import DAMPING, raw, scene
+
+from romdam.config.models import ModelConfig
+from romdam.fem.unreduced import assemble_full
+from romdam.reduction.synthesis import reduce_scene
+
+
+def frequencies(model):
+    made = reduce_scene(scene(raw()), ModelConfig(**model), DAMPING)
+    return np.sort(np.sqrt(made.system.K.diagonal())) / (2.0 * np.pi), made
+
+
+@pytest.mark.parametrize("model", [{"modes": 6}, {"cutoff": 300.0}])
+def test_corrected_frequencies_are_far_nearer_to_the_mesh_and_never_below_it(model):
+    full = assemble_full(scene(raw()), DAMPING)
+    exact = np.sqrt(eigh(full.K.toarray(), full.M.toarray(), eigvals_only=True)[:10]) / (2.0 * np.pi)
+    plain, _ = frequencies(model)
+    corrected, made = frequencies(model | {"corrections": 8})
+    assert made.report["left"]["corrections"] == 8
+    assert (corrected[:10] >= exact * (1.0 - 1e-9)).all()
+    assert ((corrected[:10] - exact) <= 0.05 * (plain[:10] - exact) + 1e-7 * exact).all()
+
+
+def test_corrected_basis_is_orthonormal():
+    _, made = frequencies({"modes": 6, "corrections": 8})
+    full = assemble_full(scene(raw()), DAMPING)
+    from romdam.fem.assembly import assemble
+
+    for name, block in scene(raw()).blocks.items():
+        T = made.basis[name].matrix
+        assert np.abs(T.T @ (assemble(block)[1] @ T) - np.eye(T.shape[1])).max() < 1e-9
+    assert made.system.size < full.size
+
+
+def test_dependent_corrections_are_dropped():
+    _, made = frequencies({"modes": "all", "corrections": 8})
+    assert made.report["left"]["corrections"] == 0
+    _, made = frequencies({"modes": 0, "corrections": 500})
+    assert made.system.size <= assemble_full(scene(raw()), DAMPING).size
