@@ -86,6 +86,7 @@ def generalized_alpha(
     memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
     state = _State(system, q, gaps, ground[:, 0])
     rows = _Rows(system, state, options, ground.shape[1])
+    _compile(stepper.problem)
     setup, loop = time.process_time() - start, time.process_time()
     worst, total = 0.0, ground.shape[1] - 1
     for n in range(total):
@@ -109,6 +110,14 @@ def generalized_alpha(
         "loop_cpu_seconds": time.process_time() - loop,
     }
     return rows.history(stats)
+
+
+def _compile(problem: GapProblem) -> None:
+    """Solve an unloaded step, so that a first start compiles here and not in the timed loop."""
+    memory, n, N = gap_memory(problem), len(problem.gap), len(problem.W)
+    y, d = np.zeros(N), N // max(n, 1)
+    solve_gaps(problem, memory, np.zeros(n, dtype=np.bool_), np.zeros(N), y, (1.0, False))
+    commit_gaps(problem, memory, y, np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8))
 
 
 def _stepper(system: System, options: TransientOptions) -> _Stepper:
