@@ -18,9 +18,10 @@ _ROW = re.compile(r"^[\s,;]*[-+]?(\d|\.\d|nan\b)[-+.\deEdDnaN,;\s]*$")
 
 def is_columns(head: str) -> bool:
     """Whether a file starts with rows of numbers, after comments and at most one line of names."""
-    lines = [line for line in head.splitlines()[:-1] or [head] if line.strip()]
+    lines = [line for line in head.splitlines() if line.strip()]
     rows = [line for line in lines if not line.lstrip().startswith(COMMENTS)]
-    return "\x00" not in head and any(_ROW.match(row) for row in rows[:2])
+    whole = rows[:-1] or rows  # the last may be cut short
+    return "\x00" not in head and any(_ROW.match(row) for row in whole[:2])
 
 
 def read_columns(path: Path, dt: float | None = None, time_column: int | None = None) -> list[Channel]:

@@ -50,6 +50,7 @@ def test_linear_resampling_keeps_the_straight_lines():
     [
         ("", "line 1: the file is empty"),
         ("1\n2\n", "2 samples"),
+        ("# made by hand\n1\n", "1 samples, at least 3"),
         ("1\nnan\n3\n", "not finite, the first at t = 0.01 s"),
         ("1\n2\nx\n", "line 3"),
         ("1\n2 3\n", "line 2"),
