@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import xarray as xr
@@ -15,10 +16,12 @@ from romdam.config.load import Job
 from romdam.dynamics.system import System
 from romdam.errors import RecordError, RomdamError
 from romdam.fem.unreduced import assemble_full
+from romdam.outputs.certificate import FOLDER
 from romdam.outputs.comparison import read_statement
 from romdam.outputs.dataset import Timing, build_dataset, prepare_folder, write_dataset
 from romdam.outputs.fields import write_model
 from romdam.outputs.variables import Case
+from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.shaking import check_interval, shake
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import check_names, load_motions
@@ -48,11 +51,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Model:
-    """A scene and its open-joint system; `reduced` is None at full order."""
+    """A scene and its open-joint system; no `reduced` at full order, no `finer` without an error estimate."""
 
     scene: Scene
     system: System
     reduced: ReducedModel | None
+    finer: Finer | None = None
 
 
 @dataclass
@@ -98,7 +102,7 @@ def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job)
-    model = build_model(job, clock)
+    model = _with_finer(job, build_model(job, clock), clock)
     model_file = write_model(folder, model.scene, model.reduced.basis) if model.reduced else None
     paths = []
     for motion in motions:
@@ -143,6 +147,11 @@ def build_model(job: Job, clock: Clock) -> Model:
     return Model(scene, reduced.system, reduced)
 
 
+def _with_finer(job: Job, model: Model, clock: Clock) -> Model:
+    with clock.stage("finer_model", "reducing a finer model for the error estimate"):
+        return replace(model, finer=finer_model(job, model.scene, model.reduced))
+
+
 def run_motion(
     job: Job, model: Model, motion: GroundMotion, target: tuple[Path, str | None], clock: Clock
 ) -> Path:
@@ -150,11 +159,16 @@ def run_motion(
     folder, model_file = target
     with clock.stage("integration", f"shaking with {motion.name}") as progress:
         history = shake(job, model.system, motion, job.config.transient.duration, progress)
+    stated: dict[str, object] = {}
+    if model.finer is not None and model.reduced is not None:
+        with clock.stage("estimate", "estimating the error"):
+            stated = estimate_error(job, model.finer, model.reduced, motion, history).attributes
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         dataset = build_dataset(Case(model.scene, motion, history), job, timing, model_file)
         path = folder / f"{motion.name}.nc"
-        dataset.attrs.update(read_statement(folder, job.digest))
+        dataset.attrs.update(read_statement(folder, job.digest) | stated)
+        dataset.attrs[FOLDER] = os.path.relpath(job.folder, folder)
         write_dataset(dataset, path)
     if job.config.outputs.plots:
         with clock.stage("plots", "drawing figures"):

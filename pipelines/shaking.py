@@ -84,6 +84,17 @@ def transient_options(job: Job, system: System, motion: GroundMotion) -> Transie
     )
 
 
+def options_at(job: Job, system: System, motion: GroundMotion, finest: float) -> TransientOptions:
+    """Settings of a run that was made already, whose finest step is known."""
+    options = transient_options(job, system, motion)
+    if job.config.transient.accuracy is None:
+        return options
+    every = options.dt * options.stride
+    adaptive = options.integrator == "adaptive"
+    base, levels = refined_step(finest, options.dt, every) if adaptive else (finest, 0)
+    return replace(options, dt=base, levels=levels, stride=round(every / base))
+
+
 def _steps(job: Job, motion: GroundMotion, integrator: str) -> tuple[float, int, int]:
     """Base step, levels below it, base steps per written row."""
     dt, every = job.config.transient.dt, job.config.outputs.every

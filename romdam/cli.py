@@ -109,6 +109,26 @@ def verify(
 
 
 @app.command(epilog=EXIT_CODES)
+def certify(
+    result: ResultFile,
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", help="YAML file RESULT was made with; found through it if not given."),
+    ] = None,
+    passes: Annotated[int, typer.Option(min=1, max=10, help="How often the defect is fed back.")] = 1,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """State RESULT's reduction error from its joint forces and the full-order linear model."""
+    from romdam.pipelines.certify import certify as certify_result
+    from romdam.terminal import certificate_table
+
+    stages, say = _terminal(quiet, verbose)
+    found = certify_result(result, config, passes, stages)
+    say(certificate_table(found.statement), found.statement["statement"], f"written: {found.path}")
+
+
+@app.command(epilog=EXIT_CODES)
 def info(result: ResultFile) -> None:
     """Tell what a result is, its peaks, and its error where it has been measured."""
     from romdam.terminal import info_lines, peaks_table

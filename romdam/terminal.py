@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import (
@@ -145,6 +145,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"time stepping  {_time_error(attrs)}",
         f"written        {attrs['date_created']} by {attrs['source']}",
         f"error          {attrs.get('error_statement', _NOT_STATED)}",
+        *(str(attrs[key]) for key in ("certificate_statement", "error_estimate") if key in attrs),
     ]
 
 
@@ -166,6 +167,18 @@ def verification_lines(statement: Mapping[str, object]) -> list[str]:
             errors = f"peak {100 * other['peak_error']:.2g} %, L2 {100 * other['l2_error']:.2g} %"
             lines.append(f"reference      {name}: {errors} over {other['seconds']:g} s")
     return lines
+
+
+def certificate_table(statement: Mapping[str, Any]) -> Table:
+    """Errors of a certificate: in the nonlinear run, and for the same joint forces."""
+    table = _table(
+        "Certificate", ("quantity",), ("error L2 [%]", "at the peak", "same forces L2 [%]", "at the peak")
+    )
+    same = statement["defect_for_the_same_forces"]
+    for name, error in statement["error"].items():
+        values = (error["l2"], error["peak"], same[name]["l2"], same[name]["peak"])
+        table.add_row(name, *(f"{100 * value:.2g}" for value in values))
+    return table
 
 
 def _table(title: str, left: tuple[str, ...], right: tuple[str, ...]) -> Table:

@@ -292,11 +292,15 @@ class NodeConfig(Model):
 
 
 class OutputsConfig(Model):
-    """What is written: histories at named nodes, every gap, at the interval `every`."""
+    """What is written: histories at named nodes, every gap, at the interval `every`.
+
+    `error_estimate` adds to every result how far the modes left out have moved it.
+    """
 
     nodes: dict[str, NodeConfig] = Field(default_factory=dict)
     every: Annotated[Time, Positive] | None = None
     plots: bool = True
+    error_estimate: bool = True
 
 
 def _not_empty(value: dict[str, BlockConfig]) -> dict[str, BlockConfig]:

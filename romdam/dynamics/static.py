@@ -87,6 +87,11 @@ def resumed(system: System, start: Start) -> GapState:
     return GapState(start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored))
 
 
+def rest_shift(system: System) -> float:
+    """What times M is added to K so that it can be factored; 0 where supports hold every block [1/s2]."""
+    return _SHIFT if system.floating else 0.0
+
+
 def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapState]:
     """Find the equilibrium under the static loads, starting from the undeformed state.
 
@@ -99,7 +104,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     ConvergenceError
         where there is no equilibrium (a block that the joints cannot hold), or the gaps do not settle.
     """
-    shift = _SHIFT if system.floating else 0.0
+    shift = rest_shift(system)
     factor = Factor(system.K + shift * system.M)
     X = factor.solve(system.B.T.toarray())
     problem = system_gap_problem(system, np.asarray(system.B @ X))

@@ -18,7 +18,7 @@ Craig, Bampton, AIAA Journal 6 (1968) 1313.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,11 +39,15 @@ _ALL = 2**62
 
 @dataclass(frozen=True)
 class ModeChoice:
-    """Which fixed-interface modes to keep: a count, or all below a frequency [Hz]; how many corrections."""
+    """Which fixed-interface modes to keep: a count, or all below a frequency [Hz]; how many corrections.
+
+    A capped count takes what there is in a block with fewer interior DOFs; another one is refused there.
+    """
 
     count: int | None = None
     cutoff: float | None = None
     corrections: int = 0
+    capped: bool = False
 
     @property
     def keeps_all(self) -> bool:
@@ -99,6 +103,8 @@ def reduce_block(
         where a factorisation or an eigenproblem fails.
     """
     interior = int((~retained).sum())
+    if choice.capped and choice.count is not None:
+        choice = replace(choice, count=min(choice.count, interior))
     if not choice.keeps_all and choice.count is not None and choice.count > interior:
         raise ConfigError(
             f"{place}: model.modes asks for {choice.count} fixed-interface modes, the block has {interior} "

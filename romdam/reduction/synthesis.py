@@ -56,8 +56,8 @@ class ReducedModel:
     report: dict[str, object]
 
 
-def reduce_scene(scene: Scene, model: ModelConfig, damping: DampingConfig) -> ReducedModel:
-    """Reduce every block and put them together.
+def reduce_scene(scene: Scene, model: ModelConfig | ModeChoice, damping: DampingConfig) -> ReducedModel:
+    """Reduce every block with the modes of a configuration, or a choice of them, and put them together.
 
     Raises
     ------
@@ -70,8 +70,9 @@ def reduce_scene(scene: Scene, model: ModelConfig, damping: DampingConfig) -> Re
     law = gap_law(scene)
     blocks = block_matrices(scene, law)
     reduced, basis, report, first = {}, {}, dict[str, object](), 0
+    choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     for name, block in scene.blocks.items():
-        sub, matrix = _reduce(block, blocks[name], scene.fixed[name], _choice(model))
+        sub, matrix = _reduce(block, blocks[name], scene.fixed[name], choice)
         columns = slice(first, first + len(sub.omega2))
         reduced[name], basis[name] = sub, BlockBasis(matrix, columns)
         report[name] = _report(sub)
@@ -95,7 +96,8 @@ def reduce_scene(scene: Scene, model: ModelConfig, damping: DampingConfig) -> Re
     return ReducedModel(system=system, basis=basis, report=report)
 
 
-def _choice(model: ModelConfig) -> ModeChoice:
+def mode_choice(model: ModelConfig) -> ModeChoice:
+    """The modes that a configuration asks for."""
     if model.modes == "all":
         return ALL_MODES
     return ModeChoice(count=model.modes, cutoff=model.cutoff, corrections=model.corrections)
