@@ -195,7 +195,9 @@ def _level(levels: Levels, l: int) -> tuple[Propagator, GapProblem, GapMemory]:
         s.q_p[l], s.v_p[l], s.moment[l], s.loss[l],
     )  # fmt: skip
     problem = GapProblem(p.W[l], p.Z[l], p.lift[l], p.tension, p.compliance, p.mu, p.gap)
-    memory = GapMemory(m.force, m.anchor, m.active[l], m.inverse[l], m.order[l], m.counts[l], m.work)
+    memory = GapMemory(
+        m.force, m.anchor, m.active[l], m.inverse[l], m.order[l], m.counts[l], m.work, m.limits
+    )
     return step, problem, memory
 
 

@@ -49,6 +49,19 @@ class GapProblem(NamedTuple):
     gap: Floats
 
 
+class Limits(NamedTuple):
+    """What bounds the shear of every gap: c + mu p_n, equal along j and k for a bound on the resultant.
+
+    Attributes
+    ----------
+    cohesion : (n, 2) c [N]
+    mu : (n, 2)
+    """
+
+    cohesion: Floats
+    mu: Floats
+
+
 class ActiveSet(NamedTuple):
     """The inverse of W (or Z) on an active set, changed in place.
 
@@ -75,8 +88,11 @@ class GapMemory(NamedTuple):
     ----------
     force : (N,) p_c of the last step, the warm start [N]
     anchor : (n, 2) slip anchors [m], moved by accepted steps only; empty without friction
-    active, inverse, order, counts : two of each of `ActiveSet`'s: closed gaps with W, open gaps with Z
-    work : (3, n) scratch
+    active, inverse, order, counts : two of each of `ActiveSet`'s: closed gaps with W, open gaps with Z.
+        With friction inverse[0] is W on the gaps of order[0], counts[0, 0] their number, and
+        counts[0, 1:] are the steps that needed Newton, the iterations in all and the most in a step
+    work : (3, N) scratch
+    limits : in force now
     """
 
     force: Floats
@@ -86,6 +102,7 @@ class GapMemory(NamedTuple):
     order: NDArray[np.int64]
     counts: NDArray[np.int64]
     work: Floats
+    limits: Limits
 
 
 def gap_problem(H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats, gap: Floats) -> GapProblem:
@@ -160,13 +177,13 @@ def _dual(W: Floats) -> Floats:
 def gap_memory(problem: GapProblem) -> GapMemory:
     """A memory with every gap open and unloaded."""
     n, N = len(problem.gap), len(problem.W)
-    carried = n if n == N else 0
     return GapMemory(
         force=np.zeros(N),
         anchor=np.zeros((0 if n == N else n, 2)),
         active=np.zeros((2, n), dtype=np.bool_),
-        inverse=np.zeros((2, carried, carried)),
+        inverse=np.zeros((2 if n == N else 1, N, N)),
         order=np.zeros((2, n), dtype=np.int64),
         counts=np.zeros((2, 4), dtype=np.int64),
-        work=np.zeros((3, n)),
+        work=np.zeros((3, N)),
+        limits=Limits(np.zeros((n, 2)), problem.mu.copy()),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -39,6 +41,8 @@ def solve_gaps(
     opened or closed in a step that must not have it
     """
     tolerance, steady = control
+    if not math.isfinite(w_free.sum()):  # comparisons with NaN are False: it would pass for converged
+        return np.inf
     n = len(problem.gap)
     d = len(w_free) // max(n, 1)
     for i in range(n):
@@ -50,7 +54,7 @@ def solve_gaps(
     for i in range(n):
         w_free[3 * i + 1] -= memory.anchor[i, 0]
         w_free[3 * i + 2] -= memory.anchor[i, 1]
-    residual = solve_frictional(problem.W, problem.mu, memory, w_free, y, tolerance)
+    residual = solve_frictional(problem.W, memory.limits, memory, w_free, y, tolerance)
     if steady and residual <= tolerance:
         for i in range(n):
             if (memory.force[3 * i] > 0.0) != closed[i]:

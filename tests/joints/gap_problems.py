@@ -104,7 +104,7 @@ def _check_rigid(case, i, jump, force, p_scale, w_scale):
     K_nz, K_s, mu = case.stiffness[1][i], case.stiffness[2][i], case.mu[i]
     p_n = force[0] + K_nz * jump[0]  # less the linear tension
     assert p_n >= -1e-9 * p_scale
-    assert jump[0] >= -1e-9 * w_scale
+    assert jump[0] >= -TOLERANCE * w_scale
     assert min(p_n / p_scale, jump[0] / w_scale) <= 1e-8
     if len(jump) == 1:
         return

@@ -68,22 +68,22 @@ def test_large_friction_on_compliant_gaps(mu):
         check(case, *solve(case)[:3])
 
 
+_CYCLES = pytest.mark.xfail(
+    strict=True,
+    reason="Newton cycles and the sweeps rest where no solution is; a solution exists (Cadoux 2011)",
+)
 STIFF = [  # (seed, gaps, mu, K_n, K_s); found by trying 3,000 seeds each
     (1184, 1, (0.6, 0.6), 1e13, 1e13),
-    (1796, 5, (0.6, 0.6), 1e13, 1e13),
-    (106, 3, (1.0, 1.0), np.inf, 5e8),
-    (504, 1, (1.0, 1.0), np.inf, 5e8),
+    pytest.param(1796, 5, (0.6, 0.6), 1e13, 1e13, marks=_CYCLES),
+    pytest.param(106, 3, (1.0, 1.0), np.inf, 5e8, marks=_CYCLES),
+    pytest.param(504, 1, (1.0, 1.0), np.inf, 5e8, marks=_CYCLES),
     (403, 4, (2.0, 2.0), np.inf, 5e8),
-    (553, 2, (2.0, 2.0), np.inf, 5e8),
+    pytest.param(553, 2, (2.0, 2.0), np.inf, 5e8, marks=_CYCLES),
     (129, 2, (0.3, 0.8), 1e13, 1e13),
     (175, 12, (0.8, 2.0), 1e13, 1e13),
 ]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="Newton cycles and the sweeps rest where no solution is; a solution exists (Cadoux 2011)",
-)
 @pytest.mark.parametrize(("seed", "n", "mu", "K_n", "K_s"), STIFF)
 def test_stiff_gaps_with_strong_coupling_converge(seed, n, mu, K_n, K_s):
     """W is positive definite, so every one of these has a solution (Cadoux 2011; Acary, Cadoux, Lemarechal,
@@ -159,38 +159,33 @@ def _free_response(case):
     return y_free
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the sweep scales j and k by different diagonals and moves k before j is projected; one scale "
-    "and one evaluation for both leave a solution where it is",
-)
 @pytest.mark.parametrize("mu", [(0.6, 0.6), (0.3, 0.8)])
 def test_a_solution_is_a_fixed_point_of_the_gauss_seidel_sweep(mu):
     for seed in range(5):
         case = random_case(seed, 8, mu, coupling=0.3)
         problem = case.problem
         force = solve(case, problem=problem)[1].ravel()
-        swept = force.copy()
-        frictional._sweep(problem.W, problem.mu, _free_response(case), swept)
+        swept, limits = force.copy(), gap_memory(problem).limits
+        frictional._sweep(problem.W, limits, np.arange(8), swept, _free_response(case))
         assert np.abs(swept - force).max() <= 1e-6 * force.max()
 
 
-@pytest.mark.parametrize(("seed", "newton"), [(3, 2), (4, 3)])
-def test_gauss_seidel_rounds_lead_to_the_newton_solution(monkeypatch, seed, newton):
-    """With two or three Newton iterations in a round instead of thirty the sweeps are needed."""
+@pytest.mark.parametrize("seed", range(5))
+def test_gauss_seidel_and_newton_find_the_same_force(monkeypatch, seed):
+    """Either alone: without sweeps Newton starts from nothing, without Newton the sweeps go on."""
     case = random_case(seed, 8, (0.6, 0.6), coupling=0.3)
-    problem = case.problem
-    whole = solve(case, problem=problem)
-    swept, sweep = [], frictional._sweep
-    monkeypatch.setattr(frictional, "_NEWTON", newton)
-    monkeypatch.setattr(frictional, "_sweep", lambda *args: swept.append(1) or sweep(*args))
-    memory, y = gap_memory(problem), np.empty(24)
-    residual = frictional.solve_frictional.py_func(
-        problem.W, problem.mu, memory, _free_response(case), y, TOLERANCE
-    )
-    assert swept
-    assert residual <= TOLERANCE
-    assert np.abs(memory.force - whole[1].ravel()).max() <= 1e-6 * whole[1].max()
+    problem, forces, iterations = case.problem, [], []
+    for name in ("_SWEEPS", "_ROUNDS"):
+        with monkeypatch.context() as patch:
+            patch.setattr(frictional, name, 0)
+            memory, y = gap_memory(problem), np.empty(24)
+            frictional.solve_frictional.py_func(
+                problem.W, memory.limits, memory, _free_response(case), y, TOLERANCE
+            )
+        forces.append(memory.force.copy())
+        iterations.append(memory.counts[0, 1])
+    assert iterations == [1, 0]
+    assert np.abs(forces[0] - forces[1]).max() <= 1e-6 * forces[0].max()
 
 
 def _march(case, problem, memory, rng, steps):
@@ -230,7 +225,7 @@ def test_frictional_march_follows_the_law_step_by_step():
         for _ in range(100):
             now, (jump, force, state, _, _, friction) = _march(case, problem, memory, rng, 3)
             check(now, jump, force, state)
-            assert friction >= -1e-12
+            assert friction >= -TOLERANCE * 1e-3 * force[:, 0].max()  # slips are of the order of 1 mm
 
 
 @pytest.mark.parametrize("mu", [(0.0, 0.0), (0.6, 0.6), (0.3, 0.8)])
@@ -320,7 +315,6 @@ def test_all_gaps_open_after_all_were_closed():
         assert (state == OPEN).all() and (force == 0.0).all() and stored == 0.0
 
 
-@pytest.mark.xfail(strict=True, reason="comparisons with NaN are False; the right residual is not finite")
 @pytest.mark.parametrize("mu", [(0.0, 0.0), (0.6, 0.6)])
 def test_not_a_number_is_never_accepted(mu):
     case = random_case(6, 4, mu)

@@ -1,0 +1,216 @@
+"""Semismooth Newton for the gap-space problem with friction, where Gauss-Seidel does not contract.
+
+Newton works in the coordinates that the states leave free: a sticking gap has its force components; a
+sliding one its normal force, which drags the shear (c + mu p_n) e along, and (equal coefficients: friction
+on the resultant) the turn of the direction e. The equations are y = 0 in the same directions, so the matrix
+is W on these, unsymmetric by mu alone. States come from the natural map p = projection(p - rho y).
+
+References
+----------
+Alart, Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353: natural map and semismooth Newton.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from romdam.joints.laws import project_shear
+from romdam.joints.problem import GapMemory, Limits
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_ITERATIONS = 30
+_REGULAR = 1e-14  # of the diagonal: gaps that determine each other (a singular H) share their force
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def response(W: Floats, p: Floats, y_free: Floats, y: Floats) -> None:
+    """y = W p + y_free, skipping unloaded components (W is symmetric: rows serve as columns)."""
+    y[:] = y_free
+    for a in range(len(p)):
+        f = p[a]
+        if f != 0.0:
+            row = W[a]
+            for j in range(len(y)):
+                y[j] += row[j] * f
+
+
+@njit(cache=True)
+def _natural(
+    W: Floats, limits: Limits, p: Floats, y: Floats, i: int
+) -> tuple[float, float, float, float, float]:
+    """Natural map of gap i: (x_n, x_j, x_k, limit_j, limit_k), not yet projected."""
+    b = 3 * i
+    x_n = p[b] - y[b] / W[b, b]
+    scale = 1.0 / max(W[b + 1, b + 1], W[b + 2, b + 2])
+    limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * max(x_n, 0.0)
+    limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * max(x_n, 0.0)
+    return x_n, p[b + 1] - scale * y[b + 1], p[b + 2] - scale * y[b + 2], limit_j, limit_k
+
+
+@njit(cache=True)
+def natural_residual(W: Floats, limits: Limits, p: Floats, y: Floats) -> float:
+    """Largest change of a force by its natural map, relative to the largest force."""
+    worst, size = 0.0, 1e-300
+    for i in range(len(limits.mu)):
+        x_n, x_j, x_k, limit_j, limit_k = _natural(W, limits, p, y, i)
+        b = 3 * i
+        if x_n <= 0.0 and limit_j == 0.0 and limit_k == 0.0:
+            t_j, t_k = 0.0, 0.0
+        else:
+            t_j, t_k, _ = project_shear(x_j, x_k, limit_j, limit_k)
+        change = max(abs(max(x_n, 0.0) - p[b]), abs(t_j - p[b + 1]), abs(t_k - p[b + 2]))
+        if not math.isfinite(change):
+            return np.inf
+        worst = max(worst, change)
+        size = max(size, abs(p[b]), abs(p[b + 1]), abs(p[b + 2]), abs(y[b]) / W[b, b])
+    return worst / size
+
+
+@njit(cache=True)
+def on_resultant(limits: Limits, i: int) -> bool:
+    """Whether gap i bounds the resultant shear (a disc) and not each direction (a rectangle)."""
+    return limits.mu[i, 0] == limits.mu[i, 1] and limits.cohesion[i, 0] == limits.cohesion[i, 1]
+
+
+@njit(cache=True)
+def _classify(W: Floats, limits: Limits, p: Floats, y: Floats, heading: Floats, free: Bools) -> int:
+    """States from the natural map; how many unknowns there are.
+
+    heading (n, 2) is the direction of a sliding gap's shear (signs on the rectangle), zero where it sticks.
+    free (n, 3): normal force unknown, shear along j and k unknown. A gap sliding on the resultant keeps
+    free[i, 1] for the turn of its direction; free[i, 2] is False there.
+    """
+    unknowns = 0
+    for i in range(len(limits.mu)):
+        x_n, x_j, x_k, limit_j, limit_k = _natural(W, limits, p, y, i)
+        stick_j, stick_k = abs(x_j) <= limit_j and limit_j > 0.0, abs(x_k) <= limit_k and limit_k > 0.0
+        heading[i, 0], heading[i, 1] = 0.0, 0.0
+        if on_resultant(limits, i):
+            size = math.hypot(x_j, x_k)
+            stick_j = limit_j > 0.0
+            stick_k = stick_j and size <= limit_j
+            if stick_j and not stick_k:
+                heading[i, 0], heading[i, 1] = x_j / size, x_k / size
+        else:
+            if not stick_j and limit_j > 0.0:
+                heading[i, 0] = math.copysign(1.0, x_j)
+            if not stick_k and limit_k > 0.0:
+                heading[i, 1] = math.copysign(1.0, x_k)
+        free[i, 0], free[i, 1], free[i, 2] = x_n > 0.0, stick_j, stick_k
+        unknowns += int(x_n > 0.0) + int(stick_j) + int(stick_k)
+    return unknowns
+
+
+@njit(cache=True)
+def _directions(
+    limits: Limits, heading: Floats, free: Bools, columns: Floats, rows: Floats, index: NDArray[np.int64]
+) -> None:
+    """Unknown directions of force (columns) and equation directions of y (rows), (m, 3) each."""
+    m = 0
+    for i in range(len(free)):
+        if free[i, 0]:
+            columns[m] = (1.0, limits.mu[i, 0] * heading[i, 0], limits.mu[i, 1] * heading[i, 1])
+            rows[m] = (1.0, 0.0, 0.0)
+            index[m] = i
+            m += 1
+        turns = on_resultant(limits, i) and not free[i, 2]
+        for axis in (1, 2):
+            if free[i, axis]:
+                direction = (0.0, 1.0, 0.0) if axis == 1 else (0.0, 0.0, 1.0)
+                if turns:
+                    direction = (0.0, -heading[i, 1], heading[i, 0])
+                columns[m] = direction
+                rows[m] = direction
+                index[m] = i
+                m += 1
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _jacobian(W: Floats, rows: Floats, columns: Floats, index: NDArray[np.int64], J: Floats) -> None:
+    """J = rows^T W columns over the unknowns."""
+    m = len(index)
+    for a in range(m):
+        ia = 3 * index[a]
+        for b in range(m):
+            ib = 3 * index[b]
+            total = 0.0
+            for r in range(3):
+                if rows[a, r] != 0.0:
+                    total += rows[a, r] * (
+                        W[ia + r, ib] * columns[b, 0]
+                        + W[ia + r, ib + 1] * columns[b, 1]
+                        + W[ia + r, ib + 2] * columns[b, 2]
+                    )
+            J[a, b] = total
+
+
+@njit(cache=True)
+def _slave(limits: Limits, p: Floats, heading: Floats, free: Bools) -> None:
+    """Put the forces that are no unknowns to what the states make of them."""
+    for i in range(len(free)):
+        b = 3 * i
+        p[b] = max(p[b], 0.0) if free[i, 0] else 0.0
+        turns = on_resultant(limits, i) and not free[i, 2]
+        for axis in range(2):
+            if (turns and axis == 0) or not free[i, 1 + axis]:
+                p[b + 1 + axis] = 0.0
+                if heading[i, axis] != 0.0:  # a gap without heading may have an infinite limit
+                    limit = limits.cohesion[i, axis] + limits.mu[i, axis] * p[b]
+                    p[b + 1 + axis] = heading[i, axis] * limit
+
+
+@njit(cache=True)
+def _update(
+    W: Floats, limits: Limits, state: tuple[Floats, Bools, int], p: Floats, y_free: Floats, y: Floats
+) -> bool:
+    """One Newton step for the states at hand; p is replaced; False where the step is not finite."""
+    heading, free, unknowns = state
+    columns, rows = np.empty((unknowns, 3)), np.empty((unknowns, 3))
+    index = np.empty(unknowns, dtype=np.int64)
+    _directions(limits, heading, free, columns, rows, index)
+    _slave(limits, p, heading, free)
+    response(W, p, y_free, y)
+    J, right = np.empty((unknowns, unknowns)), np.empty(unknowns)
+    _jacobian(W, rows, columns, index, J)
+    for a in range(unknowns):
+        i, b = index[a], 3 * index[a]
+        right[a] = -(rows[a, 0] * y[b] + rows[a, 1] * y[b + 1] + rows[a, 2] * y[b + 2])
+        J[a, a] += _REGULAR * W[b, b]
+        if rows[a, 0] == 0.0 and on_resultant(limits, i) and not free[i, 2]:
+            along = heading[i, 0] * y[b + 1] + heading[i, 1] * y[b + 2]
+            limit = limits.cohesion[i, 0] + limits.mu[i, 0] * p[b]
+            J[a, a] += max(-along, 0.0) / max(limit, 1e-12 * abs(right[a]) / W[b, b] + 1e-300)
+    if not (np.isfinite(J).all() and np.isfinite(right).all()):
+        return False
+    step = np.linalg.solve(J, right)
+    for a in range(unknowns):
+        b = 3 * index[a]
+        for r in range(3):
+            p[b + r] += columns[a, r] * step[a]
+    return True
+
+
+@njit(cache=True)
+def newton(
+    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
+) -> float:
+    """Iterate from memory.force; y must be its response; the natural residual reached."""
+    n, p = len(limits.mu), memory.force
+    heading, free = np.zeros((n, 2)), np.zeros((n, 3), dtype=np.bool_)
+    residual = natural_residual(W, limits, p, y)
+    for iteration in range(_ITERATIONS):
+        unknowns = _classify(W, limits, p, y, heading, free)
+        good = _update(W, limits, (heading, free, unknowns), p, y_free, y)
+        memory.counts[0, 2] += 1
+        memory.counts[0, 3] = max(memory.counts[0, 3], iteration + 1)
+        response(W, p, y_free, y)
+        residual = natural_residual(W, limits, p, y)
+        if not good or residual <= tolerance:
+            break
+    return residual
