@@ -58,8 +58,8 @@ class Estimate:
         return {
             "error_estimate": "Leaving out modes changes the openings by about "
             f"{100 * self.opening.l2:.2g} % in L2 and the largest one by about "
-            f"{100 * self.opening.peak:.2g} %, estimated from {self.window[0]:g} to {self.window[1]:g} s with a finer model, good to a factor of two; "
-            "`romdam certify` states it for the whole record.",
+            f"{100 * self.opening.peak:.2g} %, estimated from {self.window[0]:g} to {self.window[1]:g} s "
+            "with a finer model, good to a factor of two; `romdam certify` states it for the whole record.",
             "error_estimate_opening_l2": self.opening.l2,
             "error_estimate_opening_peak": self.opening.peak,
             "error_estimate_cpu_seconds": self.cpu,

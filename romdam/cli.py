@@ -129,6 +129,24 @@ def certify(
 
 
 @app.command(epilog=EXIT_CODES)
+def study(
+    config: Config,
+    out: Out,
+    reference: Annotated[
+        Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with instead.")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Set speed against error: modes, integrators and steps of `study:`, on the first record of CONFIG."""
+    from romdam.pipelines.speed_error import study as study_job
+
+    stages, say = _terminal(quiet, verbose)
+    found = study_job(romdam.load_config(config), out, reference, stages)
+    say(found.table, *(f"written: {path}" for path in found.paths))
+
+
+@app.command(epilog=EXIT_CODES)
 def info(result: ResultFile) -> None:
     """Tell what a result is, its peaks, and its error where it has been measured."""
     from romdam.terminal import info_lines, peaks_table

@@ -303,6 +303,27 @@ class OutputsConfig(Model):
     error_estimate: bool = True
 
 
+class StudyConfig(Model):
+    """What `romdam study` sweeps, and what it compares with.
+
+    Every combination of `modes` (a block), `corrections`, `integrators` and `dt` (the finest step; 1/4 to
+    1/32 of the record's step if not given) is timed over the whole record and compared over `duration`, with
+    all modes of the mesh or the full order at `reference_dt` (a quarter of the finest step if not given).
+    """
+
+    modes: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (20, 60)
+    corrections: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0, 10)
+    integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
+        "modal",
+        "adaptive",
+    )
+    dt: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
+    reference: Literal["auto", "all_modes", "full"] = "auto"
+    reference_dt: Annotated[Time, Positive] | None = None
+    duration: Annotated[Time, Positive] = 10.0
+    repeats: Annotated[int, Field(ge=1, le=99)] = 3
+
+
 def _not_empty(value: dict[str, BlockConfig]) -> dict[str, BlockConfig]:
     if not value:
         raise ValueError("name at least one block")
@@ -323,6 +344,7 @@ class Config(Model):
     model: ModelConfig
     transient: TransientConfig
     outputs: OutputsConfig = OutputsConfig()
+    study: StudyConfig = StudyConfig()
 
     @model_validator(mode="after")
     def _references(self) -> Self:

@@ -1,0 +1,227 @@
+"""What each setting of modes, corrections, integrator and step costs, and how far off it is."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from romdam.config.load import Job
+from romdam.dynamics.accuracy import refined_step
+from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.system import History, System
+from romdam.dynamics.transient import integrate
+from romdam.errors import ConfigError, ConvergenceError
+from romdam.fem.unreduced import assemble_full
+from romdam.outputs.comparison import Openings, compare_openings, read_reference
+from romdam.outputs.dataset import prepare_folder, replacing, write_dataset
+from romdam.outputs.study import CaseResult, study_dataset, study_figure, study_table
+from romdam.pipelines.run import Clock, Stage, silent
+from romdam.pipelines.shaking import fixed_step, ground_at_steps, transient_options
+from romdam.records.motion import GroundMotion
+from romdam.records.suite import load_motions
+from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.build import build_scene
+from romdam.scene.model import Scene
+
+MOST_DENSE = 12_000  # free DOFs up to which all modes of the mesh are the reference
+FINER = 4  # the reference's step is this part of the finest one studied
+PARTS = (4, 8, 16, 32)  # of the record's step, the steps that are studied unless the configuration says
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Study:
+    """What was found and where it is: study.nc, study.md and study.png."""
+
+    dataset: xr.Dataset
+    table: str
+    paths: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """What all cases share; `steps` are those studied, `every` the interval of the compared rows [s]."""
+
+    job: Job
+    scene: Scene
+    motion: GroundMotion
+    steps: tuple[float, ...]
+    every: float
+
+    @property
+    def position(self) -> Floats:
+        """(ng, 3) of the gaps [m]."""
+        return np.concatenate([joint.position for joint in self.scene.joints.values()])
+
+    @property
+    def duration(self) -> float:
+        """Seconds that are timed."""
+        return self.job.config.transient.duration or self.motion.duration
+
+    @property
+    def compared(self) -> float:
+        """Seconds that are compared."""
+        return min(self.job.config.study.duration, self.duration)
+
+
+def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage = silent) -> Study:
+    """Run every setting of `study:` on the first record, and set cost against error.
+
+    Parameters
+    ----------
+    job : a configuration with model.order reduced
+    out : folder for study.nc, study.md and study.png
+    reference : an .npz to compare with instead of a run, see `romdam.outputs.comparison.read_reference`
+    show : told of every stage and its progress
+
+    Raises
+    ------
+    RomdamError
+        for bad input, a scene without joints, and a reference that does not converge.
+    """
+    _refuse(job)
+    folder, clock = prepare_folder(Path(out)), Clock(show)
+    stored = read_reference(reference) if reference else None
+    motion = load_motions(job.config.records, job.folder)[0]
+    scene = build_scene(job.config, job.folder, str(job.path))
+    steps = job.config.study.dt or tuple(motion.dt / part for part in PARTS)
+    setup = _Setup(job, scene, motion, steps, job.config.outputs.every or motion.dt)
+    if stored is None:
+        stored, name = _reference(setup, clock)
+    else:
+        name = str(reference)
+    cases = [_measure(setup, case, (stored, name), clock) for case in _cases(setup, clock)]
+    about = {
+        "record": motion.name,
+        "compared": f"{motion.name}, {setup.compared:g} s of all openings against {name}",
+        "timed_seconds": setup.duration,
+        "repeats": job.config.study.repeats,
+    }
+    return _write(folder, study_dataset(cases, job, about))
+
+
+def _refuse(job: Job) -> None:
+    if job.config.model.order == "full":
+        raise ConfigError(
+            f"{job.path}: model.order is full, a study is about reduced models; set it to reduced"
+        )
+    if not job.config.joints:
+        raise ConfigError(f"{job.path}: joints: there is none, and openings are what is compared; name one")
+
+
+def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
+    """The run that all are compared with: all modes of the mesh at a small step, or full order."""
+    wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_dt
+    step = _divide(setup.every, dt or min(setup.steps) / FINER)
+    unknowns = sum(int((~fixed).sum()) for fixed in setup.scene.fixed.values())
+    dense = wanted == "all_modes" or (wanted == "auto" and unknowns <= MOST_DENSE)
+    with clock.stage("reference_model", "building the reference"):
+        damping = setup.job.config.damping
+        system = (
+            reduce_scene(setup.scene, ALL_MODES, damping).system
+            if dense
+            else assemble_full(setup.scene, damping)
+        )
+    integrator = "modal" if dense else "generalized_alpha"
+    options = fixed_step(_options(setup, system), step, setup.every, integrator)
+    ground = ground_at_steps(setup.motion, step, setup.compared)
+    with clock.stage("reference", f"the reference, {ground.shape[1] - 1} steps") as progress:
+        history = integrate(system, ground, options, progress)
+    name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
+    return Openings(history.time, history.jump[..., 0], setup.position), f"{name} at dt {step:g} s"
+
+
+def _divide(every: float, step: float) -> float:
+    """The largest step up to `step` that divides `every`."""
+    return every / math.ceil(every / step * (1.0 - 1e-9))
+
+
+def _options(setup: _Setup, system: System) -> TransientOptions:
+    return transient_options(setup.job, system, setup.motion)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One setting: a reduced system and how to integrate it; `modes` as text."""
+
+    system: System
+    modes: str
+    corrections: int
+    options: TransientOptions
+
+
+def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
+    wanted = setup.job.config.study
+    for count, corrections in itertools.product(wanted.modes, wanted.corrections):
+        choice = ModeChoice(count=count, corrections=corrections, capped=True)
+        with clock.stage("model", f"reducing to {count} modes a block, {corrections} corrections"):
+            system = reduce_scene(setup.scene, choice, setup.job.config.damping).system
+        for integrator, dt in itertools.product(wanted.integrators, setup.steps):
+            yield _Case(system, f"{count} modes", corrections, _stepped(setup, system, integrator, dt))
+
+
+def _stepped(setup: _Setup, system: System, integrator: str, dt: float) -> TransientOptions:
+    options, step = _options(setup, system), _divide(setup.every, dt)
+    if integrator != "adaptive":
+        return fixed_step(options, step, setup.every, integrator)
+    base, levels = refined_step(step, setup.motion.dt, setup.every)
+    return replace(options, dt=base, levels=levels, stride=round(setup.every / base), integrator=integrator)
+
+
+def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
+    options = case.options
+    finest = options.dt / 4.0**options.levels
+    ground = ground_at_steps(setup.motion, options.dt, setup.duration)
+    text = f"{options.integrator}, {case.modes}, {case.corrections} corrections, finest step {finest:g} s"
+    runs: list[History] = []
+    try:
+        with clock.stage("case", text) as progress:
+            for _ in range(setup.job.config.study.repeats):
+                runs.append(integrate(case.system, ground, options, progress))
+    except ConvergenceError as error:
+        failed = (math.nan,) * 5
+        return CaseResult(
+            options.integrator, finest, case.modes, case.corrections, case.system.size, *failed, 0, str(error)
+        )
+    return _result(setup, case, runs, reference)
+
+
+def _result(setup: _Setup, case: _Case, runs: list[History], reference: tuple[Openings, str]) -> CaseResult:
+    history = runs[0]
+    rows = history.time <= setup.compared * (1.0 + 1e-9)
+    own = Openings(history.time[rows], history.jump[rows, :, 0], setup.position)
+    found = compare_openings(own, reference[0], ("the study", reference[1]))
+    cpu = np.array([run.stats["loop_cpu_seconds"] for run in runs])
+    return CaseResult(
+        integrator=case.options.integrator,
+        finest_step=history.stats["finest_step"],
+        modes=case.modes,
+        corrections=case.corrections,
+        unknowns=case.system.size,
+        peak_opening=found.peak,
+        peak_error=found.peak_error,
+        l2_error=found.l2_error,
+        cpu_seconds=float(np.median(cpu)),
+        cpu_spread=float((cpu.max() - cpu.min()) / np.median(cpu)),
+        steps=int(history.stats["steps"]),
+    )
+
+
+def _write(folder: Path, dataset: xr.Dataset) -> Study:
+    from romdam.outputs.plots import save_figure
+
+    table = study_table(dataset)
+    paths = folder / "study.nc", folder / "study.md"
+    write_dataset(dataset, paths[0])
+    with replacing(paths[1]) as part:
+        part.write_text(table)
+    return Study(dataset, table, (*paths, save_figure(study_figure(dataset), folder / "study.png")))
