@@ -1,0 +1,7 @@
+"""The hand-made systems of tests/dynamics and the small scenes of tests/reduction serve here as well."""
+
+import sys
+from pathlib import Path
+
+for folder in ("dynamics", "reduction"):
+    sys.path.insert(0, str(Path(__file__).parents[1] / folder))
