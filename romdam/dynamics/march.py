@@ -267,6 +267,29 @@ def _elastic(model: ModalModel, problem: GapProblem, p_c: Floats, p: Floats, g: 
 
 
 @njit(cache=True)
+def _end_force(
+    problem: GapProblem, memory: GapMemory, closed: NDArray[np.bool_], y: Floats, p: Floats, g: Floats
+) -> bool:
+    """Whole joint force and opening at the step's end; whether the closed set changed."""
+    d = len(p) // max(len(problem.gap), 1)
+    changed = False
+    for i in range(len(p)):
+        g[i] = y[i] - problem.compliance[i] * memory.force[i]
+        p[i] = memory.force[i]
+        if i % d == 0:
+            p[i] -= problem.tension[i // d] * g[i]
+            changed = changed or (memory.force[i] > 0.0) != closed[i // d]
+    return changed
+
+
+@njit(cache=True)
+def _correction(missing: float, moved: Floats) -> Floats:
+    """The force along the change of the jump that does the missing work."""
+    size = moved @ moved
+    return -(missing / size) * moved if size > 0.0 else np.zeros(len(moved))
+
+
+@njit(cache=True)
 def _try_conserving(
     model: ModalModel, levels: Levels, control: Control, state: ModalState, x: Scratch
 ) -> tuple[bool, float]:
@@ -276,52 +299,36 @@ def _try_conserving(
     change of the states' jump on the loaded gaps where it does not (a discrete gradient).
     """
     step, problem, memory = _level(levels, 0)
-    half, N = levels.half[0], len(x.w)
-    d = N // max(len(problem.gap), 1)
+    half, p_0 = levels.half[0], state.force.ravel()
     _free_motion(step, state, x.f_1, x.q_free)
     gap_jumps(model, x.q_free, x.w)
-    base = x.w.copy()
-    for i in range(len(x.shift)):
-        base[i] += x.shift[i]
-    p_0 = state.force.ravel()
-    _add_product(half, p_0, 1.0, base)
     before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
-    correction, p_1, g_1 = np.zeros(N), np.zeros(N), np.zeros(N)
+    correction, p_1, g_1 = np.zeros_like(p_0), np.zeros_like(p_0), np.zeros_like(p_0)
     x.old_force[:] = memory.force
-    residual = 0.0
+    residual, w_1 = 0.0, x.w.copy()
     for _ in range(_MEAN_ITERATIONS):
-        w = base.copy()
-        _add_product(half, correction, 2.0, w)
+        w = x.w.copy()
+        for i in range(len(x.shift)):
+            w[i] += x.shift[i]
+        _add_product(half, p_0 + 2.0 * correction, 1.0, w)
         memory.force[:] = x.old_force
         residual = solve_gaps(problem, memory, state.closed, w, x.y, (control.tolerance, False))
         if not residual <= control.tolerance:
             memory.force[:] = x.old_force
             return False, residual
-        changed = False
-        for i in range(N):
-            g_1[i] = x.y[i] - problem.compliance[i] * memory.force[i]
-            p_1[i] = memory.force[i]
-            if i % d == 0:
-                p_1[i] -= problem.tension[i // d] * g_1[i]
-                changed = changed or (memory.force[i] > 0.0) != state.closed[i // d]
+        changed = _end_force(problem, memory, state.closed, x.y, p_1, g_1)
         state.mean[:] = 0.5 * (p_0 + p_1) + correction
-        x.r[: len(x.r)] = 0.0
-        w_1 = x.w.copy()
+        w_1[:] = x.w
         _add_product(half, state.mean, 2.0, w_1)
-        moved = w_1 - state.w
-        if not changed or d > 1:
+        if not changed or len(p_0) > len(problem.gap):
             break
-        moved *= (p_0 != 0.0) | (p_1 != 0.0)
+        moved = (w_1 - state.w) * ((p_0 != 0.0) | (p_1 != 0.0))
         missing = _elastic(model, problem, memory.force, p_1, g_1) - before + (0.5 * (p_0 + p_1)) @ moved
-        size = moved @ moved
-        new = -(missing / size) * moved if size > 0.0 else np.zeros(N)
-        settled = np.abs(new - correction).max() <= 1e-9 * np.abs(state.mean).max()
-        correction = new
-        if settled:
+        new = _correction(missing, moved)
+        if np.abs(new - correction).max() <= 1e-12 * np.abs(state.mean).max():
             break
-    state.mean[:] = 0.5 * (p_0 + p_1) + correction
-    state.w[:] = x.w
-    _add_product(half, state.mean, 2.0, state.w)
+        correction = new
+    state.w[:] = w_1
     return True, residual
 
 
