@@ -1,0 +1,130 @@
+"""The replay of joint forces and the defect-corrected run, where the answer is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+from small_scenes import DAMPING, full, march, raw, reduced, scene, shaking
+
+from romdam.dynamics.certificate import (
+    Forces,
+    Replayed,
+    corrected_run,
+    measure_defect,
+    replay,
+    replay_start,
+    run_window,
+)
+from romdam.dynamics.options import TransientOptions
+from romdam.reduction.craig_bampton import ModeChoice
+from romdam.reduction.refinement import embedding, much_finer, slightly_finer
+from romdam.reduction.synthesis import reduce_scene
+
+DT = 0.0025
+LAWS = {"penalty": {}, "rigid": {"normal_stiffness": "rigid"}, "friction": {"friction": 0.6}}
+
+
+def expansion(built, model):
+    """(n_full, m) basis over the free DOFs."""
+    rows = [np.zeros((int((~built.fixed[name]).sum()), model.system.size)) for name in built.blocks]
+    for part, (name, basis) in zip(rows, model.basis.items(), strict=True):
+        part[:, basis.columns] = basis.matrix[~built.fixed[name].ravel()]
+    return np.vstack(rows)
+
+
+def forces(history, ground, interval):
+    mean = history.mean_traction.reshape(len(history.time), -1)
+    return Forces(ground, mean, interval, (ground.shape[1] - 1) // (len(mean) - 1))
+
+
+def test_replay_is_of_second_order_and_repeats_the_exact_modes():
+    system = reduced(scene(raw()), modes=3).system
+    free = replace(system, B=csr_matrix(system.B * 0.0))
+    exact = march(free, 0.01, _smooth(0.01)).q
+    errors = []
+    for substeps in (16, 32, 64):
+        mean = np.zeros((201, system.B.shape[0]))
+        what = Forces(_smooth(0.01 / substeps), mean, 0.01, substeps)
+        found = np.array(list(replay(free, what, np.zeros(system.size))))
+        errors.append(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+    assert errors[-1] < 1e-3
+    assert np.log2(errors[-2] / errors[-1]) == pytest.approx(2.0, abs=0.1)
+
+
+def _smooth(dt):
+    """(3, nt) ground motion of 1 and 2 Hz, linear between corners every 0.01 s as the exact modes see it."""
+    corners = np.arange(201) * 0.01
+    values = np.sin(2.0 * np.pi * corners) + 0.5 * np.sin(4.0 * np.pi * corners)
+    t = np.arange(round(2.0 / dt) + 1) * dt
+    acc = np.interp(t, corners, values)
+    return np.stack([0.0 * acc, acc, 0.0 * acc])
+
+
+@pytest.mark.parametrize("initial_state", ["from_start", "static"])
+@pytest.mark.parametrize("law", LAWS)
+def test_a_complete_basis_has_no_defect(law, initial_state):
+    built = scene(raw(**LAWS[law]))
+    model, whole = reduced(built), full(built)
+    history = march(model.system, DT, initial_state=initial_state)
+    basis, first = expansion(built, model), history.traction[0].ravel()
+    static = initial_state == "static"
+    starts = [
+        replay_start(system, guess, first, static)
+        for system, guess in ((whole, basis @ history.q[0]), (model.system, history.q[0]))
+    ]
+    reduced_model = Replayed(model.system, starts[1], basis)
+    found = measure_defect(
+        (Replayed(whole, starts[0]), reduced_model, reduced_model), forces(history, shaking(DT), DT)
+    )
+    size = np.abs(found.jump_full).max()
+    assert size > 1e-4
+    assert np.abs(found.jump).max() < 1e-7 * size and np.abs(found.disp).max() < 1e-7 * size
+    assert found.energy.max() < 1e-10 * found.energy_full.max()
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("modes", [4, 10])
+def test_corrected_run_is_much_nearer_to_the_full_order(law, modes):
+    built = scene(raw(**LAWS[law]))
+    coarse, every_mode = reduced(built, modes=modes), reduced(built)
+    fine = reduce_scene(built, much_finer(ModeChoice(count=modes)), DAMPING)
+    options = TransientOptions(dt=DT, initial_state="from_start")
+    history, truth = march(coarse.system, DT), march(every_mode.system, DT)
+    basis = expansion(built, coarse)
+    models = (
+        Replayed(full(built), np.zeros(len(basis))),
+        Replayed(coarse.system, np.zeros(coarse.system.size), basis),
+        Replayed(fine.system, np.zeros(fine.system.size)),
+    )
+    found = measure_defect(models, forces(history, shaking(DT), DT))
+    corrected = corrected_run(fine.system, shaking(DT), options, found.jump_fine)
+    true = np.linalg.norm(history.jump - truth.jump)
+    assert true > 1e-4 * np.linalg.norm(truth.jump)
+    assert np.linalg.norm(corrected.jump - history.jump) == pytest.approx(true, rel=0.3)
+
+
+def test_window_of_the_same_model_repeats_the_run():
+    built = scene(raw(friction=0.6))
+    model = reduced(built, modes=8)
+    history = march(model.system, DT, tolerance=1e-10)
+    options = TransientOptions(dt=DT, initial_state="from_start", tolerance=1e-10)
+    into = embedding(built, model, model)
+    assert np.abs(into - np.eye(model.system.size)).max() < 1e-9
+    window = run_window(model.system, into, history, shaking(DT), options, 0.5)
+    part = history.jump[window.first : window.last + 1]
+    assert len(part) == 201 and part[..., 0].max() == history.jump[..., 0].max()
+    assert np.abs(window.run.jump - part).max() < 1e-6 * np.abs(part).max()
+
+
+@pytest.mark.parametrize("finer", [slightly_finer, much_finer])
+@pytest.mark.parametrize(
+    "choice", [ModeChoice(count=5), ModeChoice(count=5, corrections=4), ModeChoice(cutoff=200.0)]
+)
+def test_finer_models_are_finer_and_hold_the_coarse_motion(finer, choice):
+    built = scene(raw())
+    coarse, fine = reduce_scene(built, choice, DAMPING), reduce_scene(built, finer(choice), DAMPING)
+    assert fine.system.size > coarse.system.size
+    into = embedding(built, coarse, fine)
+    lost = 1.0 - (into.toarray() ** 2).sum(axis=0)
+    assert lost[:20].max() < (1e-4 if choice.corrections else 1e-9)

@@ -1,0 +1,173 @@
+"""`romdam certify` and `romdam study` as a person meets them."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from test_cli import SMALL, call
+
+from romdam.config import load_config
+from romdam.errors import ConvergenceError
+from romdam.outputs.study import pareto_front, study_table
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A small job and its result."""
+    made = tmp_path_factory.mktemp("certify")
+    time = np.arange(100) * 0.01
+    pulse = 6.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-2 * time)
+    np.savetxt(made / "pulse.txt", pulse)
+    (made / "small.yaml").write_text(SMALL)
+    code, _, err = call("run", made / "small.yaml", "--out", made / "out", "--quiet")
+    assert code == 0, err
+    return made
+
+
+@pytest.fixture
+def result(folder, tmp_path):
+    """A copy of the result beside a copy of its configuration, to be spoilt."""
+    shutil.copytree(folder, tmp_path / "job")
+    return tmp_path / "job" / "out" / "pulse.nc"
+
+
+def spoilt(result, edit):
+    with xr.load_dataset(result, engine="h5netcdf") as dataset:
+        edit(dataset).to_netcdf(result, engine="h5netcdf")
+    return result
+
+
+def test_every_run_states_an_estimate(folder):
+    with xr.open_dataset(folder / "out" / "pulse.nc", engine="h5netcdf") as dataset:
+        assert dataset.attrs["error_estimate"].startswith("Leaving out modes changes the openings by about")
+        assert 0.0 < dataset.attrs["error_estimate_opening_l2"] < 0.5
+
+
+def test_estimate_can_be_left_out_and_is_absent_where_it_means_nothing(folder, tmp_path):
+    for sections in ({"outputs": {"error_estimate": False}}, {"damping": {}}, {"model": {"modes": "all"}}):
+        raw = yaml.safe_load(SMALL) | sections
+        raw["records"][0]["file"] = str(folder / "pulse.txt")
+        raw["transient"] = {"dt": 1e-4, "duration": 0.05}
+        raw["outputs"] = {"plots": False} | sections.get("outputs", {})
+        (tmp_path / "job.yaml").write_text(yaml.safe_dump(raw))
+        code, _, err = call("run", tmp_path / "job.yaml", "--out", tmp_path / "out")
+        assert code == 0, err
+        with xr.open_dataset(tmp_path / "out" / "pulse.nc", engine="h5netcdf") as dataset:
+            assert "error_estimate" not in dataset.attrs
+
+
+def test_certificate_is_printed_written_and_kept_in_the_result(result):
+    code, out, err = call("certify", result)
+    assert code == 0, err
+    assert "Certificate, 0.99 s of pulse" in out.replace("\n", " ")
+    stated = json.loads(result.with_suffix(".certificate.json").read_text())
+    assert set(stated["error"]) == {"opening", "displacement", "energy"}
+    assert 0.0 < stated["defect_for_the_same_forces"]["opening"]["l2"] < 0.1
+    with xr.open_dataset(result, engine="h5netcdf") as dataset:
+        assert json.loads(dataset.attrs["certificate"]) == stated
+    assert "Certificate" in call("info", result)[1]
+
+
+def test_certificate_and_estimate_are_within_a_factor_two_of_the_truth(result):
+    raw = yaml.safe_load(SMALL)
+    raw["model"]["modes"] = "all"
+    (result.parents[1] / "all.yaml").write_text(yaml.safe_dump(raw))
+    code, _, err = call("run", result.parents[1] / "all.yaml", "--out", result.parents[1] / "all")
+    assert code == 0, err
+    with xr.open_dataset(result.parents[1] / "all" / "pulse.nc", engine="h5netcdf") as dataset:
+        truth = dataset.opening.values
+    with xr.open_dataset(result, engine="h5netcdf") as dataset:
+        true = np.linalg.norm(dataset.opening.values - truth) / np.linalg.norm(truth)
+        estimate = dataset.attrs["error_estimate_opening_l2"]
+    call("certify", result)
+    stated = json.loads(result.with_suffix(".certificate.json").read_text())["error"]["opening"]["l2"]
+    assert 0.5 < stated / true < 2.0
+    assert 0.5 < estimate / true < 2.0
+
+
+def test_two_passes_say_what_the_last_one_changed(result):
+    code, _, err = call("certify", result, "--passes", 2, "--config", result.parents[1] / "small.yaml")
+    assert code == 0, err
+    stated = json.loads(result.with_suffix(".certificate.json").read_text())
+    assert stated["last_pass_changed"] < 0.3 * stated["error"]["opening"]["l2"]
+
+
+def test_what_cannot_be_certified_is_refused(result, tmp_path):
+    other = result.parents[1] / "other.yaml"
+    other.write_text(SMALL.replace("modes: 10", "modes: 11"))
+    code, _, err = call("certify", result, "--config", other)
+    assert code == 2 and "is not the configuration that" in err
+    full = result.parents[1] / "full.yaml"
+    full.write_text(SMALL.replace("{order: reduced, modes: 10}", "{order: full}"))
+    call("run", full, "--out", tmp_path / "full", "--quiet")
+    code, _, err = call("certify", tmp_path / "full" / "pulse.nc")
+    assert code == 2 and "is a full-order result" in err
+    record = result.parents[1] / "pulse.txt"
+    np.savetxt(record, 2.0 * np.loadtxt(record))
+    code, _, err = call("certify", result)
+    assert code == 2 and "was made with another record 'pulse'" in err
+    code, _, err = call("certify", spoilt(result, lambda d: d.drop_vars("mean_normal_force")))
+    assert code == 2 and "holds no joint forces (mean_normal_force)" in err
+
+
+STUDY = {
+    "modes": [4, 10],
+    "corrections": [0, 5],
+    "integrators": ["modal", "adaptive"],
+    "dt": ["2.5 ms", "1.25 ms"],
+    "repeats": 1,
+}
+
+
+def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
+    config = folder / "study.yaml"
+    config.write_text(yaml.safe_dump(yaml.safe_load(SMALL) | {"study": STUDY}))
+    code, out, err = call("study", config, "--out", tmp_path)
+    assert code == 0, err
+    with xr.open_dataset(tmp_path / "study.nc", engine="h5netcdf") as dataset:
+        assert dataset.sizes["case"] == 16
+        assert dataset.attrs["machine"] and "all " in dataset.attrs["compared"]
+        error = dataset.l2_error.values
+        assert np.isfinite(error).all() and dataset.on_front.values.any()
+        best = (dataset.modes == "10 modes") & (dataset.corrections == 5) & (dataset.finest_step < 0.002)
+        assert error[best.values].max() < 0.5 * error.max()
+        for name in dataset.variables:
+            assert name == "case" or dataset[name].attrs["long_name"]
+    assert out.count("| adaptive |") == 8
+    assert (tmp_path / "study.md").read_text().count("\n| ") == 18
+    assert (tmp_path / "study.png").stat().st_size > 10_000
+
+
+def test_study_against_full_order_and_a_failing_case(folder, tmp_path, monkeypatch):
+    from romdam.pipelines import speed_error
+
+    real = speed_error.integrate
+
+    def fails(system, ground, options, progress=None):
+        if options.integrator == "adaptive":
+            raise ConvergenceError("step 3: did not converge")
+        return real(system, ground, options, progress)
+
+    monkeypatch.setattr(speed_error, "integrate", fails)
+    config = folder / "full.yaml"
+    study = STUDY | {"modes": [10], "corrections": [0], "dt": ["2.5 ms"], "reference": "full"}
+    config.write_text(yaml.safe_dump(yaml.safe_load(SMALL) | {"study": study}))
+    found = speed_error.study(load_config(config), tmp_path)
+    assert "full order" in found.dataset.attrs["compared"]
+    assert np.isnan(found.dataset.l2_error.values[1]) and not found.dataset.on_front.values[1]
+    assert "step 3: did not converge" in study_table(found.dataset)
+
+
+def test_study_refuses_full_order(folder, tmp_path):
+    (folder / "bad.yaml").write_text(SMALL.replace("{order: reduced, modes: 10}", "{order: full}"))
+    code, _, err = call("study", folder / "bad.yaml", "--out", tmp_path)
+    assert code == 2 and "a study is about reduced models" in err
+
+
+def test_front_holds_what_nothing_beats():
+    cost = np.array([1.0, 2.0, 3.0, 2.0, np.nan, 1.0])
+    error = np.array([5.0, 3.0, 3.0, 4.0, 0.1, 5.0])
+    assert pareto_front(cost, error).tolist() == [True, True, False, False, False, True]
