@@ -9,7 +9,8 @@ from romdam.dynamics.static import static_equilibrium
 from romdam.dynamics.transient import INTEGRATORS, integrate
 from romdam.errors import ConfigError, ConvergenceError
 
-MODAL = [name for name in INTEGRATORS if name != "generalized_alpha"]
+# `conserving` is for scenes without damping, below a step of its own
+MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]
 
 
 def _static(system):
