@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from romdam.dynamics.options import Start
 from romdam.dynamics.system import System
-from romdam.errors import ConvergenceError
+from romdam.errors import ConfigError, ConvergenceError
 from romdam.joints.problem import GapMemory, GapProblem, gap_memory, gap_problem
 from romdam.joints.step import commit_gaps, solve_gaps
 from romdam.linalg.factor import Factor
@@ -56,7 +56,25 @@ def system_gap_problem(system: System, H: Floats) -> GapProblem:
 
 
 def undeformed(system: System) -> tuple[Floats, GapState]:
-    """The undeformed state at rest; an initial penetration carries its force from the first step on."""
+    """The undeformed state at rest; an initial penetration carries its force from the first step on.
+
+    Raises
+    ------
+    ConfigError
+        where a rigid gap starts pressed in: it would hold no finite energy, and the first step make some.
+    """
+    law = system.law
+    pressed = np.isinf(law.K_n) & (law.gap < 0.0)
+    if pressed.any():
+        i = int(np.argmax(pressed))
+        raise ConfigError(
+            f"joints: a rigid gap cannot start pressed in, got an initial gap of {law.gap[i]:.4g} m "
+            f"at gap {i}, limit 0; set loads.initial_state: static, or give a finite normal_stiffness"
+        )
+    return _unloaded(system)
+
+
+def _unloaded(system: System) -> tuple[Floats, GapState]:
     law = system.law
     n, d = len(law), law.directions
     jump = np.zeros((n, d))
@@ -109,7 +127,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     X = factor.solve(system.B.T.toarray())
     problem = system_gap_problem(system, np.asarray(system.B @ X))
     memory = gap_memory(problem)
-    q, gaps = undeformed(system)
+    q, gaps = _unloaded(system)
     for _ in range(_MAX_ITERATIONS):
         free = factor.solve(system.force + shift * (system.M @ q))
         gaps = _solve(problem, memory, np.asarray(system.B @ free), tolerance)
