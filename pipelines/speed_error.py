@@ -23,7 +23,7 @@ from romdam.outputs.comparison import Openings, compare_openings, read_reference
 from romdam.outputs.dataset import prepare_folder, replacing, write_dataset
 from romdam.outputs.study import CaseResult, study_dataset, study_figure, study_table
 from romdam.pipelines.run import Clock, Stage, silent
-from romdam.pipelines.shaking import fixed_step, ground_at_steps, transient_options
+from romdam.pipelines.shaking import choose_integrator, fixed_step, ground_at_steps, transient_options
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
 from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice
@@ -131,9 +131,9 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
             if dense
             else assemble_full(setup.scene, damping)
         )
-    integrator = "modal" if dense else "generalized_alpha"
-    options = fixed_step(_options(setup, system), step, setup.every, integrator)
-    ground = ground_at_steps(setup.motion, step, setup.compared)
+    integrator = choose_integrator(setup.job, system) if dense else "generalized_alpha"
+    options = _stepped(setup, system, integrator, step)
+    ground = ground_at_steps(setup.motion, options.dt, setup.compared)
     with clock.stage("reference", f"the reference, {ground.shape[1] - 1} steps") as progress:
         history = integrate(system, ground, options, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
