@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, Tag, model_validator
+from pydantic import AfterValidator, Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
+from romdam.config.joint_laws import Friction, JointLaws
 from romdam.config.quantities import (
     Acceleration,
     AngularFrequency,
@@ -108,12 +109,6 @@ class GapTable(Model):
     table: Path
 
 
-def _friction(value: object) -> object:
-    return (value, value) if not isinstance(value, list | tuple) else value
-
-
-FrictionNumber = Annotated[Dimensionless, Field(ge=0.0, le=2.0)]
-Friction = Annotated[tuple[FrictionNumber, FrictionNumber], BeforeValidator(_friction)]
 StiffnessNumber = Annotated[StiffnessPerArea, NonNegative, Tag("number")]
 StiffnessTable = Annotated[PerGap, Tag("mapping")]
 SurfaceStiffness = Annotated[
@@ -134,12 +129,12 @@ NormalRule = Annotated[
 ]
 
 
-class JointConfig(Model):
+class JointConfig(JointLaws):
     """Gap elements between the coinciding faces of two blocks.
 
     `normal_stiffness` K_n acts when closed ("rigid": exactly unilateral), `tension_stiffness` K_nz
     when open, `shear_stiffness` K_s while stuck; `friction` is mu, or [mu_y, mu_z] along the local
-    axes j and k (equal: Coulomb on the resultant; unequal: per direction).
+    axes j and k (equal: Coulomb on the resultant; unequal: per direction). Further laws: `JointLaws`.
     """
 
     between: tuple[str, str]
@@ -156,11 +151,13 @@ class JointConfig(Model):
         if self.between[0] == self.between[1]:
             raise ValueError(f"`between` names block {self.between[0]!r} twice")
         shear = self.shear_stiffness
-        if max(self.friction) > 0.0 and (shear.per_gap if isinstance(shear, PerGap) else shear) <= 0.0:
-            raise ValueError(
-                f"friction {max(self.friction):g} needs `shear_stiffness` above 0 (the stick stiffness K_s); "
-                "give it, commonly half of normal_stiffness, or set friction to 0"
-            )
+        wrong = self.inconsistent(
+            self.friction,
+            shear.per_gap if isinstance(shear, PerGap) else shear,
+            self.normal_stiffness == "rigid",
+        )
+        if wrong is not None:
+            raise ValueError(wrong)
         return self
 
     @property

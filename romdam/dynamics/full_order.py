@@ -22,7 +22,7 @@ from scipy.sparse import csr_matrix
 from romdam.dynamics.energy import ledger
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.peaks import first_peaks, named_peaks
-from romdam.dynamics.static import GapState, static_equilibrium, system_gap_problem, undeformed
+from romdam.dynamics.static import GapState, static_equilibrium, system_gap_problem, take_over, undeformed
 from romdam.dynamics.system import History, System
 from romdam.errors import ConvergenceError
 from romdam.joints.problem import GapMemory, GapProblem, gap_memory
@@ -83,7 +83,7 @@ def generalized_alpha(
     memory = gap_memory(stepper.problem)
     initial = static_equilibrium(system, options.tolerance) if options.initial_state == "static" else None
     q, gaps = initial or undeformed(system)
-    memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
+    take_over(memory, gaps)
     state = _State(system, q, gaps, ground[:, 0])
     rows = _Rows(system, state, options, ground.shape[1])
     _compile(stepper.problem)
@@ -126,7 +126,7 @@ def _stepper(system: System, options: TransientOptions) -> _Stepper:
     factor = Factor(A)
     X = factor.solve(system.B.T.toarray())
     H = s.beta * dt**2 * np.asarray(system.B @ X)
-    return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), system_gap_problem(system, H))
+    return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), system_gap_problem(system, H, dt))
 
 
 def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, tolerance: float) -> float:

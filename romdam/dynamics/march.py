@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import RATIO, Control, Levels, ModalModel, ModalState, Track
 from romdam.dynamics.propagator import Propagator
-from romdam.joints.problem import GapMemory, GapProblem
+from romdam.joints.problem import GapMemory, GapProblem, Strength
 from romdam.joints.step import commit_gaps, solve_gaps
 
 Floats = NDArray[np.float64]
@@ -194,10 +194,14 @@ def _level(levels: Levels, l: int) -> tuple[Propagator, GapProblem, GapMemory]:
         s.dt[l], s.q_q[l], s.q_v[l], s.v_q[l], s.v_v[l], s.q_0[l], s.q_1[l], s.v_0[l], s.v_1[l],
         s.q_p[l], s.v_p[l], s.moment[l], s.loss[l],
     )  # fmt: skip
-    problem = GapProblem(p.W[l], p.Z[l], p.lift[l], p.tension, p.compliance, p.mu, p.gap)
-    memory = GapMemory(
-        m.force, m.anchor, m.active[l], m.inverse[l], m.order[l], m.counts[l], m.work, m.limits
+    strength = Strength(
+        p.strength.tension, p.strength.cohesion, p.strength.mu_static, p.strength.key, p.strength.dash[l]
     )
+    problem = GapProblem(p.W[l], p.Z[l], p.lift[l], p.tension, p.compliance[l], p.mu, p.gap, strength)
+    memory = GapMemory(
+        m.force, m.anchor, m.active[l], m.inverse[l], m.order[l], m.counts[l], m.work,
+        m.limits, m.weak, m.trial, m.overlap,
+    )  # fmt: skip
     return step, problem, memory
 
 

@@ -187,7 +187,7 @@ def step_levels(system: System, model: ModalModel, split: StateSplit, options: T
             H = halves[-1]
         if len(model.R):
             H = H + (1.0 - e) * model.R
-        problems.append(system_gap_problem(system, H))
+        problems.append(system_gap_problem(system, H, float(step.dt)))
     first = problems[0]._replace(gap=system.law.gap + offset[:: system.law.directions])
     memories = [gap_memory(problem) for problem in problems]
     duals = [p.Z for p in problems]
@@ -196,7 +196,11 @@ def step_levels(system: System, model: ModalModel, split: StateSplit, options: T
     return Levels(
         step=stacked(steps),
         problem=first._replace(
-            W=np.stack([p.W for p in problems]), Z=np.stack(duals), lift=np.stack([p.lift for p in problems])
+            W=np.stack([p.W for p in problems]),
+            Z=np.stack(duals),
+            lift=np.stack([p.lift for p in problems]),
+            compliance=np.stack([p.compliance for p in problems]),
+            strength=first.strength._replace(dash=np.stack([p.strength.dash for p in problems])),
         ),
         memory=_stacked_memory(memories),
         decay=decay,

@@ -7,7 +7,7 @@ the equilibria, each iteration is the same gap-space problem, and motion that no
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ class GapState:
     p_c : (N,) the solver's force, its warm start [N]
     anchor : (n, 2) slip anchors [m]; empty without friction
     stored : energy in the gaps [J]
+    weak : (n, 3) see `romdam.joints.problem.GapMemory`; empty where nothing has been weakened
     """
 
     jump: Floats
@@ -47,12 +48,22 @@ class GapState:
     p_c: Floats
     anchor: Floats
     stored: float
+    weak: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.bool_))
 
 
-def system_gap_problem(system: System, H: Floats) -> GapProblem:
-    """The gap-space problem of a system for one flexibility H."""
+def system_gap_problem(system: System, H: Floats, dt: float = np.inf) -> GapProblem:
+    """The gap-space problem of a system for one flexibility H over a step dt (inf in statics)."""
     law = system.law
-    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap)
+    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, dt)
+
+
+def take_over(memory: GapMemory, gaps: GapState) -> None:
+    """Give a solver's memory the gaps of a state to start from."""
+    memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
+    if len(memory.weak):
+        memory.overlap[:] = np.minimum(gaps.jump[:, 0], 0.0)
+        if len(gaps.weak):
+            memory.weak[:] = gaps.weak
 
 
 def undeformed(system: System) -> tuple[Floats, GapState]:
@@ -156,4 +167,5 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)
-    return GapState(jump, force, state, memory.force.copy(), memory.anchor.copy(), stored)
+    p_c, anchor, weak = memory.force.copy(), memory.anchor.copy(), memory.weak.copy()
+    return GapState(jump, force, state, p_c, anchor, stored, weak)

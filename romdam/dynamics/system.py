@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 Floats = NDArray[np.float64]
+
+SHEAR_LAWS = ("cohesion", "friction_static", "shear_key")
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class GapLaw:
     mu : (ng, 2) friction along the local axes j and k
     gap : (ng,) initial gap [m]
     joints : name -> slice of its gaps
+    laws : further laws, one row per gap, see `romdam.joints.problem.gap_strength`; empty without any
     """
 
     K_n: Floats
@@ -29,11 +32,13 @@ class GapLaw:
     mu: Floats
     gap: Floats
     joints: dict[str, slice]
+    laws: dict[str, Floats] = field(default_factory=dict)
 
     @property
     def directions(self) -> int:
-        """Components of force and jump at a gap: 1 without any friction, else 3 (i, j, k)."""
-        return 3 if self.mu.size and self.mu.max() > 0.0 else 1
+        """Components of force and jump at a gap: 1 without anything that carries shear, else 3 (i, j, k)."""
+        shear = (self.mu, *(self.laws[name] for name in SHEAR_LAWS if name in self.laws))
+        return 3 if any(values.max(initial=0.0) > 0.0 for values in shear) else 1
 
     def __len__(self) -> int:
         return len(self.gap)

@@ -27,7 +27,7 @@ from romdam.dynamics.states import (
     step_levels,
     whole_motion,
 )
-from romdam.dynamics.static import GapState, resumed, static_equilibrium, undeformed
+from romdam.dynamics.static import GapState, resumed, static_equilibrium, take_over, undeformed
 from romdam.dynamics.system import History, System
 from romdam.errors import ConfigError, ConvergenceError
 
@@ -127,7 +127,7 @@ def _march_modes(
     levels = step_levels(system, model, split, options)
     q, v, gaps = _initial(system, options)
     state = _modal_state((model, split.G), (q[split.states], v[split.states]), gaps, acc)
-    levels.memory.force[:], levels.memory.anchor[:] = gaps.p_c, gaps.anchor
+    take_over(levels.memory, gaps)
     track = _track(state, options.stride, ground.shape[1])
     # no step: a first start compiles here, not in the timed loop
     march(model, levels, Control(options.tolerance, math.inf), state, (acc, 0, 0), track)

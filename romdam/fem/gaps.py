@@ -27,7 +27,14 @@ def gap_law(scene: Scene) -> GapLaw:
         mu=stacked("mu", (0, 2)),
         gap=stacked("gap"),
         joints={joint.name: slice(a, b) for joint, a, b in zip(joints, ends[:-1], ends[1:], strict=True)},
+        laws={name: _law(joints, name) for name in sorted({law for joint in joints for law in joint.laws})},
     )
+
+
+def _law(joints: list[Joint], name: str) -> Floats:
+    """One further law of all gaps, zero (off) at joints that have not got it."""
+    shape = next(joint.laws[name].shape[1:] for joint in joints if name in joint.laws)
+    return np.concatenate([joint.laws.get(name, np.zeros((len(joint.gap), *shape))) for joint in joints])
 
 
 def gap_operators(scene: Scene, directions: int) -> dict[str, csr_matrix]:

@@ -16,6 +16,7 @@ W is symmetric and positive definite; K_n = infinity is the same problem with a 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,24 @@ from numpy.typing import NDArray
 from romdam.errors import ConfigError
 
 Floats = NDArray[np.float64]
+
+
+class Strength(NamedTuple):
+    """What a gap has beyond stiffness and friction; all arrays are empty where no gap of the scene has any.
+
+    Attributes
+    ----------
+    tension, cohesion : (n,) tensile strength and cohesion of the bond, lost together [N]
+    mu_static : (n, 2) friction of a gap that does not slide yet, at least that of a sliding one
+    key : (n, 3) depth of the shear key [m], then 1 where it holds along j and along k
+    dash : (n,) share of a normal dashpot in the closed gap's stiffness over a step
+    """
+
+    tension: Floats
+    cohesion: Floats
+    mu_static: Floats
+    key: Floats
+    dash: Floats
 
 
 class GapProblem(NamedTuple):
@@ -38,6 +57,7 @@ class GapProblem(NamedTuple):
     compliance : (N,) of the gaps [m/N]
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
     gap : (n,) initial gap [m]
+    strength : see `Strength`
     """
 
     W: Floats
@@ -47,6 +67,7 @@ class GapProblem(NamedTuple):
     compliance: Floats
     mu: Floats
     gap: Floats
+    strength: Strength
 
 
 class Limits(NamedTuple):
@@ -93,6 +114,10 @@ class GapMemory(NamedTuple):
         counts[0, 1:] are the steps that needed Newton, the iterations in all and the most in a step
     work : (3, N) scratch
     limits : in force now
+    weak : (n, 3) whether a gap's bond is lost, it slides, its key is out; moved by accepted steps only;
+        empty without `Strength`
+    trial : (n, 3) the same within a step
+    overlap : (n,) opening of the closed gaps at the last accepted step, at most zero [m]
     """
 
     force: Floats
@@ -103,9 +128,19 @@ class GapMemory(NamedTuple):
     counts: NDArray[np.int64]
     work: Floats
     limits: Limits
+    weak: NDArray[np.bool_]
+    trial: NDArray[np.bool_]
+    overlap: Floats
 
 
-def gap_problem(H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats, gap: Floats) -> GapProblem:
+def gap_problem(
+    H: Floats,
+    stiffness: tuple[Floats, Floats, Floats],
+    mu: Floats,
+    gap: Floats,
+    laws: Mapping[str, Floats] | None = None,
+    dt: float = np.inf,
+) -> GapProblem:
     """Set up the gap-space problem of one time step.
 
     Parameters
@@ -114,19 +149,26 @@ def gap_problem(H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats,
     stiffness : K_n (inf where rigid), K_nz, K_s, each (n,) [N/m]
     mu : (n, 2)
     gap : (n,) [m]
+    laws : further laws by name, see `gap_strength`
+    dt : the step, for dashpots; inf in statics [s]
 
     Raises
     ------
     ConfigError
-        where K_nz exceeds K_n, or equals it at a gap with friction.
+        where K_nz exceeds K_n, or equals it at a gap with friction; for a dashpot on a rigid gap.
     """
     K_n, K_nz, K_s = stiffness
     n = len(gap)
     d = len(H) // max(n, 1)
     _check_tension(K_n, K_nz, mu)
     unilateral = np.maximum(K_n - K_nz, 1e-12 * np.where(np.isinf(K_n), 1.0, K_n))
+    with np.errstate(invalid="ignore"):
+        whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
+    strength = gap_strength(laws or {}, unilateral, whole, dt)
     compliance = np.zeros((n, d))
     compliance[:, 0] = 1.0 / unilateral
+    if len(strength.dash):
+        compliance[:, 0] *= 1.0 - strength.dash
     if d == 3:
         with np.errstate(divide="ignore"):
             compliance[:, 1:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
@@ -137,8 +179,6 @@ def gap_problem(H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats,
         D[:, 0] = K_nz
         lift = np.asarray(np.linalg.inv(np.eye(n * d) + H * D.ravel()), dtype=float)
         W = np.asarray(lift @ H)
-    with np.errstate(invalid="ignore"):
-        whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
     W = 0.5 * (W + W.T) + np.diag(compliance.ravel())
     return GapProblem(
         W=np.ascontiguousarray(W),
@@ -148,6 +188,42 @@ def gap_problem(H: Floats, stiffness: tuple[Floats, Floats, Floats], mu: Floats,
         compliance=compliance.ravel(),
         mu=np.ascontiguousarray(mu * whole[:, None]),
         gap=np.ascontiguousarray(gap, dtype=float),
+        strength=strength,
+    )
+
+
+def gap_strength(laws: Mapping[str, Floats], stiffness: Floats, whole: Floats, dt: float) -> Strength:
+    """Strength of every gap.
+
+    Parameters
+    ----------
+    laws : name -> one row per gap: tensile_strength [N], cohesion [N], friction_static (n, 2),
+        shear_key (n, 3) depth [m] and whether it holds along j, k, viscosity [N s/m]; empty: no strength
+    stiffness : (n,) of the closed gap beyond K_nz [N/m]
+    whole : (n,) normal force per p_c of a closed gap
+    dt : the step [s]
+
+    Raises
+    ------
+    ConfigError
+        for a dashpot on a rigid gap.
+    """
+    if not laws:
+        return Strength(np.zeros(0), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0))
+    n = len(stiffness)
+    shapes = {"tensile_strength": (n,), "cohesion": (n,), "friction_static": (n, 2), "shear_key": (n, 3)}
+    given = {name: np.asarray(laws.get(name, np.zeros(shape))) for name, shape in shapes.items()}
+    viscous = laws.get("viscosity", np.zeros(n)) / dt
+    if (np.isinf(stiffness) & (np.asarray(laws.get("viscosity", np.zeros(n))) > 0.0)).any():
+        raise ConfigError("joints: viscosity needs a finite normal_stiffness, got rigid; give a stiffness")
+    return Strength(
+        tension=given["tensile_strength"] / whole,
+        cohesion=given["cohesion"] + 0.0,
+        mu_static=given["friction_static"] * whole[:, None],
+        key=given["shear_key"] + 0.0,
+        dash=np.where(
+            viscous > 0.0, viscous / (np.where(np.isinf(stiffness), 1.0, stiffness) + viscous), 0.0
+        ),
     )
 
 
@@ -177,6 +253,10 @@ def _dual(W: Floats) -> Floats:
 def gap_memory(problem: GapProblem) -> GapMemory:
     """A memory with every gap open and unloaded."""
     n, N = len(problem.gap), len(problem.W)
+    weak = np.zeros((len(problem.strength.tension), 3), dtype=np.bool_)
+    if len(weak):
+        weak[:, 0] = problem.gap > 0.0  # an initial gap is not bonded
+        weak[:, 2] = problem.gap > problem.strength.key[:, 0]
     return GapMemory(
         force=np.zeros(N),
         anchor=np.zeros((0 if n == N else n, 2)),
@@ -186,4 +266,7 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         counts=np.zeros((2, 4), dtype=np.int64),
         work=np.zeros((3, N)),
         limits=Limits(np.zeros((n, 2)), problem.mu.copy()),
+        weak=weak,
+        trial=weak.copy(),
+        overlap=np.zeros(len(weak)),
     )

@@ -12,6 +12,7 @@ from romdam.joints.frictional import solve_frictional
 from romdam.joints.laws import OPEN, SLIP, STICK
 from romdam.joints.problem import GapMemory, GapProblem
 from romdam.joints.unilateral import solve_unilateral
+from romdam.joints.weakening import bonded_tension, opening, set_limits, settle, slides, weaken
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +41,6 @@ def solve_gaps(
     float, the relative residual reached; above the tolerance means no convergence, inf that a gap
     opened or closed in a step that must not have it
     """
-    tolerance, steady = control
     if not math.isfinite(w_free.sum()):  # comparisons with NaN are False: it would pass for converged
         return np.inf
     n = len(problem.gap)
@@ -49,17 +49,82 @@ def solve_gaps(
         w_free[d * i] += problem.gap[i]
     if len(problem.lift):
         w_free[:] = problem.lift @ w_free
-    if d == 1:
-        return solve_unilateral(problem, memory, closed, w_free, y, control)
-    for i in range(n):
+    for i in range(n if d == 3 else 0):
         w_free[3 * i + 1] -= memory.anchor[i, 0]
         w_free[3 * i + 2] -= memory.anchor[i, 1]
-    residual = solve_frictional(problem.W, memory.limits, memory, w_free, y, tolerance)
+    if len(memory.trial) == 0:
+        return _solve(problem, memory, closed, w_free, y, control)
+    return _solve_weakening(problem, memory, closed, w_free, y, control)
+
+
+@njit(cache=True)
+def _solve(
+    problem: GapProblem,
+    memory: GapMemory,
+    closed: NDArray[np.bool_],
+    y_free: Floats,
+    y: Floats,
+    control: tuple[float, bool],
+) -> float:
+    """Solve for the present limits."""
+    tolerance, steady = control
+    n = len(problem.gap)
+    if len(y) == n:
+        return solve_unilateral(problem, memory, closed, y_free, y, control)
+    residual = solve_frictional(problem.W, memory.limits, memory, y_free, y, tolerance)
     if steady and residual <= tolerance:
         for i in range(n):
             if (memory.force[3 * i] > 0.0) != closed[i]:
                 return np.inf
     return residual
+
+
+@njit(cache=True)
+def _solve_weakening(
+    problem: GapProblem,
+    memory: GapMemory,
+    closed: NDArray[np.bool_],
+    y_free: Floats,
+    y: Floats,
+    control: tuple[float, bool],
+) -> float:
+    """Solve, and again with what the gaps have left, until none of them is weakened."""
+    n = len(problem.gap)
+    d = len(y) // n
+    memory.trial[:] = memory.weak
+    tension, shifted = np.zeros(n), np.empty(len(y))
+    for i in range(n):
+        y_free[d * i] -= problem.strength.dash[i] * memory.overlap[i]
+    while True:
+        set_limits(problem, memory)
+        shifted[:] = y_free
+        for i in range(n):
+            tension[i] = bonded_tension(problem, memory, i)
+            memory.force[d * i] = max(memory.force[d * i] + tension[i], 0.0)
+            if tension[i] > 0.0:
+                shifted -= tension[i] * problem.W[d * i]
+        residual = _solve(problem, memory, closed, shifted, y, control)
+        for i in range(n):
+            memory.force[d * i] -= tension[i]
+        if not residual <= control[0] or weaken(problem, memory, y) == 0:
+            return residual
+        if control[1]:
+            return np.inf
+
+
+@njit(cache=True)
+def _energy(problem: GapProblem, i: int, jump: Floats, force: Floats) -> float:
+    """Energy in the springs of one gap [J]; force is the whole joint force."""
+    d = len(jump)
+    p_c, k = force[0] + problem.tension[i] * jump[0], problem.compliance[d * i]
+    energy = 0.5 * problem.tension[i] * jump[0] ** 2
+    if len(problem.strength.dash) and problem.strength.dash[i] > 0.0:
+        energy += 0.5 * (1.0 - problem.strength.dash[i]) / k * min(jump[0], 0.0) ** 2
+    else:
+        energy += 0.5 * k * p_c**2
+    for a in range(1, d):
+        energy += 0.5 * problem.compliance[d * i + a] * force[a] ** 2
+    return energy
 
 
 @njit(cache=True)
@@ -84,37 +149,36 @@ def commit_gaps(
 
     Returns
     -------
-    (stored, friction) : energy stored in the gaps now and dissipated by sliding in the step [J]
+    (stored, lost) : energy stored in the gaps now, and taken in the step by sliding; in gaps that lost
+        strength or have a dashpot, all that their force did not do as work [J]
     """
     n = len(problem.gap)
     d = len(y) // max(n, 1)
-    stored, friction = 0.0, 0.0
+    stored, lost, strong = 0.0, 0.0, len(memory.weak) > 0
+    old = np.empty(d)
     for i in range(n):
         b = d * i
-        p_c = memory.force[b]
-        jump[i, 0] = y[b] - problem.compliance[b] * p_c
+        p_c, before = memory.force[b], 0.0
+        if strong:
+            before = _energy(problem, i, jump[i], force[i])
+            old[:] = jump[i]
+        jump[i, 0] = opening(problem, memory, y, i, d)
         force[i, 0] = p_c - problem.tension[i] * jump[i, 0]
-        stored += 0.5 * problem.compliance[b] * p_c**2 + 0.5 * problem.tension[i] * jump[i, 0] ** 2
-        state[i] = STICK if p_c > 0.0 else OPEN
-        slid = 0.0
+        slid, p = 0.0, p_c + bonded_tension(problem, memory, i)
         for a in range(1, d):
             t, y_t = memory.force[b + a], y[b + a]
             jump[i, a] = y_t + memory.anchor[i, a - 1] - problem.compliance[b + a] * t
             force[i, a] = t
-            stored += 0.5 * problem.compliance[b + a] * t**2
             slid -= t * y_t
             memory.anchor[i, a - 1] += y_t
-        if d == 3 and p_c > 0.0:
-            friction += slid
-            if _slides(problem.mu[i], p_c, memory.force[b + 1], memory.force[b + 2]):
-                state[i] = SLIP
-    return stored, friction
-
-
-@njit(cache=True)
-def _slides(mu: Floats, p_n: float, t_j: float, t_k: float) -> bool:
-    """Whether a shear is on its friction limit (to round-off); never without friction."""
-    limit_j, limit_k = (1.0 - 1e-9) * mu[0] * p_n, (1.0 - 1e-9) * mu[1] * p_n
-    if mu[0] == mu[1]:
-        return limit_j > 0.0 and t_j**2 + t_k**2 >= limit_j**2
-    return (limit_j > 0.0 and abs(t_j) >= limit_j) or (limit_k > 0.0 and abs(t_k) >= limit_k)
+        state[i] = STICK if p > 0.0 else OPEN
+        if d == 3 and p > 0.0 and slides(memory.limits, i, p, force[i, 1], force[i, 2]):
+            state[i] = SLIP
+        after = _energy(problem, i, jump[i], force[i])
+        if strong and (settle(problem, memory, i, state[i], jump[i, 0]) or problem.strength.dash[i] > 0.0):
+            slid = before - after
+            for a in range(d):
+                slid -= force[i, a] * (jump[i, a] - old[a])
+        stored += after
+        lost += slid
+    return stored, lost

@@ -68,7 +68,20 @@ def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: P
         K_nz=_per_gap(joint.tension_stiffness, area),
         K_s=_per_gap(joint.shear_stiffness, area),
         mu=np.tile(np.array(joint.friction), (len(area), 1)),
+        laws=_laws(joint, area),
     )
+
+
+def _laws(joint: JointConfig, area: Floats) -> dict[str, Floats]:
+    """The joint's further laws by name, those that it has."""
+    per_area = {name: getattr(joint, name) for name in ("tensile_strength", "cohesion", "viscosity")}
+    laws = {name: value * area for name, value in per_area.items() if value > 0.0}
+    if joint.friction_static is not None:
+        laws["friction_static"] = np.tile(np.array(joint.friction_static), (len(area), 1))
+    if joint.shear_key is not None:
+        holds = [float(axis in joint.shear_key.directions) for axis in ("j", "k")]
+        laws["shear_key"] = np.tile([joint.shear_key.depth, *holds], (len(area), 1))
+    return laws
 
 
 def local_axes(normal: Floats) -> Floats:
@@ -181,4 +194,5 @@ def _select(joint: Joint, keep: Ints) -> Joint:
         K_nz=joint.K_nz[keep],
         K_s=joint.K_s[keep],
         mu=joint.mu[keep],
+        laws={name: values[keep] for name, values in joint.laws.items()},
     )

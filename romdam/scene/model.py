@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,7 @@ class Joint:
     gap : (n,) initial gap [m]; negative is initial penetration
     K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
     mu : (n, 2) friction coefficients along j and k
+    laws : further laws, one row per gap, see `romdam.joints.problem.gap_strength`; those not given are off
     """
 
     name: str
@@ -79,6 +80,7 @@ class Joint:
     K_nz: Floats
     K_s: Floats
     mu: Floats
+    laws: dict[str, Floats] = field(default_factory=dict)
 
     @property
     def has_friction(self) -> bool:

@@ -1,0 +1,106 @@
+"""Strength that a gap loses: bonds, static friction, shear keys; one mechanism for all.
+
+A gap enters a step with what it has left. Its limits are solved as if they were ductile, which is the
+most that it can carry; a gap that reaches a limit it cannot hold (the bond opens or slides, static
+friction is overcome, the key's depth is exceeded) is weakened and the step solved again, until none is
+weakened any more: gaps only ever weaken within a step, so this ends. What was lost is history, committed
+once per accepted step; static friction is regained by a gap that sticks or opens, a key by one that closes
+below its depth (at the slip it then has), a bond never.
+
+The bond is Mohr-Coulomb with a tension cut-off: it is lost as a whole at the first opening (traction above
+the tensile strength) or the first slip (shear above c + mu p_n).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from romdam.joints.laws import SLIP
+from romdam.joints.problem import Floats, GapMemory, GapProblem, Limits
+
+BOND, SLIDES, KEY = 0, 1, 2
+
+
+@njit(cache=True)
+def bonded_tension(problem: GapProblem, memory: GapMemory, i: int) -> float:
+    """Tension that gap i can carry now [N], in terms of p_c."""
+    if len(problem.strength.tension) == 0 or memory.trial[i, BOND]:
+        return 0.0
+    return float(problem.strength.tension[i])
+
+
+@njit(cache=True)
+def set_limits(problem: GapProblem, memory: GapMemory) -> None:
+    """Put the shear limits c + mu p' to what is left; p' is p_c from the bond's tension on."""
+    strength, limits = problem.strength, memory.limits
+    for i in range(len(memory.trial)):
+        bond = 0.0 if memory.trial[i, BOND] else strength.cohesion[i]
+        for a in range(2):
+            mu = (
+                problem.mu[i, a]
+                if memory.trial[i, SLIDES]
+                else max(problem.mu[i, a], strength.mu_static[i, a])
+            )
+            limits.mu[i, a] = mu
+            limits.cohesion[i, a] = max(bond - mu * bonded_tension(problem, memory, i), 0.0)
+            if strength.key[i, 1 + a] > 0.0 and not memory.trial[i, KEY]:
+                limits.cohesion[i, a] = np.inf
+
+
+@njit(cache=True)
+def slides(limits: Limits, i: int, p: float, t_j: float, t_k: float) -> bool:
+    """Whether a shear is on its limit (to round-off), never without one; p is p_c plus the bond's tension."""
+    limit_j = (1.0 - 1e-9) * (limits.cohesion[i, 0] + limits.mu[i, 0] * p)
+    limit_k = (1.0 - 1e-9) * (limits.cohesion[i, 1] + limits.mu[i, 1] * p)
+    if limit_j == limit_k:
+        return limit_j > 0.0 and t_j**2 + t_k**2 >= limit_j**2
+    return (limit_j > 0.0 and abs(t_j) >= limit_j) or (limit_k > 0.0 and abs(t_k) >= limit_k)
+
+
+@njit(cache=True)
+def opening(problem: GapProblem, memory: GapMemory, y: Floats, i: int, d: int) -> float:
+    """Opening of gap i (with the initial gap) in a solution [m]."""
+    shift = problem.strength.dash[i] * memory.overlap[i] if len(memory.overlap) else 0.0
+    return y[d * i] - problem.compliance[d * i] * memory.force[d * i] + shift
+
+
+@njit(cache=True)
+def weaken(problem: GapProblem, memory: GapMemory, y: Floats) -> int:
+    """Take from the gaps what they cannot hold in this solution (memory.force is p_c); how many lost some."""
+    lost = 0
+    d = len(y) // max(len(problem.gap), 1)
+    for i in range(len(memory.trial)):
+        strength, b, trial = problem.strength, d * i, memory.trial[i]
+        p = memory.force[b] + bonded_tension(problem, memory, i)
+        slipping = False
+        if d == 3:
+            slipping = slides(memory.limits, i, p, memory.force[b + 1], memory.force[b + 2])
+        has_bond = strength.tension[i] > 0.0 or strength.cohesion[i] > 0.0
+        breaks = has_bond and not trial[BOND] and (slipping or (p <= 0.0 and y[b] > 0.0))
+        begins = not trial[SLIDES] and slipping and (strength.mu_static[i] > problem.mu[i]).any()
+        leaves = (
+            not trial[KEY]
+            and strength.key[i, 0] > 0.0
+            and opening(problem, memory, y, i, d) > strength.key[i, 0]
+        )
+        trial[BOND], trial[SLIDES], trial[KEY] = (
+            trial[BOND] or breaks,
+            trial[SLIDES] or begins,
+            trial[KEY] or leaves,
+        )
+        lost += int(breaks or begins or leaves)
+    return lost
+
+
+@njit(cache=True)
+def settle(problem: GapProblem, memory: GapMemory, i: int, state: int, opening: float) -> bool:
+    """Commit the history of gap i in an accepted step; whether it was weakened in it."""
+    weak, trial = memory.weak[i], memory.trial[i]
+    weakened = (trial[BOND] and not weak[BOND]) or (trial[KEY] and not weak[KEY])
+    weakened = weakened or (trial[SLIDES] and not weak[SLIDES])
+    weak[BOND] = trial[BOND]
+    weak[SLIDES] = state == SLIP
+    weak[KEY] = trial[KEY] and opening > problem.strength.key[i, 0]
+    memory.overlap[i] = min(opening, 0.0)
+    return weakened
