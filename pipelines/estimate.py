@@ -23,7 +23,7 @@ from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.scene.model import Scene
 
 WINDOW = 3.0  # [s]
-SHARE = 0.75  # of the true error, in L2 over the whole record, that the window shows: see tests/reference
+SHARE = 0.65  # of the true L2 error, that the window shows: 0.39 to 1.09 on the 30 cases of tests/reference
 
 
 @dataclass(frozen=True)

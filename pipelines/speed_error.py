@@ -32,7 +32,7 @@ from romdam.scene.build import build_scene
 from romdam.scene.model import Scene
 
 MOST_DENSE = 12_000  # free DOFs up to which all modes of the mesh are the reference
-FINER = 4  # the reference's step is this part of the finest one studied
+FINER = 16  # the reference's step is this part of the finest one studied
 PARTS = (4, 8, 16, 32)  # of the record's step, the steps that are studied unless the configuration says
 
 Floats = NDArray[np.float64]

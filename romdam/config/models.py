@@ -305,7 +305,7 @@ class StudyConfig(Model):
 
     Every combination of `modes` (a block), `corrections`, `integrators` and `dt` (the finest step; 1/4 to
     1/32 of the record's step if not given) is timed over the whole record and compared over `duration`, with
-    all modes of the mesh or the full order at `reference_dt` (a quarter of the finest step if not given).
+    all modes of the mesh or the full order at `reference_dt` (1/16 of the finest step if not given).
     """
 
     modes: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (20, 60)
