@@ -46,10 +46,7 @@ def test_sizes_and_frequencies(model):
 
 @pytest.mark.parametrize("integrator", MODAL)
 @pytest.mark.parametrize(("dt", "peak", "L2"), [(0.0025, 0.005, 0.03), (0.00125, 0.005, 0.012)])
-def test_reduced_model(model, integrator, dt, peak, L2, request):
-    if (integrator, dt) == ("adaptive", 0.00125):
-        reason = "1.27 %: its error stays at 1.3 % down to 0.0003 s, the fixed step's falls to 0.2 %"
-        request.applymarker(pytest.mark.xfail(strict=True, reason=reason))
+def test_reduced_model(model, integrator, dt, peak, L2):
     h = march(model.system, dt, integrator=integrator)
     found = errors(job().scene, h)
     assert abs(found[0]) <= peak
