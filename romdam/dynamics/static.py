@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _MAX_ITERATIONS = 2000
-_REST = 1e-9  # relative change of q that counts as rest
+_REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
 _TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can come to rest
 
 
@@ -139,12 +139,13 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     problem = system_gap_problem(system, np.asarray(system.B @ X))
     memory = gap_memory(problem)
     q, gaps = _unloaded(system)
+    rest = max(_REST, 100.0 * tolerance)
     for _ in range(_MAX_ITERATIONS):
         free = factor.solve(system.force + shift * (system.M @ q))
         gaps = _solve(problem, memory, np.asarray(system.B @ free), tolerance)
         moved = free + X @ gaps.force.ravel() - q
         q = q + moved
-        if shift == 0.0 or np.abs(moved).max() <= _REST * max(np.abs(q).max(), 1e-12):
+        if shift == 0.0 or np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12):
             return q, gaps
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
@@ -157,9 +158,10 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     n, N = len(problem.gap), len(problem.W)
     d = N // max(n, 1)
     y = np.zeros(N)
-    residual = solve_gaps(
-        problem, memory, memory.force[::d] > 0.0, w_free, y, (min(tolerance, _TIGHT), False)
-    )
+    closed = memory.force[::d] > 0.0
+    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (min(tolerance, _TIGHT), False))
+    if not residual <= _TIGHT:  # round-off forbids as much: take what was asked
+        residual = solve_gaps(problem, memory, closed, w_free, y, (tolerance, False))
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "

@@ -159,7 +159,7 @@ def gap_problem(
     """
     K_n, K_nz, K_s = stiffness
     n = len(gap)
-    d = len(H) // max(n, 1)
+    d = max(1, len(H) // max(n, 1))
     _check_tension(K_n, K_nz, mu)
     unilateral = np.maximum(K_n - K_nz, 1e-12 * np.where(np.isinf(K_n), 1.0, K_n))
     with np.errstate(invalid="ignore"):

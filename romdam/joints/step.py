@@ -44,7 +44,9 @@ def solve_gaps(
     if not math.isfinite(w_free.sum()):  # comparisons with NaN are False: it would pass for converged
         return np.inf
     n = len(problem.gap)
-    d = len(w_free) // max(n, 1)
+    if n == 0:
+        return 0.0
+    d = len(w_free) // n
     for i in range(n):
         w_free[d * i] += problem.gap[i]
     if len(problem.lift):
@@ -90,7 +92,7 @@ def _solve_weakening(
 ) -> float:
     """Solve, and again with what the gaps have left, until none of them is weakened."""
     n = len(problem.gap)
-    d = len(y) // n
+    d = max(1, len(y) // max(n, 1))
     memory.trial[:] = memory.weak
     tension, shifted = np.zeros(n), np.empty(len(y))
     for i in range(n):

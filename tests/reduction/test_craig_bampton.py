@@ -290,13 +290,7 @@ def test_a_block_held_by_its_joint_alone_has_six_rigid_modes(law, model):
 @pytest.mark.parametrize(
     "initial_state",
     [
-        pytest.param(
-            "static",
-            marks=pytest.mark.xfail(
-                strict=True,
-                reason="the iteration must rest more quietly than the gap solver's tolerance allows",
-            ),
-        ),
+        "static",
         "from_start",
     ],
 )
@@ -327,7 +321,6 @@ def test_a_floating_block_with_all_modes_is_the_full_order():
     _same(a, b, 1e-8, 1e-6)
 
 
-@pytest.mark.xfail(strict=True, reason="the last of no modes is asked for; none is the right count")
 def test_a_block_without_interior_takes_a_cutoff():
     """One element high and wide, friction on top: every free DOF is retained."""
     config = raw(friction=0.6)
