@@ -200,7 +200,7 @@ def _level(levels: Levels, l: int) -> tuple[Propagator, GapProblem, GapMemory]:
     problem = GapProblem(p.W[l], p.Z[l], p.lift[l], p.tension, p.compliance[l], p.mu, p.gap, strength)
     memory = GapMemory(
         m.force, m.anchor, m.active[l], m.inverse[l], m.order[l], m.counts[l], m.work,
-        m.limits, m.weak, m.trial, m.overlap,
+        m.limits, m.weak, m.trial, m.overlap, m.worst,
     )  # fmt: skip
     return step, problem, memory
 

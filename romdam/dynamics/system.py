@@ -40,6 +40,13 @@ class GapLaw:
         shear = (self.mu, *(self.laws[name] for name in SHEAR_LAWS if name in self.laws))
         return 3 if any(values.max(initial=0.0) > 0.0 for values in shear) else 1
 
+    def place(self, gap: int) -> str:
+        """A gap by its number within its joint, for messages."""
+        for name, gaps in self.joints.items():
+            if gaps.start <= gap < gaps.stop:
+                return f"gap {gap - gaps.start} of joint {name}"
+        return f"gap {gap}"
+
     def __len__(self) -> int:
         return len(self.gap)
 

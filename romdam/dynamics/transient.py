@@ -28,7 +28,7 @@ from romdam.dynamics.states import (
     whole_motion,
 )
 from romdam.dynamics.static import GapState, resumed, static_equilibrium, take_over, undeformed
-from romdam.dynamics.system import History, System
+from romdam.dynamics.system import GapLaw, History, System
 from romdam.errors import ConfigError, ConvergenceError
 
 Floats = NDArray[np.float64]
@@ -132,7 +132,7 @@ def _march_modes(
     # no step: a first start compiles here, not in the timed loop
     march(model, levels, Control(options.tolerance, math.inf), state, (acc, 0, 0), track)
     setup, loop = time.process_time() - start, time.process_time()
-    _march_in_chunks((model, levels), state, acc, track, options, progress)
+    _march_in_chunks((model, levels, system.law), state, acc, track, options, progress)
     stats = {
         "base_steps": float(ground.shape[1] - 1),
         "finest_step": float(levels.step.dt[-1]),
@@ -203,21 +203,23 @@ def _track(state: ModalState, stride: int, samples: int) -> Track:
 
 
 def _march_in_chunks(
-    arrays: tuple[ModalModel, Levels],
+    arrays: tuple[ModalModel, Levels, GapLaw],
     state: ModalState,
     acc: Floats,
     track: Track,
     options: TransientOptions,
     progress: Progress,
 ) -> None:
-    model, levels = arrays
+    model, levels, law = arrays
     control = Control(options.tolerance, _impulse_limit(acc, options))
     last = acc.shape[1] - 1
     for first in range(0, last, _CHUNK):
         until = min(first + _CHUNK, last)
         reached = march(model, levels, control, state, (acc, first, until), track)
         if reached < until:
-            raise ConvergenceError(not_converged(reached + 1, options, state.counts[2]))
+            raise ConvergenceError(
+                not_converged(reached + 1, options, state.counts[2], law.place(int(levels.memory.worst[0])))
+            )
         progress(until, last)
 
 
@@ -232,11 +234,12 @@ def _impulse_limit(acc: Floats, options: TransientOptions) -> float:
     return options.force_change * peak if peak > 0.0 else math.inf
 
 
-def not_converged(step: int, options: TransientOptions, residual: float) -> str:
+def not_converged(step: int, options: TransientOptions, residual: float, place: str) -> str:
     """Message for a step whose gap-space problem did not converge."""
     return (
         f"step {step}, t = {step * options.dt:.6g} s: the gap-space problem stopped at a relative residual "
-        f"of {residual:.2g}, limit {options.tolerance:.2g}; halve transient.dt, or lower the friction"
+        f"of {residual:.2g}, limit {options.tolerance:.2g}, farthest at {place}; halve transient.dt, or "
+        "lower the friction"
     )
 
 

@@ -23,7 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from romdam.joints.laws import project_shear
-from romdam.joints.newton import natural_residual, newton, response
+from romdam.joints.newton import natural_residual, newton, response, worst_gap
 from romdam.joints.problem import GapMemory, Limits
 
 Floats = NDArray[np.float64]
@@ -172,4 +172,6 @@ def solve_frictional(
                 memory.force[k] = 0.0
         response(W, memory.force, y_free, y)
         residual = _sweeps(W, limits, memory, y_free, y, (tolerance, _MORE_SWEEPS, False))
+    if not residual <= tolerance:
+        memory.worst[0] = worst_gap(W, limits, memory.force, y)
     return residual

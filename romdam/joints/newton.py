@@ -54,22 +54,37 @@ def _natural(
 
 
 @njit(cache=True)
+def _change(W: Floats, limits: Limits, p: Floats, y: Floats, i: int) -> float:
+    """Largest change of a force of gap i by its natural map; inf where it is not finite."""
+    x_n, x_j, x_k, limit_j, limit_k = _natural(W, limits, p, y, i)
+    b = 3 * i
+    t_j, t_k = 0.0, 0.0
+    if limit_j > 0.0 or limit_k > 0.0:
+        t_j, t_k, _ = project_shear(x_j, x_k, limit_j, limit_k)
+    change = max(abs(max(x_n, 0.0) - p[b]), abs(t_j - p[b + 1]), abs(t_k - p[b + 2]))
+    return change if math.isfinite(x_n + change) else np.inf
+
+
+@njit(cache=True)
 def natural_residual(W: Floats, limits: Limits, p: Floats, y: Floats) -> float:
     """Largest change of a force by its natural map, relative to the largest force."""
     worst, size = 0.0, 1e-300
     for i in range(len(limits.mu)):
-        x_n, x_j, x_k, limit_j, limit_k = _natural(W, limits, p, y, i)
         b = 3 * i
-        if x_n <= 0.0 and limit_j == 0.0 and limit_k == 0.0:
-            t_j, t_k = 0.0, 0.0
-        else:
-            t_j, t_k, _ = project_shear(x_j, x_k, limit_j, limit_k)
-        change = max(abs(max(x_n, 0.0) - p[b]), abs(t_j - p[b + 1]), abs(t_k - p[b + 2]))
-        if not math.isfinite(change):
-            return np.inf
-        worst = max(worst, change)
+        worst = max(worst, _change(W, limits, p, y, i))
         size = max(size, abs(p[b]), abs(p[b + 1]), abs(p[b + 2]), abs(y[b]) / W[b, b])
-    return worst / size
+    return worst / size if math.isfinite(worst) else np.inf
+
+
+@njit(cache=True)
+def worst_gap(W: Floats, limits: Limits, p: Floats, y: Floats) -> int:
+    """The gap whose force its natural map changes most."""
+    worst, at = -1.0, 0
+    for i in range(len(limits.mu)):
+        change = _change(W, limits, p, y, i)
+        if change > worst:
+            worst, at = change, i
+    return at
 
 
 @njit(cache=True)

@@ -77,10 +77,12 @@ class Limits(NamedTuple):
     ----------
     cohesion : (n, 2) c [N]
     mu : (n, 2)
+    tension : (n,) that a bond carries, in terms of p_c; p_n above is p_c plus this [N]
     """
 
     cohesion: Floats
     mu: Floats
+    tension: Floats
 
 
 class ActiveSet(NamedTuple):
@@ -118,6 +120,7 @@ class GapMemory(NamedTuple):
         empty without `Strength`
     trial : (n, 3) the same within a step
     overlap : (n,) opening of the closed gaps at the last accepted step, at most zero [m]
+    worst : (1,) the gap farthest from a solution, where the last step did not converge
     """
 
     force: Floats
@@ -131,6 +134,7 @@ class GapMemory(NamedTuple):
     weak: NDArray[np.bool_]
     trial: NDArray[np.bool_]
     overlap: Floats
+    worst: NDArray[np.int64]
 
 
 def gap_problem(
@@ -265,8 +269,9 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         order=np.zeros((2, n), dtype=np.int64),
         counts=np.zeros((2, 4), dtype=np.int64),
         work=np.zeros((3, N)),
-        limits=Limits(np.zeros((n, 2)), problem.mu.copy()),
+        limits=Limits(np.zeros((n, 2)), problem.mu.copy(), np.zeros(n)),
         weak=weak,
         trial=weak.copy(),
         overlap=np.zeros(len(weak)),
+        worst=np.zeros(1, dtype=np.int64),
     )

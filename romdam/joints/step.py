@@ -12,7 +12,7 @@ from romdam.joints.frictional import solve_frictional
 from romdam.joints.laws import OPEN, SLIP, STICK
 from romdam.joints.problem import GapMemory, GapProblem
 from romdam.joints.unilateral import solve_unilateral
-from romdam.joints.weakening import bonded_tension, opening, set_limits, settle, slides, weaken
+from romdam.joints.weakening import set_limits, settle, slides, weaken
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +72,10 @@ def _solve(
     tolerance, steady = control
     n = len(problem.gap)
     if len(y) == n:
-        return solve_unilateral(problem, memory, closed, y_free, y, control)
+        found = solve_unilateral(problem, memory, closed, y_free, y, control)
+        if not found <= tolerance:
+            memory.worst[0] = memory.work[2].argmin()
+        return found
     residual = solve_frictional(problem.W, memory.limits, memory, y_free, y, tolerance)
     if steady and residual <= tolerance:
         for i in range(n):
@@ -94,14 +97,13 @@ def _solve_weakening(
     n = len(problem.gap)
     d = max(1, len(y) // max(n, 1))
     memory.trial[:] = memory.weak
-    tension, shifted = np.zeros(n), np.empty(len(y))
+    tension, shifted = memory.limits.tension, np.empty(len(y))
     for i in range(n):
         y_free[d * i] -= problem.strength.dash[i] * memory.overlap[i]
     while True:
         set_limits(problem, memory)
         shifted[:] = y_free
         for i in range(n):
-            tension[i] = bonded_tension(problem, memory, i)
             memory.force[d * i] = max(memory.force[d * i] + tension[i], 0.0)
             if tension[i] > 0.0:
                 shifted -= tension[i] * problem.W[d * i]
@@ -115,17 +117,17 @@ def _solve_weakening(
 
 
 @njit(cache=True)
-def _energy(problem: GapProblem, i: int, jump: Floats, force: Floats) -> float:
-    """Energy in the springs of one gap [J]; force is the whole joint force."""
-    d = len(jump)
-    p_c, k = force[0] + problem.tension[i] * jump[0], problem.compliance[d * i]
-    energy = 0.5 * problem.tension[i] * jump[0] ** 2
-    if len(problem.strength.dash) and problem.strength.dash[i] > 0.0:
-        energy += 0.5 * (1.0 - problem.strength.dash[i]) / k * min(jump[0], 0.0) ** 2
-    else:
-        energy += 0.5 * k * p_c**2
-    for a in range(1, d):
-        energy += 0.5 * problem.compliance[d * i + a] * force[a] ** 2
+def _energies(problem: GapProblem, jump: Floats, force: Floats) -> Floats:
+    """Energy in the springs of every gap, where some have strength [J]; force is the whole joint force."""
+    n, d = jump.shape
+    energy, dash = np.zeros(n), problem.strength.dash
+    for i in range(n):
+        p_c, k = force[i, 0] + problem.tension[i] * jump[i, 0], problem.compliance[d * i]
+        energy[i] = 0.5 * problem.tension[i] * jump[i, 0] ** 2 + 0.5 * k * p_c**2
+        if dash[i] > 0.0:  # the dashpot's share of the force is no energy
+            energy[i] += 0.5 * (1.0 - dash[i]) / k * min(jump[i, 0], 0.0) ** 2 - 0.5 * k * p_c**2
+        for a in range(1, d):
+            energy[i] += 0.5 * problem.compliance[d * i + a] * force[i, a] ** 2
     return energy
 
 
@@ -155,32 +157,55 @@ def commit_gaps(
         strength or have a dashpot, all that their force did not do as work [J]
     """
     n = len(problem.gap)
+    if len(memory.weak) == 0:
+        return _move(problem, memory, y, jump, force, state)
+    before, old = _energies(problem, jump, force), jump.copy()
+    for i in range(n):
+        y[len(y) // n * i] += problem.strength.dash[i] * memory.overlap[i]
+    lost = _move(problem, memory, y, jump, force, state)[1]
+    after = _energies(problem, jump, force)
+    for i in range(n):
+        p, slid = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0
+        state[i] = OPEN if p <= 0.0 else max(state[i], STICK)
+        for a in range(1, jump.shape[1]):
+            slid -= force[i, a] * y[3 * i + a]
+        if settle(problem, memory, i, state[i], jump[i, 0]) or problem.strength.dash[i] > 0.0:
+            lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
+    return after.sum(), lost
+
+
+@njit(cache=True)
+def _move(
+    problem: GapProblem,
+    memory: GapMemory,
+    y: Floats,
+    jump: Floats,
+    force: Floats,
+    state: NDArray[np.uint8],
+) -> tuple[float, float]:
+    """Jumps, forces, states and anchors; energy in the springs, and taken by sliding."""
+    n = len(problem.gap)
     d = len(y) // max(n, 1)
-    stored, lost, strong = 0.0, 0.0, len(memory.weak) > 0
-    old = np.empty(d)
+    stored, lost = 0.0, 0.0
+    limits = memory.limits
     for i in range(n):
         b = d * i
-        p_c, before = memory.force[b], 0.0
-        if strong:
-            before = _energy(problem, i, jump[i], force[i])
-            old[:] = jump[i]
-        jump[i, 0] = opening(problem, memory, y, i, d)
+        p_c = memory.force[b]
+        jump[i, 0] = y[b] - problem.compliance[b] * p_c
         force[i, 0] = p_c - problem.tension[i] * jump[i, 0]
-        slid, p = 0.0, p_c + bonded_tension(problem, memory, i)
+        stored += 0.5 * problem.compliance[b] * p_c**2 + 0.5 * problem.tension[i] * jump[i, 0] ** 2
+        state[i] = STICK if p_c > 0.0 else OPEN
         for a in range(1, d):
             t, y_t = memory.force[b + a], y[b + a]
             jump[i, a] = y_t + memory.anchor[i, a - 1] - problem.compliance[b + a] * t
             force[i, a] = t
-            slid -= t * y_t
+            stored += 0.5 * problem.compliance[b + a] * t**2
+            lost -= t * y_t
             memory.anchor[i, a - 1] += y_t
-        state[i] = STICK if p > 0.0 else OPEN
-        if d == 3 and p > 0.0 and slides(memory.limits, i, p, force[i, 1], force[i, 2]):
-            state[i] = SLIP
-        after = _energy(problem, i, jump[i], force[i])
-        if strong and (settle(problem, memory, i, state[i], jump[i, 0]) or problem.strength.dash[i] > 0.0):
-            slid = before - after
-            for a in range(d):
-                slid -= force[i, a] * (jump[i, a] - old[a])
-        stored += after
-        lost += slid
+        p = p_c + limits.tension[i]
+        if d == 3 and p > 0.0:
+            limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * p
+            limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * p
+            if slides(limit_j, limit_k, force[i, 1], force[i, 2]):
+                state[i] = SLIP
     return stored, lost

@@ -17,17 +17,9 @@ import numpy as np
 from numba import njit
 
 from romdam.joints.laws import SLIP
-from romdam.joints.problem import Floats, GapMemory, GapProblem, Limits
+from romdam.joints.problem import Floats, GapMemory, GapProblem
 
 BOND, SLIDES, KEY = 0, 1, 2
-
-
-@njit(cache=True)
-def bonded_tension(problem: GapProblem, memory: GapMemory, i: int) -> float:
-    """Tension that gap i can carry now [N], in terms of p_c."""
-    if len(problem.strength.tension) == 0 or memory.trial[i, BOND]:
-        return 0.0
-    return float(problem.strength.tension[i])
 
 
 @njit(cache=True)
@@ -36,6 +28,7 @@ def set_limits(problem: GapProblem, memory: GapMemory) -> None:
     strength, limits = problem.strength, memory.limits
     for i in range(len(memory.trial)):
         bond = 0.0 if memory.trial[i, BOND] else strength.cohesion[i]
+        limits.tension[i] = 0.0 if memory.trial[i, BOND] else strength.tension[i]
         for a in range(2):
             mu = (
                 problem.mu[i, a]
@@ -43,19 +36,18 @@ def set_limits(problem: GapProblem, memory: GapMemory) -> None:
                 else max(problem.mu[i, a], strength.mu_static[i, a])
             )
             limits.mu[i, a] = mu
-            limits.cohesion[i, a] = max(bond - mu * bonded_tension(problem, memory, i), 0.0)
+            limits.cohesion[i, a] = max(bond - mu * limits.tension[i], 0.0)
             if strength.key[i, 1 + a] > 0.0 and not memory.trial[i, KEY]:
                 limits.cohesion[i, a] = np.inf
 
 
 @njit(cache=True)
-def slides(limits: Limits, i: int, p: float, t_j: float, t_k: float) -> bool:
-    """Whether a shear is on its limit (to round-off), never without one; p is p_c plus the bond's tension."""
-    limit_j = (1.0 - 1e-9) * (limits.cohesion[i, 0] + limits.mu[i, 0] * p)
-    limit_k = (1.0 - 1e-9) * (limits.cohesion[i, 1] + limits.mu[i, 1] * p)
+def slides(limit_j: float, limit_k: float, t_j: float, t_k: float) -> bool:
+    """Whether a shear is on its limit (to round-off), never without one."""
+    near_j, near_k = (1.0 - 1e-9) * limit_j, (1.0 - 1e-9) * limit_k
     if limit_j == limit_k:
-        return limit_j > 0.0 and t_j**2 + t_k**2 >= limit_j**2
-    return (limit_j > 0.0 and abs(t_j) >= limit_j) or (limit_k > 0.0 and abs(t_k) >= limit_k)
+        return near_j > 0.0 and t_j**2 + t_k**2 >= near_j**2
+    return (near_j > 0.0 and abs(t_j) >= near_j) or (near_k > 0.0 and abs(t_k) >= near_k)
 
 
 @njit(cache=True)
@@ -72,10 +64,11 @@ def weaken(problem: GapProblem, memory: GapMemory, y: Floats) -> int:
     d = len(y) // max(len(problem.gap), 1)
     for i in range(len(memory.trial)):
         strength, b, trial = problem.strength, d * i, memory.trial[i]
-        p = memory.force[b] + bonded_tension(problem, memory, i)
+        p = memory.force[b] + memory.limits.tension[i]
         slipping = False
         if d == 3:
-            slipping = slides(memory.limits, i, p, memory.force[b + 1], memory.force[b + 2])
+            limit = memory.limits.cohesion[i] + memory.limits.mu[i] * p
+            slipping = slides(limit[0], limit[1], memory.force[b + 1], memory.force[b + 2])
         has_bond = strength.tension[i] > 0.0 or strength.cohesion[i] > 0.0
         breaks = has_bond and not trial[BOND] and (slipping or (p <= 0.0 and y[b] > 0.0))
         begins = not trial[SLIDES] and slipping and (strength.mu_static[i] > problem.mu[i]).any()

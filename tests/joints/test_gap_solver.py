@@ -342,3 +342,21 @@ def test_a_spring_in_both_senses():
     for w in (1e-3, -1e-3):
         force = solve(dataclasses.replace(case, w_free=np.array([w])))[1]
         assert force[0, 0] == pytest.approx(-1e9 * w / (1.0 + 1e9 * case.H[0, 0]), rel=1e-8)
+
+
+def test_hard_problems_converge_and_few_need_newton():
+    """600 random problems: stiffness ratios 1e-3 to 1e6 and rigid, mu to 2, H singular to 1e-8."""
+    rng, newton = np.random.default_rng(1), 0
+    for seed in range(600):
+        n, m = int(rng.integers(1, 25)), (0.3, 0.6, 1.0, 2.0)[rng.integers(4)]
+        mu = (m, m) if rng.random() < 0.6 else (m, 0.4 * m + 0.1)
+        K_n = 1e9 * 10 ** rng.uniform(-3, 6) if rng.random() < 0.7 else np.inf
+        K_s, floor = 1e9 * 10 ** rng.uniform(-3, 6), 10 ** rng.uniform(-8, -1)
+        case = random_case(
+            seed, n, mu, K_n=K_n, K_s=K_s, coupling=(0.05, 0.3, 1.0)[rng.integers(3)], floor=floor
+        )
+        memory = gap_memory(case.problem)
+        memory.anchor[:] = case.anchor
+        assert solve_step(case.problem, memory, case.w_free)[1] <= TOLERANCE
+        newton += memory.counts[0, 1] > 0
+    assert newton <= 0.15 * 600
