@@ -131,6 +131,9 @@ def test_steady_sliding_on_a_base_that_accelerates(integrator):
     assert h.traction[-1, 0] == pytest.approx([10.0, 1.0, 0.0], rel=1e-6, abs=1e-9)
     assert h.energy["friction"][-1] == pytest.approx(1.0, rel=2e-3)  # 1 N over 1 m
     assert h.energy["input"][-1] == pytest.approx(3.0, rel=1e-3)
+    # 3 J in: 2 J of motion, 1 J of friction, and nothing left for the contact to take away
+    assert h.energy["kinetic"][-1] == pytest.approx(2.0, rel=2e-3)
+    assert abs(h.energy["contact"][-1]) <= 5e-3
 
 
 def _bar(elements, L, E, rho, law):
