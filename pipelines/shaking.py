@@ -50,8 +50,8 @@ def shake(
 def choose_integrator(job: Job, system: System) -> str:
     """The configured integrator, or the one that suits the scene.
 
-    A reduced scene with joints but no damping at all gets the scheme that conserves energy; any other
-    reduced scene the one that cuts its steps where contact changes; full order generalised-alpha.
+    A reduced scene with plain joints but no damping at all gets the scheme that conserves energy; any
+    other reduced scene the one that cuts its steps where contact changes; full order generalised-alpha.
     """
     transient = job.config.transient
     if transient.integrator is not None:
@@ -59,7 +59,8 @@ def choose_integrator(job: Job, system: System) -> str:
     if job.config.model.order == "full":
         return "generalized_alpha"
     undamped = system.C.nnz == 0 or not system.C.diagonal().any()
-    return "conserving" if undamped and len(system.law) else "adaptive"
+    plain = len(system.law) > 0 and not system.law.laws
+    return "conserving" if undamped and plain else "adaptive"
 
 
 def transient_options(job: Job, system: System, motion: GroundMotion) -> TransientOptions:

@@ -98,6 +98,11 @@ def conserving(system: System, ground: Floats, options: TransientOptions, progre
     """
     fixed = replace(options, levels=0)
     _refuse_sparse(system, options)
+    if system.law.laws:
+        raise ConfigError(
+            f"transient.integrator: conserving knows no {', '.join(sorted(system.law.laws))}; "
+            "use adaptive, or leave these keys out of the joints"
+        )
     return _march_modes(
         system, ground, fixed, progress, split_conserving(system, options.dt), conserving=True
     )
