@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.joint_laws import Friction, JointLaws
+from romdam.config.places import Axis, FaceRef, NodeConfig, Vector
 from romdam.config.quantities import (
     Acceleration,
     AngularFrequency,
@@ -24,10 +25,9 @@ from romdam.config.quantities import (
     Time,
 )
 from romdam.config.records import RecordConfig
+from romdam.config.stress import StressConfig
 
-Axis = Literal["x", "y", "z"]
 Element = Literal["hex8", "hex20", "tet4", "tet10"]
-Vector = tuple[Length, Length, Length]
 NonNegative = Field(ge=0.0)
 Positive = Field(gt=0.0)
 Edges = tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
@@ -39,20 +39,6 @@ class MaterialConfig(Model):
     E: Annotated[Pressure, Positive]
     nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
     rho: Annotated[Density, Positive]
-
-
-class PlaneRef(Model):
-    """All boundary facets of a block in the plane `axis` = `at`."""
-
-    axis: Axis
-    at: Length
-    tolerance: Annotated[Length, Positive] = 1e-6
-
-
-FaceRef = Annotated[
-    Annotated[str, Tag("number")] | Annotated[PlaneRef, Tag("mapping")],
-    by_shape("the name of a face, or a plane such as {axis: z, at: 0 m}"),
-]
 
 
 class BoxConfig(Model):
@@ -280,14 +266,6 @@ class TransientConfig(Model):
         return self
 
 
-class NodeConfig(Model):
-    """A node whose motion is written, found by its position."""
-
-    block: str
-    at: Vector
-    tolerance: Annotated[Length, Positive] = 1e-3
-
-
 class OutputsConfig(Model):
     """What is written: histories at named nodes, every gap, at the interval `every`.
 
@@ -295,6 +273,7 @@ class OutputsConfig(Model):
     """
 
     nodes: dict[str, NodeConfig] = Field(default_factory=dict)
+    stress: StressConfig | None = None
     every: Annotated[Time, Positive] | None = None
     plots: bool = True
     error_estimate: bool = True
@@ -362,7 +341,17 @@ class Config(Model):
             self._known(f"loads.force[{i}].block", force.block, self.blocks)
         for name, node in self.outputs.nodes.items():
             self._known(f"outputs.nodes.{name}.block", node.block, self.blocks)
+        if self.outputs.stress is not None:
+            self._known_in_stress(self.outputs.stress)
         return self
+
+    def _known_in_stress(self, stress: StressConfig) -> None:
+        for name in stress.blocks if stress.blocks != "all" else ():
+            self._known("outputs.stress.blocks", name, self.blocks)
+        for i, face in enumerate(stress.faces):
+            self._known(f"outputs.stress.faces[{i}].block", face.block, self.blocks)
+        for name, node in stress.nodes.items():
+            self._known(f"outputs.stress.nodes.{name}.block", node.block, self.blocks)
 
     @staticmethod
     def _known(key: str, name: str, among: Mapping[str, object]) -> None:

@@ -14,6 +14,7 @@ from romdam.scene.held import refuse_free_blocks
 from romdam.scene.joints import build_joint
 from romdam.scene.model import Block, Bools, FacePressure, Material, PointForce, Probe, Scene
 from romdam.scene.select import nearest_node, select_facets
+from romdam.scene.stress_sites import stress_sites
 
 
 def build_scene(config: Config, folder: Path, source: str) -> Scene:
@@ -47,6 +48,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         forces=_forces(config, blocks, source),
         gravity=_gravity(config),
         probes=_probes(config, blocks, source),
+        stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
     )
 
 

@@ -116,6 +116,50 @@ class Probe:
 
 
 @dataclass(frozen=True)
+class StressNodes:
+    """Nodes of one block where stress is wanted, with the local axes of a dam's shell.
+
+    Attributes
+    ----------
+    nodes : (k,) ascending node numbers
+    up : (k, 3) cantilever direction: up along the face on stress faces, else vertical
+    arch : (k, 3) horizontal tangent; NaN where neither a face nor a joint gives it
+    """
+
+    nodes: Ints
+    up: Floats
+    arch: Floats
+
+
+@dataclass(frozen=True)
+class StressFace:
+    """A face whose overstressed area is stated: rows of its nodes in the StressNodes, their areas [m2]."""
+
+    name: str
+    block: str
+    rows: Ints
+    area: Floats
+
+
+@dataclass(frozen=True)
+class StressSites:
+    """Where stress is written.
+
+    Attributes
+    ----------
+    blocks : block name -> its nodes
+    faces : of which the overstressed area is stated
+    probes : named nodes with histories: name -> block and row in its StressNodes
+    strength : tensile strength [Pa], or None
+    """
+
+    blocks: dict[str, StressNodes]
+    faces: tuple[StressFace, ...]
+    probes: dict[str, tuple[str, int]]
+    strength: float | None
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything that does not depend on the ground motion.
 
@@ -127,6 +171,7 @@ class Scene:
     pressures, forces : static loads on faces and nodes
     gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
     probes : nodes to be written
+    stress : where stress is written; None if nowhere
     """
 
     blocks: dict[str, Block]
@@ -136,3 +181,4 @@ class Scene:
     forces: tuple[PointForce, ...]
     gravity: Floats
     probes: tuple[Probe, ...]
+    stress: StressSites | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.models import FaceRef, PlaneRef
+from romdam.config.places import FaceRef, PlaneRef
 from romdam.errors import ConfigError
 from romdam.scene.facets import boundary_facets, facets_in_plane
 from romdam.scene.model import Block, Ints

@@ -1,0 +1,43 @@
+"""Places of a scene that a configuration names: axes, faces, nodes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, Tag
+
+from romdam.config.base import Model, by_shape
+from romdam.config.quantities import Length
+
+Axis = Literal["x", "y", "z"]
+Vector = tuple[Length, Length, Length]
+Positive = Field(gt=0.0)
+
+
+class PlaneRef(Model):
+    """All boundary facets of a block in the plane `axis` = `at`."""
+
+    axis: Axis
+    at: Length
+    tolerance: Annotated[Length, Positive] = 1e-6
+
+
+FaceRef = Annotated[
+    Annotated[str, Tag("number")] | Annotated[PlaneRef, Tag("mapping")],
+    by_shape("the name of a face, or a plane such as {axis: z, at: 0 m}"),
+]
+
+
+class BlockFace(Model):
+    """A face of a block."""
+
+    block: str
+    face: FaceRef
+
+
+class NodeConfig(Model):
+    """A node whose motion is written, found by its position."""
+
+    block: str
+    at: Vector
+    tolerance: Annotated[Length, Positive] = 1e-3

@@ -1,0 +1,147 @@
+"""Stress at nodes from displacement, and the stress of every basis vector there.
+
+Stress is taken at the points where it is most accurate inside an element, carried to the nodes by the
+polynomial through those points, and averaged over the cells of the block that meet at a node; a block is of
+one material, so no average crosses a joint or a change of material. The points are the 2 x 2 x 2 Gauss points
+of hexahedra, the four points of degree 2 of tet10, the centroid of tet4. On straight tetrahedra and on
+parallelepiped hex8 that equals evaluation at the nodes. On hex20 the points are superconvergent in bending,
+which is how cantilevers of one or two elements in thickness carry load: 4 x 2 elements on a span of 8
+thicknesses leave 19 % of error in the shear stress, where evaluation at the nodes leaves 100 %, and 0.35 % in
+the bending stress either way. (On smooth fields of fine meshes evaluation at the nodes would halve an error
+that is small: 0.35 against 0.82 % on 6 x 6 x 6 elements.)
+
+References
+----------
+Barlow, Int. J. Numer. Methods Eng. 10 (1976) 243; Zienkiewicz, Taylor, The Finite Element Method, vol. 1,
+ch. 14.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from scipy.sparse import csr_matrix, vstack
+
+from romdam.fem.material import lame
+from romdam.scene.elements import ELEMENTS, Element, Floats, gauss_rule, jacobians, simplex_rule
+from romdam.scene.model import Block, Ints, Material, Scene
+
+COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+_CHUNK = 1024  # cells at a time: 120 MB of hex20 operators
+
+
+class Basis(Protocol):
+    """u = matrix @ q[columns] of one block."""
+
+    @property
+    def matrix(self) -> Floats: ...
+
+
+def stress_operator(block: Block, nodes: Ints) -> csr_matrix:
+    """Six stress components at nodes from a block's displacement.
+
+    Parameters
+    ----------
+    block : of one material
+    nodes : (k,) distinct node numbers
+
+    Returns
+    -------
+    (6 k, 3 n) sparse [Pa/m]; rows of node i are 6*i + the index in COMPONENTS, tension positive
+    """
+    place = np.full(len(block.points), -1)
+    place[nodes] = np.arange(len(nodes))
+    share = 1.0 / np.bincount(block.cells.ravel(), minlength=len(block.points))
+    touched = np.flatnonzero((place[block.cells] >= 0).any(axis=1))
+    parts = [
+        _cells_operator(block, touched[first : first + _CHUNK], place, share)
+        for first in range(0, len(touched), _CHUNK)
+    ]
+    total = csr_matrix((6 * len(nodes), 3 * len(block.points)))
+    for part in parts:
+        total = total + part
+    return csr_matrix(total)
+
+
+def modal_stress(scene: Scene, basis: Mapping[str, Basis]) -> dict[str, Floats]:
+    """Stress of every basis vector at the scene's stress nodes: block name -> (k, 6, m) [Pa kg-0.5]."""
+    if scene.stress is None:
+        return {}
+    found = {}
+    for name, sites in scene.stress.blocks.items():
+        matrix = basis[name].matrix
+        operator = stress_operator(scene.blocks[name], sites.nodes)
+        found[name] = np.asarray(operator @ matrix).reshape(len(sites.nodes), 6, matrix.shape[1])
+    return found
+
+
+def observed_stress(scene: Scene) -> csr_matrix:
+    """Stress at the scene's stress nodes from the free DOFs of the whole mesh, blocks in the scene's order.
+
+    Returns
+    -------
+    (6 k, free DOFs) sparse
+    """
+    parts, start = [], 0
+    size = sum(int((~fixed).sum()) for fixed in scene.fixed.values())
+    for name, block in scene.blocks.items():
+        free = ~scene.fixed[name].ravel()
+        if scene.stress is not None and name in scene.stress.blocks:
+            own = csr_matrix(stress_operator(block, scene.stress.blocks[name].nodes)[:, free]).tocoo()
+            parts.append(csr_matrix((own.data, (own.row, own.col + start)), shape=(own.shape[0], size)))
+        start += int(free.sum())
+    return csr_matrix(vstack([csr_matrix((0, size)), *parts]))
+
+
+def _cells_operator(block: Block, cells: Ints, place: Ints, share: Floats) -> csr_matrix:
+    """What some cells add to the operator."""
+    element = ELEMENTS[block.element]
+    xi, carry = _recovery(block.element)
+    gradient = np.linalg.solve(
+        jacobians(block.points, block.cells[cells], element, xi), element.gradient(xi)[None]
+    )
+    at_points = _stress_of_gradient(np.asarray(gradient, dtype=float), block.material)
+    at_nodes = np.einsum("aq,cqvbm->cavbm", carry, at_points, optimize=True)
+    own = block.cells[cells]
+    at_nodes *= share[own][:, :, None, None, None]
+    shape = at_nodes.shape
+    rows = 6 * place[own][:, :, None, None, None] + np.arange(6)[:, None, None]
+    columns = 3 * own[:, None, None, :, None] + np.arange(3)
+    keep = np.broadcast_to((place[own] >= 0)[:, :, None, None, None], shape)
+    entries = (np.broadcast_to(rows, shape)[keep], np.broadcast_to(columns, shape)[keep])
+    return csr_matrix((at_nodes[keep], entries), shape=(6 * int((place >= 0).sum()), 3 * len(place)))
+
+
+def _stress_of_gradient(gradient: Floats, material: Material) -> Floats:
+    """Stress per nodal displacement (nc, nq, 6, nn, 3) from shape gradients (nc, nq, 3, nn)."""
+    lam, mu = lame(material)
+    g = np.moveaxis(gradient, 2, 3)  # (nc, nq, nn, 3)
+    found = np.zeros((*g.shape[:2], 6, *g.shape[2:]))
+    for v, (k, l) in enumerate(_PAIRS):
+        if k == l:
+            found[:, :, v] = lam * g
+        found[:, :, v, :, l] += mu * g[..., k]
+        found[:, :, v, :, k] += mu * g[..., l]
+    return found
+
+
+@cache
+def _recovery(name: str) -> tuple[Floats, Floats]:
+    """Points (nq, 3) where stress is taken, and the matrix (nn, nq) that carries it to the nodes."""
+    element = ELEMENTS[name]
+    if element.corners == 8:
+        xi = gauss_rule(2, 3)[0]
+        return xi, _carry(ELEMENTS["hex8"], xi, element.nodes)
+    if not element.quadratic:
+        return np.full((1, 3), 0.25), np.ones((4, 1))
+    xi = simplex_rule(2, 3)[0]
+    return xi, _carry(ELEMENTS["tet4"], xi, element.nodes)
+
+
+def _carry(linear: Element, xi: Floats, nodes: Floats) -> Floats:
+    """Values at nodes of the polynomial in the linear element's space through values at xi."""
+    return np.asarray(linear.shape(nodes) @ np.linalg.inv(linear.shape(xi)), dtype=float)

@@ -1,0 +1,107 @@
+"""Nodes where stress is wanted, and the cantilever and arch directions there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from romdam.config.stress import StressConfig
+from romdam.errors import ConfigError
+from romdam.scene.elements import Floats
+from romdam.scene.facets import gap_weights, node_normals
+from romdam.scene.model import Block, Ints, Joint, StressFace, StressNodes, StressSites
+from romdam.scene.select import nearest_node, select_facets
+
+_UP = np.array([0.0, 0.0, 1.0])
+_LEVEL = 1e-6  # length of a unit normal's horizontal part below which it has no direction
+
+
+def stress_sites(
+    config: StressConfig | None, blocks: dict[str, Block], joints: dict[str, Joint], place: str
+) -> StressSites | None:
+    """Find the nodes where stress is wanted.
+
+    Parameters
+    ----------
+    place : file and key, for messages
+
+    Raises
+    ------
+    ConfigError
+        for faces and points that catch no node, and a face given twice.
+    """
+    if config is None:
+        return None
+    whole = list(blocks) if config.blocks == "all" else list(config.blocks)
+    faces = [
+        (face.block, _face_name(face.block, face.face), select_facets(blocks[face.block], face.face, at))
+        for face, at in ((f, f"{place}.faces[{k}].face") for k, f in enumerate(config.faces))
+    ]
+    names = [name for _, name, _ in faces]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"{place}.faces: face {name} is given {names.count(name)} times, limit 1")
+    probes = {
+        name: (p.block, nearest_node(blocks[p.block], p.at, p.tolerance, f"{place}.nodes.{name}.at"))
+        for name, p in config.nodes.items()
+    }
+    sites = {}
+    for name, block in blocks.items():
+        wanted = [np.arange(len(block.points))] if name in whole else []
+        wanted += [facets.ravel() for owner, _, facets in faces if owner == name]
+        wanted += [np.array([node]) for owner, node in probes.values() if owner == name]
+        if wanted:
+            own = [facets for owner, _, facets in faces if owner == name]
+            sites[name] = _with_axes(block, np.unique(np.concatenate(wanted)), own, joints)
+    return StressSites(
+        blocks=sites,
+        faces=tuple(_face(sites[owner], blocks[owner], name, facets) for owner, name, facets in faces),
+        probes={name: (b, int(np.searchsorted(sites[b].nodes, n))) for name, (b, n) in probes.items()},
+        strength=config.strength,
+    )
+
+
+def _face_name(block: str, face: object) -> str:
+    if isinstance(face, str):
+        return f"{block}.{face}"
+    return f"{block}.{face.axis}={face.at:g}"  # type: ignore[attr-defined]
+
+
+def _face(sites: StressNodes, block: Block, name: str, facets: Ints) -> StressFace:
+    nodes, area, _ = gap_weights(block.points, facets)
+    return StressFace(name, block.name, np.searchsorted(sites.nodes, nodes), area)
+
+
+def _with_axes(block: Block, nodes: Ints, faces: list[Ints], joints: dict[str, Joint]) -> StressNodes:
+    """Axes from the stress faces' normals; off them the vertical, and across the nearest joints."""
+    up = np.tile(_UP, (len(nodes), 1))
+    arch = _across_joints(block, nodes, joints)
+    for facets in faces:
+        rows = np.searchsorted(nodes, np.unique(facets))
+        normal = node_normals(block.points, facets)[nodes[rows]]
+        tangent = np.cross(_UP, normal)
+        steep = np.linalg.norm(tangent, axis=1) > _LEVEL  # a horizontal face has no arch direction
+        rows, normal, tangent = rows[steep], normal[steep], tangent[steep]
+        arch[rows] = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+        up[rows] = np.cross(normal, arch[rows])
+    return StressNodes(nodes, up, arch)
+
+
+def _across_joints(block: Block, nodes: Ints, joints: dict[str, Joint]) -> Floats:
+    """Horizontal normals of the block's joints, weighted by the inverse distance to each joint's mean plane.
+
+    Between two radial joints that turns evenly from one normal to the other.
+    """
+    total = np.zeros((len(nodes), 3))
+    for joint in joints.values():
+        if block.name not in joint.blocks:
+            continue
+        normal = joint.axes[:, 0].mean(axis=0) * [1.0, 1.0, 0.0]
+        if np.linalg.norm(normal) <= _LEVEL:
+            continue  # a horizontal joint
+        normal /= np.linalg.norm(normal)
+        if total.any() and normal @ total.sum(axis=0) < 0.0:
+            normal = -normal
+        distance = np.abs((block.points[nodes] - joint.position.mean(axis=0)) @ normal)
+        total += normal / (distance + 1e-6 * np.ptp(block.points, axis=0).max())[:, None]
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.divide(total, length, out=np.full_like(total, np.nan), where=length > 0.0)
