@@ -19,8 +19,9 @@ from romdam.dynamics.system import History, System
 from romdam.dynamics.transient import integrate
 from romdam.errors import ConfigError, ConvergenceError
 from romdam.fem.unreduced import assemble_full
+from romdam.files import prepare_folder, replacing
 from romdam.outputs.comparison import Openings, compare_openings, read_reference
-from romdam.outputs.dataset import prepare_folder, replacing, write_dataset
+from romdam.outputs.dataset import write_dataset
 from romdam.outputs.study import CaseResult, study_dataset, study_figure, study_table
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.shaking import choose_integrator, fixed_step, ground_at_steps, transient_options

@@ -12,8 +12,8 @@ from romdam.dynamics.system import History
 from romdam.dynamics.transient import integrate
 from romdam.errors import ConfigError
 from romdam.fem.unreduced import assemble_full
+from romdam.files import prepare_folder
 from romdam.outputs.comparison import Difference, Openings, compare_openings, read_reference, write_statement
-from romdam.outputs.dataset import prepare_folder
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
 from romdam.records.motion import GroundMotion

@@ -166,7 +166,7 @@ def plot(
     quiet: Quiet = False,
 ) -> None:
     """Draw the figures of a result as PNG."""
-    from romdam.outputs.dataset import prepare_folder
+    from romdam.files import prepare_folder
     from romdam.outputs.plots import write_plots
 
     _, say = _terminal(quiet, verbose=False)
@@ -188,7 +188,7 @@ def records(
     ] = None,
 ) -> None:
     """List ground motions with their measures; one that cannot be read is a row that says why."""
-    from romdam.outputs.dataset import prepare_folder
+    from romdam.files import prepare_folder
     from romdam.outputs.record_plots import write_record_plots
     from romdam.records.table import format_table, list_records
 

@@ -18,6 +18,7 @@ EVERY_ROOM = {
 }  # fmt: skip
 ALLOWED = {
     "errors": set(),
+    "files": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -35,8 +36,9 @@ ALLOWED = {
 TYPES = {
     "romdam.scene.model": {"fem", "reduction", "outputs"},
     "romdam.dynamics.system": {"fem", "reduction", "outputs"},
+    "romdam.reduction.store": {"outputs"},
 }
-ANYWHERE = {"errors", "config"}
+ANYWHERE = {"errors", "config", "files"}
 ONLY_IN = {
     "xarray": {"outputs", "pipelines", "terminal"},
     "matplotlib": {"outputs"},

@@ -18,7 +18,13 @@ def static_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
     M : (3 n, 3 n) mass of the block [kg]
     """
     points = scene.blocks[block].points
-    force = (M @ np.tile(scene.gravity, len(points))).reshape(-1, 3)
+    return np.asarray((M @ np.tile(scene.gravity, len(points))).reshape(-1, 3) + surface_force(scene, block))
+
+
+def surface_force(scene: Scene, block: str) -> Floats:
+    """Nodal force of pressure and point forces on a block, without weight, (n, 3) [N]."""
+    points = scene.blocks[block].points
+    force = np.zeros_like(points)
     for load in scene.pressures:
         if load.block == block:
             force += pressure_force(points, load.facets, load.value)

@@ -13,7 +13,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from romdam.errors import ResultError
-from romdam.outputs.dataset import open_dataset, replacing
+from romdam.files import replacing
+from romdam.outputs.dataset import open_dataset
 
 Floats = NDArray[np.float64]
 FOLDER = "configuration_folder"  # attribute: from the result's folder to the configuration's

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.errors import ResultError
-from romdam.outputs.dataset import replacing
+from romdam.files import replacing
 
 Floats = NDArray[np.float64]
 STATEMENT_FILE = "verification.json"

@@ -6,7 +6,6 @@ import json
 import os
 import platform
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -18,6 +17,7 @@ import xarray as xr
 import romdam
 from romdam.config.load import Job
 from romdam.errors import ResultError
+from romdam.files import replacing
 from romdam.outputs.variables import COORDINATES, VARIABLES, Case, Variable
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
@@ -106,45 +106,6 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     }
     with replacing(path) as part:
         dataset.to_netcdf(part, engine="h5netcdf", encoding=encoding)
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary name in the same folder, renamed to `path` once the body has ended well.
-
-    Raises
-    ------
-    ResultError
-        where the operating system refuses the file.
-    """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        yield part
-        os.replace(part, path)
-    except OSError as error:
-        raise ResultError(
-            f"{path}: cannot be written ({error}); free the disk or choose another folder"
-        ) from error
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def prepare_folder(folder: Path) -> Path:
-    """Make an output folder and prove that it takes files, before anything is computed.
-
-    Raises
-    ------
-    ResultError
-        where it cannot be made or written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultError(f"{folder}: the output folder cannot be made ({error}); choose another") from error
-    with replacing(folder / ".writable") as part:
-        part.touch()
-    (folder / ".writable").unlink()
-    return folder
 
 
 def open_dataset(path: Path) -> xr.Dataset:

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from romdam.outputs.dataset import replacing
+from romdam.files import replacing
 from romdam.outputs.style import COLOURS, GREY, STYLE, new_figure, scaled
 
 Array = np.ndarray

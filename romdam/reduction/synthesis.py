@@ -6,38 +6,30 @@ the list of their open-joint modes.
 
 from __future__ import annotations
 
+import logging
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, eye_array, hstack
 
 from romdam.config.models import DampingConfig, ModelConfig
-from romdam.dynamics.system import System
+from romdam.dynamics.system import GapLaw, System
+from romdam.errors import ReductionError
+from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
-from romdam.fem.gaps import gap_law
-from romdam.fem.unreduced import BlockMatrices, block_matrices
+from romdam.fem.gaps import gap_law, gap_operators
+from romdam.fem.loads import surface_force
 from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, Substructure, reduce_block
-from romdam.reduction.interface import joint_interface
+from romdam.reduction.interface import Interface, joint_interface
+from romdam.reduction.store import BlockBasis, BlockStore, block_key
 from romdam.scene.held import held_rigidly
 from romdam.scene.model import Block, Scene
 
+log = logging.getLogger(__name__)
+
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class BlockBasis:
-    """Displacement of a block from the reduced coordinates: u = matrix @ q[columns].
-
-    Attributes
-    ----------
-    matrix : (3 n, m_s) open-joint modes, M-orthonormal, zero at supports [1/sqrt(kg)]
-    columns : the block's slice of q
-    """
-
-    matrix: Floats
-    columns: slice
 
 
 @dataclass(frozen=True)
@@ -56,8 +48,20 @@ class ReducedModel:
     report: dict[str, object]
 
 
-def reduce_scene(scene: Scene, model: ModelConfig | ModeChoice, damping: DampingConfig) -> ReducedModel:
+def reduce_scene(
+    scene: Scene,
+    model: ModelConfig | ModeChoice,
+    damping: DampingConfig,
+    store: BlockStore | None = None,
+    directions: int | None = None,
+) -> ReducedModel:
     """Reduce every block with the modes of a configuration, or a choice of them, and put them together.
+
+    Parameters
+    ----------
+    store : where blocks that were reduced before are found, and new ones kept
+    directions : components of the jump that the basis keeps physical, 1 or 3; those of the scene's joints if
+        not given. With 3 the joints may get friction later (`with_law`) without another reduction
 
     Raises
     ------
@@ -68,32 +72,52 @@ def reduce_scene(scene: Scene, model: ModelConfig | ModeChoice, damping: Damping
     """
     start = time.process_time()
     law = gap_law(scene)
-    blocks = block_matrices(scene, law)
-    reduced, basis, report, first = {}, {}, dict[str, object](), 0
+    directions = directions or law.directions
+    operators = gap_operators(scene, directions)
+    basis, report, first = {}, dict[str, object](), 0
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     for name, block in scene.blocks.items():
-        sub, matrix = _reduce(block, blocks[name], scene.fixed[name], choice)
-        columns = slice(first, first + len(sub.omega2))
-        reduced[name], basis[name] = sub, BlockBasis(matrix, columns)
-        report[name] = _report(sub)
-        first = columns.stop
+        found = _reduced_block(block, operators[name], scene.fixed[name], choice, store)
+        basis[name] = replace(found, columns=slice(first, first + len(found.omega2)))
+        report[name] = found.report
+        first += len(found.omega2)
     report["cpu_seconds"] = time.process_time() - start
-    omega2 = np.concatenate([sub.omega2 for sub in reduced.values()])
-    pairs = [(blocks[name], basis[name].matrix) for name in blocks]
+    omega2 = np.concatenate([part.omega2 for part in basis.values()])
     system = System(
         M=csr_matrix(eye_array(first)),
         C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
         K=csr_matrix(diags_array(omega2)),
-        B=csr_matrix(hstack([csr_matrix(b.B @ T) for b, T in pairs])),
-        load=np.vstack([T.T @ b.load for b, T in pairs]),
-        force=np.concatenate([T.T @ b.force for b, T in pairs]),
+        B=csr_matrix(hstack([csr_matrix(operators[name] @ part.matrix) for name, part in basis.items()])),
+        load=np.vstack([part.participation for part in basis.values()]),
+        force=np.concatenate([_static_force(scene, name, part) for name, part in basis.items()]),
         observe=_observe(scene, basis, first),
         law=law,
         parts={name: part.columns for name, part in basis.items()},
         diagonal=True,
         floating=bool((omega2 == 0.0).any()),
     )
-    return ReducedModel(system=system, basis=basis, report=report)
+    return ReducedModel(system if directions == law.directions else with_law(system, law), basis, report)
+
+
+def with_law(system: System, law: GapLaw) -> System:
+    """The same reduced blocks with other parameters of the gaps.
+
+    Where the basis keeps all three components of the jumps and no gap carries shear any more, the gap
+    operator is left with its normal rows, as a frictionless scene has it.
+
+    Raises
+    ------
+    ReductionError
+        for gaps that carry shear on a basis that keeps their normal component only.
+    """
+    kept = system.B.shape[0] // max(len(law), 1)
+    if law.directions > kept > 0:
+        raise ReductionError(
+            "joints: shear at the gaps needs a basis that keeps three components of their jumps, this one "
+            f"has {kept}; reduce again with friction"
+        )
+    B = system.B if law.directions == kept else csr_matrix(system.B[::kept])
+    return replace(system, law=law, B=B)
 
 
 def mode_choice(model: ModelConfig) -> ModeChoice:
@@ -103,19 +127,40 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
     return ModeChoice(count=model.modes, cutoff=model.cutoff, corrections=model.corrections)
 
 
-def _reduce(
-    block: Block, matrices: BlockMatrices, fixed: NDArray[np.bool_], choice: ModeChoice
-) -> tuple[Substructure, Floats]:
-    """Reduce one block; its substructure and its basis over all DOFs in global axes."""
-    interface = joint_interface(matrices.B, fixed)
-    turn, free = interface.turn, matrices.free
-    K = csr_matrix(turn @ matrices.K @ turn.T)[free][:, free]
-    M = csr_matrix(turn @ matrices.M @ turn.T)[free][:, free]
+def _reduced_block(
+    block: Block, operator: csr_matrix, fixed: NDArray[np.bool_], choice: ModeChoice, store: BlockStore | None
+) -> BlockBasis:
+    """The basis of one block over all its DOFs in global axes: from the store, or made and kept there."""
+    interface = joint_interface(operator, fixed)
+    if store is None:
+        return _reduce(block, interface, fixed, choice)
+    key = block_key(block, fixed, interface, choice)
+    found = store.read(key)
+    if found is None:
+        found = _reduce(block, interface, fixed, choice)
+        store.write(key, block, found)
+    return found
+
+
+def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice: ModeChoice) -> BlockBasis:
+    log.info("block %s: reducing", block.name)
+    stiffness, mass = assemble(block)
+    turn, free = interface.turn, ~fixed.ravel()
+    K = csr_matrix(turn @ stiffness @ turn.T)[free][:, free]
+    M = csr_matrix(turn @ mass @ turn.T)[free][:, free]
     held = _held_interior(block, fixed, interface.retained.reshape(-1, 3), turn)
     sub = reduce_block(K, M, interface.retained[free], held, choice, f"block {block.name!r}")
     whole = np.zeros((len(free), len(sub.omega2)))
     whole[free] = sub.basis
-    return sub, np.asarray(turn.T @ whole)
+    matrix = np.asarray(turn.T @ whole)
+    rigid = np.tile(np.eye(3), (len(block.points), 1))
+    return BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, matrix.T @ (mass @ rigid), _report(sub))
+
+
+def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:
+    """Modal static force of weight, pressures and point forces; weight follows from the participation."""
+    surface = part.matrix.T @ surface_force(scene, name).ravel()
+    return np.asarray(part.participation @ scene.gravity + surface)
 
 
 def _held_interior(

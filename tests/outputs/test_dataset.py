@@ -8,7 +8,8 @@ import xarray as xr
 
 from romdam.config import parse_config
 from romdam.errors import ResultError
-from romdam.outputs.dataset import build_dataset, open_dataset, prepare_folder, replacing, write_dataset
+from romdam.files import prepare_folder, replacing
+from romdam.outputs.dataset import build_dataset, open_dataset, write_dataset
 from romdam.outputs.variables import COORDINATES, VARIABLES
 
 from .conftest import make_case

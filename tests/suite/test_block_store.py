@@ -1,0 +1,149 @@
+"""Reduced blocks are found again by what they depend on, and nothing damaged or foreign is ever used."""
+
+import logging
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from romdam.config.models import ModelConfig, RayleighConfig
+from romdam.errors import ReductionError
+from romdam.fem.gaps import gap_law
+from romdam.reduction import synthesis
+from romdam.reduction.store import BlockStore
+from romdam.reduction.synthesis import ReducedModel, reduce_scene, with_law
+from romdam.scene.model import Scene
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
+
+from small_scenes import DAMPING, raw, scene
+
+MODEL = ModelConfig(modes=6, corrections=2)
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Names of the blocks that are reduced, one entry each time."""
+    done = []
+    real = synthesis._reduce
+
+    def reduce(block, *rest):
+        done.append(block.name)
+        return real(block, *rest)
+
+    monkeypatch.setattr(synthesis, "_reduce", reduce)
+    return done
+
+
+def reduced(store: BlockStore | None, built: Scene | None = None, **settings) -> ReducedModel:
+    options = {"model": MODEL, "damping": DAMPING} | settings
+    return reduce_scene(built or scene(raw()), store=store, **options)
+
+
+def identical(a: ReducedModel, b: ReducedModel) -> bool:
+    dense = [(x.system.B.toarray(), x.system.K.toarray(), x.system.C.toarray()) for x in (a, b)]
+    plain = [(x.system.load, x.system.force, x.system.observe.toarray()) for x in (a, b)]
+    return all(np.array_equal(x, y) for pair in (dense, plain) for x, y in zip(*pair, strict=True))
+
+
+def with_joints(built: Scene, **changes) -> Scene:
+    return replace(built, joints={k: replace(j, **changes) for k, j in built.joints.items()})
+
+
+def test_second_reduction_reads_every_block_and_changes_no_bit(tmp_path, counted):
+    plain, first = reduced(None), reduced(BlockStore(tmp_path))
+    blocks = list(plain.basis)
+    assert counted == 2 * blocks
+    second = reduced(BlockStore(tmp_path))
+    assert counted == 2 * blocks, "nothing may be reduced again"
+    assert identical(plain, first) and identical(first, second)
+    assert second.report.keys() == plain.report.keys()
+    assert all(second.report[name] == plain.report[name] for name in blocks)
+
+
+def test_joints_damping_and_loads_reduce_nothing(tmp_path, counted):
+    built, store = scene(raw()), BlockStore(tmp_path)
+    reduced(store, built)
+    before = len(counted)
+    joint = next(iter(built.joints.values()))
+    other = with_joints(built, K_n=2.0 * joint.K_n, gap=joint.gap + 1e-3)
+    other = replace(other, gravity=np.array([0.0, 0.0, -5.0]))
+    damping = DAMPING.model_copy(update={"rayleigh": RayleighConfig(alpha=0.1, beta=1e-3)})
+    found = reduced(store, other, damping=damping)
+    assert len(counted) == before
+    assert identical(found, reduced(None, other, damping=damping))
+
+
+@pytest.mark.parametrize("change", ["material", "mesh", "modes", "friction", "supports"])
+def test_what_the_basis_depends_on_reduces_again(tmp_path, counted, change):
+    built, store = scene(raw()), BlockStore(tmp_path)
+    reduced(store, built)
+    settings, other = {}, built
+    name, block = next(iter(built.blocks.items()))
+    if change == "material":
+        other = replace(
+            built, blocks=built.blocks | {name: replace(block, material=replace(block.material, E=1.0e10))}
+        )
+    elif change == "mesh":
+        other = replace(built, blocks=built.blocks | {name: replace(block, points=1.0001 * block.points)})
+    elif change == "modes":
+        settings = {"model": ModelConfig(modes=7, corrections=2)}
+    elif change == "friction":
+        joint = next(iter(built.joints.values()))
+        other = with_joints(built, mu=joint.mu + 0.5, K_s=joint.K_n)
+    else:
+        fixed = built.fixed[name].copy()
+        fixed[:, 0] |= fixed[:, 1]
+        fixed[np.flatnonzero(~fixed.any(axis=1))[0]] = True
+        other = replace(built, fixed=built.fixed | {name: fixed})
+    before = len(counted)
+    found = reduced(store, other, **settings)
+    assert len(counted) > before and name in counted[before:]
+    assert identical(found, reduced(None, other, **settings))
+
+
+@pytest.mark.parametrize("damage", ["truncated", "empty", "flipped", "foreign", "another key", "old layout"])
+def test_damaged_and_foreign_files_are_noticed_and_made_again(tmp_path, counted, caplog, damage):
+    plain, store = reduced(BlockStore(tmp_path)), BlockStore(tmp_path)
+    first, second = sorted(tmp_path.glob("block-*.h5"))[:2]
+    if damage == "truncated":
+        first.write_bytes(first.read_bytes()[:-500])
+    elif damage == "empty":
+        first.write_bytes(b"")
+    elif damage == "foreign":
+        first.write_bytes(b"not HDF5 at all")
+    elif damage == "another key":
+        first.write_bytes(second.read_bytes())
+    else:
+        with h5py.File(first, "r+") as file:
+            if damage == "flipped":
+                file["basis"][0, 0, 0] += 1e-9
+            else:
+                file.attrs["layout"] = "romdam-block-0"
+    before = len(counted)
+    with caplog.at_level(logging.WARNING):
+        found = reduced(store)
+    assert len(counted) == before + 1 and first.name in caplog.text and "reducing again" in caplog.text
+    assert identical(found, plain)
+    reduced(store)
+    assert len(counted) == before + 1, "the mended file is good"
+
+
+def test_basis_for_friction_serves_frictionless_joints_too():
+    built = scene(raw())
+    joint = next(iter(built.joints.values()))
+    rough = with_joints(built, mu=joint.mu + 0.5, K_s=joint.K_n)
+    smooth, three = reduced(None, built), reduced(None, built, directions=3)
+    assert smooth.system.law.directions == three.system.law.directions == 1
+    assert three.system.B.shape[0] == smooth.system.B.shape[0] == len(smooth.system.law)
+    made = reduced(None, rough)
+    assert identical(reduced(None, rough, directions=3), made)
+    back = with_law(made.system, smooth.system.law)
+    assert np.array_equal(back.B.toarray(), three.system.B.toarray())
+    assert np.array_equal(back.K.toarray(), three.system.K.toarray())
+    assert np.array_equal(with_law(made.system, gap_law(rough)).B.toarray(), made.system.B.toarray())
+    with pytest.raises(ReductionError, match="keeps three components"):
+        with_law(smooth.system, gap_law(rough))
