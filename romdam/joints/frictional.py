@@ -7,7 +7,9 @@ Over a step that resolves the contact W is far from singular (its condition is 5
 projected Gauss-Seidel over the loaded gaps gains a digit per sweep and a half and needs no states, no
 factorisation and no line search: a step costs about 10 sweeps of (3 closed)^2 products. W on the loaded gaps
 is gathered once and kept while these stay the same. Where the sweeps do not contract (statics, rigid joints
-of stiff blocks, long steps) Newton takes over from where they stand (`romdam.joints.newton`).
+of stiff blocks, long steps) Newton takes over from where they stand (`romdam.joints.newton`). Where that
+fails too, sweeps solve each gap exactly for the forces of the others (`romdam.joints.one_gap`), and at last
+the solution is followed from no friction, where it is unique, to all of it.
 
 References
 ----------
@@ -24,15 +26,16 @@ from numpy.typing import NDArray
 
 from romdam.joints.laws import project_shear
 from romdam.joints.newton import natural_residual, newton, response, worst_gap
+from romdam.joints.one_gap import solve_gap
 from romdam.joints.problem import GapMemory, Limits
 
 Floats = NDArray[np.float64]
 
-_SWEEPS = 64  # in a first try; about the cost of one dense Newton iteration
-_MORE_SWEEPS = 400  # after Newton has failed
+_SWEEPS = 64  # about the cost of one dense Newton iteration
 _WINDOW = 8  # sweeps between two looks at the contraction
 _GAIN = 0.1  # the change of the force must fall to this over a window, or Newton is the shorter way
-_ROUNDS = 8
+_EXACT_SWEEPS = 200
+_FIRST_SHARE, _LONGER, _LEAST_SHARE = 0.1, 1.5, 1e-4  # of the friction, in a continuation
 
 
 @njit(cache=True)
@@ -97,20 +100,37 @@ def _sweep(A: Floats, limits: Limits, order: NDArray[np.int64], x: Floats, y_fre
 
 
 @njit(cache=True)
+def _changed(order: NDArray[np.int64], x: Floats, kept: NDArray[np.bool_]) -> bool:
+    """Whether a gathered gap is not closed as it was; never without `kept`."""
+    if len(kept):
+        for a in range(len(x) // 3):
+            if (x[3 * a] > 0.0) != kept[order[a]]:
+                return True
+    return False
+
+
+@njit(cache=True)
 def _sweeps(
-    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, control: tuple[float, int, bool]
+    W: Floats,
+    limits: Limits,
+    memory: GapMemory,
+    y_free: Floats,
+    y: Floats,
+    control: tuple[float, NDArray[np.bool_]],
 ) -> float:
     """Sweep until the force rests, on a set of gaps that grows as they close; natural residual reached.
+
+    They stop early where they contract slowly, and return inf where a gap opens or closes that must not.
 
     Parameters
     ----------
     y : gaps that overlap in it are taken in; receives the response [m]
-    control : (tolerance, sweeps allowed, whether to give up when they contract slowly)
+    control : see `solve_frictional`
     """
-    tolerance, allowed, impatient = control
+    tolerance, kept = control
     p, x_all = memory.force, memory.work[0]
     residual, done = np.inf, 0
-    while done < allowed:
+    while done < _SWEEPS:
         count = _gather(W, limits, memory, p, y)
         order, x = memory.order[0], x_all[: 3 * count]
         for a in range(count):
@@ -118,12 +138,14 @@ def _sweeps(
                 x[3 * a + r] = p[3 * order[a] + r]
         change, before = np.inf, np.inf
         slow = False
-        while done < allowed and not slow and change > 0.5 * tolerance:
+        while done < _SWEEPS and not slow and change > 0.5 * tolerance:
             change = _sweep(memory.inverse[0], limits, order, x, y_free)
             done += 1
             if done % _WINDOW == 0:
-                slow = impatient and not change <= _GAIN * before
+                slow = not change <= _GAIN * before
                 before = change
+                if _changed(order, x, kept):
+                    return np.inf
         for a in range(count):
             for r in range(3):
                 p[3 * order[a] + r] = x[3 * a + r]
@@ -137,8 +159,73 @@ def _sweeps(
 
 
 @njit(cache=True)
-def solve_frictional(
+def _exact_sweeps(
     W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
+) -> float:
+    """Gauss-Seidel over all gaps, each solved exactly; natural residual reached."""
+    p, residual = memory.force, np.inf
+    response(W, p, y_free, y)
+    for sweep in range(_EXACT_SWEEPS):
+        for i in range(len(limits.mu)):
+            b = 3 * i
+            A, own = np.ascontiguousarray(W[b : b + 3, b : b + 3]), p[b : b + 3].copy()
+            new = own.copy()
+            if solve_gap(A, y[b : b + 3] - A @ own, limits.cohesion[i], limits.mu[i], new):
+                p[b : b + 3] = new
+                for r in range(3):
+                    y += (new[r] - own[r]) * W[b + r]
+        memory.counts[0, 2] += 1
+        if sweep % _WINDOW == _WINDOW - 1:
+            response(W, p, y_free, y)
+            residual = natural_residual(W, limits, p, y)
+            if residual <= tolerance or not math.isfinite(residual):
+                break
+    return residual
+
+
+@njit(cache=True)
+def _rescue(
+    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
+) -> float:
+    """Newton from the force at hand, then exact sweeps from where it ends; natural residual reached."""
+    residual = newton(W, limits, memory, y_free, y, tolerance)
+    if residual <= tolerance:
+        return residual
+    for k in range(len(y)):
+        if not math.isfinite(memory.force[k]):
+            memory.force[k] = 0.0
+    return _exact_sweeps(W, limits, memory, y_free, y, tolerance)
+
+
+@njit(cache=True)
+def _continued(
+    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
+) -> float:
+    """Follow the solution from no friction to all of it; natural residual reached at the whole friction."""
+    share, step, found = 0.0, _FIRST_SHARE, np.zeros_like(y)
+    residual = np.inf
+    while share < 1.0 and step > _LEAST_SHARE:
+        trial = min(share + step, 1.0)
+        part = Limits(limits.cohesion, trial * limits.mu, limits.tension)
+        memory.force[:] = found
+        response(W, found, y_free, y)
+        residual = _rescue(W, part, memory, y_free, y, tolerance)
+        if residual <= tolerance:
+            share, step = trial, _LONGER * step
+            found[:] = memory.force
+        else:
+            step *= 0.5
+    return residual if share == 1.0 else max(residual, natural_residual(W, limits, memory.force, y))
+
+
+@njit(cache=True)
+def solve_frictional(
+    W: Floats,
+    limits: Limits,
+    memory: GapMemory,
+    y_free: Floats,
+    y: Floats,
+    control: tuple[float, NDArray[np.bool_]],
 ) -> float:
     """Solve for the joint force; p goes to memory.force and W p + y_free to y.
 
@@ -149,29 +236,29 @@ def solve_frictional(
     memory : its force is the warm start
     y_free : (3 n,) [m]
     y : (3 n,) result [m]
-    tolerance : allowed change of a force by its natural map, relative to the largest force
+    control : (tolerance, closed): allowed change of a force by its natural map, relative to the largest
+        force; (n,) gaps closed before, where a step that opens or closes one is to be given up, else empty
 
     Returns
     -------
-    float, the relative residual reached; above `tolerance` means no convergence
+    float, the relative residual reached; above the tolerance means no convergence, inf a change given up on
     """
+    tolerance, kept = control
     y[:] = y_free
     for i in range(len(limits.mu)):
         if not _wanted(limits, memory.force, y, i):
             memory.force[3 * i + 1], memory.force[3 * i + 2] = 0.0, 0.0
-    residual = _sweeps(W, limits, memory, y_free, y, (tolerance, _SWEEPS, True))
-    for _ in range(_ROUNDS):
-        if residual <= tolerance:
-            break
+    residual = _sweeps(W, limits, memory, y_free, y, control)
+    if residual == np.inf and len(kept):
+        return residual
+    if not residual <= tolerance:
         memory.counts[0, 1] += 1
-        residual = newton(W, limits, memory, y_free, y, tolerance)
-        if residual <= tolerance:
-            break
-        for k in range(len(y)):
-            if not math.isfinite(memory.force[k]):
-                memory.force[k] = 0.0
-        response(W, memory.force, y_free, y)
-        residual = _sweeps(W, limits, memory, y_free, y, (tolerance, _MORE_SWEEPS, False))
+        residual = _rescue(W, limits, memory, y_free, y, tolerance)
+    if not residual <= tolerance and len(kept) == 0:
+        residual = _continued(W, limits, memory, y_free, y, tolerance)
     if not residual <= tolerance:
         memory.worst[0] = worst_gap(W, limits, memory.force, y)
+    for i in range(len(kept)):
+        if (memory.force[3 * i] > 0.0) != kept[i]:
+            return np.inf
     return residual

@@ -76,12 +76,8 @@ def _solve(
         if not found <= tolerance:
             memory.worst[0] = memory.work[2].argmin()
         return found
-    residual = solve_frictional(problem.W, memory.limits, memory, y_free, y, tolerance)
-    if steady and residual <= tolerance:
-        for i in range(n):
-            if (memory.force[3 * i] > 0.0) != closed[i]:
-                return np.inf
-    return residual
+    kept = closed if steady else closed[:0]
+    return solve_frictional(problem.W, memory.limits, memory, y_free, y, (tolerance, kept))
 
 
 @njit(cache=True)
