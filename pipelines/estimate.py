@@ -72,7 +72,7 @@ def finer_model(job: Job, scene: Scene, reduced: ReducedModel | None) -> Finer |
     There is none at full order, with all modes, without joints, and without damping: undamped histories
     part in time whatever the basis, and their peaks are what counts.
     """
-    wanted = job.config.outputs.error_estimate and job.config.joints and job.config.model.modes != "all"
+    wanted = job.config.outputs.error_estimate and job.config.every_joint and job.config.model.modes != "all"
     if reduced is None or not wanted or not reduced.system.C.diagonal().any():
         return None
     start = time.process_time()

@@ -115,7 +115,7 @@ def _refuse(job: Job) -> None:
         raise ConfigError(
             f"{job.path}: model.order is full, a study is about reduced models; set it to reduced"
         )
-    if not job.config.joints:
+    if not job.config.every_joint:
         raise ConfigError(f"{job.path}: joints: there is none, and openings are what is compared; name one")
 
 

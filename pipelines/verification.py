@@ -92,7 +92,7 @@ def _refuse_what_cannot_be_verified(job: Job) -> None:
         raise ConfigError(
             f"{job.path}: model.order is full, there is no reduced model to verify; set it to reduced"
         )
-    if not job.config.joints:
+    if not job.config.every_joint:
         raise ConfigError(
             f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
         )

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
+from romdam.config.arch_dam import ArchDamConfig
 from romdam.config.base import Model, by_shape
-from romdam.config.joint_laws import Friction, JointLaws
-from romdam.config.places import Axis, FaceRef, NodeConfig, Vector
+from romdam.config.joints import JointConfig, TieConfig
+from romdam.config.places import Axis, BlockFace, FaceRef, NodeConfig, Vector
 from romdam.config.quantities import (
     Acceleration,
     AngularFrequency,
     Density,
     Dimensionless,
+    Expansion,
     Force,
     Frequency,
     Length,
     Pressure,
-    Stiffness,
-    StiffnessPerArea,
+    TemperatureChange,
     Time,
 )
 from romdam.config.records import RecordConfig
@@ -34,11 +35,12 @@ Edges = tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotate
 
 
 class MaterialConfig(Model):
-    """Isotropic linear elasticity."""
+    """Isotropic linear elasticity; `expansion` is the coefficient of linear thermal expansion."""
 
     E: Annotated[Pressure, Positive]
     nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
     rho: Annotated[Density, Positive]
+    expansion: Annotated[Expansion, NonNegative] = 0.0
 
 
 class BoxConfig(Model):
@@ -62,9 +64,10 @@ class MeshFileConfig(Model):
 
 
 class BlockConfig(Model):
-    """One substructure: a box or the cells of a mesh file, of one material."""
+    """A box or the cells of a mesh file, of one material; without `mass` it is stiff but weightless."""
 
     material: str
+    mass: bool = True
     box: BoxConfig | None = None
     mesh: MeshFileConfig | None = None
 
@@ -81,75 +84,6 @@ class SupportConfig(Model):
     block: str
     face: FaceRef
     fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
-
-
-class PerGap(Model):
-    """A stiffness of each gap, whatever its tributary area."""
-
-    per_gap: Annotated[Stiffness, NonNegative]
-
-
-class GapTable(Model):
-    """Initial gap from a CSV file with columns x, y, z, gap in metres, linear between its points."""
-
-    table: Path
-
-
-StiffnessNumber = Annotated[StiffnessPerArea, NonNegative, Tag("number")]
-StiffnessTable = Annotated[PerGap, Tag("mapping")]
-SurfaceStiffness = Annotated[
-    StiffnessNumber | StiffnessTable,
-    by_shape("a stiffness per area such as 16 GPa/m, or {per_gap: 1 GN/m}"),
-]
-NormalStiffness = Annotated[
-    StiffnessNumber | StiffnessTable | Annotated[Literal["rigid"], Tag("word")],
-    by_shape('a stiffness per area such as 16 GPa/m, {per_gap: 1 GN/m}, or "rigid"', "rigid"),
-]
-InitialGap = Annotated[
-    Annotated[Length, Tag("number")] | Annotated[GapTable, Tag("mapping")],
-    by_shape("a length such as 2 mm, or {table: gaps.csv}"),
-]
-NormalRule = Annotated[
-    Annotated[Literal["face", "nodes"], Tag("number")] | Annotated[tuple[float, float, float], Tag("list")],
-    by_shape('"face", "nodes", or a vector such as [0, 1, 0]'),
-]
-
-
-class JointConfig(JointLaws):
-    """Gap elements between the coinciding faces of two blocks.
-
-    `normal_stiffness` K_n acts when closed ("rigid": exactly unilateral), `tension_stiffness` K_nz
-    when open, `shear_stiffness` K_s while stuck; `friction` is mu, or [mu_y, mu_z] along the local
-    axes j and k (equal: Coulomb on the resultant; unequal: per direction). Further laws: `JointLaws`.
-    """
-
-    between: tuple[str, str]
-    normal_stiffness: NormalStiffness
-    tension_stiffness: SurfaceStiffness = 0.0
-    shear_stiffness: SurfaceStiffness = 0.0
-    friction: Friction = (0.0, 0.0)
-    gap: InitialGap = 0.0
-    normal: NormalRule = "face"
-    tolerance: Annotated[Length, Positive] = 1e-3
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.between[0] == self.between[1]:
-            raise ValueError(f"`between` names block {self.between[0]!r} twice")
-        shear = self.shear_stiffness
-        wrong = self.inconsistent(
-            self.friction,
-            shear.per_gap if isinstance(shear, PerGap) else shear,
-            self.normal_stiffness == "rigid",
-        )
-        if wrong is not None:
-            raise ValueError(wrong)
-        return self
-
-    @property
-    def has_friction(self) -> bool:
-        """Whether the tangential directions carry force."""
-        return max(self.friction) > 0.0
 
 
 class PressureConfig(Model):
@@ -169,10 +103,31 @@ class ForceConfig(Model):
     tolerance: Annotated[Length, Positive] = 1e-3
 
 
+class HydrostaticConfig(Model):
+    """Pressure rho g (level - z) of still water below `level`; g is 9.81 m/s2 where no gravity is given."""
+
+    level: Length
+    faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
+    density: Annotated[Density, Positive] = 1000.0
+
+
+class TemperatureConfig(Model):
+    """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
+
+    change: TemperatureChange
+    blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+
+
 class LoadsConfig(Model):
-    """Static loads; `gravity` is the acceleration that makes weight, for example [0, 0, -9.81]."""
+    """Static loads; `gravity` is the acceleration that makes weight, for example [0, 0, -9.81].
+
+    `weight` acts before the joints are grouted (`staged`: they carry none of it) or on the finished dam.
+    """
 
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
+    weight: Literal["monolithic", "staged"] = "monolithic"
+    hydrostatic: tuple[HydrostaticConfig, ...] = ()
+    temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
     initial_state: Literal["static", "from_start"] = "static"
@@ -300,20 +255,16 @@ class StudyConfig(Model):
     repeats: Annotated[int, Field(ge=1, le=99)] = 3
 
 
-def _not_empty(value: dict[str, BlockConfig]) -> dict[str, BlockConfig]:
-    if not value:
-        raise ValueError("name at least one block")
-    return value
-
-
 class Config(Model):
     """One job: scene, records, model, time integration and outputs."""
 
     title: str = ""
-    blocks: Annotated[dict[str, BlockConfig], AfterValidator(_not_empty)]
+    blocks: dict[str, BlockConfig] = Field(default_factory=dict)
+    arch_dam: ArchDamConfig | None = None
     materials: dict[str, MaterialConfig]
     supports: tuple[SupportConfig, ...] = ()
     joints: dict[str, JointConfig] = Field(default_factory=dict)
+    ties: dict[str, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
     damping: DampingConfig = DampingConfig()
     records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
@@ -322,39 +273,75 @@ class Config(Model):
     outputs: OutputsConfig = OutputsConfig()
     study: StudyConfig = StudyConfig()
 
+    @property
+    def block_names(self) -> tuple[str, ...]:
+        """Every block, those of the arch dam first."""
+        return (*(self.arch_dam.block_names if self.arch_dam else ()), *self.blocks)
+
+    @property
+    def every_joint(self) -> dict[str, JointConfig]:
+        """Every joint, those of the arch dam first."""
+        dam = self.arch_dam
+        if dam is None or isinstance(dam.joints, str):
+            return dict(self.joints)
+        given = {key: getattr(dam.joints, key) for key in dam.joints.model_fields_set}
+        made = {name: JointConfig(between=pair, **given) for name, pair in dam.joint_pairs.items()}
+        return made | self.joints
+
     @model_validator(mode="after")
     def _references(self) -> Self:
         if self.model.order == "full" and self.transient.dt is None:
             raise ValueError(
                 "transient.dt is missing; a full-order model needs a step, `accuracy` is for reduced ones"
             )
+        self._refuse_no_blocks()
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):
-            self._known(f"supports[{i}].block", support.block, self.blocks)
-        for name, joint in self.joints.items():
-            for block_name in joint.between:
-                self._known(f"joints.{name}.between", block_name, self.blocks)
+            self._known(f"supports[{i}].block", support.block, self.block_names)
+        for kind, pairs in (("joints", self.joints), ("ties", self.ties)):
+            for name, pair in pairs.items():
+                for block_name in pair.between:
+                    self._known(f"{kind}.{name}.between", block_name, self.block_names)
         for i, pressure in enumerate(self.loads.pressure):
-            self._known(f"loads.pressure[{i}].block", pressure.block, self.blocks)
+            self._known(f"loads.pressure[{i}].block", pressure.block, self.block_names)
+        for i, water in enumerate(self.loads.hydrostatic):
+            for k, face in enumerate(water.faces):
+                self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, self.block_names)
+        for i, warm in enumerate(self.loads.temperature):
+            for block_name in warm.blocks or ():
+                self._known(f"loads.temperature[{i}].blocks", block_name, self.block_names)
         for i, force in enumerate(self.loads.force):
-            self._known(f"loads.force[{i}].block", force.block, self.blocks)
+            self._known(f"loads.force[{i}].block", force.block, self.block_names)
         for name, node in self.outputs.nodes.items():
-            self._known(f"outputs.nodes.{name}.block", node.block, self.blocks)
+            self._known(f"outputs.nodes.{name}.block", node.block, self.block_names)
         if self.outputs.stress is not None:
             self._known_in_stress(self.outputs.stress)
         return self
 
+    def _refuse_no_blocks(self) -> None:
+        if not self.block_names:
+            raise ValueError("blocks: name at least one block, or give `arch_dam`")
+        dam = self.arch_dam
+        for name in dam.block_names if dam else ():
+            if name in self.blocks:
+                raise ValueError(f"blocks.{name}: arch_dam makes a block of that name; rename this one")
+        for name in dam.joint_pairs if dam else ():
+            if name in self.joints:
+                raise ValueError(f"joints.{name}: arch_dam makes a joint of that name; rename this one")
+        for key, material in (dam.materials if dam else {}).items():
+            self._known(f"arch_dam.{key}", material, self.materials)
+
     def _known_in_stress(self, stress: StressConfig) -> None:
         for name in stress.blocks if stress.blocks != "all" else ():
-            self._known("outputs.stress.blocks", name, self.blocks)
+            self._known("outputs.stress.blocks", name, self.block_names)
         for i, face in enumerate(stress.faces):
-            self._known(f"outputs.stress.faces[{i}].block", face.block, self.blocks)
+            self._known(f"outputs.stress.faces[{i}].block", face.block, self.block_names)
         for name, node in stress.nodes.items():
-            self._known(f"outputs.stress.nodes.{name}.block", node.block, self.blocks)
+            self._known(f"outputs.stress.nodes.{name}.block", node.block, self.block_names)
 
     @staticmethod
-    def _known(key: str, name: str, among: Mapping[str, object]) -> None:
+    def _known(key: str, name: str, among: Collection[str]) -> None:
         if name not in among:
             raise ValueError(
                 f"{key}: no {name!r} is defined; defined are {', '.join(sorted(among)) or 'none'}"

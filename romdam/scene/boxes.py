@@ -31,7 +31,7 @@ def box_block(name: str, box: BoxConfig, material: Material, place: str) -> Bloc
     points = _grid_points(np.array(box.origin), np.array(box.size), divisions)
     cells = _grid_cells(divisions)
     if box.element.startswith("tet"):
-        cells = _split_into_tets(cells)
+        cells = split_into_tets(cells)
     if ELEMENTS[box.element].quadratic:
         points, cells = with_midside_nodes(points, cells, ELEMENTS[box.element].edges)
     return Block(name, box.element, points, cells, material, _box_faces(box, points, cells))
@@ -77,11 +77,12 @@ _CORNER_AT = {(0, 0, 0): 0, (1, 0, 0): 1, (1, 1, 0): 2, (0, 1, 0): 3}
 _CORNER_AT |= {(x, y, 1): corner + 4 for (x, y, _), corner in _CORNER_AT.items()}
 
 
-def _split_into_tets(cells: Ints) -> Ints:
+def split_into_tets(cells: Ints) -> Ints:
     """Six tetrahedra per hexahedron, all along the diagonal from node 0 to node 6 (Kuhn's subdivision).
 
     It is the same in every cell, so the diagonals of opposite faces agree and boxes on one grid
     conform wherever they touch; the five-tetrahedra split would need mirrored neighbours.
+    The tetrahedra are in the order of the hexahedra.
     """
     tets = []
     for order in permutations(range(3)):

@@ -8,13 +8,17 @@ import numpy as np
 
 from romdam.config.models import Config
 from romdam.errors import ConfigError
+from romdam.scene.arch_dam import ArchDam, arch_dam
 from romdam.scene.boxes import box_block
 from romdam.scene.elements import Floats
 from romdam.scene.held import refuse_free_blocks
 from romdam.scene.joints import build_joint
-from romdam.scene.model import Block, Bools, FacePressure, Material, PointForce, Probe, Scene
+from romdam.scene.model import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress_sites import stress_sites
+from romdam.scene.ties import build_tie, tied_parts
+
+_NO_DAM = ArchDam({}, (), {})
 
 
 def build_scene(config: Config, folder: Path, source: str) -> Scene:
@@ -33,13 +37,18 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     MeshError
         for mesh files, and for joints whose meshes do not conform.
     """
-    blocks = _blocks(config, folder, source)
-    fixed = _fixed(config, blocks, source)
+    materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
+    dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
+    blocks = dam.blocks | _blocks(config, materials, folder, source)
+    fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
+    ties = (*dam.ties, *(build_tie(name, tie, blocks, source) for name, tie in config.ties.items()))
+    rigid = tied_parts({name: len(block.points) for name, block in blocks.items()}, ties)
     joints = {
-        name: build_joint(name, joint, blocks, fixed, folder, source) for name, joint in config.joints.items()
+        name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
+        for name, joint in config.every_joint.items()
     }
-    refuse_free_blocks(blocks, joints, fixed, source)
+    refuse_free_blocks(blocks, joints, fixed, source, ties)
     return Scene(
         blocks=blocks,
         joints=joints,
@@ -48,15 +57,18 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         forces=_forces(config, blocks, source),
         gravity=_gravity(config),
         probes=_probes(config, blocks, source),
+        ties=ties,
+        water=_water(config, blocks, source),
+        warmed=_warmed(config, blocks, source),
+        staged_weight=config.loads.weight == "staged",
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
     )
 
 
-def _blocks(config: Config, folder: Path, source: str) -> dict[str, Block]:
+def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:
     blocks = {}
     for name, block in config.blocks.items():
-        material = config.materials[block.material]
-        constants = Material(material.E, material.nu, material.rho)
+        constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
             blocks[name] = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
         elif block.mesh is not None:
@@ -70,7 +82,7 @@ def _blocks(config: Config, folder: Path, source: str) -> dict[str, Block]:
 def _refuse_joined_twice(config: Config, source: str) -> None:
     """A joint takes all facets that two blocks share; a second one would double every gap."""
     seen: dict[frozenset[str], str] = {}
-    for name, joint in config.joints.items():
+    for name, joint in config.every_joint.items():
         other = seen.setdefault(frozenset(joint.between), name)
         if other != name:
             raise ConfigError(
@@ -80,8 +92,8 @@ def _refuse_joined_twice(config: Config, source: str) -> None:
             )
 
 
-def _fixed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, Bools]:
-    fixed = {name: np.zeros((len(block.points), 3), dtype=bool) for name, block in blocks.items()}
+def _fixed(config: Config, blocks: dict[str, Block], held: dict[str, Bools], source: str) -> dict[str, Bools]:
+    fixed = {name: np.zeros((len(block.points), 3), dtype=bool) for name, block in blocks.items()} | held
     for k, support in enumerate(config.supports):
         facets = select_facets(blocks[support.block], support.face, f"{source}: supports[{k}].face")
         for axis in support.fix:
@@ -95,6 +107,49 @@ def _pressures(config: Config, blocks: dict[str, Block], source: str) -> tuple[F
         facets = select_facets(blocks[load.block], load.face, f"{source}: loads.pressure[{k}].face")
         found.append(FacePressure(load.block, facets, load.value))
     return tuple(found)
+
+
+def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:
+    gravity = config.loads.gravity
+    size = 9.81 if gravity is None else float(np.linalg.norm(gravity))
+    found = []
+    for k, load in enumerate(config.loads.hydrostatic):
+        place = f"{source}: loads.hydrostatic[{k}]"
+        faces = [
+            (face.block, select_facets(blocks[face.block], face.face, f"{place}.faces[{i}].face"))
+            for i, face in enumerate(load.faces)
+        ]
+        _refuse_level(load.level, [blocks[name].points[facets, 2] for name, facets in faces], place)
+        found += [Hydrostatic(name, facets, load.level, load.density * size) for name, facets in faces]
+    return tuple(found)
+
+
+def _refuse_level(level: float, heights: list[Floats], place: str) -> None:
+    top, bottom = (float(f(np.concatenate([h.ravel() for h in heights]))) for f in (np.max, np.min))
+    if not bottom < level <= top + 1e-9 * abs(top):
+        what = "above the top of its faces" if level > top else "not above the foot of its faces"
+        remedy = "lower it" if level > top else "raise it, or leave the load out"
+        raise ConfigError(
+            f"{place}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} m; "
+            f"{remedy}"
+        )
+
+
+def _warmed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, float]:
+    found = dict.fromkeys(blocks, 0.0)
+    for k, load in enumerate(config.loads.temperature):
+        names = load.blocks or [name for name, block in blocks.items() if block.material.expansion > 0.0]
+        stiff = [name for name in names if blocks[name].material.expansion == 0.0]
+        if stiff or not names:
+            what = f"block {stiff[0]!r} is of a material" if stiff else "no block is of a material"
+            raise ConfigError(
+                f"{source}: loads.temperature[{k}]: {what} "
+                f"{'without' if stiff else 'with'} thermal expansion; give materials.<name>.expansion, "
+                "about 1e-5 1/K for concrete"
+            )
+        for name in names:
+            found[name] += load.change
+    return {name: change for name, change in found.items() if change != 0.0}
 
 
 def _forces(config: Config, blocks: dict[str, Block], source: str) -> tuple[PointForce, ...]:

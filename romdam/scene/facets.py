@@ -70,7 +70,7 @@ def _area_elements(points: Floats, facets: Ints, element: Element, xi: Floats) -
     return np.cross(tangents[:, :, 0], tangents[:, :, 1])
 
 
-def gap_weights(points: Floats, facets: Ints) -> tuple[Ints, Floats, csr_matrix]:
+def gap_weights(points: Floats, facets: Ints, corners_only: bool = False) -> tuple[Ints, Floats, csr_matrix]:
     """Nodes of a face, their positive tributary areas and the face displacement each area sees.
 
     With phi_i >= 0 piecewise linear on the sub-facets (three or four corner triangles and what is
@@ -79,27 +79,29 @@ def gap_weights(points: Floats, facets: Ints) -> tuple[Ints, Floats, csr_matrix]
     p int N_j dA: the consistent force of a uniform traction, though the consistent weights of
     tri6 corners are zero and those of quad8 corners negative. Linear facets need none of it:
     int N_i dA is positive and C = I (the consistent matrix lumped) carries uniform pressure too.
+    With `corners_only` phi_i is linear on the whole of a quadratic facet, and only its corners have an area.
 
     Returns
     -------
-    nodes : (n,) sorted node numbers of the face
-    area : (n,) [m2]
-    C : (n, n) sparse, rows sum to 1
+    nodes : (k,) sorted node numbers of the face
+    area : (n,) of all of them, or of the corners [m2]
+    C : (n, k) sparse, rows sum to 1
     """
     element = facet_element(facets)
     nodes, local = np.unique(facets, return_inverse=True)
     local = local.reshape(facets.shape)
-    xi, weight, phi = _tributary_rule(element.name)
+    xi, weight, phi = _tributary_rule(element.name, corners_only and element.quadratic)
     dA = weight * np.linalg.norm(_area_elements(points, facets, element, xi), axis=2)
     area = np.zeros(len(nodes))
-    np.add.at(area, local, dA @ phi)
+    np.add.at(area, local[:, : phi.shape[1]], dA @ phi)
     if not element.quadratic:
         return nodes, area, csr_matrix(eye_array(len(nodes)))
     blocks = np.einsum("fq,qi,qj->fij", dA, phi, element.shape(xi), optimize=True)
-    rows = np.broadcast_to(local[:, :, None], blocks.shape)
+    rows = np.broadcast_to(local[:, : phi.shape[1], None], blocks.shape)
     columns = np.broadcast_to(local[:, None, :], blocks.shape)
     total = csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(len(nodes),) * 2)
-    return nodes, area, csr_matrix(total.multiply(1.0 / area[:, None]))
+    at = np.unique(local[:, : phi.shape[1]])
+    return nodes, area[at], csr_matrix(total[at].multiply(1.0 / area[at][:, None]))
 
 
 _SUBFACETS: dict[str, tuple[tuple[int, ...], ...]] = {
@@ -111,22 +113,23 @@ _SUBFACETS: dict[str, tuple[tuple[int, ...], ...]] = {
 
 
 @cache
-def _tributary_rule(name: str) -> tuple[Floats, Floats, Floats]:
-    """Quadrature over the sub-facets, in the facet's coordinates, and phi (nq, nn) at its points.
+def _tributary_rule(name: str, corners_only: bool) -> tuple[Floats, Floats, Floats]:
+    """Quadrature over the sub-facets, in the facet's coordinates, and phi (nq, gaps) at its points.
 
     The degrees integrate phi_i N_j dA exactly on every flat facet, however distorted: 5 on tri6,
     8 on quad8 (phi 1, N 3, dA 4).
     """
     element = ELEMENTS[name]
     points, weights, values = [], [], []
-    for sub in _SUBFACETS[name]:
+    gaps = element.corners if corners_only else len(element.nodes)
+    for sub in (tuple(range(element.corners)),) if corners_only else _SUBFACETS[name]:
         linear = ELEMENTS["tri3" if len(sub) == 3 else "quad4"]
         xi, weight = _sub_rule(len(sub))
         corner = element.nodes[list(sub)]
         jacobian = np.einsum("qda,ak->qdk", linear.gradient(xi), corner)
         points.append(linear.shape(xi) @ corner)
         weights.append(weight * np.linalg.det(jacobian))
-        phi = np.zeros((len(xi), len(element.nodes)))
+        phi = np.zeros((len(xi), gaps))
         phi[:, list(sub)] = linear.shape(xi)
         values.append(phi)
     return np.vstack(points), np.concatenate(weights), np.vstack(values)

@@ -8,20 +8,24 @@ from scipy.sparse.csgraph import connected_components
 
 from romdam.errors import ConfigError
 from romdam.scene.elements import Floats
-from romdam.scene.model import Block, Bools, Ints, Joint
+from romdam.scene.model import Block, Bools, Ints, Joint, Tie
 
 _RANK = 1e-8  # relative singular value; the motions are scaled to be of order one
 _MOTIONS = tuple(f"{kind} {axis}" for kind in ("translation along", "rotation about") for axis in "xyz")
 
 
 def refuse_free_blocks(
-    blocks: dict[str, Block], joints: dict[str, Joint], fixed: dict[str, Bools], source: str
+    blocks: dict[str, Block],
+    joints: dict[str, Joint],
+    fixed: dict[str, Bools],
+    source: str,
+    ties: tuple[Tie, ...] = (),
 ) -> None:
     """Raise if a rigid motion of some blocks meets no support and no joint.
 
     A joint counts with all its components, as if closed and stuck: a block that nothing but joints
     hold may slide or lift off, and its motion is then the joint's to decide. Parts of a block that
-    do not hang together count each for itself.
+    do not hang together count each for itself. Ties hold as joints do.
 
     Raises
     ------
@@ -41,13 +45,14 @@ def refuse_free_blocks(
     for name, held in fixed.items():
         nodes = np.flatnonzero(held.any(axis=1))
         rows.append(_triangle(_placed(blocks[name], nodes, columns[name], width)[held[nodes]]))
-    for joint in joints.values():
+    pairs: list[Joint | Tie] = [*joints.values(), *ties]
+    for joint in pairs:
         I, J = (
             _placed(blocks[b], nodes, columns[b], width)
             for b, nodes in zip(joint.blocks, joint.nodes, strict=True)
         )
         rows.append(_triangle((J - I).reshape(-1, width)))
-    free = _null_space(np.vstack(rows))
+    free = _null_space(_triangle(np.vstack(rows)))
     if free.shape[1]:
         raise ConfigError(_explain(bodies, free, bool(joints), source))
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
-from romdam.config.models import GapTable, JointConfig, PerGap, SurfaceStiffness
+from romdam.config.joints import GapTable, JointConfig, PerGap, SurfaceStiffness
 from romdam.errors import ConfigError
-from romdam.scene.elements import Floats
+from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import gap_weights, node_normals
 from romdam.scene.gap_table import table_gap
 from romdam.scene.model import Block, Bools, Ints, Joint
 from romdam.scene.pairing import coincident_facets
+from romdam.scene.ties import Part
 
 _log = logging.getLogger(__name__)
 
@@ -28,6 +30,7 @@ def build_joint(
     fixed: dict[str, Bools],
     folder: Path,
     source: str,
+    parts: Collection[Part] = (),
 ) -> Joint:
     """Find the coinciding faces of two blocks and put a gap on every node pair.
 
@@ -36,25 +39,30 @@ def build_joint(
     blocks, fixed : of the scene, see `Scene`
     folder : where relative paths start
     source : the configuration's file name, for messages
+    parts : of the scene, see `romdam.scene.ties.scene_parts`
 
     Raises
     ------
     ConfigError
-        when the blocks do not touch, for a wrong normal or gap table, and when supports leave no gap.
+        when the blocks do not touch, for a wrong normal or gap table, and when supports or ties leave no gap.
     MeshError
         when the two meshes do not conform on the common face.
     """
     place = f"{source}: joints.{name}"
-    return _without_held_gaps(_all_gaps(name, joint, blocks, folder, place), fixed, place)
+    whole = _all_gaps(name, joint, blocks, folder, place)
+    tied = any(set(whole.blocks) <= set(part.blocks) for part in parts)
+    by = "supports or ties" if tied else "supports"
+    return _without_held_gaps(whole, _free_components(whole, fixed, parts), by, place)
 
 
 def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: Path, place: str) -> Joint:
     block_I, block_J = (blocks[b] for b in joint.between)
     facets, partner = coincident_facets(block_I, block_J, joint.tolerance, place)
-    nodes, area, weights = gap_weights(block_I.points, facets)
-    position = block_I.points[nodes]
-    outward = node_normals(block_I.points, facets)[nodes]
-    normal = _normals(joint, position, block_J.points[partner[nodes]], outward, place)
+    nodes, area, weights = gap_weights(block_I.points, facets, joint.gaps == "corners")
+    at = nodes if len(area) == len(nodes) else np.unique(facets[:, : facet_element(facets).corners])
+    position = block_I.points[at]
+    outward = node_normals(block_I.points, facets)[at]
+    normal = _normals(joint, position, block_J.points[partner[at]], outward, place)
     return Joint(
         name=name,
         blocks=joint.between,
@@ -149,25 +157,33 @@ def _per_gap(stiffness: str | SurfaceStiffness, area: Floats) -> Floats:
     return float(stiffness) * area
 
 
-def _without_held_gaps(joint: Joint, fixed: dict[str, Bools], place: str) -> Joint:
-    """Drop the gaps whose opening the supports keep at zero.
+def _free_components(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bools:
+    """(2, k, 3) components that can change the jump at each node pair, on either side.
 
-    Gaps that stay may see dropped nodes: those do not move, so their weight is dropped with them.
+    Supports hold some; a pair that ties make one node has no jump at all.
     """
-    keep = np.zeros(len(joint.area), dtype=bool)
-    for block, nodes in zip(joint.blocks, joint.nodes, strict=True):
-        keep |= _moves(joint, ~fixed[block][nodes])
+    free = np.stack([~fixed[block][nodes] for block, nodes in zip(joint.blocks, joint.nodes, strict=True)])
+    for part in parts:
+        if set(joint.blocks) <= set(part.blocks):
+            I, J = (part.number[b][nodes] for b, nodes in zip(joint.blocks, joint.nodes, strict=True))
+            free[:, I == J] = False
+    return free
+
+
+def _without_held_gaps(joint: Joint, free: Bools, by: str, place: str) -> Joint:
+    """Drop the gaps whose opening supports or ties keep at zero.
+
+    Gaps that stay may see nodes that do not move: their weight is left out.
+    """
+    keep = _moves(joint, free[0]) | _moves(joint, free[1])
     if not keep.any():
         raise ConfigError(
-            f"{place}: supports hold all {len(keep)} gaps on both sides, so the joint can do nothing; "
+            f"{place}: {by} hold all {len(keep)} gaps on both sides, so the joint can do nothing; "
             "remove the joint, or free one of its faces"
         )
     if not keep.all():
         _log.info(
-            "%s: %d of %d gaps are held by supports on both sides and dropped",
-            place,
-            (~keep).sum(),
-            len(keep),
+            "%s: %d of %d gaps are held by %s on both sides and dropped", place, (~keep).sum(), len(keep), by
         )
     return _select(joint, np.flatnonzero(keep))
 
@@ -179,16 +195,18 @@ def _moves(joint: Joint, free: Bools) -> Bools:
 
 
 def _select(joint: Joint, keep: Ints) -> Joint:
+    """The joint with some of its gaps; where every node pair has one, with their node pairs only."""
     if len(keep) == len(joint.area):
         return joint
+    pairs = keep if len(joint.nodes[0]) == len(joint.area) else np.arange(len(joint.nodes[0]))
     return Joint(
         name=joint.name,
         blocks=joint.blocks,
-        nodes=(joint.nodes[0][keep], joint.nodes[1][keep]),
+        nodes=(joint.nodes[0][pairs], joint.nodes[1][pairs]),
         position=joint.position[keep],
         area=joint.area[keep],
         axes=joint.axes[keep],
-        weights=joint.weights[keep][:, keep],
+        weights=joint.weights[keep][:, pairs],
         gap=joint.gap[keep],
         K_n=joint.K_n[keep],
         K_nz=joint.K_nz[keep],

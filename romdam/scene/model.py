@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,16 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity: E [Pa], nu [-], rho [kg/m3]."""
+    """Isotropic linear elasticity: E [Pa], nu [-], rho [kg/m3], linear thermal expansion [1/K]."""
 
     E: float
     nu: float
     rho: float
+    expansion: float = 0.0
+
+    def with_mass(self, mass: bool) -> Self:
+        """The same, or without mass."""
+        return self if mass else replace(self, rho=0.0)
 
 
 @dataclass(frozen=True)
@@ -46,22 +52,22 @@ class Block:
 
 @dataclass(frozen=True)
 class Joint:
-    """Gap elements between two blocks; gap m sits on the node pair (nodes[0][m], nodes[1][m]).
+    """Gap elements between the node pairs (nodes[0][k], nodes[1][k]) of two blocks' coinciding faces.
 
     The jump of gap m is w_m = axes[m] @ sum_k weights[m, k] (u_J[nodes[1][k]] - u_I[nodes[0][k]]):
-    opening along i, slip along j and k. `weights` is the identity on faces with linear shape
-    functions; on quadratic faces it is the mean of the face displacement around the node, so that
-    uniform pressure stays uniform.
+    opening along i, slip along j and k. On faces with linear shape functions there is a gap on every pair and
+    `weights` is the identity; on quadratic faces it is the mean of the face displacement around the gap's
+    node, so that uniform pressure stays uniform, and gaps may stand at the corner nodes only.
 
     Attributes
     ----------
     name : unique in the scene
     blocks : names of the blocks I and J
-    nodes : two (n,) arrays of node numbers, in block I and in block J
+    nodes : two (k,) arrays of node numbers, in block I and in block J
     position : (n, 3) of the gaps [m]
     area : (n,) tributary areas, all positive [m2]
     axes : (n, 3, 3) rows i (normal, from I to J), j, k
-    weights : (n, n) sparse, rows sum to 1 (less the weight of nodes that supports hold, where left out)
+    weights : (n, k) sparse, rows sum to 1 (less the weight of nodes that supports hold, where left out)
     gap : (n,) initial gap [m]; negative is initial penetration
     K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
     mu : (n, 2) friction coefficients along j and k
@@ -95,6 +101,25 @@ class FacePressure:
     block: str
     facets: Ints
     value: float
+
+
+@dataclass(frozen=True)
+class Hydrostatic:
+    """Still water on facets (nf, nodes per facet) of a block: its level [m] and weight per volume [N/m3]."""
+
+    block: str
+    facets: Ints
+    level: float
+    weight: float
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Two blocks that have grown together: node nodes[0][k] of block I is node nodes[1][k] of block J."""
+
+    name: str
+    blocks: tuple[str, str]
+    nodes: tuple[Ints, Ints]
 
 
 @dataclass(frozen=True)
@@ -172,6 +197,10 @@ class Scene:
     gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
     probes : nodes to be written
     stress : where stress is written; None if nowhere
+    ties : contacts of blocks that have grown together
+    water : hydrostatic loads
+    warmed : block name -> uniform change of temperature [K]
+    staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 
     blocks: dict[str, Block]
@@ -182,3 +211,7 @@ class Scene:
     gravity: Floats
     probes: tuple[Probe, ...]
     stress: StressSites | None = None
+    ties: tuple[Tie, ...] = ()
+    water: tuple[Hydrostatic, ...] = ()
+    warmed: dict[str, float] = field(default_factory=dict)
+    staged_weight: bool = False

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scene_builders import box, two_boxes
 
-from romdam.config.models import JointConfig
+from romdam.config.joints import JointConfig
 from romdam.errors import ConfigError, MeshError
 from romdam.scene.elements import FACET_OF
 from romdam.scene.facets import boundary_facets
