@@ -16,14 +16,15 @@ from romdam.config.load import Job
 from romdam.dynamics.system import System
 from romdam.errors import RecordError, RomdamError
 from romdam.fem.unreduced import assemble_full
-from romdam.files import prepare_folder
 from romdam.outputs.certificate import FOLDER
 from romdam.outputs.comparison import read_statement
-from romdam.outputs.dataset import Timing, build_dataset, write_dataset
+from romdam.outputs.dataset import Timing, build_dataset, prepare_folder, write_dataset
 from romdam.outputs.fields import write_model
+from romdam.outputs.stress_file import StressFields, write_stress
 from romdam.outputs.variables import Case
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.shaking import check_interval, shake
+from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import check_names, load_motions
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
@@ -52,12 +53,16 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Model:
-    """A scene and its open-joint system; no `reduced` at full order, no `finer` without an error estimate."""
+    """A scene and its open-joint system; no `reduced` at full order, no `finer` without an error estimate.
+
+    `stress` holds, block by block, the stress of the reduced coordinates where it is asked for.
+    """
 
     scene: Scene
     system: System
     reduced: ReducedModel | None
     finer: Finer | None = None
+    stress: dict[str, StressFields] = field(default_factory=dict)
 
 
 @dataclass
@@ -104,16 +109,28 @@ def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job)
     model = _with_finer(job, build_model(job, clock), clock)
-    model_file = write_model(folder, model.scene, model.reduced.basis) if model.reduced else None
+    with clock.stage("stress_fields", "stress of the modes"):
+        model = replace(model, stress=stress_fields(model.scene, model.reduced))
+    files = _write_files(folder, model)
     paths = []
     for motion in motions:
         try:
-            paths.append(run_motion(job, model, motion, (folder, model_file), clock))
+            paths.append(run_motion(job, model, motion, (folder, files), clock))
         except RomdamError as error:
             if len(motions) + len(failures) == 1:
                 raise
             failures[motion.name] = str(error)
     return Outcome(tuple(paths), failures)
+
+
+def _write_files(folder: Path, model: Model) -> dict[str, str]:
+    """Write what all results of a model share: attribute of the results -> file name."""
+    files = {}
+    if model.reduced is not None:
+        files["model_file"] = write_model(folder, model.scene, model.reduced.basis)
+    if model.stress:
+        files["stress_file"] = write_stress(folder, model.stress)
+    return files
 
 
 def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
@@ -142,7 +159,7 @@ def build_model(job: Job, clock: Clock) -> Model:
         scene = build_scene(job.config, job.folder, str(job.path))
     if job.config.model.order == "full":
         with clock.stage("model", "assembling the full model"):
-            return Model(scene, assemble_full(scene, job.config.damping), None)
+            return Model(scene, observing_stress(scene, assemble_full(scene, job.config.damping)), None)
     with clock.stage("model", "reducing the blocks"):
         reduced = reduce_scene(scene, job.config.model, job.config.damping)
     return Model(scene, reduced.system, reduced)
@@ -154,19 +171,24 @@ def _with_finer(job: Job, model: Model, clock: Clock) -> Model:
 
 
 def run_motion(
-    job: Job, model: Model, motion: GroundMotion, target: tuple[Path, str | None], clock: Clock
+    job: Job, model: Model, motion: GroundMotion, target: tuple[Path, dict[str, str]], clock: Clock
 ) -> Path:
-    """Integrate one ground motion and write its result; `target` is the folder and the basis file's name."""
-    folder, model_file = target
+    """Integrate one ground motion and write its result; `target` is the folder and the files beside it."""
+    folder, files = target
     with clock.stage("integration", f"shaking with {motion.name}") as progress:
         history = shake(job, model.system, motion, job.config.transient.duration, progress)
     stated: dict[str, object] = {}
     if model.finer is not None and model.reduced is not None:
         with clock.stage("estimate", "estimating the error"):
             stated = estimate_error(job, model.finer, model.reduced, motion, history).attributes
+    with clock.stage("stress", "summing up the stress"):
+        history, stress = stress_of(model.scene, model.stress, history)
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
-        dataset = build_dataset(Case(model.scene, motion, history), job, timing, model_file)
+        dataset = build_dataset(
+            Case(model.scene, motion, history, stress), job, timing, files.get("model_file")
+        )
+        dataset.attrs.update(files)
         path = folder / f"{motion.name}.nc"
         dataset.attrs.update(read_statement(folder, job.digest) | stated)
         dataset.attrs[FOLDER] = os.path.relpath(job.folder, folder)

@@ -97,6 +97,19 @@ def observed_stress(scene: Scene) -> csr_matrix:
     return csr_matrix(vstack([csr_matrix((0, size)), *parts]))
 
 
+def thermal_stress(scene: Scene) -> dict[str, Floats]:
+    """Stress of the blocks' temperature change with every expansion held back: block name -> (k, 6) [Pa].
+
+    It is what the stress of the displacement lacks: sigma = D (strain - expansion * change).
+    """
+    if scene.stress is None:
+        return {}
+    found = {}
+    for name, sites in scene.stress.blocks.items():
+        found[name] = np.zeros((len(sites.nodes), 6))
+    return found
+
+
 def _cells_operator(block: Block, cells: Ints, place: Ints, share: Floats) -> csr_matrix:
     """What some cells add to the operator."""
     element = ELEMENTS[block.element]

@@ -3,7 +3,10 @@
 The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per model, beside the results):
 
     /                       attributes: format, content_sha256, source
-    /blocks/<name>          one group for each block, as `romdam.reduction.store` describes it
+    /blocks/<name>/points   (n, 3) node positions [m]
+    /blocks/<name>/cells    (nc, nodes per cell) node numbers, VTK order; attribute element
+    /blocks/<name>/basis    (n, 3, m) displacement per reduced coordinate [kg-0.5];
+                            attribute first: the block's first column of `reduced_coordinates`
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import h5py
 import numpy as np
@@ -21,16 +24,26 @@ from numpy.typing import NDArray
 
 import romdam
 from romdam.errors import ResultError
-from romdam.files import replacing
-from romdam.outputs.dataset import open_dataset
-from romdam.reduction.store import BlockBasis, write_block
+from romdam.outputs.dataset import open_dataset, replacing
+from romdam.outputs.stress import COMPONENTS
+from romdam.outputs.stress_file import read_stress
 from romdam.scene.model import Scene
 
 FORMAT = "romdam-model-1"
 Floats = NDArray[np.float64]
+_CHUNK_BYTES = 1 << 20
 
 
-def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
+class Basis(Protocol):
+    """u = matrix @ q[columns] of one block; matrix is (3 n, m), columns a slice of q."""
+
+    @property
+    def matrix(self) -> Floats: ...
+    @property
+    def columns(self) -> slice: ...
+
+
+def write_model(folder: Path, scene: Scene, basis: Mapping[str, Basis]) -> str:
     """Write the basis file of a model unless it is there; its name, made from its content.
 
     Raises
@@ -44,11 +57,22 @@ def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> 
         with replacing(path) as part, h5py.File(part, "w") as file:
             file.attrs.update(format=FORMAT, content_sha256=digest, source=f"romdam {romdam.__version__}")
             for name, block in scene.blocks.items():
-                write_block(file.create_group(f"blocks/{name}"), block, basis[name])
+                _write_block(file.create_group(f"blocks/{name}"), block, basis[name])
     return path.name
 
 
-def _digest(scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
+def _write_block(group: h5py.Group, block: Any, basis: Basis) -> None:
+    matrix = basis.matrix.reshape(len(block.points), 3, -1)
+    group["points"] = block.points
+    group["cells"] = block.cells
+    group["cells"].attrs["element"] = block.element
+    rows = max(1, min(len(matrix), _CHUNK_BYTES // max(1, 3 * 8 * matrix.shape[2])))
+    chunks = (rows, *matrix.shape[1:]) if matrix.size else None
+    group.create_dataset("basis", data=matrix, chunks=chunks)
+    group["basis"].attrs["first"] = basis.columns.start
+
+
+def _digest(scene: Scene, basis: Mapping[str, Basis]) -> str:
     content = hashlib.sha256(FORMAT.encode())
     for name, block in scene.blocks.items():
         part = basis[name]
@@ -153,6 +177,39 @@ class Result:
             coords={"time": q.time.values, "point": chosen, "component": ["x", "y", "z"]},
             name="displacement",
             attrs={"units": "m", "long_name": f"displacement of block {block} relative to the base"},
+        )
+
+    def stress(
+        self,
+        block: str,
+        nodes: int | Sequence[int] | NDArray[np.integer[Any]] | None = None,
+        times: float | Sequence[float] | slice | None = None,
+    ) -> xr.DataArray:
+        """Stress of nodes of a block, those that `outputs.stress` names.
+
+        Parameters
+        ----------
+        block : its name
+        nodes : node numbers in the block; None is all that have stress
+        times : as in `displacement`
+
+        Returns
+        -------
+        DataArray with dims time, point, stress_component [Pa]; `point` holds the node numbers
+
+        Raises
+        ------
+        ResultError
+            for an unknown block, a node without stress, or a full-order result.
+        """
+        kept = read_stress(self.path, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
+        q = _at_times(self.dataset.reduced_coordinates, times)[:, kept.columns]
+        return xr.DataArray(
+            np.einsum("ncm,tm->tnc", kept.fields, q.values, optimize=True) + kept.offset,
+            dims=("time", "point", "stress_component"),
+            coords={"time": q.time.values, "point": kept.nodes, "stress_component": list(COMPONENTS)},
+            name="stress",
+            attrs={"units": "Pa", "long_name": f"stress of block {block}, tension positive"},
         )
 
     def _nodes(self, count: int, block: str, nodes: Any) -> NDArray[np.int64]:

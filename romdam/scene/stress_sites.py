@@ -67,7 +67,7 @@ def _face_name(block: str, face: object) -> str:
 
 
 def _face(sites: StressNodes, block: Block, name: str, facets: Ints) -> StressFace:
-    nodes, area, _ = gap_weights(block.points, facets)
+    nodes, *_, area, _ = gap_weights(block.points, facets)
     return StressFace(name, block.name, np.searchsorted(sites.nodes, nodes), area)
 
 

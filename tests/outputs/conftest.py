@@ -1,5 +1,6 @@
 """A synthetic case with known numbers: two blocks of one cell, joints of 2 and 3 gaps, friction or not."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,22 @@ from romdam.config.load import Job
 from romdam.dynamics.energy import TERMS
 from romdam.dynamics.system import History
 from romdam.outputs.dataset import Timing
+from romdam.outputs.stress import StressHistory, StressSummary, summarise
 from romdam.outputs.variables import Case
 from romdam.records.motion import GroundMotion
-from romdam.reduction.store import BlockBasis
-from romdam.scene.model import Block, Joint, Material, Probe, Scene
+from romdam.scene.model import Block, Joint, Material, Probe, Scene, StressFace, StressNodes, StressSites
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 CUBE = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float
 )
 STEPS = 41
+
+
+@dataclass(frozen=True)
+class Basis:
+    matrix: np.ndarray
+    columns: slice
 
 
 def make_block(name: str, shift: float) -> Block:
@@ -73,25 +80,38 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     )  # fmt: skip
 
 
+def make_sites() -> StressSites:
+    """Every node of the left block, its top as a face, one node with histories."""
+    axes = [np.tile(row, (8, 1)) for row in ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0])]
+    top = StressFace("left.zmax", "left", np.arange(4, 8), np.full(4, 0.25))
+    return StressSites({"left": StressNodes(np.arange(8), *axes)}, (top,), {"corner": ("left", 6)}, 2e6)
+
+
+def make_stress(sites: StressSites, time: np.ndarray) -> StressSummary:
+    """Of random histories of about the strength."""
+    stress = 1e6 * np.random.default_rng(3).normal(size=(len(time), 8 * 6))
+    return summarise(sites, StressHistory({}, {"left": stress}), time)
+
+
 def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Case:
     blocks = {"left": make_block("left", -1.0), "right": make_block("right", 0.0)}
     found = {"J1": make_joint("J1", 2, mu), "J2": make_joint("J2", 3, 0.0)} if joints else {}
     fixed = {name: np.zeros((8, 3), dtype=bool) for name in blocks}
     probes = (Probe("top_left", "left", 6), Probe("top_right", "right", 5))
-    scene = Scene(blocks, found, fixed, (), (), np.zeros(3), probes)
+    scene = Scene(blocks, found, fixed, (), (), np.zeros(3), probes, make_sites())
     acc = np.zeros((3, 401))
     acc[1] = np.sin(np.arange(401) * 0.05)
     motion = GroundMotion("quake", acc, 0.005, {"sha256": "abc"}, ("a warning",))
     gaps = 5 if joints else 0
-    return Case(scene, motion, make_history(gaps, 3 if mu > 0 and joints else 1, reduced))
+    history = make_history(gaps, 3 if mu > 0 and joints else 1, reduced)
+    return Case(scene, motion, history, make_stress(scene.stress, history.time))
 
 
-def make_basis() -> dict[str, BlockBasis]:
+def make_basis() -> dict[str, Basis]:
     rng = np.random.default_rng(2)
-    columns = {"left": slice(0, 3), "right": slice(3, 7)}
     return {
-        name: BlockBasis(rng.normal(size=(24, c.stop - c.start)), c, np.arange(3.0), np.ones((3, 3)), {})
-        for name, c in columns.items()
+        "left": Basis(rng.normal(size=(24, 3)), slice(0, 3)),
+        "right": Basis(rng.normal(size=(24, 4)), slice(3, 7)),
     }
 
 

@@ -1,0 +1,63 @@
+"""Stress of a run: the fields of a model once, the summary of every ground motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from romdam.dynamics.system import History, System
+from romdam.fem.stress import modal_stress, observed_stress, thermal_stress
+from romdam.outputs.stress import StressHistory, StressSummary, summarise
+from romdam.outputs.stress_file import StressFields
+from romdam.reduction.synthesis import ReducedModel
+from romdam.scene.model import Scene
+
+Floats = NDArray[np.float64]
+
+
+def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, StressFields]:
+    """Stress of every reduced coordinate at the scene's stress nodes; none at full order."""
+    if reduced is None or scene.stress is None:
+        return {}
+    fields, offset = modal_stress(scene, reduced.basis), thermal_stress(scene)
+    return {
+        name: StressFields(sites.nodes, fields[name], offset[name], reduced.basis[name].columns)
+        for name, sites in scene.stress.blocks.items()
+    }
+
+
+def observing_stress(scene: Scene, system: System) -> System:
+    """A full-order system with the stress nodes' stress among what is observed."""
+    if scene.stress is None:
+        return system
+    return replace(system, observe=csr_matrix(vstack([system.observe, observed_stress(scene)])))
+
+
+def stress_of(
+    scene: Scene, fields: Mapping[str, StressFields], history: History
+) -> tuple[History, StressSummary | None]:
+    """The stress summary of a history, and the history without what was observed for it."""
+    if scene.stress is None:
+        return history, None
+    if history.q is not None:
+        source = StressHistory(
+            fields={name: part.fields for name, part in fields.items()},
+            coordinates={name: history.q[:, part.columns] for name, part in fields.items()},
+            offset={name: part.offset for name, part in fields.items()},
+        )
+    else:
+        history, source = _observed(scene, history)
+    return history, summarise(scene.stress, source, history.time)
+
+
+def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:
+    assert scene.stress is not None
+    probes, counts = 3 * len(scene.probes), [6 * len(s.nodes) for s in scene.stress.blocks.values()]
+    parts = np.split(history.disp[:, probes:], np.cumsum(counts)[:-1], axis=1)
+    stress = dict(zip(scene.stress.blocks, parts, strict=True))
+    motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
+    return replace(history, **motion), StressHistory({}, stress, thermal_stress(scene))

@@ -1,0 +1,198 @@
+"""Measures of stress against LAPACK and closed forms; the summary and the file against whole histories."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import romdam
+from romdam import open_result
+from romdam.config import parse_config
+from romdam.config.load import Job
+from romdam.errors import ResultError
+from romdam.outputs.stress import (
+    DCR_LEVELS,
+    StressHistory,
+    duration_above,
+    principal_stresses,
+    stress_along,
+    summarise,
+)
+from romdam.scene.model import StressFace, StressNodes, StressSites
+
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+
+
+def tensor(stress):
+    full = np.zeros((*stress.shape[:-1], 3, 3))
+    for v, (k, l) in enumerate(PAIRS):
+        full[..., k, l] = full[..., l, k] = stress[..., v]
+    return full
+
+
+def test_principal_stresses_are_eigenvalues():
+    stress = np.random.default_rng(1).standard_normal((500, 6))
+    expected = np.linalg.eigvalsh(tensor(stress))[:, ::-1]
+    np.testing.assert_allclose(principal_stresses(stress), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("values", [(0, 0, 0), (1, 1, 1), (2, 2, -1), (3, -1, -1), (1, 1 + 1e-9, 1)])
+def test_equal_principal_stresses(values):
+    Q, _ = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))
+    full = Q @ np.diag(np.array(values, dtype=float)) @ Q.T
+    stress = np.array([full[k, l] for k, l in PAIRS])
+    np.testing.assert_allclose(principal_stresses(stress), sorted(values, reverse=True), atol=1e-7)
+
+
+def test_stress_along_is_the_normal_component():
+    rng = np.random.default_rng(3)
+    stress, direction = rng.standard_normal((7, 4, 6)), rng.standard_normal((4, 3))
+    expected = np.einsum("nk,tnkl,nl->tn", direction, tensor(stress), direction)
+    np.testing.assert_allclose(stress_along(stress, direction), expected, atol=1e-12)
+
+
+def test_duration_above_the_strength_of_a_sine_is_its_closed_form():
+    """sigma = 2 f sin(2 pi t): above f for (pi - 2 asin(1/2)) / 2 pi = 1/3 of every period."""
+    t = np.linspace(0.0, 5.0, 5001)
+    sine = np.stack([2.0 * np.sin(2 * np.pi * t), np.full(t.shape, 3.0), np.full(t.shape, 0.5)], axis=1)
+    found = duration_above(sine, 1.0, t[1])
+    np.testing.assert_allclose(found, [5.0 / 3.0, 5.0, 0.0], rtol=1e-5)
+    assert duration_above(sine, 2.1, t[1])[0] == 0.0
+
+
+def test_duration_is_exact_for_straight_pieces():
+    saw = np.array([[0.0], [2.0], [0.0], [-2.0], [4.0]])
+    assert duration_above(saw, 1.0, 0.1)[0] == pytest.approx(0.1 * (0.5 + 0.5 + 0.5))
+
+
+def sites_and_history():
+    rng = np.random.default_rng(4)
+    up, arch = np.tile([0.0, 0.0, 1.0], (5, 1)), np.tile([0.0, 1.0, 0.0], (5, 1))
+    nodes = StressNodes(np.arange(5), up, arch)
+    blank = StressNodes(np.array([1, 2]), up[:2], np.full((2, 3), np.nan))
+    face = StressFace("a.top", "a", np.array([1, 3]), np.array([2.0, 3.0]))
+    sites = StressSites({"a": nodes, "b": blank}, (face,), {"p": ("b", 1)}, 1.5)
+    fields = {"a": rng.standard_normal((5, 6, 3)), "b": rng.standard_normal((2, 6, 4))}
+    q = {"a": rng.standard_normal((40, 3)), "b": rng.standard_normal((40, 4))}
+    offset = {"a": np.ones((5, 6)), "b": np.zeros((2, 6))}
+    return sites, StressHistory(fields, q, offset)
+
+
+def test_summary_is_that_of_the_whole_histories(monkeypatch):
+    import romdam.outputs.stress as module
+
+    monkeypatch.setattr(module, "_PART", 80)  # two nodes at a time
+    sites, history = sites_and_history()
+    time = np.arange(40) * 0.5
+    found = summarise(sites, history, time)
+    whole = np.concatenate(
+        [
+            np.einsum("kvm,tm->tkv", history.fields[n], history.coordinates[n]) + history.offset[n]
+            for n in "ab"
+        ],
+        axis=1,
+    )
+    principal = np.linalg.eigvalsh(tensor(whole))
+    np.testing.assert_allclose(found.largest["principal"], principal[..., 2].max(axis=0))
+    np.testing.assert_allclose(found.smallest["principal"], principal[..., 0].min(axis=0))
+    np.testing.assert_allclose(found.largest["vertical"], whole[..., 2].max(axis=0))
+    np.testing.assert_allclose(found.smallest["arch"][:5], whole[:, :5, 1].min(axis=0))
+    assert np.isnan(found.largest["arch"][5:]).all()
+    step = np.unravel_index(principal[..., 2].argmax(), principal.shape[:2])[0]
+    assert found.worst_time["principal"] == time[step]
+    np.testing.assert_allclose(found.tensor, whole[step])
+    np.testing.assert_allclose(found.at_worst["principal"], principal[step, :, 2])
+    np.testing.assert_allclose(found.probes[:, 0], whole[:, 6])
+    expected = duration_above(principal[..., 2], DCR_LEVELS[3] * 1.5, 0.5)
+    np.testing.assert_allclose(found.duration[:, 3], expected)
+
+
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory):
+    """Order -> result of two small blocks shaken for 0.2 s, stress everywhere in one of them."""
+    return {order: shaken(order, tmp_path_factory.mktemp(order)) for order in ("reduced", "full")}
+
+
+@pytest.fixture(params=["reduced", "full"])
+def outcome(request, outcomes):
+    return request.param, outcomes[request.param]
+
+
+def shaken(order, folder):
+    t = np.arange(0.0, 0.2001, 0.01)
+    np.savetxt(folder / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5 * t))
+    sizes = {"size": ["2 m", "2 m", "8 m"], "element_size": 1.0, "element": "hex8"}
+    raw = {
+        "materials": {"c": {"E": "30 GPa", "nu": 0.2, "rho": 2400}},
+        "blocks": {
+            "left": {"material": "c", "box": {"origin": [0, -2, 0], **sizes}},
+            "right": {"material": "c", "box": {"origin": [0, 0, 0], **sizes}},
+        },
+        "supports": [{"block": b, "face": "zmin"} for b in ("left", "right")],
+        "joints": {"j": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
+        "damping": {"rayleigh": {"frequencies": [5, 50], "ratio": 0.05}},
+        "loads": {"gravity": [0, 0, -9.81]},
+        "records": [
+            {"name": "pulse", "file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}
+        ],
+        "model": {"order": order} | ({"modes": "all"} if order == "reduced" else {}),
+        "transient": {"dt": "1 ms"},
+        "outputs": {
+            "plots": False,
+            "every": "0.01 s",
+            "stress": {
+                "blocks": ["left"],
+                "faces": [{"block": "right", "face": "zmin"}],
+                "nodes": {"heel": {"block": "left", "at": [1, -2, 0]}},
+                "strength": "0.2 MPa",
+            },
+        },
+    }
+    job = Job(parse_config(raw, "s.yaml"), folder / "s.yaml")
+    return romdam.run(job, folder).paths[0]
+
+
+def test_result_holds_envelopes_ratios_and_areas(outcome):
+    _, path = outcome
+    with xr.open_dataset(path, engine="h5netcdf") as ds:
+        assert ds.sizes["stress_node"] == 81 + 9 and ds.sizes["stress_face"] == 1
+        assert float(ds.max_vertical_stress.max()) > 2e5
+        np.testing.assert_allclose(ds.demand_capacity_ratio, ds.max_principal_stress / 2e5)
+        assert ds.max_principal_stress.attrs["units"] == "Pa"
+        heel = ds.sel(stress_probe="heel")
+        number = (ds.stress_block == "left") & (abs(ds.stress_position - [1, -2, 0]).max("component") == 0)
+        envelope = float(ds.max_vertical_stress[number.values][0])
+        assert float(heel.vertical_stress.max()) == pytest.approx(envelope, rel=1e-12)
+        np.testing.assert_allclose(heel.vertical_stress, heel.stress.sel(stress_component="zz"))
+        over = ds.overstressed_area.sel(dcr_level=1.0).item()
+        assert 0.0 < over <= ds.stress_face_area.item() == pytest.approx(4.0)
+        assert (np.diff(ds.cumulative_inelastic_duration) <= 1e-15).all()
+        assert float(ds.cumulative_inelastic_duration.max()) > 0.0
+
+
+def test_history_of_any_node_comes_from_the_stress_file(outcome):
+    order, path = outcome
+    with open_result(path) as result:
+        if order == "full":
+            with pytest.raises(ResultError, match="no stress was kept"):
+                result.stress("left")
+            return
+        number = int(result.dataset.stress_node_number[7])
+        found = result.stress("left", nodes=[number, number]).values
+        whole = result.stress("left").values
+        np.testing.assert_array_equal(found[:, 0], found[:, 1])
+        np.testing.assert_allclose(found[:, 0], whole[:, 7], rtol=1e-12)
+        envelope = principal_stresses(whole)[..., 0].max(axis=0)
+        kept = result.dataset.max_principal_stress[result.dataset.stress_block == "left"]
+        np.testing.assert_allclose(kept, envelope, rtol=1e-10)
+        with pytest.raises(ResultError, match=r"no stress was kept for node 80 .* of block 'right'"):
+            result.stress("right", nodes=80)
+
+
+def test_all_modes_give_the_stress_of_the_full_order(outcomes):
+    """Two integrators at a step of 1 ms: peak principal stress of every node within 1 % of the largest."""
+    peaks = {}
+    for order, path in outcomes.items():
+        with xr.open_dataset(path, engine="h5netcdf") as ds:
+            peaks[order] = ds.max_principal_stress.values
+    print(np.abs(peaks["reduced"] - peaks["full"]).max() / peaks["full"].max())
+    assert np.abs(peaks["reduced"] - peaks["full"]).max() < 0.01 * peaks["full"].max()
