@@ -16,9 +16,10 @@ from romdam.config.load import Job
 from romdam.dynamics.system import System
 from romdam.errors import RecordError, RomdamError
 from romdam.fem.unreduced import assemble_full
+from romdam.files import prepare_folder
 from romdam.outputs.certificate import FOLDER
 from romdam.outputs.comparison import read_statement
-from romdam.outputs.dataset import Timing, build_dataset, prepare_folder, write_dataset
+from romdam.outputs.dataset import Timing, build_dataset, write_dataset
 from romdam.outputs.fields import write_model
 from romdam.outputs.stress_file import StressFields, write_stress
 from romdam.outputs.variables import Case

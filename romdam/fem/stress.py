@@ -106,7 +106,11 @@ def thermal_stress(scene: Scene) -> dict[str, Floats]:
         return {}
     found = {}
     for name, sites in scene.stress.blocks.items():
-        found[name] = np.zeros((len(sites.nodes), 6))
+        material = scene.blocks[name].material
+        lam, mu = lame(material)
+        strain = material.expansion * scene.warmed.get(name, 0.0)
+        normal = -(3.0 * lam + 2.0 * mu) * strain
+        found[name] = np.tile([normal, normal, normal, 0.0, 0.0, 0.0], (len(sites.nodes), 1))
     return found
 
 

@@ -3,10 +3,7 @@
 The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per model, beside the results):
 
     /                       attributes: format, content_sha256, source
-    /blocks/<name>/points   (n, 3) node positions [m]
-    /blocks/<name>/cells    (nc, nodes per cell) node numbers, VTK order; attribute element
-    /blocks/<name>/basis    (n, 3, m) displacement per reduced coordinate [kg-0.5];
-                            attribute first: the block's first column of `reduced_coordinates`
+    /blocks/<name>          one group for each block, as `romdam.reduction.store` describes it
 """
 
 from __future__ import annotations
@@ -15,7 +12,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -24,26 +21,18 @@ from numpy.typing import NDArray
 
 import romdam
 from romdam.errors import ResultError
-from romdam.outputs.dataset import open_dataset, replacing
+from romdam.files import replacing
+from romdam.outputs.dataset import open_dataset
 from romdam.outputs.stress import COMPONENTS
 from romdam.outputs.stress_file import read_stress
+from romdam.reduction.store import BlockBasis, write_block
 from romdam.scene.model import Scene
 
 FORMAT = "romdam-model-1"
 Floats = NDArray[np.float64]
-_CHUNK_BYTES = 1 << 20
 
 
-class Basis(Protocol):
-    """u = matrix @ q[columns] of one block; matrix is (3 n, m), columns a slice of q."""
-
-    @property
-    def matrix(self) -> Floats: ...
-    @property
-    def columns(self) -> slice: ...
-
-
-def write_model(folder: Path, scene: Scene, basis: Mapping[str, Basis]) -> str:
+def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
     """Write the basis file of a model unless it is there; its name, made from its content.
 
     Raises
@@ -57,22 +46,11 @@ def write_model(folder: Path, scene: Scene, basis: Mapping[str, Basis]) -> str:
         with replacing(path) as part, h5py.File(part, "w") as file:
             file.attrs.update(format=FORMAT, content_sha256=digest, source=f"romdam {romdam.__version__}")
             for name, block in scene.blocks.items():
-                _write_block(file.create_group(f"blocks/{name}"), block, basis[name])
+                write_block(file.create_group(f"blocks/{name}"), block, basis[name])
     return path.name
 
 
-def _write_block(group: h5py.Group, block: Any, basis: Basis) -> None:
-    matrix = basis.matrix.reshape(len(block.points), 3, -1)
-    group["points"] = block.points
-    group["cells"] = block.cells
-    group["cells"].attrs["element"] = block.element
-    rows = max(1, min(len(matrix), _CHUNK_BYTES // max(1, 3 * 8 * matrix.shape[2])))
-    chunks = (rows, *matrix.shape[1:]) if matrix.size else None
-    group.create_dataset("basis", data=matrix, chunks=chunks)
-    group["basis"].attrs["first"] = basis.columns.start
-
-
-def _digest(scene: Scene, basis: Mapping[str, Basis]) -> str:
+def _digest(scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
     content = hashlib.sha256(FORMAT.encode())
     for name, block in scene.blocks.items():
         part = basis[name]

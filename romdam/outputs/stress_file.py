@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import romdam
 from romdam.errors import ResultError
-from romdam.outputs.dataset import replacing
+from romdam.files import replacing
 
 FORMAT = "romdam-stress-1"
 Floats = NDArray[np.float64]

@@ -1,6 +1,5 @@
 """A synthetic case with known numbers: two blocks of one cell, joints of 2 and 3 gaps, friction or not."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from romdam.outputs.dataset import Timing
 from romdam.outputs.stress import StressHistory, StressSummary, summarise
 from romdam.outputs.variables import Case
 from romdam.records.motion import GroundMotion
+from romdam.reduction.store import BlockBasis
 from romdam.scene.model import Block, Joint, Material, Probe, Scene, StressFace, StressNodes, StressSites
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
@@ -22,12 +22,6 @@ CUBE = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float
 )
 STEPS = 41
-
-
-@dataclass(frozen=True)
-class Basis:
-    matrix: np.ndarray
-    columns: slice
 
 
 def make_block(name: str, shift: float) -> Block:
@@ -107,11 +101,12 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     return Case(scene, motion, history, make_stress(scene.stress, history.time))
 
 
-def make_basis() -> dict[str, Basis]:
+def make_basis() -> dict[str, BlockBasis]:
     rng = np.random.default_rng(2)
+    columns = {"left": slice(0, 3), "right": slice(3, 7)}
     return {
-        "left": Basis(rng.normal(size=(24, 3)), slice(0, 3)),
-        "right": Basis(rng.normal(size=(24, 4)), slice(3, 7)),
+        name: BlockBasis(rng.normal(size=(24, c.stop - c.start)), c, np.arange(3.0), np.ones((3, 3)), {})
+        for name, c in columns.items()
     }
 
 
