@@ -9,10 +9,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from romdam.joints.frictional import solve_frictional
-from romdam.joints.laws import OPEN, SLIP, STICK
+from romdam.joints.laws import OPEN, SLIP, STICK, slides
 from romdam.joints.problem import GapMemory, GapProblem
 from romdam.joints.unilateral import solve_unilateral
-from romdam.joints.weakening import set_limits, settle, slides, weaken
+from romdam.joints.weakening import set_limits, settle, weaken
 
 Floats = NDArray[np.float64]
 

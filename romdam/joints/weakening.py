@@ -1,22 +1,16 @@
-"""Strength that a gap loses: bonds, static friction, shear keys; one mechanism for all.
+"""Strength that gaps lose within a step: bonds, static friction, shear keys; one mechanism for all.
 
-A gap enters a step with what it has left. Its limits are solved as if they were ductile, which is the
-most that it can carry; a gap that reaches a limit it cannot hold (the bond opens or slides, static
-friction is overcome, the key's depth is exceeded) is weakened and the step solved again, until none is
-weakened any more: gaps only ever weaken within a step, so this ends. What was lost is history, committed
-once per accepted step; static friction is regained by a gap that sticks or opens, a key by one that closes
-below its depth (at the slip it then has), a bond never.
-
-The bond is Mohr-Coulomb with a tension cut-off: it is lost as a whole at the first opening (traction above
-the tensile strength) or the first slip (shear above c + mu p_n).
+The limits of what is left (`romdam.joints.laws`) are solved as if they were ductile; a gap that reaches a
+limit it cannot hold (the bond opens or slides, static friction is overcome, the key's depth is exceeded) is
+weakened and the step solved again, until none is weakened any more. What was lost is committed once per
+accepted step.
 """
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
-from romdam.joints.laws import SLIP
+from romdam.joints.laws import SLIP, shear_limit, slides
 from romdam.joints.problem import Floats, GapMemory, GapProblem
 
 BOND, SLIDES, KEY = 0, 1, 2
@@ -27,27 +21,15 @@ def set_limits(problem: GapProblem, memory: GapMemory) -> None:
     """Put the shear limits c + mu p' to what is left; p' is p_c from the bond's tension on."""
     strength, limits = problem.strength, memory.limits
     for i in range(len(memory.trial)):
-        bond = 0.0 if memory.trial[i, BOND] else strength.cohesion[i]
-        limits.tension[i] = 0.0 if memory.trial[i, BOND] else strength.tension[i]
+        bond = (strength.tension[i], strength.cohesion[i])
+        if memory.trial[i, BOND]:
+            bond = (0.0, 0.0)
+        limits.tension[i] = bond[0]
         for a in range(2):
-            mu = (
-                problem.mu[i, a]
-                if memory.trial[i, SLIDES]
-                else max(problem.mu[i, a], strength.mu_static[i, a])
+            keyed = strength.key[i, 1 + a] > 0.0 and not memory.trial[i, KEY]
+            limits.cohesion[i, a], limits.mu[i, a] = shear_limit(
+                problem.mu[i, a], strength.mu_static[i, a], bond, keyed, memory.trial[i, SLIDES]
             )
-            limits.mu[i, a] = mu
-            limits.cohesion[i, a] = max(bond - mu * limits.tension[i], 0.0)
-            if strength.key[i, 1 + a] > 0.0 and not memory.trial[i, KEY]:
-                limits.cohesion[i, a] = np.inf
-
-
-@njit(cache=True)
-def slides(limit_j: float, limit_k: float, t_j: float, t_k: float) -> bool:
-    """Whether a shear is on its limit (to round-off), never without one."""
-    near_j, near_k = (1.0 - 1e-9) * limit_j, (1.0 - 1e-9) * limit_k
-    if limit_j == limit_k:
-        return near_j > 0.0 and t_j**2 + t_k**2 >= near_j**2
-    return (near_j > 0.0 and abs(t_j) >= near_j) or (near_k > 0.0 and abs(t_k) >= near_k)
 
 
 @njit(cache=True)

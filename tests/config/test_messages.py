@@ -8,6 +8,7 @@ import yaml
 
 from romdam.config import load_config, parse_config
 from romdam.errors import ConfigError
+from romdam.scene.build import build_scene
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 CONCRETE = ("materials", "concrete")
@@ -34,6 +35,15 @@ MISTAKES = [
     ((*JOINT, "normal_stiffness"), {"per_gap": "3 kg"}, ["normal_stiffness.per_gap: '3 kg' is not"]),
     ((*JOINT, "friction"), 0.6, ["joints.contraction: friction 0.6 needs `shear_stiffness`", "or set"]),
     ((*JOINT, "friction"), -0.6, ["friction[0] must be at least 0, got -0.6"]),
+    ((*JOINT, "friction_static"), -0.1, ["friction_static[0] must be at least 0, got -0.1"]),
+    ((*JOINT, "cohesion"), "1 MPa", ["`cohesion` or `shear_key` needs `shear_stiffness`", "give it"]),
+    ((*JOINT, "cohesion"), "1 kg", ["joints.contraction.cohesion: '1 kg' is not a quantity in Pa"]),
+    ((*JOINT, "tensile_strength"), -1, ["tensile_strength must be at least 0, got -1"]),
+    ((*JOINT, "viscosity"), "3 Pa", ["joints.contraction.viscosity: '3 Pa' is not a quantity in"]),
+    ((*JOINT, "shear_key"), {"depth": "3 cm"}, ["`shear_key` needs `shear_stiffness` above 0"]),
+    ((*JOINT, "shear_key"), {"depth": 0}, ["shear_key.depth must be greater than 0, got 0"]),
+    ((*JOINT, "shear_key"), {"depth": 0.1, "directions": ["i"]}, ["directions[0] must be 'j' or 'k'"]),
+    ((*JOINT, "shear_key"), {"depth": 0.1, "directions": []}, ["directions must have at least 1 entry"]),
     ((*JOINT, "normal"), "fase", ["joints.contraction.normal must be 'face' or 'nodes', got 'fase'"]),
     (
         ("blocks", "left", "box", "element_size"),
@@ -52,6 +62,16 @@ MISTAKES = [
     (("records", 0, "unit"), "kg", ["records[0].unit", "is not a quantity in m/s^2"]),
     (("records", 0, "dt"), 0, ["records[0].dt must be greater than 0, got 0"]),
     (("records", 0, "correction"), ["detren"], ["records[0].correction[0]: no such step", "'detrend'"]),
+]
+
+
+FURTHER_LAWS = [  # several keys of a joint that do not fit together
+    ({"friction": 0.6, "friction_static": 0.5}, "friction_static (0.5, 0.5) must be at least friction"),
+    (
+        {"friction": 0.6, "tensile_strength": "2 MPa", "cohesion": "1 MPa"},
+        "cohesion 1e+06 Pa must be at least",
+    ),
+    ({"normal_stiffness": "rigid", "viscosity": "1 MPa*s/m"}, "viscosity needs a finite `normal_stiffness`"),
 ]
 
 
@@ -84,6 +104,36 @@ def test_mistake_is_one_line_naming_file_key_value_and_limit(key, value, parts):
     assert "\n" not in message, "one mistake, one line"
     for part in parts:
         assert part in message
+
+
+@pytest.mark.parametrize(("keys", "part"), FURTHER_LAWS)
+def test_joint_laws_that_contradict_each_other_are_refused(keys, part):
+    raw = example()
+    raw["joints"]["contraction"] |= {"shear_stiffness": "8 GPa/m", **keys}
+    with pytest.raises(ConfigError) as caught:
+        parse_config(raw, "dam.yaml")
+    assert str(caught.value).startswith("dam.yaml: joints.contraction: ")
+    assert part in str(caught.value)
+
+
+def test_further_joint_laws_are_read_and_reach_every_gap():
+    """Strengths per area times the gap's area; a friction number counts for both directions."""
+    keys = {"friction": 0.6, "friction_static": [0.7, 0.8], "tensile_strength": "2 MPa", "cohesion": "3 MPa"}
+    keys |= {
+        "shear_stiffness": "8 GPa/m",
+        "viscosity": 1e6,
+        "shear_key": {"depth": "3 cm", "directions": ["k"]},
+    }
+    raw = example()
+    raw["joints"]["contraction"] |= keys
+    scene = build_scene(parse_config(raw, "dam.yaml"), EXAMPLE.parent, "dam.yaml")
+    joint = scene.joints["contraction"]
+    area = joint.area
+    assert joint.laws["tensile_strength"] == pytest.approx(2e6 * area)
+    assert joint.laws["cohesion"] == pytest.approx(3e6 * area)
+    assert joint.laws["viscosity"] == pytest.approx(1e6 * area)
+    assert (joint.laws["friction_static"] == [0.7, 0.8]).all()
+    assert (joint.laws["shear_key"] == [0.03, 0.0, 1.0]).all()
 
 
 def test_several_mistakes_have_a_line_each():

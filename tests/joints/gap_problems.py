@@ -1,14 +1,15 @@
 """Random gap-space problems, and a check of a solution that shares no code with the solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from romdam.joints.laws import coulomb
+from romdam.joints.laws import Gap, Past, strong
 from romdam.joints.problem import gap_memory, gap_problem
 from romdam.joints.step import commit_gaps, solve_gaps
 
 TOLERANCE = 1e-8
+STEP = 1e-3  # [s], what the dashpots are taken over
 
 
 @dataclass(frozen=True)
@@ -21,10 +22,26 @@ class Case:
     gap: np.ndarray
     anchor: np.ndarray
     w_free: np.ndarray
+    laws: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def problem(self):
-        return gap_problem(self.H, self.stiffness, self.mu, self.gap)
+        return gap_problem(self.H, self.stiffness, self.mu, self.gap, self.laws, dt=STEP)
+
+    def parameters(self, i):
+        """One gap's, for the point laws."""
+        laws = {name: values[i] for name, values in self.laws.items()}
+        key = laws.get("shear_key", (0.0, 0.0, 0.0))
+        return Gap(
+            *(float(K[i]) for K in self.stiffness),
+            tuple(self.mu[i]),
+            tension=float(laws.get("tensile_strength", 0.0)),
+            cohesion=float(laws.get("cohesion", 0.0)),
+            mu_static=tuple(laws.get("friction_static", (0.0, 0.0))),
+            key=float(key[0]),
+            keyed=(key[1] > 0.0, key[2] > 0.0),
+            viscous=float(laws.get("viscosity", 0.0)) / STEP,
+        )
 
 
 def random_case(seed, n, mu=(0.0, 0.0), K_n=1e9, K_nz=0.0, K_s=5e8, coupling=1.0, floor=1e-3):
@@ -70,10 +87,12 @@ def solve(case, memory=None, problem=None):
     return jump, force, state, memory, stored, friction
 
 
-def check(case, jump, force, state):
+def check(case, jump, force, state, before=None):
     """The solution satisfies w = w_free + H p, and every gap its own law.
 
-    Finite stiffness: against the point law `coulomb`, evaluated at the jump of the solution. Rigid:
+    `before` is what the gaps have left in the step, without the anchors; no more must be lost.
+
+    Finite stiffness: against the point laws, evaluated at the jump of the solution. Rigid:
     complementarity, disc or box, and sliding against the shear.
     """
     n, N = len(case.gap), len(case.w_free)
@@ -83,21 +102,23 @@ def check(case, jump, force, state):
     w[:, 0] += case.gap
     w_scale = np.abs(case.w_free).max() + np.abs(case.gap).max() + np.abs(case.H).max() * p_scale
     assert np.abs(w - jump).max() <= 1e-9 * w_scale
-    K_n, K_nz, K_s = case.stiffness
+    K_n, _, K_s = case.stiffness
     for i in range(n):
         if np.isinf(K_n[i]):
             _check_rigid(case, i, jump[i], force[i], p_scale, w_scale)
             continue
         j = np.zeros(3)
         j[:d] = jump[i]
-        anchor = tuple(case.anchor[i]) if d == 3 else (j[1], j[2])
-        law = coulomb(tuple(j), anchor, (K_n[i], K_nz[i], K_s[i]), tuple(case.mu[i]))
+        past = Past() if before is None else before[i]
+        past = past._replace(anchor=tuple(case.anchor[i]) if d == 3 else (0.0, 0.0))
+        law, wanted, now = strong(tuple(j), past, case.parameters(i))
         # the solver's tolerance is on the force; the law sees the jump, W times that, through its stiffness
         gain = max(K_n[i], K_s[i] if d == 3 else 0.0) * np.abs(case.H).max()
         slack = 5.0 * TOLERANCE * (1.0 + gain) * p_scale + 1e-12 * gain * w_scale / np.abs(case.H).max()
         assert np.abs(force[i] - law[:d]).max() <= slack, (i, force[i], law)
         grazing = abs(j[0]) * K_n[i] <= slack
-        assert grazing or (state[i] == 0) == (law[3] == 0), (i, state[i], law)
+        assert grazing or (state[i] == 0) == (wanted == 0), (i, state[i], law)
+        assert now.broken == past.broken
 
 
 def _check_rigid(case, i, jump, force, p_scale, w_scale):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from romdam.errors import ConfigError
 from romdam.joints import frictional
-from romdam.joints.laws import OPEN, SLIP, STICK, project_shear
+from romdam.joints.laws import LAWS, OPEN, SLIP, STICK, Past, project_shear
 from romdam.joints.one_gap import solve_gap
 from romdam.joints.problem import gap_memory, gap_problem
 from romdam.joints.step import commit_gaps, solve_gaps
@@ -60,6 +60,46 @@ def test_frictional_solution_satisfies_the_law(seed, n, mu, K_n, share):
     if np.isfinite(K_n):
         by_hand += 0.5 * K_n * (np.minimum(jump[:, 0], 0.0) ** 2).sum()
     assert stored == pytest.approx(by_hand, rel=1e-6, abs=1e-12)
+
+
+_FURTHER = {  # law -> its parameters for n gaps, of forces about 1e6 N and jumps about 1 mm
+    "bond": lambda n, mu: {
+        "tensile_strength": np.linspace(0.0, 1e5, n),
+        "cohesion": np.linspace(0.0, 1e5, n) * (max(mu) + 0.5) + 1e4,
+    },
+    "static_friction": lambda n, mu: {"friction_static": np.tile(np.array(mu) + 0.4, (n, 1))},
+    "shear_key": lambda n, mu: {"shear_key": np.tile([3e-4, 1.0, 0.0], (n, 1))},
+    "dashpot": lambda n, mu: {"viscosity": np.linspace(0.0, 1e6, n)},
+}
+_FURTHER["all"] = lambda n, mu: {
+    **_FURTHER["static_friction"](n, mu),
+    **_FURTHER["shear_key"](n, mu),
+    **_FURTHER["dashpot"](n, mu),
+    "tensile_strength": np.linspace(0.0, 1e5, n),
+    "cohesion": np.linspace(0.0, 1e5, n) * (max(mu) + 0.4) + 1e4,
+}
+
+
+def test_every_law_is_solved_for():
+    assert {*_FURTHER, "frictionless", "coulomb"} == set(LAWS)
+
+
+@pytest.mark.parametrize("law", _FURTHER)
+@given(seed=_SEED, n=st.integers(1, 12), mu=st.sampled_from([(0.0, 0.0), (0.6, 0.6), (0.3, 0.8)]))
+@settings(max_examples=60, deadline=None)
+def test_the_solution_satisfies_every_law(law, seed, n, mu):
+    """Each gap against the point laws with what it has left, of which the step asks for no more."""
+    plain = random_case(seed, n, mu if max(mu) > 0.0 or law == "dashpot" else (1e-9, 1e-9), coupling=0.3)
+    case = dataclasses.replace(plain, laws=_FURTHER[law](n, mu))
+    memory, rng = gap_memory(case.problem), np.random.default_rng(seed)
+    memory.anchor[:] = case.anchor
+    overlap = -1e-4 * rng.random(n)
+    memory.overlap[:] = overlap
+    first = memory.weak.copy()
+    jump, force, state, memory, _, _ = solve(case, memory)
+    assert (memory.trial >= first).all()
+    left = [Past((0.0, 0.0), *map(bool, memory.trial[i]), overlap[i]) for i in range(n)]
+    check(case, jump, force, state, left)
 
 
 @pytest.mark.parametrize("mu", [(1.0, 1.0), (2.0, 2.0), (0.3, 2.0)])
