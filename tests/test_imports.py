@@ -19,6 +19,7 @@ EVERY_ROOM = {
 ALLOWED = {
     "errors": set(),
     "files": set(),
+    "fingerprint": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -38,7 +39,7 @@ TYPES = {
     "romdam.dynamics.system": {"fem", "reduction", "outputs"},
     "romdam.reduction.store": {"outputs"},
 }
-ANYWHERE = {"errors", "config", "files"}
+ANYWHERE = {"errors", "config", "files", "fingerprint"}
 ONLY_IN = {
     "xarray": {"outputs", "pipelines", "terminal"},
     "matplotlib": {"outputs"},

@@ -27,6 +27,7 @@ from romdam.config.quantities import (
 )
 from romdam.config.records import RecordConfig
 from romdam.config.stress import StressConfig
+from romdam.config.suite import SuiteConfig
 
 Element = Literal["hex8", "hex20", "tet4", "tet10"]
 NonNegative = Field(ge=0.0)
@@ -272,6 +273,8 @@ class Config(Model):
     transient: TransientConfig
     outputs: OutputsConfig = OutputsConfig()
     study: StudyConfig = StudyConfig()
+    pipeline: Literal["run", "suite"] = "run"
+    suite: SuiteConfig | None = None
 
     @property
     def block_names(self) -> tuple[str, ...]:

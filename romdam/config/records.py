@@ -189,24 +189,33 @@ def read_manifest(path: Path, common: RecordConfig) -> list[tuple[RecordConfig, 
     ConfigError
         naming manifest and row.
     """
-    rows = _manifest_rows(path)
+    return [read_row(path, common, number, row) for number, row in enumerate(manifest_rows(path), start=1)]
+
+
+def read_row(
+    path: Path, common: RecordConfig, number: int, row: object
+) -> tuple[RecordConfig, dict[str, object]]:
+    """One row of a manifest, numbered from 1; see `read_manifest`.
+
+    Raises
+    ------
+    ConfigError
+        naming manifest and row.
+    """
     base = common.model_dump(exclude_unset=True, exclude={"manifest", "name"})
-    entries = []
-    for number, row in enumerate(rows, start=1):
-        if not isinstance(row, dict) or not row.get("file"):
-            raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {row!r}")
-        own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
-        other = {
-            key: str(value) for key, value in row.items() if key not in _ROW_KEYS and value not in (None, "")
-        }
-        try:
-            entries.append((RecordConfig.model_validate(base | own), dict[str, object](other)))
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            message = first["msg"].removeprefix("Value error, ")
-            raise ConfigError(f"{path}: record {number} ({row['file']}): {where}: {message}") from None
-    return entries
+    if not isinstance(row, dict) or not row.get("file"):
+        raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {row!r}")
+    own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
+    other = {
+        key: str(value) for key, value in row.items() if key not in _ROW_KEYS and value not in (None, "")
+    }
+    try:
+        return RecordConfig.model_validate(base | own), dict[str, object](other)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{path}: record {number} ({row['file']}): {where}: {message}") from None
 
 
 _ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "components", "scale"}
@@ -222,7 +231,14 @@ def is_manifest(path: Path) -> bool:
         return False  # the reader of job files says what is wrong
 
 
-def _manifest_rows(path: Path) -> list[object]:
+def manifest_rows(path: Path) -> list[object]:
+    """The rows of a CSV or YAML manifest as they stand there.
+
+    Raises
+    ------
+    ConfigError
+        for what is no list of records.
+    """
     try:
         text = path.read_text(encoding="utf-8")
         rows = list(csv.DictReader(text.splitlines())) if path.suffix == ".csv" else yaml.safe_load(text)

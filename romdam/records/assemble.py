@@ -21,6 +21,7 @@ AXES = ("x", "y", "z")
 FLAT_TOP = 6  # samples in a row at the extreme; real peaks of digital records repeat two or three times
 STANDARD_GRAVITY = 9.80665  # m/s2
 STRONGEST = 5.0  # g
+DOUBTED_UNIT = "is the unit right?"
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
 
 
@@ -161,7 +162,7 @@ def _too_strong(recorded: NDArray[np.float64]) -> tuple[str, ...]:
     if peak <= STRONGEST:
         return ()
     limit = f"more than any record (limit {STRONGEST:g} g)"
-    return (f"the peak acceleration is {peak:.3g} g, {limit}: is the unit right?",)
+    return (f"the peak acceleration is {peak:.3g} g, {limit}: {DOUBTED_UNIT}",)
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:

@@ -154,14 +154,25 @@ def _by_station(found: list[Found]) -> Iterator[Found]:
 def _from_manifest(config: RecordConfig, folder: Path) -> Iterator[Found]:
     path = folder / str(config.manifest)
     for row, about in read_manifest(path, config):
-        found = _from_file(path.parent / str(row.file), row, path.parent)
-        stated = about.get("sha256")
-        if stated and stated not in found.files.values():
-            raise RecordError(
-                f"{found.place}: SHA-256 is {next(iter(found.files.values()))}, {path} says {stated}; "
-                "the file has changed"
-            )
-        yield replace(found, about=about)
+        yield record_of_row(path, row, about)
+
+
+def record_of_row(manifest: Path, row: RecordConfig, about: dict[str, object]) -> Found:
+    """Read the record of one row of a manifest, see `romdam.config.records.read_row`.
+
+    Raises
+    ------
+    RecordError
+        for a file that is missing, cannot be read, or is not the one that the manifest means.
+    """
+    found = _from_file(manifest.parent / str(row.file), row, manifest.parent)
+    stated = about.get("sha256")
+    if stated and stated not in found.files.values():
+        raise RecordError(
+            f"{found.place}: SHA-256 is {next(iter(found.files.values()))}, {manifest} says {stated}; "
+            "the file has changed"
+        )
+    return replace(found, about=about)
 
 
 def _from_suite(config: RecordConfig) -> Iterator[Found]:

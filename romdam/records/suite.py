@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,14 +35,25 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
     """
     motions: list[GroundMotion] = []
     for config in records:
-        found = [motion for one in find_records(config, folder) for motion in _motions(one)]
-        kept = [motion for motion in found if _kept(motion, config)]
-        if not kept:
-            limits = {name: limit.model_dump(exclude_none=True) for name, limit in config.keep.items()}
-            raise RecordError(f"records: none of {len(found)} records passes `keep` {limits}")
-        motions += kept
+        motions += kept_motions(find_records(config, folder), config)
     check_names(motions)
     return motions
+
+
+def kept_motions(records: Iterable[Found], config: RecordConfig) -> list[GroundMotion]:
+    """The motions of records that pass the entry's `keep`.
+
+    Raises
+    ------
+    RecordError
+        for a record that cannot be used, or where none passes.
+    """
+    found = [motion for one in records for motion in _motions(one)]
+    kept = [motion for motion in found if passes(motion, config)]
+    if not kept:
+        limits = {name: limit.model_dump(exclude_none=True) for name, limit in config.keep.items()}
+        raise RecordError(f"records: none of {len(found)} records passes `keep` {limits}")
+    return kept
 
 
 def _motions(found: Found) -> Iterator[GroundMotion]:
@@ -78,7 +89,7 @@ def _axes(found: Found) -> dict[str, Channel]:
     return {}
 
 
-def _kept(motion: GroundMotion, config: RecordConfig) -> bool:
+def passes(motion: GroundMotion, config: RecordConfig) -> bool:
     """Whether the largest component's measures lie in the limits."""
     if not config.keep:
         return True

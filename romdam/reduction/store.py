@@ -19,21 +19,19 @@ or does not match its own checksum counts as none.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
-from collections.abc import Iterable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 import romdam
 from romdam.errors import ResultError
 from romdam.files import replacing
+from romdam.fingerprint import fingerprint
 from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.interface import Interface
 from romdam.scene.model import Block, Bools
@@ -67,15 +65,9 @@ class BlockBasis:
 
 def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoice) -> str:
     """SHA-256 of what the basis of a block depends on."""
-    content = hashlib.sha256()
-    material = block.material
-    elastic = (material.E, material.nu, material.rho)
-    content.update(repr((LAYOUT, romdam.__version__, block.element, elastic, astuple(choice))).encode())
-    turn = csr_matrix(interface.turn)
-    turn.sum_duplicates()
-    arrays = (block.points, block.cells, fixed, interface.retained, turn.indptr, turn.indices, turn.data)
-    _add(content, arrays)
-    return content.hexdigest()
+    elastic = (block.material.E, block.material.nu, block.material.rho)
+    mesh = (block.element, block.points, block.cells, elastic)
+    return fingerprint((LAYOUT, romdam.__version__, mesh, fixed, interface, choice))
 
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
@@ -163,14 +155,4 @@ class BlockStore:
 
 
 def _checksum(basis: BlockBasis) -> str:
-    content = hashlib.sha256(json.dumps(basis.report).encode())
-    _add(content, (basis.matrix, basis.omega2, basis.participation))
-    return content.hexdigest()
-
-
-def _add(content: hashlib._Hash, arrays: Iterable[NDArray[np.generic]]) -> None:
-    """Add arrays with their shapes, integers and booleans as 64-bit integers."""
-    for array in arrays:
-        plain = np.ascontiguousarray(array, dtype=np.float64 if array.dtype.kind == "f" else np.int64)
-        content.update(repr(plain.shape).encode())
-        content.update(plain.data)
+    return fingerprint((json.dumps(basis.report), basis.matrix, basis.omega2, basis.participation))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -71,13 +73,34 @@ def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: P
         area=area,
         axes=local_axes(normal),
         weights=weights,
-        gap=_initial_gap(joint, position, folder, place),
-        K_n=_per_gap(joint.normal_stiffness, area),
-        K_nz=_per_gap(joint.tension_stiffness, area),
-        K_s=_per_gap(joint.shear_stiffness, area),
-        mu=np.tile(np.array(joint.friction), (len(area), 1)),
-        laws=_laws(joint, area),
+        **_properties(joint, area, position, folder, place),
     )
+
+
+def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str) -> Joint:
+    """The same gaps with the stiffness, friction, initial gap and further laws of another configuration.
+
+    Raises
+    ------
+    ConfigError
+        for a wrong gap table.
+    """
+    place = f"{source}: joints.{joint.name}"
+    return replace(joint, **_properties(config, joint.area, joint.position, folder, place))
+
+
+def _properties(
+    joint: JointConfig, area: Floats, position: Floats, folder: Path, place: str
+) -> dict[str, Any]:
+    """What of a `Joint` depends on its parameters alone."""
+    return {
+        "gap": _initial_gap(joint, position, folder, place),
+        "K_n": _per_gap(joint.normal_stiffness, area),
+        "K_nz": _per_gap(joint.tension_stiffness, area),
+        "K_s": _per_gap(joint.shear_stiffness, area),
+        "mu": np.tile(np.array(joint.friction), (len(area), 1)),
+        "laws": _laws(joint, area),
+    }
 
 
 def _laws(joint: JointConfig, area: Floats) -> dict[str, Floats]:

@@ -1,0 +1,170 @@
+"""Values for named places of the joints and the damping: what a suite may vary without a new reduction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from romdam.config.base import Model
+from romdam.config.explain import explain
+from romdam.config.joint_laws import ShearKeyConfig
+from romdam.config.joints import JointConfig
+from romdam.config.models import Config, DampingConfig, RayleighConfig
+from romdam.config.quantities import Stiffness
+from romdam.errors import ConfigError
+
+Section = TypeVar("Section", bound=Model)
+
+# field -> units of its SI value
+_JOINT = {
+    "normal_stiffness": "N m-3",
+    "normal_stiffness.per_gap": "N m-1",
+    "tension_stiffness": "N m-3",
+    "tension_stiffness.per_gap": "N m-1",
+    "shear_stiffness": "N m-3",
+    "shear_stiffness.per_gap": "N m-1",
+    "friction": "1",
+    "friction_static": "1",
+    "gap": "m",
+    "tensile_strength": "Pa",
+    "cohesion": "Pa",
+    "viscosity": "N s m-3",
+    "shear_key.depth": "m",
+}
+_DAMPING = {"rayleigh.ratio": "1", "rayleigh.alpha": "s-1", "rayleigh.beta": "s", "modal": "1"}
+_MODELS: dict[str, type[Model]] = {"shear_key": ShearKeyConfig, "rayleigh": RayleighConfig}
+_PER_GAP: Any = Annotated[Stiffness, Field(ge=0.0)]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A number in a configuration that a suite may vary.
+
+    Attributes
+    ----------
+    path : as written, such as joints.J3.friction
+    joints : names of the joints it stands in; empty for damping
+    keys : of the joint or of `damping`
+    units : of the SI value, UDUNITS
+    """
+
+    path: str
+    joints: tuple[str, ...]
+    keys: tuple[str, ...]
+    units: str
+
+
+@dataclass(frozen=True)
+class Varied:
+    """The joints and the damping of one sample."""
+
+    joints: dict[str, JointConfig]
+    damping: DampingConfig
+
+
+def find_place(config: Config, path: str, name: str, source: str) -> Place:
+    """Find what a path names.
+
+    Parameters
+    ----------
+    name, source : of the parameter and of the configuration's file, for messages
+
+    Raises
+    ------
+    ConfigError
+        for what changes the reduced basis, unknown joints and unknown keys.
+    """
+    where = f"{source}: suite.parameters.{name}.path"
+    root, _, rest = path.partition(".")
+    if root == "damping" and rest in _DAMPING:
+        return Place(path, (), tuple(rest.split(".")), _DAMPING[rest])
+    joint, _, field = rest.partition(".")
+    if root == "joints" and field in _JOINT:
+        known = tuple(config.every_joint)
+        named = known if joint == "*" else (joint,)
+        if not set(named) <= set(known):
+            raise ConfigError(
+                f"{where}: no joint {joint!r} is defined; defined are {', '.join(known) or 'none'}"
+            )
+        return Place(path, named, tuple(field.split(".")), _JOINT[field])
+    if root in ("joints", "damping"):
+        keys = [f"joints.<name>.{key}" for key in _JOINT] if root == "joints" else [*_DAMPING]
+        raise ConfigError(f"{where}: {path!r} cannot be varied; in {root} can {', '.join(keys)}")
+    raise ConfigError(
+        f"{where}: {path!r} is not of the joints or the damping: it would change the reduced basis or the "
+        "loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run one "
+        "suite for each value of the rest"
+    )
+
+
+def si_value(place: Place, value: float | str, name: str, source: str) -> float:
+    """A value of a place in SI; infinite for a rigid normal stiffness.
+
+    Raises
+    ------
+    ConfigError
+        for a value that its key would not take.
+    """
+    if value == "rigid" and place.keys == ("normal_stiffness",):
+        return float("inf")
+    try:
+        found = TypeAdapter(_annotation(place)).validate_python(value)
+    except ValidationError as error:
+        message = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise ConfigError(
+            f"{source}: suite.parameters.{name}: {place.path}: {message}, got {value!r}"
+        ) from None
+    return float(found[0] if isinstance(found, tuple) else found)
+
+
+def _annotation(place: Place) -> Any:
+    """What the place's key takes, in the model that owns it."""
+    if place.keys[-1] == "per_gap":
+        return _PER_GAP
+    owner = _MODELS.get(place.keys[0], JointConfig if place.joints else DampingConfig)
+    field = owner.model_fields[place.keys[-1]]
+    return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+
+
+def vary(config: Config, places: Mapping[str, Place], values: Mapping[str, float], source: str) -> Varied:
+    """The joints and damping of a configuration with values put in their places.
+
+    Parameters
+    ----------
+    places, values : by the parameter's name; SI
+
+    Raises
+    ------
+    ConfigError
+        for values that do not fit together.
+    """
+    raw = {name: joint.model_dump(mode="json") for name, joint in config.every_joint.items()}
+    damping = config.damping.model_dump(mode="json", exclude_none=True)
+    for name, place in places.items():
+        value = "rigid" if values[name] == float("inf") else float(values[name])
+        for target in [raw[joint] for joint in place.joints] if place.joints else [damping]:
+            _put(target, place.keys, value)
+    shown = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+    joints = {
+        name: _checked(JointConfig, one, f"{source}: sample {shown}: joints.{name}")
+        for name, one in raw.items()
+    }
+    return Varied(joints, _checked(DampingConfig, damping, f"{source}: sample {shown}: damping"))
+
+
+def _put(target: dict[str, Any], keys: tuple[str, ...], value: object) -> None:
+    for key in keys[:-1]:
+        inner = target.get(key)
+        target[key] = dict(inner) if isinstance(inner, dict) else {}
+        target = target[key]
+    target[keys[-1]] = value
+
+
+def _checked(model: type[Section], raw: object, source: str) -> Section:
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        raise ConfigError(explain(error, source, model)) from None
