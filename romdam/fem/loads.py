@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.scene.elements import Floats
-from romdam.scene.facets import area_vectors
-from romdam.scene.model import Ints, Scene
+from romdam.scene.elements import (
+    ELEMENTS,
+    Element,
+    Floats,
+    Rule,
+    facet_element,
+    jacobians,
+    simplex_rule,
+)
+from romdam.scene.facets import area_elements, area_vectors
+from romdam.scene.model import Block, Hydrostatic, Ints, Scene
+
+_CUTS = 6  # parts of an edge of a facet that the water's level cuts
 
 
 def static_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
@@ -22,9 +34,17 @@ def static_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
 
 
 def surface_force(scene: Scene, block: str) -> Floats:
-    """Nodal force of pressure and point forces on a block, without weight, (n, 3) [N]."""
+    """Nodal force of everything but weight on a block, (n, 3) [N].
+
+    Pressure, still water, point forces and a change of temperature.
+    """
     points = scene.blocks[block].points
     force = np.zeros_like(points)
+    if scene.warmed.get(block):
+        force += thermal_force(scene.blocks[block], scene.warmed[block])
+    for water in scene.water:
+        if water.block == block:
+            force += hydrostatic_force(points, water)
     for load in scene.pressures:
         if load.block == block:
             force += pressure_force(points, load.facets, load.value)
@@ -39,3 +59,87 @@ def pressure_force(points: Floats, facets: Ints, pressure: float) -> Floats:
     force = np.zeros_like(points)
     np.add.at(force, facets, -pressure * area_vectors(points, facets))
     return force
+
+
+def thermal_force(block: Block, change: float) -> Floats:
+    """Nodal force int B^T D alpha change dV of a uniform change of temperature, (n, 3) [N].
+
+    The expansion held back makes the stress -E alpha change / (1 - 2 nu) in all directions.
+    """
+    material, element = block.material, ELEMENTS[block.element]
+    xi, weight = element.rule
+    jacobian = jacobians(block.points, block.cells, element, xi)
+    gradient = np.linalg.solve(jacobian, element.gradient(xi)[None])
+    volume = np.linalg.det(jacobian) * weight
+    pressure = material.E * material.expansion * change / (1.0 - 2.0 * material.nu)
+    force = np.zeros_like(block.points)
+    np.add.at(force, block.cells, pressure * np.einsum("cq,cqka->cak", volume, gradient, optimize=True))
+    return force
+
+
+def hydrostatic_force(points: Floats, water: Hydrostatic) -> Floats:
+    """Nodal force of still water on facets, (n, 3) [N]; those that the level cuts are integrated below it."""
+    force = np.zeros_like(points)
+    top = points[water.facets, 2].max(axis=1)
+    bottom = points[water.facets, 2].min(axis=1)
+    whole = water.facets[top <= water.level]
+    if len(whole):
+        element = facet_element(whole)
+        xi, weight = element.rule
+        np.add.at(force, whole, -_water_on(points, whole, water, (xi, weight)))
+    for facet in water.facets[(top > water.level) & (bottom < water.level)]:
+        rule = _wet_rule(points[facet], facet_element(water.facets), water.level)
+        np.add.at(force, facet, -_water_on(points, facet[None], water, rule)[0])
+    return force
+
+
+def _water_on(points: Floats, facets: Ints, water: Hydrostatic, rule: Rule) -> Floats:
+    """int p N n dA of the facets' nodes, (nf, nodes per facet, 3) [N]; n is outward."""
+    element = facet_element(facets)
+    xi, weight = rule
+    shape, normal = element.shape(xi), area_elements(points, facets, xi)
+    depth = np.maximum(water.level - points[facets][..., 2] @ shape.T, 0.0)
+    return np.einsum("q,fq,qj,fqk->fjk", weight, water.weight * depth, shape, normal, optimize=True)
+
+
+def _wet_rule(points: Floats, element: Element, level: float) -> Rule:
+    """Points and weights on the part of one facet below the level, in the facet's coordinates.
+
+    The facet is cut into small triangles; the water's edge is taken as straight in each of them.
+    """
+    xi, weight = simplex_rule(5, 2)
+    found: list[tuple[Floats, Floats]] = []
+    for triangle in _small_triangles(element.corners):
+        above = element.shape(triangle) @ points[:, 2] - level
+        for part in _below(triangle, above):
+            edges = part[1:] - part[0]
+            found.append((part[0] + xi @ edges, weight * abs(np.linalg.det(edges))))
+    if not found:
+        return np.zeros((0, 2)), np.zeros(0)
+    return np.vstack([x for x, _ in found]), np.concatenate([w for _, w in found])
+
+
+@cache
+def _small_triangles(corners: int) -> Floats:
+    """Triangles (n, 3, 2) that fill the reference triangle or square."""
+    n = _CUTS
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    lower = np.stack([np.c_[i, j], np.c_[i + 1, j], np.c_[i, j + 1]], axis=1)
+    upper = np.stack([np.c_[i + 1, j], np.c_[i + 1, j + 1], np.c_[i, j + 1]], axis=1)
+    if corners == 3:
+        return np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
+    return 2.0 * np.vstack([lower, upper]) / n - 1.0
+
+
+def _below(triangle: Floats, above: Floats) -> list[Floats]:
+    """Triangles that fill the part of a triangle where a linear function with corner values is negative."""
+    if (above <= 0.0).all():
+        return [triangle]
+    ring: list[Floats] = []
+    for k in range(3):
+        a, b = above[k], above[(k + 1) % 3]
+        if a <= 0.0:
+            ring.append(triangle[k])
+        if a * b < 0.0:
+            ring.append(triangle[k] + a / (a - b) * (triangle[(k + 1) % 3] - triangle[k]))
+    return [np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)]

@@ -2,62 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_matrix, hstack
+from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 
 from romdam.config.models import DampingConfig
-from romdam.dynamics.system import GapLaw, System
+from romdam.dynamics.system import System
 from romdam.errors import ConfigError
-from romdam.fem.assembly import assemble
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
-from romdam.fem.loads import static_force
+from romdam.fem.loads import surface_force
+from romdam.fem.parts import Unknowns, assemble_part, part_operator, unknowns
+from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.scene.held import held_rigidly
 from romdam.scene.model import Scene
+from romdam.scene.ties import scene_parts
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
-
-@dataclass(frozen=True)
-class BlockMatrices:
-    """One block over all its DOFs (3 * node + component), supports not yet applied.
-
-    Attributes
-    ----------
-    K, M : (3 n, 3 n) sparse
-    B : (directions * ng, 3 n) sparse gap operator
-    load : (3 n, 3) M r for unit ground acceleration along x, y, z
-    force : (3 n,) static force
-    free : (3 n,) True where no support holds
-    """
-
-    K: csr_matrix
-    M: csr_matrix
-    B: csr_matrix
-    load: Floats
-    force: Floats
-    free: Bools
-
-
-def block_matrices(scene: Scene, law: GapLaw) -> dict[str, BlockMatrices]:
-    """Assemble every block of the scene."""
-    operators = gap_operators(scene, law.directions)
-    found = {}
-    for name, block in scene.blocks.items():
-        K, M = assemble(block)
-        found[name] = BlockMatrices(
-            K=K,
-            M=M,
-            B=operators[name],
-            load=M @ np.tile(np.eye(3), (len(block.points), 1)),
-            force=static_force(scene, name, M).ravel(),
-            free=~scene.fixed[name].ravel(),
-        )
-    return found
+_ENTRIES = 40_000_000  # of the added mass of incompressible water, at most: 0.5 GB, and as much in its factors
 
 
 def assemble_full(scene: Scene, damping: DampingConfig) -> System:
@@ -78,36 +41,47 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
             "damping.modal: a full-order model takes `rayleigh` damping only (modal ratios would make C "
             "dense); give damping.rayleigh, or use model.order: reduced"
         )
-    law = gap_law(scene)
-    blocks = block_matrices(scene, law)
-    M = csr_matrix(block_diag([b.M[b.free][:, b.free] for b in blocks.values()]))
-    K = csr_matrix(block_diag([b.K[b.free][:, b.free] for b in blocks.values()]))
+    law, numbered, parts = gap_law(scene), unknowns(scene), scene_parts(scene)
+    operators = gap_operators(scene, law.directions)
+    K, M, B, load = [], [], [], []
+    for name, part in parts.items():
+        free = numbered.free[name]
+        stiffness, mass = assemble_part(part, scene.blocks)
+        K.append(stiffness[free][:, free])
+        M.append(mass[free][:, free])
+        B.append(part_operator(part, operators)[:, free])
+        load.append((mass @ np.tile(np.eye(3), (part.nodes, 1)))[free])
+    held = [held_rigidly(part.mesh(scene.blocks), part.fixed(scene.fixed)) for part in parts.values()]
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
-    ends = np.cumsum([0] + [int(b.free.sum()) for b in blocks.values()])
-    parts = {name: slice(a, b) for name, a, b in zip(blocks, ends[:-1], ends[1:], strict=True)}
+    mass, stiffness, inertia = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
+    water = added_mass(scene)
+    added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, _ENTRIES)
+    mass = csr_matrix(mass + added)
     return System(
-        M=M,
-        C=csr_matrix(alpha * M + beta * K),
-        K=K,
-        B=csr_matrix(hstack([b.B[:, b.free] for b in blocks.values()])),
-        load=np.vstack([b.load[b.free] for b in blocks.values()]),
-        force=np.concatenate([b.force[b.free] for b in blocks.values()]),
-        observe=_observe(scene, blocks, parts),
+        M=mass,
+        C=csr_matrix(alpha * mass + beta * stiffness),
+        K=stiffness,
+        B=csr_matrix(hstack(B)),
+        load=inertia + wet,
+        force=_force(scene, numbered, inertia),
+        observe=_observe(scene, numbered),
         law=law,
-        parts=parts,
+        parts=numbered.parts,
         diagonal=False,
-        floating=not all(held_rigidly(block, scene.fixed[name]) for name, block in scene.blocks.items()),
+        floating=not all(held),
     )
 
 
-def _observe(scene: Scene, blocks: dict[str, BlockMatrices], parts: dict[str, slice]) -> csr_matrix:
-    size = max((part.stop for part in parts.values()), default=0)
-    rows, columns = [], []
-    for k, probe in enumerate(scene.probes):
-        free = blocks[probe.block].free
-        number = np.cumsum(free) - 1 + parts[probe.block].start
-        for c in range(3):
-            if free[3 * probe.node + c]:
-                rows.append(3 * k + c)
-                columns.append(number[3 * probe.node + c])
-    return csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(3 * len(scene.probes), size))
+def _force(scene: Scene, numbered: Unknowns, inertia: Floats) -> Floats:
+    """Static force on the unknowns; weight that the joints do not see is left out."""
+    force = np.zeros(len(inertia)) if scene.staged_weight else inertia @ scene.gravity
+    for name, matrix in numbered.of_block.items():
+        force = force + matrix.T @ surface_force(scene, name).ravel()
+    return np.asarray(force)
+
+
+def _observe(scene: Scene, numbered: Unknowns) -> csr_matrix:
+    """Displacement of the probes from the unknowns, (3 * probes, unknowns)."""
+    size = max((part.stop for part in numbered.parts.values()), default=0)
+    rows = [numbered.of_block[probe.block][3 * probe.node : 3 * probe.node + 3] for probe in scene.probes]
+    return csr_matrix(vstack([csr_matrix((0, size)), *rows]))

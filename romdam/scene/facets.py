@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from scipy.sparse import csr_matrix, eye_array
 
-from romdam.scene.elements import ELEMENTS, Element, Floats, Rule, facet_element, gauss_rule, simplex_rule
+from romdam.scene.elements import ELEMENTS, Floats, Rule, facet_element, gauss_rule, simplex_rule
 from romdam.scene.model import Bools, Ints
 
 
@@ -38,7 +38,7 @@ def area_vectors(points: Floats, facets: Ints) -> Floats:
     """Consistent nodal area vectors int N_j n dA of every facet, (nf, nodes per facet, 3) [m2]."""
     element = facet_element(facets)
     xi, weight = element.rule
-    normal = _area_elements(points, facets, element, xi)
+    normal = area_elements(points, facets, xi)
     return np.einsum("q,qj,fqk->fjk", weight, element.shape(xi), normal, optimize=True)
 
 
@@ -46,7 +46,7 @@ def facet_areas(points: Floats, facets: Ints) -> Floats:
     """Area of every facet (nf,) [m2]."""
     element = facet_element(facets)
     xi, weight = element.rule
-    return np.linalg.norm(_area_elements(points, facets, element, xi), axis=2) @ weight
+    return np.linalg.norm(area_elements(points, facets, xi), axis=2) @ weight
 
 
 def facet_normals(points: Floats, facets: Ints) -> Floats:
@@ -64,9 +64,10 @@ def node_normals(points: Floats, facets: Ints) -> Floats:
     return np.divide(total, length, out=np.zeros_like(total), where=length > 0.0)
 
 
-def _area_elements(points: Floats, facets: Ints, element: Element, xi: Floats) -> Floats:
+def area_elements(points: Floats, facets: Ints, xi: Floats) -> Floats:
     """Normal times dA/dxi at xi (nq, 2), as (nf, nq, 3) [m2]."""
-    tangents = np.einsum("qda,fak->fqdk", element.gradient(xi), points[facets], optimize=True)
+    gradient = facet_element(facets).gradient(xi)
+    tangents = np.einsum("qda,fak->fqdk", gradient, points[facets], optimize=True)
     return np.cross(tangents[:, :, 0], tangents[:, :, 1])
 
 
@@ -91,7 +92,7 @@ def gap_weights(points: Floats, facets: Ints, corners_only: bool = False) -> tup
     nodes, local = np.unique(facets, return_inverse=True)
     local = local.reshape(facets.shape)
     xi, weight, phi = _tributary_rule(element.name, corners_only and element.quadratic)
-    dA = weight * np.linalg.norm(_area_elements(points, facets, element, xi), axis=2)
+    dA = weight * np.linalg.norm(area_elements(points, facets, xi), axis=2)
     area = np.zeros(len(nodes))
     np.add.at(area, local[:, : phi.shape[1]], dA @ phi)
     if not element.quadratic:

@@ -9,7 +9,7 @@ from scipy.sparse import coo_array, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from romdam.config.joints import TieConfig
-from romdam.scene.model import Block, Bools, Floats, Ints, Scene, Tie
+from romdam.scene.model import Block, Bools, Ints, Scene, Tie
 from romdam.scene.pairing import coincident_facets
 
 _NAMED = 3  # blocks of a part that its name lists
@@ -47,12 +47,14 @@ class Part:
             np.logical_or.at(found, self.number[name], held[name])
         return found
 
-    def points(self, blocks: dict[str, Block]) -> Floats:
-        """(nodes, 3) positions [m]."""
-        found = np.zeros((self.nodes, 3))
+    def mesh(self, blocks: dict[str, Block]) -> Block:
+        """All its cells over its own nodes, as a block of the first one's material."""
+        points = np.zeros((self.nodes, 3))
         for name in self.blocks:
-            found[self.number[name]] = blocks[name].points
-        return found
+            points[self.number[name]] = blocks[name].points
+        cells = np.vstack([self.number[name][blocks[name].cells] for name in self.blocks])
+        first = blocks[self.blocks[0]]
+        return Block(self.name, first.element, points, cells, first.material, {})
 
 
 def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) -> Tie:

@@ -15,9 +15,8 @@ ELEMENTS = ("hex8", "hex20", "tet4", "tet10")
 def merged(scene):
     """The part, points and boundary of all blocks with ties made one; joints stay open."""
     (part,) = scene_parts(scene).values()
-    cells = np.vstack([part.number[name][block.cells] for name, block in scene.blocks.items()])
-    element = next(iter(scene.blocks.values())).element
-    return part, part.points(scene.blocks), boundary_facets(cells, element)
+    mesh = part.mesh(scene.blocks)
+    return part, mesh.points, boundary_facets(mesh.cells, mesh.element)
 
 
 def volume(points, facets):
@@ -207,7 +206,7 @@ def test_tied_boxes_are_one_part(make):
     assert parts["a+b"].nodes == 2 * 27 - 9
     for name, block in scene.blocks.items():
         part = next(p for p in parts.values() if name in p.blocks)
-        assert np.array_equal(part.points(scene.blocks)[part.number[name]], block.points)
+        assert np.array_equal(part.mesh(scene.blocks).points[part.number[name]], block.points)
     with pytest.raises(ConfigError, match=r"ties\.t: blocks 'a' and 'c' do not touch"):
         make(raw | {"ties": {"t": {"between": ["a", "c"]}}})
 
