@@ -33,8 +33,9 @@ from scipy.sparse import csr_matrix, spmatrix
 
 from romdam.dynamics.options import Start, TransientOptions
 from romdam.dynamics.static import rest_shift
-from romdam.dynamics.system import History, System
+from romdam.dynamics.system import GapLaw, History, System
 from romdam.dynamics.transient import Progress, integrate
+from romdam.joints.laws import SLIP, STICK
 from romdam.linalg.factor import Factor
 
 Floats = NDArray[np.float64]
@@ -201,6 +202,20 @@ def corrected_run(
     return integrate(fine, ground, replace(options, shift=shift), progress)
 
 
+def start_at(history: History, law: GapLaw, row: int) -> Start:
+    """The state of a row of a reduced run, to go on from.
+
+    A bond counts as lost where one of the rows so far, but for the unloaded start, shows its gap open or sliding.
+    """
+    assert history.q is not None and history.v is not None
+    weak = None
+    if law.laws:
+        depth = law.laws["shear_key"][:, 0] if "shear_key" in law.laws else np.full(len(law), np.inf)
+        lost = (history.state[1 : row + 1] != STICK).any(axis=0) | (law.gap > 0.0)
+        weak = np.stack([lost, history.state[row] == SLIP, history.jump[row, :, 0] > depth], axis=1)
+    return Start(history.q[row], history.v[row], history.jump[row], history.traction[row], weak)
+
+
 @dataclass(frozen=True)
 class Window:
     """Rows [first, last] of a history in which the finer model was run from the history's own state.
@@ -241,8 +256,8 @@ def run_window(
     last = min(max(peak + length // 12, length), rows - 1)
     first = last - length
     assert history.q is not None and history.v is not None
-    start = Start(
-        embed @ history.q[first], embed @ history.v[first], history.jump[first], history.traction[first]
+    start = replace(
+        start_at(history, fine.law, first), q=embed @ history.q[first], v=embed @ history.v[first]
     )
     part = ground[:, first * options.stride : last * options.stride + 1]
     return Window(first, last, integrate(fine, part, replace(options, start=start)))

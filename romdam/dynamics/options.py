@@ -18,12 +18,14 @@ class Start:
     ----------
     q, v : (n,) unknowns of a diagonal system and their rates
     jump, traction : (ng, d) of the gaps [m], [N]
+    weak : (ng, 3) what the gaps have lost, see `romdam.joints.problem.GapMemory`; None where nothing can be
     """
 
     q: Floats
     v: Floats
     jump: Floats
     traction: Floats
+    weak: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)

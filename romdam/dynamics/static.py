@@ -107,13 +107,17 @@ def resumed(system: System, start: Start) -> GapState:
     law, d = system.law, system.law.directions
     tension = law.K_nz * start.jump[:, 0]
     p_c, anchor = start.traction.copy(), np.zeros((0, 2))
-    p_c[:, 0] = np.maximum(p_c[:, 0] + tension, 0.0)
+    weak = np.zeros((0, 3), dtype=np.bool_) if start.weak is None else start.weak
+    bonded = ~weak[:, 0] if len(weak) else False
+    p_c[:, 0] = np.where(bonded, p_c[:, 0], np.maximum(p_c[:, 0] + tension, 0.0))
     compliance = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d))).compliance.reshape(-1, d)
     if d == 3:
         anchor = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
     stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, 0]).sum()
     closed = (p_c[:, 0] > 0.0).astype(np.uint8)
-    return GapState(start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored))
+    return GapState(
+        start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored), weak
+    )
 
 
 def rest_shift(system: System) -> float:

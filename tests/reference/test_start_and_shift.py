@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from reference_run import job, shaking
 
-from romdam.dynamics.options import Start, TransientOptions
+from romdam.dynamics.certificate import start_at
+from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.transient import integrate
 from romdam.reduction.synthesis import reduce_scene
 
@@ -28,10 +29,28 @@ def test_run_from_a_written_state_goes_on_as_if_never_stopped(pounding):
     system, ground = pounding
     whole = integrate(system, ground, OPTIONS)
     row = 400
-    start = Start(whole.q[row], whole.v[row], whole.jump[row], whole.traction[row])
+    start = start_at(whole, system.law, row)
     rest = integrate(system, ground[:, row:], replace(OPTIONS, start=start))
     assert whole.jump[..., 0].max() > 0.005, "nothing opened"
     assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-7 * np.abs(whole.jump).max()
+
+
+def test_a_start_knows_what_the_gaps_have_lost(pounding):
+    """Bonds break between 4 and 5 s; forgotten, they would hold again."""
+    system, ground = pounding
+    n = len(system.law)
+    laws = {"tensile_strength": np.linspace(0.0, 1e7, n)}
+    if system.law.directions == 3:
+        laws["cohesion"], laws["friction_static"] = laws["tensile_strength"], np.full((n, 2), 0.7)
+        laws["shear_key"] = np.tile([0.004, 1.0, 0.0], (n, 1))
+    system = replace(system, law=replace(system.law, laws=laws))
+    whole, row = integrate(system, ground, OPTIONS), 400
+    start = start_at(whole, system.law, row)
+    rest = integrate(system, ground[:, row:], replace(OPTIONS, start=start))
+    assert 0 < start.weak[:, 0].sum() < n
+    assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-6 * np.abs(whole.jump).max()
+    naive = integrate(system, ground[:, row:], replace(OPTIONS, start=replace(start, weak=None)))
+    assert np.abs(naive.jump - whole.jump[row:]).max() > 1e-3 * np.abs(whole.jump).max()
 
 
 def test_no_added_jump_changes_nothing_and_a_constant_one_is_an_initial_gap(pounding):
