@@ -28,6 +28,7 @@ from romdam.config.quantities import (
 from romdam.config.records import RecordConfig
 from romdam.config.stress import StressConfig
 from romdam.config.suite import SuiteConfig
+from romdam.config.water import WaterConfig
 
 Element = Literal["hex8", "hex20", "tet4", "tet10"]
 NonNegative = Field(ge=0.0)
@@ -267,6 +268,7 @@ class Config(Model):
     joints: dict[str, JointConfig] = Field(default_factory=dict)
     ties: dict[str, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
+    water: WaterConfig | None = None
     damping: DampingConfig = DampingConfig()
     records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
     model: ModelConfig
@@ -320,6 +322,8 @@ class Config(Model):
             self._known(f"outputs.nodes.{name}.block", node.block, self.block_names)
         if self.outputs.stress is not None:
             self._known_in_stress(self.outputs.stress)
+        for i, face in enumerate(self.water.faces if self.water else ()):
+            self._known(f"water.faces[{i}].block", face.block, self.block_names)
         return self
 
     def _refuse_no_blocks(self) -> None:

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from romdam.fem.material import lame
+from romdam.fem.parts import unknowns
 from romdam.scene.elements import ELEMENTS, Element, Floats, gauss_rule, jacobians, simplex_rule
 from romdam.scene.model import Block, Ints, Material, Scene
 
@@ -80,21 +81,20 @@ def modal_stress(scene: Scene, basis: Mapping[str, Basis]) -> dict[str, Floats]:
 
 
 def observed_stress(scene: Scene) -> csr_matrix:
-    """Stress at the scene's stress nodes from the free DOFs of the whole mesh, blocks in the scene's order.
+    """Stress at the scene's stress nodes, block after block, from the unknowns of the unreduced system.
 
     Returns
     -------
-    (6 k, free DOFs) sparse
+    (6 k, unknowns) sparse
     """
-    parts, start = [], 0
-    size = sum(int((~fixed).sum()) for fixed in scene.fixed.values())
-    for name, block in scene.blocks.items():
-        free = ~scene.fixed[name].ravel()
-        if scene.stress is not None and name in scene.stress.blocks:
-            own = csr_matrix(stress_operator(block, scene.stress.blocks[name].nodes)[:, free]).tocoo()
-            parts.append(csr_matrix((own.data, (own.row, own.col + start)), shape=(own.shape[0], size)))
-        start += int(free.sum())
-    return csr_matrix(vstack([csr_matrix((0, size)), *parts]))
+    numbered = unknowns(scene)
+    size = max((part.stop for part in numbered.parts.values()), default=0)
+    sites = scene.stress.blocks if scene.stress is not None else {}
+    rows = [
+        stress_operator(scene.blocks[name], part.nodes) @ numbered.of_block[name]
+        for name, part in sites.items()
+    ]
+    return csr_matrix(vstack([csr_matrix((0, size)), *rows]))
 
 
 def thermal_stress(scene: Scene) -> dict[str, Floats]:

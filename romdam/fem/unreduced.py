@@ -20,7 +20,7 @@ from romdam.scene.ties import scene_parts
 
 Floats = NDArray[np.float64]
 
-_ENTRIES = 40_000_000  # of the added mass of incompressible water, at most: 0.5 GB, and as much in its factors
+_ENTRIES = 40_000_000  # of incompressible water's added mass, at most: 0.5 GB, and as much in its factors
 
 
 def assemble_full(scene: Scene, damping: DampingConfig) -> System:

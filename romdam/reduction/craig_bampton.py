@@ -113,7 +113,9 @@ def reduce_block(
     if choice.keeps_all or choice.count == interior:
         omega2, basis = dense_modes(K, M)
         highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0
-        return Substructure(_clean(omega2), basis, len(retained) - interior, interior, highest, 0.0, 0.0)
+        return Substructure(
+            without_roundoff(omega2), basis, len(retained) - interior, interior, highest, 0.0, 0.0
+        )
     (Psi, Phi, omega2_fixed, residual), factor = _ritz_vectors(K, M, retained, held, choice)
     T = _assemble_basis(Psi, Phi, retained)
     K_r, M_r = T.T @ (K @ T), T.T @ (M @ T)
@@ -125,7 +127,7 @@ def reduce_block(
         )
     gram = Phi.T @ (M[~retained][:, ~retained] @ Phi)
     return Substructure(
-        omega2=_clean(omega2),
+        omega2=without_roundoff(omega2),
         basis=basis,
         retained=Psi.shape[1],
         fixed_interface=Phi.shape[1],
@@ -226,7 +228,7 @@ def _unit_diagonal(gram: Floats) -> Floats:
     return gram * scale * scale[:, None]
 
 
-def _clean(omega2: Floats) -> Floats:
-    """Rigid motions come out as round-off of the stiffest mode; they are zero."""
+def without_roundoff(omega2: Floats) -> Floats:
+    """Squared frequencies; those of rigid motions come out as round-off of the stiffest mode and are zero."""
     floor = 1e-13 * omega2.max(initial=0.0)
     return np.where(omega2 < floor, 0.0, omega2)

@@ -9,11 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import csr_matrix, lil_matrix
+from scipy.sparse import csr_matrix
 
 from romdam.fem.assembly import assemble
 from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import ReducedModel
+from romdam.reduction.water import on_unknowns
 from romdam.scene.model import Scene
 
 _CORRECTIONS = 10
@@ -41,10 +42,14 @@ def much_finer(choice: ModeChoice) -> ModeChoice:
 def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_matrix:
     """(fine, coarse) matrix that writes a motion of the coarse model in the fine one's coordinates.
 
-    T_fine^T M T_coarse; exact where the fine basis contains the coarse one, the M-nearest motion elsewhere.
+    T_fine^T M T_coarse, M with the water's; exact where the fine basis contains the coarse one, the M-nearest
+    motion elsewhere.
     """
-    matrix = lil_matrix((fine.system.size, coarse.system.size))
+    matrix = np.zeros((fine.system.size, coarse.system.size))
     for name, block in scene.blocks.items():
         a, b = fine.basis[name], coarse.basis[name]
-        matrix[a.columns, b.columns] = np.asarray(a.matrix.T @ (assemble(block)[1] @ b.matrix))
+        matrix[a.columns, b.columns] += a.matrix.T @ (assemble(block)[1] @ b.matrix)
+    if fine.water is not None:
+        onto, of = (on_unknowns(m.system.size, m.basis, fine.water) for m in (fine, coarse))
+        matrix += onto.T @ fine.water.times(of)
     return csr_matrix(matrix)

@@ -21,9 +21,11 @@ from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.loads import surface_force
+from romdam.fem.water import AddedMass, added_mass
 from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, Substructure, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
 from romdam.reduction.store import BlockBasis, BlockStore, block_key
+from romdam.reduction.water import with_water
 from romdam.scene.held import held_rigidly
 from romdam.scene.model import Block, Scene
 
@@ -41,11 +43,13 @@ class ReducedModel:
     system : diagonal, see `System`
     basis : block name -> BlockBasis
     report : block name -> numbers on its reduction, and "cpu_seconds" of the whole
+    water : the added mass that the system has, or None
     """
 
     system: System
     basis: dict[str, BlockBasis]
     report: dict[str, object]
+    water: AddedMass | None = None
 
 
 def reduce_scene(
@@ -81,7 +85,6 @@ def reduce_scene(
         basis[name] = replace(found, columns=slice(first, first + len(found.omega2)))
         report[name] = found.report
         first += len(found.omega2)
-    report["cpu_seconds"] = time.process_time() - start
     omega2 = np.concatenate([part.omega2 for part in basis.values()])
     system = System(
         M=csr_matrix(eye_array(first)),
@@ -96,7 +99,12 @@ def reduce_scene(
         diagonal=True,
         floating=bool((omega2 == 0.0).any()),
     )
-    return ReducedModel(system if directions == law.directions else with_law(system, law), basis, report)
+    water = added_mass(scene)
+    if water is not None:
+        system, basis = with_water(system, basis, water, damping)
+    report["cpu_seconds"] = time.process_time() - start
+    system = system if directions == law.directions else with_law(system, law)
+    return ReducedModel(system, basis, report, water)
 
 
 def with_law(system: System, law: GapLaw) -> System:

@@ -14,6 +14,7 @@ from romdam.scene.elements import Floats
 from romdam.scene.held import refuse_free_blocks
 from romdam.scene.joints import build_joint
 from romdam.scene.model import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
+from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress_sites import stress_sites
 from romdam.scene.ties import build_tie, tied_parts
@@ -61,6 +62,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         water=_water(config, blocks, source),
         warmed=_warmed(config, blocks, source),
         staged_weight=config.loads.weight == "staged",
+        reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
     )
 
@@ -119,20 +121,9 @@ def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydro
             (face.block, select_facets(blocks[face.block], face.face, f"{place}.faces[{i}].face"))
             for i, face in enumerate(load.faces)
         ]
-        _refuse_level(load.level, [blocks[name].points[facets, 2] for name, facets in faces], place)
+        refuse_level(load.level, [blocks[name].points[facets, 2] for name, facets in faces], place)
         found += [Hydrostatic(name, facets, load.level, load.density * size) for name, facets in faces]
     return tuple(found)
-
-
-def _refuse_level(level: float, heights: list[Floats], place: str) -> None:
-    top, bottom = (float(f(np.concatenate([h.ravel() for h in heights]))) for f in (np.max, np.min))
-    if not bottom < level <= top + 1e-9 * abs(top):
-        what = "above the top of its faces" if level > top else "not above the foot of its faces"
-        remedy = "lower it" if level > top else "raise it, or leave the load out"
-        raise ConfigError(
-            f"{place}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} m; "
-            f"{remedy}"
-        )
 
 
 def _warmed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, float]:

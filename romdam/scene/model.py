@@ -141,6 +141,38 @@ class Probe:
 
 
 @dataclass(frozen=True)
+class WetFace:
+    """Facets (nf, nodes per facet) of a block that water touches, wholly or up to the level."""
+
+    block: str
+    facets: Ints
+
+
+@dataclass(frozen=True)
+class Reservoir:
+    """Water that moves with the dam.
+
+    Attributes
+    ----------
+    faces : that it touches
+    level : elevation of its surface [m]
+    depth : of the level above the floor [m]
+    density : [kg/m3]
+    incompressible : solved for in a prismatic reservoir; else Westergaard's pressure
+    upstream : (3,) horizontal unit vector away from the dam
+    length : of the prismatic reservoir, from its farthest wet point [m]
+    """
+
+    faces: tuple[WetFace, ...]
+    level: float
+    depth: float
+    density: float
+    incompressible: bool
+    upstream: Floats
+    length: float
+
+
+@dataclass(frozen=True)
 class StressNodes:
     """Nodes of one block where stress is wanted, with the local axes of a dam's shell.
 
@@ -200,6 +232,7 @@ class Scene:
     ties : contacts of blocks that have grown together
     water : hydrostatic loads
     warmed : block name -> uniform change of temperature [K]
+    reservoir : water that moves with the dam, or None
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 
@@ -215,3 +248,4 @@ class Scene:
     water: tuple[Hydrostatic, ...] = ()
     warmed: dict[str, float] = field(default_factory=dict)
     staged_weight: bool = False
+    reservoir: Reservoir | None = None

@@ -1,0 +1,238 @@
+"""Added mass of the water that moves with a dam, as B^T F B of the displacement normal to its wet faces.
+
+The force of the water on the structure is -M_a (u'' + r a_g) for u relative to the base. Two models:
+
+- Westergaard's pressure 7/8 rho sqrt(H y) a_n, at y below the surface of water of depth H, taken with the
+  local normal acceleration a_n (Kuo's generalisation) and integrated with the element's own shape functions.
+- Incompressible water: the Laplace equation for the pressure in a prismatic reservoir, extruded upstream from
+  the wet faces' own mesh, so that it conforms to any face; zero pressure at the surface, rigid floor, banks
+  and far end. M_a = rho Q^T L^-1 Q with Q the coupling and L the Laplacian.
+
+With incompressible water the ground shakes the floor and the banks of the reservoir too, but not its far end:
+vertical motion presses with rho a_g (level - z), though the dam's face be vertical.
+
+References
+----------
+Westergaard, Trans. ASCE 98 (1933) 418; Kuo, UCB/EERC-82/09 (1982); Zienkiewicz, Bettess, Int. J. Numer.
+Methods Eng. 13 (1978) 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import splu
+
+from romdam.errors import ReductionError
+from romdam.fem.wet_mesh import WetMesh, WetPieces, wet_mesh
+from romdam.scene.elements import Floats, gauss_rule, simplex_rule
+from romdam.scene.model import Block, Ints, Reservoir, Scene
+
+_WESTERGAARD = 7.0 / 8.0
+_GROWTH = 1.2  # of a layer's thickness over the one before it, away from the dam
+
+
+@dataclass(frozen=True)
+class AddedMass:
+    """M_a = sum over blocks of B_b^T F B_b'.
+
+    Attributes
+    ----------
+    coupling : block name -> B (r, 3 n) sparse
+    flexibility : F (r, r) dense, symmetric, positive definite; None is the identity
+    ground : (r, 3) what unit ground acceleration along x, y, z makes of it: the force is -B^T ground
+    """
+
+    coupling: dict[str, csr_matrix]
+    flexibility: Floats | None
+    ground: Floats
+
+    def times(self, motion: Floats) -> Floats:
+        """F times (r, m)."""
+        return motion if self.flexibility is None else self.flexibility @ motion
+
+    def on(self, maps: Mapping[str, csr_matrix | Floats]) -> csr_matrix | Floats:
+        """B (r, m) of coordinates that give each block's displacement by a (3 n, m) map."""
+        return sum(self.coupling[name] @ maps[name] for name in self.coupling)
+
+
+def added_mass(scene: Scene) -> AddedMass | None:
+    """The added mass of a scene's reservoir; None without one.
+
+    Raises
+    ------
+    ReductionError
+        where the reservoir's equations cannot be factored.
+    """
+    if scene.reservoir is None:
+        return None
+    mesh = wet_mesh(scene.blocks, scene.reservoir)
+    if scene.reservoir.incompressible:
+        return _incompressible(scene.blocks, scene.reservoir, mesh)
+    return _westergaard(scene.blocks, scene.reservoir, mesh)
+
+
+def sparse_added_mass(
+    water: AddedMass, maps: Mapping[str, csr_matrix], limit: int
+) -> tuple[csr_matrix, Floats]:
+    """Added mass and its ground load over the unknowns of a full-order system.
+
+    Parameters
+    ----------
+    maps : block name -> (3 n, N) sparse, the block's displacement from the system's unknowns
+    limit : entries that the matrix may have; incompressible water couples all wet DOFs
+
+    Returns
+    -------
+    M_a : (N, N) sparse [kg]
+    load : (N, 3) [kg]
+
+    Raises
+    ------
+    ReductionError
+        above the limit.
+    """
+    B = csr_matrix(water.on(maps))
+    wet = int((np.diff(csr_matrix(B.T).indptr) > 0).sum())
+    if water.flexibility is not None and wet**2 > limit:
+        raise ReductionError(
+            f"water: incompressible water couples {wet} wet DOFs, {wet**2:.2g} entries of the full-order "
+            f"mass, limit {limit:.2g}; use model.order: reduced, or water.model: westergaard"
+        )
+    columns = np.unique(B.indices)
+    part = B[:, columns]
+    block = csr_matrix(part.T @ (part if water.flexibility is None else csr_matrix(water.flexibility @ part)))
+    block = block.tocoo()
+    N = B.shape[1]
+    M = csr_matrix((block.data, (columns[block.row], columns[block.col])), shape=(N, N))
+    return csr_matrix((M + M.T) / 2.0), np.asarray(B.T @ water.ground)
+
+
+def _westergaard(blocks: dict[str, Block], water: Reservoir, mesh: WetMesh) -> AddedMass:
+    """One row for each quadrature point: sqrt(7/8 rho sqrt(H y) dA) times the normal displacement there."""
+    first, rows = 0, dict[str, list[csr_matrix]]()
+    counts = [len(p.facets) * len(p.quadrature(blocks[p.block].points)[0]) for p in mesh.pieces]
+    for piece, count in zip(mesh.pieces, counts, strict=True):
+        points = blocks[piece.block].points
+        _, shape, area, x = piece.quadrature(points)
+        size = np.linalg.norm(area, axis=2)
+        below = np.maximum(water.level - x[..., 2], 0.0)
+        pressure = _WESTERGAARD * water.density * np.sqrt(water.depth * below)
+        weight = np.sqrt(pressure / size)[..., None] * area
+        values = shape[..., None] * weight[:, :, None, :]
+        number = first + np.arange(count).reshape(size.shape)
+        shape_of = (number[:, :, None], piece.facets[:, None, :], values, (sum(counts), len(points)))
+        rows.setdefault(piece.block, []).append(_operator(*shape_of))
+        first += count
+    coupling = {name: csr_matrix(sum(parts[1:], parts[0])) for name, parts in rows.items()}
+    ground = sum(B @ np.tile(np.eye(3), (B.shape[1] // 3, 1)) for B in coupling.values())
+    return AddedMass(coupling, None, np.asarray(ground))
+
+
+def _operator(rows: Ints, nodes: Ints, values: Floats, shape: tuple[int, int]) -> csr_matrix:
+    """(shape[0], 3 * shape[1]) sparse matrix of values (..., 3) at rows and nodes."""
+    row = np.broadcast_to(rows[..., None], values.shape)
+    column = np.broadcast_to(3 * nodes[..., None] + np.arange(3), values.shape)
+    return csr_matrix((values.ravel(), (row.ravel(), column.ravel())), shape=(shape[0], 3 * shape[1]))
+
+
+def _incompressible(blocks: dict[str, Block], water: Reservoir, mesh: WetMesh) -> AddedMass:
+    """Solve the reservoir once for a unit flux at every wet node below the surface."""
+    layers = _layers(water, mesh)
+    L, rigid = _laplacian(water, mesh, layers)
+    wet = np.flatnonzero(~mesh.surface)
+    free = np.flatnonzero(np.tile(~mesh.surface, len(layers)))
+    place = np.searchsorted(free, wet)  # the wet nodes are the first layer
+    try:
+        factor = splu(
+            L[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )  # fmt: skip
+    except RuntimeError as error:
+        raise ReductionError(
+            f"water: the reservoir's {len(free)} equations are singular ({error}); the wet faces must reach "
+            "the level, so that the water has a surface"
+        ) from error
+    unit = np.zeros((len(free), len(wet)))
+    unit[place, np.arange(len(wet))] = 1.0
+    flexibility = water.density * factor.solve(unit)[place]
+    ground = water.density * factor.solve(np.ascontiguousarray(rigid[free]))[place]
+    coupling = {name: Q[wet] for name, Q in _coupling(blocks, mesh).items()}
+    return AddedMass(coupling, (flexibility + flexibility.T) / 2.0, ground)
+
+
+def _coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
+    """Q (wet nodes, 3 n) of every block: int N_p n . N_u dA, outward from the dam [m2]."""
+    found: dict[str, csr_matrix] = {}
+    for piece in mesh.pieces:
+        points = blocks[piece.block].points
+        linear, shape, area, _ = piece.quadrature(points)
+        values = np.einsum("qc,nqa,nqk->ncak", linear, shape, area, optimize=True)
+        Q = _operator(
+            piece.nodes[:, :, None], piece.facets[:, None, :], values, (len(mesh.points), len(points))
+        )
+        found[piece.block] = csr_matrix(found[piece.block] + Q) if piece.block in found else Q
+    return found
+
+
+def _layers(water: Reservoir, mesh: WetMesh) -> Floats:
+    """Share of the way from the dam to the far end of every layer of nodes, from 0 to 1."""
+    edges = [mesh.points[p.nodes] - mesh.points[np.roll(p.nodes, 1, axis=1)] for p in mesh.pieces]
+    size = np.mean([np.linalg.norm(edge, axis=2).mean() for edge in edges])
+    count = int(np.ceil(np.log1p(water.length / size * (_GROWTH - 1.0)) / np.log(_GROWTH)))
+    thickness = _GROWTH ** np.arange(max(count, 2))
+    return np.concatenate([[0.0], np.cumsum(thickness) / thickness.sum()])
+
+
+def _laplacian(water: Reservoir, mesh: WetMesh, layers: Floats) -> tuple[csr_matrix, Floats]:
+    """Laplacian of the extruded reservoir [m], and the flux (nodes, 3) of its walls' unit rigid motions [m2].
+
+    The flux through all walls follows from the divergence theorem, less the far end, which stays.
+    """
+    along = mesh.points @ water.upstream
+    way = along.max() + water.length - along
+    points = np.concatenate([mesh.points + np.outer(way * s, water.upstream) for s in layers])
+    k, size = len(mesh.points), len(points)
+    L, rigid = csr_matrix((size, size)), np.zeros((size, 3))
+    for piece in mesh.pieces:
+        base = np.arange(len(layers) - 1)[:, None, None] * k + piece.nodes
+        cells = np.concatenate([base, base + k], axis=2).reshape(-1, 2 * piece.nodes.shape[1])
+        gradient, volume = _prism_gradients(points[cells], piece)
+        local = np.einsum("nqka,nqkb,nq->nab", gradient, gradient, volume, optimize=True)
+        rows, columns = (np.broadcast_to(n, local.shape).ravel() for n in (cells[:, :, None], cells[:, None]))
+        L = L + csr_matrix((local.ravel(), (rows, columns)), shape=(size, size))
+        np.add.at(rigid, cells, -np.einsum("nqka,nq->nak", gradient, volume, optimize=True))
+        far = points[piece.nodes + (len(layers) - 1) * k]
+        np.add.at(rigid, piece.nodes + (len(layers) - 1) * k, _far_end(far, piece, water.upstream))
+    return csr_matrix(L), rigid
+
+
+def _prism_gradients(x: Floats, piece: WetPieces) -> tuple[Floats, Floats]:
+    """Gradients (n, nq, 3, 2c) of the linear shape functions of prisms (n, 2c, 3), volumes (n, nq) [m3]."""
+    base = piece.element
+    eta, w_base = gauss_rule(2, 2) if base.corners == 4 else simplex_rule(2, 2)
+    t, w_line = np.polynomial.legendre.leggauss(2)
+    t, w_line = (t + 1.0) / 2.0, w_line / 2.0
+    shape, slope = base.shape(eta), base.gradient(eta)
+    up = np.stack([1.0 - t, t], axis=1)
+    across = np.einsum("qda,lj->qldja", slope, up).reshape(len(eta) * len(t), 2, -1)
+    through = np.einsum("qa,j->qja", shape, np.array([-1.0, 1.0])).reshape(len(eta), 1, 1, -1)
+    through = np.broadcast_to(through, (len(eta), len(t), 1, through.shape[-1])).reshape(
+        -1, 1, through.shape[-1]
+    )
+    local = np.concatenate([across, through], axis=1)
+    jacobian = np.einsum("qda,nak->nqdk", local, x)
+    volume = np.abs(np.linalg.det(jacobian)) * np.outer(w_base, w_line).ravel()
+    return np.asarray(np.linalg.solve(jacobian, local[None]), dtype=float), volume
+
+
+def _far_end(x: Floats, piece: WetPieces, upstream: Floats) -> Floats:
+    """int N n dA (n, c, 3) over the plane far end, whose normal out of the water is `upstream`."""
+    base = piece.element
+    eta, weight = base.rule
+    tangents = np.einsum("qda,nak->nqdk", base.gradient(eta), x)
+    area = np.abs(np.cross(tangents[:, :, 0], tangents[:, :, 1]) @ upstream) * weight
+    return np.einsum("qa,nq->na", base.shape(eta), area)[..., None] * upstream

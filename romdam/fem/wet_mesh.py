@@ -1,0 +1,133 @@
+"""The wetted part of a dam's faces as triangles and quadrilaterals cut off at the water level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element, gauss_rule, simplex_rule
+from romdam.scene.model import Block, Ints, Reservoir
+
+_SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
+_LEVEL = 1e-9  # of the depth: nodes so near to the level are on it
+
+
+@dataclass(frozen=True)
+class WetPieces:
+    """Pieces of one face with the same number of corners, each inside one facet.
+
+    Attributes
+    ----------
+    block : name
+    facets : (n, nodes per facet) the facet of each piece
+    xi : (n, c, 2) its corners in the facet's coordinates
+    nodes : (n, c) its corners' numbers in the wet mesh
+    """
+
+    block: str
+    facets: Ints
+    xi: Floats
+    nodes: Ints
+
+    @property
+    def element(self) -> Element:
+        """Linear shape functions over a piece."""
+        return ELEMENTS["tri3" if self.xi.shape[1] == 3 else "quad4"]
+
+    def quadrature(self, points: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Linear shape functions (nq, c), the facet's (n, nq, nn), area vectors (n, nq, 3) [m2], positions.
+
+        The area vectors are the outward normal times the weight of each point, on the facet's own, perhaps
+        curved, geometry.
+        """
+        eta, weight = gauss_rule(4, 2) if self.xi.shape[1] == 4 else simplex_rule(6, 2)
+        linear, parent = self.element.shape(eta), facet_element(self.facets)
+        xi = np.einsum("qc,ncd->nqd", linear, self.xi)
+        flat = xi.reshape(-1, 2)
+        shape = parent.shape(flat).reshape(*xi.shape[:2], -1)
+        gradient = parent.gradient(flat).reshape(*xi.shape[:2], 2, -1)
+        x = points[self.facets]
+        tangents = np.einsum("nqda,nak->nqdk", gradient, x)
+        stretch = np.linalg.det(np.einsum("qec,ncd->nqed", self.element.gradient(eta), self.xi))
+        area = np.cross(tangents[:, :, 0], tangents[:, :, 1]) * (stretch * weight)[..., None]
+        return linear, shape, area, np.einsum("nqa,nak->nqk", shape, x)
+
+
+@dataclass(frozen=True)
+class WetMesh:
+    """Pieces of all wet faces; nodes where faces or blocks meet are one.
+
+    Attributes
+    ----------
+    points : (k, 3) [m]
+    surface : (k,) True on the water's surface
+    pieces : of every face
+    """
+
+    points: Floats
+    surface: np.ndarray
+    pieces: tuple[WetPieces, ...]
+
+
+def wet_mesh(blocks: dict[str, Block], reservoir: Reservoir) -> WetMesh:
+    """Cut the wet faces off at the level and number their corners."""
+    raw = [
+        (face.block, *part)
+        for face in reservoir.faces
+        for part in _below(blocks[face.block].points, face.facets, reservoir)
+    ]
+    corners = np.concatenate([x.reshape(-1, 3) for *_, x in raw])
+    size = min(float(np.linalg.norm(x[:, 1] - x[:, 0], axis=1).min()) for *_, x in raw)
+    number, points = _merged(corners, min(_SAME, _SAME * size))
+    ends = np.cumsum([x.shape[0] * x.shape[1] for *_, x in raw])[:-1]
+    pieces = tuple(
+        WetPieces(block, facets, xi, nodes.reshape(xi.shape[:2]))
+        for (block, facets, xi, _), nodes in zip(raw, np.split(number, ends), strict=True)
+    )
+    return WetMesh(points, points[:, 2] >= reservoir.level - _LEVEL * reservoir.depth, pieces)
+
+
+def _merged(points: Floats, tolerance: float) -> tuple[Ints, Floats]:
+    """Number of every point, and the distinct points."""
+    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
+    number = connected_components(graph, directed=False)[1].astype(np.int64)
+    _, first = np.unique(number, return_index=True)
+    return number, points[first]
+
+
+def _below(points: Floats, facets: Ints, reservoir: Reservoir) -> list[tuple[Ints, Floats, Floats]]:
+    """(facets, xi, positions) of pieces below the level: whole facets, then triangles of those it cuts."""
+    element, slack = facet_element(facets), _LEVEL * reservoir.depth
+    c = element.corners
+    height = points[facets[:, :c], 2]
+    whole = (height <= reservoir.level + slack).all(axis=1)
+    cut = ~whole & (height < reservoir.level - slack).any(axis=1)
+    found = []
+    if whole.any():
+        xi = np.broadcast_to(element.nodes[:c], (int(whole.sum()), c, 2))
+        found.append((facets[whole], xi, points[facets[whole][:, :c]]))
+    triangles = [
+        (facet, tri)
+        for facet in facets[cut]
+        for tri in _fan(np.hstack([element.nodes[:c], points[facet[:c]]]), reservoir.level)
+    ]
+    if triangles:
+        corner = np.array([tri for _, tri in triangles])
+        found.append((np.array([facet for facet, _ in triangles]), corner[..., :2], corner[..., 2:]))
+    return found
+
+
+def _fan(ring: Floats, level: float) -> list[Floats]:
+    """Triangles (3, 5) of the part of a ring of corners (c, 5: xi, x, y, z) that is below the level."""
+    kept: list[Floats] = []
+    for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        if a[4] <= level:
+            kept.append(a)
+        if (a[4] - level) * (b[4] - level) < 0.0:
+            kept.append(a + (level - a[4]) / (b[4] - a[4]) * (b - a))
+    return [np.array([kept[0], kept[k], kept[k + 1]]) for k in range(1, len(kept) - 1)]

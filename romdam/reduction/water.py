@@ -1,0 +1,137 @@
+"""Added mass on a diagonal system: its modes with the joints open and the water in place.
+
+The water couples the modes, of one block and across blocks. With B the water's operator on the modes, the
+system (I + B^T F B) q'' + Omega^2 q is a small dense eigenproblem, solved once for each reduction. The
+Craig-Bampton basis is left as it is: it holds the joints' static motions exactly, and modes with water are
+combinations of those without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, eigh
+from scipy.sparse import csr_matrix, diags_array, eye_array
+
+from romdam.config.models import DampingConfig
+from romdam.dynamics.system import System
+from romdam.errors import ReductionError
+from romdam.fem.damping import modal_coefficients
+from romdam.fem.water import AddedMass
+from romdam.reduction.craig_bampton import without_roundoff
+from romdam.reduction.store import BlockBasis
+
+Floats = NDArray[np.float64]
+
+_MOST = 3000  # modes that take the water; higher ones, which answer as flexibilities, stay dry
+
+
+@dataclass(frozen=True)
+class _Change:
+    """New unknowns in place of old ones: old[wet] = V @ new[:len(V)], old[dry] = new[len(V):]."""
+
+    wet: NDArray[np.int64]
+    dry: NDArray[np.int64]
+    V: Floats
+
+    def columns(self, old: Floats) -> Floats:
+        """What acts on the old unknowns (rows, m), acting on the new ones."""
+        return np.hstack([old[:, self.wet] @ self.V, old[:, self.dry]])
+
+    def parts(self, old: dict[str, slice]) -> dict[str, slice]:
+        """The unknowns of the water, then what is left of each part."""
+        found = {"water": slice(0, len(self.wet))}
+        for name, part in old.items():
+            first, last = np.searchsorted(self.dry, (part.start, part.stop)) + len(self.wet)
+            if last > first:
+                found[name] = slice(int(first), int(last))
+        return found
+
+
+def with_water(
+    system: System, basis: dict[str, BlockBasis], water: AddedMass, damping: DampingConfig
+) -> tuple[System, dict[str, BlockBasis]]:
+    """Diagonalise a reduced system again with the water's added mass.
+
+    Unknowns that move no wet face stay as they are, behind the new ones.
+
+    Parameters
+    ----------
+    system : diagonal
+    basis : block -> its displacement from the system's unknowns
+    damping : its mass-proportional part takes the water's mass too
+
+    Raises
+    ------
+    ReductionError
+        where the eigenproblem fails.
+    """
+    B = on_unknowns(system.size, basis, water)
+    wet, k = _wet_unknowns(system, B), system.K.diagonal()
+    omega2, V = _wet_modes(k[wet], B[:, wet], water)
+    change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
+    omega2 = np.concatenate([without_roundoff(omega2), k[change.dry]])
+    load = system.load.copy()
+    load[wet] += B[:, wet].T @ water.ground
+    turned = replace(
+        system,
+        M=csr_matrix(eye_array(system.size)),
+        C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
+        K=csr_matrix(diags_array(omega2)),
+        B=csr_matrix(change.columns(system.B.toarray())),
+        load=change.columns(load.T).T,
+        force=change.columns(system.force[None])[0],
+        observe=csr_matrix(change.columns(system.observe.toarray())),
+        parts=change.parts(system.parts),
+    )
+    return turned, {name: _changed(part, change, omega2) for name, part in basis.items()}
+
+
+def on_unknowns(size: int, basis: dict[str, BlockBasis], water: AddedMass) -> Floats:
+    """The water's operator (r, size) on the unknowns of a reduced system."""
+    B = np.zeros((water.ground.shape[0], size))
+    for name, operator in water.coupling.items():
+        B[:, basis[name].columns] += operator @ basis[name].matrix
+    return B
+
+
+def _wet_unknowns(system: System, B: Floats) -> NDArray[np.int64]:
+    """The lowest of the unknowns of parts that the water touches."""
+    touched = np.zeros(system.size, dtype=bool)
+    for part in system.parts.values():
+        touched[part] = np.abs(B[:, part]).max(initial=0.0) > 0.0
+    found = np.flatnonzero(touched)
+    k = system.K.diagonal()[found]
+    return np.sort(found[np.argsort(k, kind="stable")[:_MOST]])
+
+
+def _wet_modes(k: Floats, B: Floats, water: AddedMass) -> tuple[Floats, Floats]:
+    M = np.eye(len(k)) + B.T @ water.times(B)
+    try:
+        omega2, V = eigh(np.diag(k), 0.5 * (M + M.T))
+    except LinAlgError as error:
+        raise ReductionError(f"water: the modes' mass is not positive definite ({error})") from error
+    return np.asarray(omega2), np.asarray(V)
+
+
+def _changed(part: BlockBasis, change: _Change, omega2: Floats) -> BlockBasis:
+    """A block's displacement from the new unknowns."""
+    own = np.arange(len(omega2))[part.columns]
+    wet, dry = np.flatnonzero(np.isin(change.wet, own)), np.flatnonzero(np.isin(change.dry, own))
+    shift, first = len(change.wet), part.columns.start
+    if not len(wet):
+        columns = slice(shift + int(dry[0]), shift + int(dry[-1]) + 1) if len(dry) else slice(0, 0)
+        return replace(part, columns=columns)
+    columns = slice(0, shift + int(dry[-1]) + 1 if len(dry) else shift)
+    V = np.zeros((len(own), columns.stop))
+    V[change.wet[wet] - first, :shift] = change.V[wet]
+    V[change.dry[dry] - first, shift + dry] = 1.0
+    return replace(
+        part,
+        matrix=part.matrix @ V,
+        columns=columns,
+        omega2=omega2[columns],
+        participation=V.T @ part.participation,
+    )

@@ -1,0 +1,144 @@
+"""The reservoir of a scene: its wet faces, depth and direction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from romdam.config.water import WaterConfig
+from romdam.errors import ConfigError
+from romdam.scene.elements import Floats
+from romdam.scene.facets import area_vectors, facet_normals
+from romdam.scene.model import Block, Bools, Joint, Reservoir, Tie, WetFace
+from romdam.scene.select import select_facets
+
+_DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
+_LEVEL = 1e-6  # horizontal part of the mean normal below which it gives no direction
+
+
+def build_reservoir(
+    config: WaterConfig | None,
+    blocks: dict[str, Block],
+    contacts: tuple[Joint | Tie, ...],
+    fixed: dict[str, Bools],
+    source: str,
+) -> Reservoir | None:
+    """Find the wet faces and check that water can stand on them.
+
+    Parameters
+    ----------
+    contacts : joints and ties, whose faces are never wet
+    fixed : block -> (n, 3) components that supports hold
+    source : name of the configuration file, for messages
+
+    Raises
+    ------
+    ConfigError
+        for a level above the faces, faces that are not wet, and a direction that leads into the dam.
+    """
+    if config is None:
+        return None
+    place = f"{source}: water"
+    faces = [
+        WetFace(face.block, select_facets(blocks[face.block], face.face, f"{place}.faces[{k}].face"))
+        for k, face in enumerate(config.faces)
+    ]
+    heights = [blocks[face.block].points[face.facets, 2] for face in faces]
+    refuse_level(config.level, heights, place)
+    for k, (face, height) in enumerate(zip(faces, heights, strict=True)):
+        at = f"{place}.faces[{k}]"
+        _refuse_dry(config.level, height, at)
+        _refuse_contact(face, contacts, at)
+        _refuse_held(face, fixed[face.block], at)
+    bottom = min(float(height.min()) for height in heights)
+    if config.bottom is not None and config.bottom >= config.level:
+        raise ConfigError(
+            f"{place}.bottom: the floor at {config.bottom:g} m must be below the level of {config.level:g} "
+            "m; lower it, or leave the key out"
+        )
+    upstream = _upstream(config, blocks, faces, place)
+    if config.model == "incompressible":
+        _refuse_behind(upstream, blocks, faces, place)
+    return Reservoir(
+        faces=tuple(faces),
+        level=config.level,
+        depth=config.level - (bottom if config.bottom is None else config.bottom),
+        density=config.density,
+        incompressible=config.model == "incompressible",
+        upstream=upstream,
+        length=config.length or _DEPTHS * (config.level - bottom),
+    )
+
+
+def refuse_level(level: float, heights: list[Floats], place: str) -> None:
+    """Refuse water above its faces, or not above their foot.
+
+    Raises
+    ------
+    ConfigError
+        with the level and what the faces span.
+    """
+    top, bottom = (float(f(np.concatenate([h.ravel() for h in heights]))) for f in (np.max, np.min))
+    if not bottom < level <= top + 1e-9 * abs(top):
+        what = "above the top of its faces" if level > top else "not above the foot of its faces"
+        remedy = "lower it" if level > top else "raise it, or leave the load out"
+        raise ConfigError(
+            f"{place}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} m; "
+            f"{remedy}"
+        )
+
+
+def _refuse_dry(level: float, height: Floats, place: str) -> None:
+    if height.min() >= level:
+        raise ConfigError(
+            f"{place}: the face is not wet: it begins at {height.min():g} m, above the level of {level:g} m; "
+            "leave it out"
+        )
+
+
+def _refuse_contact(face: WetFace, contacts: tuple[Joint | Tie, ...], place: str) -> None:
+    for contact in contacts:
+        for block, nodes in zip(contact.blocks, contact.nodes, strict=True):
+            inside = int(np.isin(face.facets, nodes).all(axis=1).sum()) if block == face.block else 0
+            if inside:
+                raise ConfigError(
+                    f"{place}: the face is not wet: {inside} of its {len(face.facets)} facets lie in the "
+                    f"contact {contact.name!r} with a neighbour; name the upstream face"
+                )
+
+
+def _refuse_held(face: WetFace, fixed: Bools, place: str) -> None:
+    if fixed[face.facets].all():
+        raise ConfigError(
+            f"{place}: the face is not wet: supports hold all {len(face.facets)} of its facets, so that "
+            "nothing moves the water; name the upstream face"
+        )
+
+
+def _upstream(config: WaterConfig, blocks: dict[str, Block], faces: list[WetFace], place: str) -> Floats:
+    if config.upstream is not None:
+        given = np.array(config.upstream) * [1.0, 1.0, 0.0]
+    else:
+        vectors = [area_vectors(blocks[face.block].points, face.facets).sum(axis=(0, 1)) for face in faces]
+        total = np.sum(vectors, axis=0)
+        area = np.sum([np.linalg.norm(v) for v in vectors])
+        given = total / area * [1.0, 1.0, 0.0]
+    size = float(np.linalg.norm(given))
+    if size <= _LEVEL:
+        raise ConfigError(
+            f"{place}.upstream: {'it' if config.upstream else 'the mean normal of the faces'} has no "
+            f"horizontal part (length {size:.2g}, limit {_LEVEL:g}); give a direction such as [0, -1, 0]"
+        )
+    return np.asarray(given / size)
+
+
+def _refuse_behind(upstream: Floats, blocks: dict[str, Block], faces: list[WetFace], place: str) -> None:
+    """A prismatic reservoir starts at faces that look upstream."""
+    for k, face in enumerate(faces):
+        looks = facet_normals(blocks[face.block].points, face.facets) @ upstream
+        if looks.min() <= 0.0:
+            angle = np.degrees(np.arccos(looks.min()))
+            raise ConfigError(
+                f"{place}.faces[{k}]: {int((looks <= 0.0).sum())} of its {len(looks)} facets are not wet, "
+                f"they look away from the reservoir ({angle:.0f} degrees off {upstream.round(3).tolist()}, "
+                "limit 90); name the upstream face only, or correct `upstream`"
+            )
