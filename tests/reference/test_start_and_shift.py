@@ -39,7 +39,7 @@ def test_a_start_knows_what_the_gaps_have_lost(pounding):
     """Bonds break between 4 and 5 s; forgotten, they would hold again."""
     system, ground = pounding
     n = len(system.law)
-    laws = {"tensile_strength": np.linspace(0.0, 1e7, n)}
+    laws = {"tensile_strength": np.linspace(0.0, 1e8, n)}
     if system.law.directions == 3:
         laws["cohesion"], laws["friction_static"] = laws["tensile_strength"], np.full((n, 2), 0.7)
         laws["shear_key"] = np.tile([0.004, 1.0, 0.0], (n, 1))
