@@ -1,4 +1,7 @@
-"""The arrays that the hot loop works on; tuples of arrays, because that is what the kernel can take."""
+"""The arrays that the hot loop works on; tuples of arrays, because that is what the kernel can take.
+
+Runs that march together share the model; the leading axis of everything that moves is the run.
+"""
 
 from __future__ import annotations
 
@@ -11,34 +14,30 @@ from romdam.dynamics.propagator import Propagator
 from romdam.joints.problem import GapMemory, GapProblem
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 RATIO = 4  # between the steps of two levels: 2 refuses more steps, 8 takes more small ones; both cost more
 
 
 class ModalModel(NamedTuple):
-    """A diagonal system in arrays for the loop.
+    """A diagonal system in arrays for the loop: what all runs share.
 
     Attributes
     ----------
-    k, c : (m,) modal stiffness [1/s2] and damping [1/s]
     static : (m,) static force [N/sqrt(kg)]
     load : (components, m) inertia force per unit ground acceleration, negative sign included
     tiles : (nt, 5) row start and end, column start and end of each non-zero block of G, offset of its values
     values : G's blocks, row-major, one after another
     R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
-    tau : their relaxation time [s]
     conserving : whether the joint force acts with its mean over the step, so that no energy is lost
     shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
     """
 
-    k: Floats
-    c: Floats
     static: Floats
     load: Floats
-    tiles: NDArray[np.int64]
+    tiles: Ints
     values: Floats
     R: Floats
-    tau: float
     conserving: bool
     shift: Floats
 
@@ -46,40 +45,54 @@ class ModalModel(NamedTuple):
 class Levels(NamedTuple):
     """Step coefficients and gap-space problems of every step size, the base step first.
 
-    Every array of `step`, `W`, `Z` and `lift` of the problem, `active`, `inverse`, `order` and `counts` of
-    the memory have a leading axis of levels; level l has the step dt / RATIO^l.
+    Level l has the step dt / RATIO^l. Every array of `step` and `problem` has a leading axis of variants
+    (runs may differ in damping and in the joints' parameters), then, unless it is the same at every step,
+    one of levels.
 
     Attributes
     ----------
     step : stacked Propagator
     problem : stacked GapProblem
-    memory : stacked GapMemory
-    decay : (levels,) exp(-step / tau)
-    half : (levels, N, N) half the states' flexibility over a step (conserving), else empty [m/N]
+    decay : (variants, levels) exp(-step / tau), tau the relaxation time of R
+    half : (variants, levels, N, N) half the states' flexibility over a step (conserving), else empty [m/N]
     """
 
     step: Propagator
     problem: GapProblem
-    memory: GapMemory
     decay: Floats
     half: Floats
 
 
-class Control(NamedTuple):
-    """When a step is fine enough.
+class Runs(NamedTuple):
+    """What each run is, and where it stands.
 
     Attributes
     ----------
-    tolerance : of the gap-space problem, relative
-    impulse : largest gap velocity that the change of a joint force over a step may stand for [m/s]
+    variant : (2, runs) its variant of the step coefficients, and of the gap-space problem
+    samples, rows : (runs,) its first column of the ground acceleration, its first row of the track
+    last : (runs,) its number of base steps
+    impulse : (runs,) largest gap velocity that the change of a joint force over a step may stand for [m/s]
+    clock : (runs, 4) base steps done, finest steps done in the one under way, level of the next step,
+        accepted steps since the closed set changed
+    failed : (runs,) whether a step did not converge at the finest level
+    acc : (components, samples) ground acceleration at every base step, the runs one after another [m/s2]
+    memory : of the gap-space problems; all but `work` has a leading axis of runs, and `active`, `inverse`,
+        `order` and `counts` then one of levels
     """
 
-    tolerance: float
-    impulse: float
+    variant: Ints
+    samples: Ints
+    rows: Ints
+    last: Ints
+    impulse: Floats
+    clock: Ints
+    failed: NDArray[np.bool_]
+    acc: Floats
+    memory: GapMemory
 
 
 class ModalState(NamedTuple):
-    """State at the last accepted step; changed in place.
+    """State at the last accepted step; changed in place. The leading axis of runs is left out below.
 
     Attributes
     ----------
@@ -94,8 +107,8 @@ class ModalState(NamedTuple):
     impulse : (n, d) time integral of the joint force since the last row [N s]
     works : (4,) see `romdam.dynamics.energy.ACCUMULATED` [J]
     stored : (1,) energy in the gaps [J]
-    level : (1,) level of the next step
     counts : (3,) steps accepted, steps refused, largest gap residual
+    peaks : (4, n) largest opening, its time, largest compression, largest slip, over every step
     """
 
     q: Floats
@@ -112,12 +125,41 @@ class ModalState(NamedTuple):
     impulse: Floats
     works: Floats
     stored: Floats
-    level: NDArray[np.int64]
     counts: Floats
+    peaks: Floats
+
+
+class Work(NamedTuple):
+    """Vectors of the loop, one row per run.
+
+    Attributes
+    ----------
+    f_0, f_end : (runs, m) external force at the ends of the base step under way
+    f_1, q_free, r : (runs, m) external force and displacement without joint force at the step's end; joint
+        force on the modes
+    w, y, old_force : (runs, N) jumps, the gap-space problem's solution, joint force at the step's start
+    ends : (runs, 2, N) added jumps at both ends of the base step, (runs, 2, 0) where none are added
+    underway, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
+    left, out : buffers of the matrix products
+    """
+
+    f_0: Floats
+    f_end: Floats
+    f_1: Floats
+    q_free: Floats
+    r: Floats
+    w: Floats
+    y: Floats
+    old_force: Floats
+    ends: Floats
+    underway: Ints
+    accepted: Ints
+    left: Floats
+    out: Floats
 
 
 class Track(NamedTuple):
-    """What is written: one row per kept base step; peaks see every step.
+    """What is written: one row per kept base step, the runs one after another.
 
     Attributes
     ----------
@@ -128,7 +170,6 @@ class Track(NamedTuple):
     state : (rows, n)
     works : (rows, 4)
     stored : (rows,)
-    peaks : (4, n) largest opening, its time, largest compression, largest slip
     """
 
     stride: int
@@ -141,4 +182,3 @@ class Track(NamedTuple):
     state: NDArray[np.uint8]
     works: Floats
     stored: Floats
-    peaks: Floats

@@ -13,196 +13,94 @@ fixed step of that size) at a third of the steps and of the cost.
 
 Strongly damped modes are not states. They answer the joint force as a flexibility R that relaxes with their
 common time tau = c/k (stiffness-proportional damping gives beta to all): tau s' + s = p, u_r = R s.
+
+Many runs march together: in every round each takes its own next step, at its own time and level, exactly the
+step it would take alone; only the products with G and R are made for all at once.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from romdam.dynamics.arrays import RATIO, Control, Levels, ModalModel, ModalState, Track
+from romdam.dynamics.arrays import RATIO, Levels, ModalModel, ModalState, Runs, Track, Work
+from romdam.dynamics.conserving import try_conserving
+from romdam.dynamics.modes import (
+    advance,
+    external_force,
+    free_motion,
+    gap_jumps,
+    modal_forces,
+    relax,
+    residual_jumps,
+)
 from romdam.dynamics.propagator import Propagator
-from romdam.joints.problem import GapMemory, GapProblem, Strength
+from romdam.joints.problem import GapMemory, GapProblem, Limits, Strength
 from romdam.joints.step import commit_gaps, solve_gaps
 
 Floats = NDArray[np.float64]
 
-_MEAN_ITERATIONS = 50  # of the discrete gradient in a step that changes the closed set
 _CALM = 1  # accepted steps without a change of the closed set before a longer one is tried
 
 
-class Scratch(NamedTuple):
-    """Vectors of the loop: modal forces, free displacement, joint force on the modes, gap vectors.
-
-    `ends` (2, N) holds the added jumps at both ends of a base step, `shift` (N,) those at the step's end;
-    both are empty where none are added.
-    """
-
-    f_0: Floats
-    f_1: Floats
-    f_end: Floats
-    q_free: Floats
-    r: Floats
-    w: Floats
-    y: Floats
-    old_force: Floats
-    ends: Floats
-    shift: Floats
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def gap_jumps(model: ModalModel, q: Floats, w: Floats) -> None:
-    """w = G q, block by block."""
-    w[:] = 0.0
-    for t in range(len(model.tiles)):
-        r0, r1, c0, c1, start = model.tiles[t]
-        width = c1 - c0
-        part = q[c0:c1]
-        for r in range(r0, r1):
-            row = model.values[start + (r - r0) * width : start + (r - r0 + 1) * width]
-            total = 0.0
-            for j in range(width):
-                total += row[j] * part[j]
-            w[r] += total
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def modal_force(model: ModalModel, p: Floats, r: Floats) -> None:
-    """r = G^T p, skipping unloaded gap directions."""
-    r[:] = 0.0
-    for t in range(len(model.tiles)):
-        r0, r1, c0, c1, start = model.tiles[t]
-        width = c1 - c0
-        part = r[c0:c1]
-        for g in range(r0, r1):
-            force = p[g]
-            if force != 0.0:
-                row = model.values[start + (g - r0) * width : start + (g - r0 + 1) * width]
-                for j in range(width):
-                    part[j] += row[j] * force
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _external(model: ModalModel, acc: Floats, f: Floats) -> None:
-    """External modal force at one instant."""
-    f[:] = model.static
-    for a in range(len(acc)):
-        for j in range(len(f)):
-            f[j] += model.load[a, j] * acc[a]
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats) -> None:
-    """Displacement at the step's end without joint force."""
-    for j in range(len(q_free)):
-        q_free[j] = (
-            step.q_q[j] * state.q[j]
-            + step.q_v[j] * state.v[j]
-            + step.q_0[j] * state.f[j]
-            + step.q_1[j] * f_1[j]
-        )
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _advance(step: Propagator, state: ModalState, x: Scratch) -> tuple[float, float, float]:
-    """Move the modes to the step's end; work of external and joint force, and damping loss, in the step."""
-    work, joint, loss = 0.0, 0.0, 0.0
-    rate = 1.0 / step.dt
-    moment, D = step.moment, step.loss
-    for j in range(len(state.q)):
-        q, v, f, f_1, r = state.q[j], state.v[j], state.f[j], x.f_1[j], x.r[j]
-        F, s = f + r, (f_1 - f) * rate
-        q_1 = x.q_free[j] + step.q_p[j] * r
-        v_1 = step.v_q[j] * q + step.v_v[j] * v + step.v_0[j] * f + step.v_1[j] * f_1 + step.v_p[j] * r
-        work += f * (q_1 - q) + s * (
-            moment[0, j] * q + moment[1, j] * v + moment[2, j] * F + moment[3, j] * s
-        )
-        joint += r * (q_1 - q)
-        loss += q * (D[0, j] * q + D[1, j] * v + D[2, j] * F + D[3, j] * s)
-        loss += v * (D[4, j] * v + D[5, j] * F + D[6, j] * s)
-        loss += F * (D[7, j] * F + D[8, j] * s) + D[9, j] * s * s
-        state.q[j], state.v[j], state.f[j] = q_1, v_1, f_1
-    return work, joint, loss
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _relax(
-    model: ModalModel, state: ModalState, decay: float, p: Floats, goal: Floats
-) -> tuple[float, float]:
-    """Relax the residual flexibility towards a joint force; the force's work on it, and what it loses."""
-    s, u_r, N = state.s, state.u_r, len(p)
-    work, loss, size = 0.0, 0.0, 0.0
-    for i in range(N):
-        size = max(size, abs(s[i]), abs(p[i]))
-    if size == 0.0:
-        return 0.0, 0.0
-    goal[:] = 0.0
-    for i in range(N):
-        f = p[i]
-        if f != 0.0:
-            row = model.R[i]
-            for j in range(N):
-                goal[j] += row[j] * f
-    for i in range(N):
-        new = decay * u_r[i] + (1.0 - decay) * goal[i]
-        if model.conserving:
-            work += 0.5 * (p[i] * new - s[i] * u_r[i])
-        else:
-            work += p[i] * (new - u_r[i])
-            loss += 0.5 * (1.0 - decay * decay) * (p[i] - s[i]) * (goal[i] - u_r[i])
-        u_r[i] = new
-    size = 0.0
-    for i in range(N):
-        s[i] = decay * s[i] + (1.0 - decay) * p[i]
-        size = max(size, abs(s[i]))
-    if size < 1e-30:
-        s[:] = 0.0
-        u_r[:] = 0.0
-    return work, loss
+@njit(cache=True)
+def _state_of(x: ModalState, run: int) -> ModalState:
+    """Views of one run's state."""
+    return ModalState(
+        x.q[run], x.v[run], x.f[run], x.s[run], x.u_r[run], x.jump[run], x.force[run], x.mean[run], x.w[run],
+        x.state[run], x.closed[run], x.impulse[run], x.works[run], x.stored[run], x.counts[run], x.peaks[run],
+    )  # fmt: skip
 
 
 @njit(cache=True)
-def _peak(track: Track, state: ModalState, time: float) -> None:
+def _step_of(levels: Levels, runs: Runs, run: int) -> Propagator:
+    """Views of the step coefficients at a run's level."""
+    s, i, l = levels.step, runs.variant[0, run], runs.clock[run, 2]
+    return Propagator(
+        s.dt[i, l], s.q_q[i, l], s.q_v[i, l], s.v_q[i, l], s.v_v[i, l], s.q_0[i, l], s.q_1[i, l],
+        s.v_0[i, l], s.v_1[i, l], s.q_p[i, l], s.v_p[i, l], s.moment[i, l], s.loss[i, l],
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemory]:
+    """Views of the gap-space problem at a run's level."""
+    p, m, i, l = levels.problem, runs.memory, runs.variant[1, run], runs.clock[run, 2]
+    x = p.strength
+    strength = Strength(x.tension[i], x.cohesion[i], x.mu_static[i], x.key[i], x.dash[i, l])
+    problem = GapProblem(
+        p.W[i, l], p.Z[i, l], p.lift[i, l], p.tension[i], p.compliance[i, l], p.mu[i], p.gap[i], strength
+    )
+    limits = Limits(m.limits.cohesion[run], m.limits.mu[run], m.limits.tension[run])
+    memory = GapMemory(
+        m.force[run], m.anchor[run], m.active[run, l], m.inverse[run, l], m.order[run, l], m.counts[run, l],
+        m.work, limits, m.weak[run], m.trial[run], m.overlap[run], m.worst[run],
+    )  # fmt: skip
+    return problem, memory
+
+
+@njit(cache=True)
+def _peak(state: ModalState, time: float) -> None:
+    peaks = state.peaks
     for i in range(len(state.jump)):
-        if state.jump[i, 0] > track.peaks[0, i]:
-            track.peaks[0, i] = state.jump[i, 0]
-            track.peaks[1, i] = time
-        track.peaks[2, i] = max(track.peaks[2, i], state.force[i, 0])
+        if state.jump[i, 0] > peaks[0, i]:
+            peaks[0, i] = state.jump[i, 0]
+            peaks[1, i] = time
+        peaks[2, i] = max(peaks[2, i], state.force[i, 0])
         if state.jump.shape[1] == 3:
             slip = np.hypot(state.jump[i, 1], state.jump[i, 2])
-            track.peaks[3, i] = max(track.peaks[3, i], slip)
+            peaks[3, i] = max(peaks[3, i], slip)
 
 
 @njit(cache=True)
-def record_row(track: Track, state: ModalState, row: int) -> None:
+def _record(track: Track, state: ModalState, row: int) -> None:
     """Copy the state into a row of the track, and begin a new impulse."""
     track.q[row], track.v[row], track.s[row] = state.q, state.v, state.s
     track.jump[row], track.force[row], track.state[row] = state.jump, state.force, state.state
     track.impulse[row] = state.impulse
     state.impulse[:] = 0.0
     track.works[row], track.stored[row] = state.works, state.stored[0]
-
-
-@njit(cache=True)
-def _level(levels: Levels, l: int) -> tuple[Propagator, GapProblem, GapMemory]:
-    """Views of one level."""
-    s, p, m = levels.step, levels.problem, levels.memory
-    step = Propagator(
-        s.dt[l], s.q_q[l], s.q_v[l], s.v_q[l], s.v_v[l], s.q_0[l], s.q_1[l], s.v_0[l], s.v_1[l],
-        s.q_p[l], s.v_p[l], s.moment[l], s.loss[l],
-    )  # fmt: skip
-    strength = Strength(
-        p.strength.tension, p.strength.cohesion, p.strength.mu_static, p.strength.key, p.strength.dash[l]
-    )
-    problem = GapProblem(p.W[l], p.Z[l], p.lift[l], p.tension, p.compliance[l], p.mu, p.gap, strength)
-    memory = GapMemory(
-        m.force, m.anchor, m.active[l], m.inverse[l], m.order[l], m.counts[l], m.work,
-        m.limits, m.weak, m.trial, m.overlap, m.worst,
-    )  # fmt: skip
-    return step, problem, memory
 
 
 @njit(cache=True)
@@ -219,235 +117,218 @@ def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: floa
 
 
 @njit(cache=True)
+def _open_base_step(model: ModalModel, runs: Runs, work: Work, run: int) -> None:
+    """Bring the external force, and the added jumps, of both ends of a run's next base step."""
+    n = runs.clock[run, 0]
+    work.f_0[run] = work.f_end[run]
+    external_force(model, runs.acc[:, runs.samples[run] + n + 1], work.f_end[run])
+    if len(model.shift):
+        work.ends[run] = model.shift[n : n + 2]
+    runs.clock[run, 1], runs.clock[run, 3] = 0, 0
+
+
+@njit(cache=True)
+def begin(model: ModalModel, runs: Runs, states: ModalState, work: Work, track: Track) -> None:
+    """Write the first row of every run, and open its first base step."""
+    for run in range(len(runs.last)):
+        _record(track, _state_of(states, run), runs.rows[run])
+        external_force(model, runs.acc[:, runs.samples[run]], work.f_end[run])
+        if runs.last[run] > 0:
+            _open_base_step(model, runs, work, run)
+
+
+@njit(cache=True)
+def _head_for(levels: Levels, runs: Runs, states: ModalState, work: Work, run: int) -> None:
+    """Free motion of a run over its next step, to work.f_1 and work.q_free."""
+    finest = levels.decay.shape[1] - 1
+    share = _reach(runs, run, finest)
+    f_0, f_end, f_1 = work.f_0[run], work.f_end[run], work.f_1[run]
+    for j in range(len(f_1)):
+        f_1[j] = f_0[j] + share * (f_end[j] - f_0[j])
+    free_motion(_step_of(levels, runs, run), _state_of(states, run), f_1, work.q_free[run])
+
+
+@njit(cache=True)
+def _reach(runs: Runs, run: int, finest: int) -> float:
+    """Where a run's next step ends within its base step, from 0 to 1."""
+    return (runs.clock[run, 1] + RATIO ** (finest - runs.clock[run, 2])) / RATIO**finest
+
+
+@njit(cache=True)
 def _try_step(
-    model: ModalModel, levels: Levels, control: Control, state: ModalState, x: Scratch, finest: bool
+    model: ModalModel,
+    levels: Levels,
+    runs: Runs,
+    state: ModalState,
+    work: Work,
+    run: int,
+    tolerance: float,
 ) -> tuple[bool, float]:
-    """Solve one step of the present level to x.f_1; whether to accept it, and its gap residual."""
-    l = state.level[0]
-    step, problem, memory = _level(levels, l)
-    _free_motion(step, state, x.f_1, x.q_free)
-    gap_jumps(model, x.q_free, x.w)
-    if len(model.R):
-        for i in range(len(x.w)):
-            x.w[i] += levels.decay[l] * state.u_r[i]
-    for i in range(len(x.shift)):
-        x.w[i] += x.shift[i]
-    x.old_force[:] = memory.force
-    residual = solve_gaps(problem, memory, state.closed, x.w, x.y, (control.tolerance, not finest))
-    if not residual <= control.tolerance:
-        memory.force[:] = x.old_force
-        return False, residual
-    if finest or _impulse(problem, memory, x.old_force, step.dt) <= control.impulse:
-        return True, residual
-    memory.force[:] = x.old_force
-    return False, residual
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _add_product(A: Floats, p: Floats, scale: float, out: Floats) -> None:
-    """out += scale A p for a symmetric A, skipping unloaded directions."""
-    for i in range(len(p)):
-        f = scale * p[i]
-        if f != 0.0:
-            row = A[i]
-            for j in range(len(out)):
-                out[j] += row[j] * f
+    """Solve a run's next step; whether to accept it, and its gap residual."""
+    l, finest = runs.clock[run, 2], levels.decay.shape[1] - 1
+    problem, memory = _gaps_of(levels, runs, run)
+    w, y, old_force = work.w[run], work.y[run], work.old_force[run]
+    share, ends, variant = _reach(runs, run, finest), work.ends[run], runs.variant[0, run]
+    shift = ends[0] + share * (ends[1] - ends[0])
+    old_force[:] = memory.force
+    if model.conserving:
+        half = levels.half[variant, l]
+        residual = try_conserving(model, half, (problem, memory), state, (w, shift, y), tolerance)
+    else:
+        if len(model.R):
+            for i in range(len(w)):
+                w[i] += levels.decay[variant, l] * state.u_r[i]
+        w[: len(shift)] += shift
+        residual = solve_gaps(problem, memory, state.closed, w, y, (tolerance, l < finest))
+    good = residual <= tolerance
+    if good and l < finest:
+        good = _impulse(problem, memory, old_force, levels.step.dt[variant, l]) <= runs.impulse[run]
+    if not good:
+        memory.force[:] = old_force
+    return good, residual
 
 
 @njit(cache=True)
-def _elastic(model: ModalModel, problem: GapProblem, p_c: Floats, p: Floats, g: Floats) -> float:
-    """Energy of the residual flexibility and of the gaps' springs."""
-    d = len(p) // max(len(problem.gap), 1)
-    energy = 0.0
-    for i in range(len(p)):
-        energy += 0.5 * problem.compliance[i] * p_c[i] ** 2
-        if len(model.R) and p[i] != 0.0:
-            row = model.R[i]
-            for j in range(len(p)):
-                energy += 0.5 * p[i] * row[j] * p[j]
-    for i in range(len(problem.gap)):
-        energy += 0.5 * problem.tension[i] * g[d * i] ** 2
-    return energy
-
-
-@njit(cache=True)
-def _end_force(
-    problem: GapProblem, memory: GapMemory, closed: NDArray[np.bool_], y: Floats, p: Floats, g: Floats
-) -> bool:
-    """Whole joint force and opening at the step's end; whether the closed set changed."""
-    d = len(p) // max(len(problem.gap), 1)
-    changed = False
-    for i in range(len(p)):
-        g[i] = y[i] - problem.compliance[i] * memory.force[i]
-        p[i] = memory.force[i]
-        if i % d == 0:
-            p[i] -= problem.tension[i // d] * g[i]
-            changed = changed or (memory.force[i] > 0.0) != closed[i // d]
-    return changed
-
-
-@njit(cache=True)
-def _correction(missing: float, moved: Floats) -> Floats:
-    """The force along the change of the jump that does the missing work."""
-    size = moved @ moved
-    return -(missing / size) * moved if size > 0.0 else np.zeros(len(moved))
-
-
-@njit(cache=True)
-def _try_conserving(
-    model: ModalModel, levels: Levels, control: Control, state: ModalState, x: Scratch
-) -> tuple[bool, float]:
-    """Solve a step in which the joint force acts with a mean that does the work the gaps store.
-
-    The mean is (p_0 + p_1) / 2, which is exact while the closed set stands still, and a multiple of the
-    change of the states' jump on the loaded gaps where it does not (a discrete gradient).
-    """
-    step, problem, memory = _level(levels, 0)
-    half, p_0 = levels.half[0], state.force.ravel()
-    _free_motion(step, state, x.f_1, x.q_free)
-    gap_jumps(model, x.q_free, x.w)
-    before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
-    correction, p_1, g_1 = np.zeros_like(p_0), np.zeros_like(p_0), np.zeros_like(p_0)
-    x.old_force[:] = memory.force
-    residual, w_1 = 0.0, x.w.copy()
-    for _ in range(_MEAN_ITERATIONS):
-        w = x.w.copy()
-        for i in range(len(x.shift)):
-            w[i] += x.shift[i]
-        _add_product(half, p_0 + 2.0 * correction, 1.0, w)
-        memory.force[:] = x.old_force
-        residual = solve_gaps(problem, memory, state.closed, w, x.y, (control.tolerance, False))
-        if not residual <= control.tolerance:
-            memory.force[:] = x.old_force
-            return False, residual
-        changed = _end_force(problem, memory, state.closed, x.y, p_1, g_1)
-        state.mean[:] = 0.5 * (p_0 + p_1) + correction
-        w_1[:] = x.w
-        _add_product(half, state.mean, 2.0, w_1)
-        if not changed or len(p_0) > len(problem.gap):
-            break
-        moved = (w_1 - state.w) * ((p_0 != 0.0) | (p_1 != 0.0))
-        missing = _elastic(model, problem, memory.force, p_1, g_1) - before + (0.5 * (p_0 + p_1)) @ moved
-        new = _correction(missing, moved)
-        if np.abs(new - correction).max() <= 1e-12 * np.abs(state.mean).max():
-            break
-        correction = new
-    state.w[:] = w_1
-    return True, residual
-
-
-@njit(cache=True)
-def _accept(model: ModalModel, levels: Levels, state: ModalState, x: Scratch) -> bool:
-    """Commit a solved step: gaps, modes, residual flexibility, works; whether the closed set changed."""
-    l = state.level[0]
-    step, problem, memory = _level(levels, l)
-    stored, friction = commit_gaps(problem, memory, x.y, state.jump, state.force, state.state)
+def _accept(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work: Work, run: int) -> None:
+    """Commit the gaps of a solved step."""
+    problem, memory = _gaps_of(levels, runs, run)
+    stored, friction = commit_gaps(problem, memory, work.y[run], state.jump, state.force, state.state)
     changed = False
     for i in range(len(state.closed)):
         closed = state.state[i] > 0
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
-    p = state.force.ravel()
     if not model.conserving:
-        state.mean[:] = p
-    modal_force(model, state.mean, x.r)
-    work, joint, loss = _advance(step, state, x)
-    if len(model.R):
-        joint_r, loss_r = _relax(model, state, levels.decay[l], p, x.w)
-        joint += joint_r
-        loss += loss_r
-    state.works[0] += work
-    state.works[1] += loss
-    state.works[2] += joint
+        state.mean[:] = state.force.ravel()
+    runs.clock[run, 3] = 0 if changed else runs.clock[run, 3] + 1
     state.works[3] += friction
-    d = state.impulse.shape[1]
-    for i in range(len(state.mean)):
-        state.impulse[i // d, i % d] += step.dt * state.mean[i]
     state.stored[0] = stored
-    return changed
 
 
 @njit(cache=True)
-def _base_step(
+def _refuse(runs: Runs, state: ModalState, run: int, finest: int, residual: float) -> None:
+    """Go a level down; at the finest the run has failed."""
+    state.counts[1] += 1
+    if runs.clock[run, 2] == finest:
+        state.counts[2] = residual
+        runs.failed[run] = True
+    else:
+        runs.clock[run, 2] += 1
+
+
+@njit(cache=True)
+def _move(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work: Work, run: int) -> None:
+    """Modes, residual flexibility, works and peaks of a run at the end of its accepted step."""
+    step, l, variant = _step_of(levels, runs, run), runs.clock[run, 2], runs.variant[0, run]
+    input_, joint, loss = advance(step, state, (work.f_1[run], work.r[run]), work.q_free[run])
+    if len(model.R):
+        p, goal = state.force.ravel(), work.w[run]
+        joint_r, loss_r = relax(model, state, levels.decay[variant, l], p, goal)
+        joint += joint_r
+        loss += loss_r
+    state.works[0] += input_
+    state.works[1] += loss
+    state.works[2] += joint
+    d = state.impulse.shape[1]
+    for i in range(len(state.mean)):
+        state.impulse[i // d, i % d] += step.dt * state.mean[i]
+    finest = levels.decay.shape[1] - 1
+    _peak(state, levels.step.dt[variant, 0] * (runs.clock[run, 0] + _reach(runs, run, finest)))
+
+
+@njit(cache=True)
+def _tick(
+    model: ModalModel, runs: Runs, state: ModalState, work: Work, track: Track, run: int, finest: int
+) -> None:
+    """Move a run's clock over its accepted step; write a row, choose the next level, open a base step."""
+    clock = runs.clock[run]
+    size = RATIO ** (finest - clock[2])
+    clock[1] += size
+    state.counts[0] += 1
+    if clock[2] > 0 and clock[3] >= _CALM and clock[1] % (RATIO * size) == 0:
+        clock[2] -= 1
+        clock[3] = 0
+    if clock[1] < RATIO**finest:
+        return
+    clock[0] += 1
+    if clock[0] % track.stride == 0:
+        _record(track, state, runs.rows[run] + clock[0] // track.stride)
+    if clock[0] < runs.last[run]:
+        _open_base_step(model, runs, work, run)
+
+
+@njit(cache=True)
+def _under_way(runs: Runs, work: Work) -> int:
+    """Put the runs that are neither done nor failed to work.underway; how many they are."""
+    count = 0
+    for run in range(len(runs.last)):
+        if runs.clock[run, 0] < runs.last[run] and not runs.failed[run]:
+            work.underway[count] = run
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _round(
     model: ModalModel,
     levels: Levels,
-    control: Control,
-    state: ModalState,
-    x: Scratch,
+    runs: Runs,
+    states: ModalState,
+    work: Work,
     track: Track,
-    start: float,
-) -> bool:
-    """March over one base step from x.f_0 to x.f_end by steps of the levels' grid; False if it cannot."""
-    finest = len(levels.decay) - 1
-    calm, at, whole = 0, 0, RATIO**finest
-    while at < whole:
-        l = state.level[0]
-        size = RATIO ** (finest - l)
-        share = (at + size) / whole
-        for j in range(len(x.f_1)):
-            x.f_1[j] = x.f_0[j] + share * (x.f_end[j] - x.f_0[j])
-        for i in range(len(x.shift)):
-            x.shift[i] = x.ends[0, i] + share * (x.ends[1, i] - x.ends[0, i])
-        if model.conserving:
-            good, residual = _try_conserving(model, levels, control, state, x)
-        else:
-            good, residual = _try_step(model, levels, control, state, x, l == finest)
+    tolerance: float,
+) -> None:
+    """One step of every run under way."""
+    rows, finest, accepted = work.underway[: _under_way(runs, work)], levels.decay.shape[1] - 1, 0
+    for a in range(len(rows)):
+        _head_for(levels, runs, states, work, rows[a])
+    gap_jumps(model, rows, work.q_free, work.w, work)
+    for a in range(len(rows)):
+        run = rows[a]
+        state = _state_of(states, run)
+        good, residual = _try_step(model, levels, runs, state, work, run, tolerance)
         if not good:
-            state.counts[1] += 1
-            if l == finest:
-                state.counts[2] = residual
-                return False
-            state.level[0] = l + 1
+            _refuse(runs, state, run, finest, residual)
             continue
-        changed = _accept(model, levels, state, x)
-        at += size
-        state.counts[0] += 1
         state.counts[2] = max(state.counts[2], residual)
-        _peak(track, state, start + levels.step.dt[0] * at / whole)
-        calm = 0 if changed else calm + 1
-        if l > 0 and calm >= _CALM and at % (RATIO * size) == 0:
-            state.level[0] = l - 1
-            calm = 0
-    return True
+        _accept(model, levels, runs, state, work, run)
+        work.accepted[accepted] = run
+        accepted += 1
+    moved = work.accepted[:accepted]
+    modal_forces(model, moved, states.mean, work.r, work)
+    if len(model.R):
+        residual_jumps(model.R, moved, states.force.reshape(states.mean.shape), work.w, work)
+    for a in range(accepted):
+        state = _state_of(states, moved[a])
+        _move(model, levels, runs, state, work, moved[a])
+        _tick(model, runs, state, work, track, moved[a], finest)
 
 
 @njit(cache=True)
 def march(
     model: ModalModel,
     levels: Levels,
-    control: Control,
-    state: ModalState,
-    ground: tuple[Floats, int, int],
+    runs: Runs,
+    states: ModalState,
+    work: Work,
     track: Track,
+    control: tuple[float, int],
 ) -> int:
-    """March from one base step to another.
+    """March all runs by a number of steps, whatever the size of each.
 
     Parameters
     ----------
-    model, levels, control : the modes, the step sizes, and when a step is fine enough
-    state : changed in place
-    ground : ((components, nt) ground acceleration at every base step [m/s2], first step, last step)
-    track : receives rows and peaks
+    model, levels : what the runs share, and the step sizes
+    runs, states, work : changed in place
+    track : receives the rows
+    control : (tolerance of the gap-space problem, steps)
 
     Returns
     -------
-    int, the last base step taken; short of the one asked for when the gap-space problem did not
-        converge at the finest level (state.counts[2] then holds its residual)
+    int, how many runs are still under way; a run that failed (`runs.failed`) is not, and the third of its
+        counts holds the residual at the finest level
     """
-    acc, first, last = ground
-    m, N, shifted = len(model.k), len(levels.memory.force), len(model.shift) > 0
-    x = Scratch(
-        np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
-        np.empty(N), np.empty(N), np.empty(N), np.empty((2, N)), np.empty(N if shifted else 0),
-    )  # fmt: skip
-    _external(model, acc[:, first], x.f_end)
-    for n in range(first, last):
-        x.f_0[:] = x.f_end
-        _external(model, acc[:, n + 1], x.f_end)
-        if shifted:
-            x.ends[:] = model.shift[n : n + 2]
-        if not _base_step(model, levels, control, state, x, track, n * levels.step.dt[0]):
-            return n
-        if (n + 1) % track.stride == 0:
-            record_row(track, state, (n + 1) // track.stride)
-    return last
+    tolerance, steps = control
+    for _ in range(steps):
+        _round(model, levels, runs, states, work, track, tolerance)
+    return _under_way(runs, work)

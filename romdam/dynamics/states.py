@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import RATIO, Levels, ModalModel, Track
 from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.propagator import modal_propagator, stacked
+from romdam.dynamics.propagator import Propagator, modal_propagator, stacked
 from romdam.dynamics.static import system_gap_problem
 from romdam.dynamics.system import System
 from romdam.errors import ConfigError
-from romdam.joints.problem import GapMemory, gap_memory
+from romdam.joints.problem import GapMemory, GapProblem, Limits, Strength, gap_memory
 
 Floats = NDArray[np.float64]
 
@@ -128,7 +130,7 @@ def modal_model(
     conserving : whether the joint force acts with its mean over a step
     shift : (nt, N) added to the jumps at every base step [m]
     """
-    k, c = system.K.diagonal(), system.C.diagonal()
+    k = system.K.diagonal()
     tiles, values = _tiles(system, split)
     R = (split.G_rest / k[split.rest]) @ split.G_rest.T if len(split.rest) else np.zeros((0, 0))
     tapered = np.flatnonzero(split.taper < 1.0)
@@ -136,14 +138,11 @@ def modal_model(
         left = (1.0 / split.taper[tapered] ** 2 - 1.0) / k[split.states[tapered]]
         R = R + (split.G[:, tapered] * left) @ split.G[:, tapered].T
     return ModalModel(
-        k=k[split.states],
-        c=c[split.states],
         static=np.ascontiguousarray(system.force[split.states]),
         load=np.ascontiguousarray(-system.load[np.ix_(split.states, active)].T),
         tiles=tiles,
         values=values,
         R=np.ascontiguousarray(R),
-        tau=_relaxation_time(k[split.rest], c[split.rest], split.G_rest),
         conserving=conserving,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
     )
@@ -173,48 +172,135 @@ def _relaxation_time(k: Floats, c: Floats, G: Floats) -> float:
     return float((weight * c / k).sum() / weight.sum()) if weight.sum() > 0.0 else 0.0
 
 
-def step_levels(system: System, model: ModalModel, split: StateSplit, options: TransientOptions) -> Levels:
-    """Propagators and gap-space problems of the base step and its halves."""
+def step_levels(
+    variants: Sequence[System], model: ModalModel, split: StateSplit, options: TransientOptions
+) -> tuple[Levels, NDArray[np.int64]]:
+    """Propagators and gap-space problems of the base step and those below it.
+
+    Parameters
+    ----------
+    variants : systems that differ in damping and in their joints' parameters at most
+
+    Returns
+    -------
+    (levels, damping) : damping (variants,) says which of the levels' step coefficients each variant has;
+        the gap-space problems are in the order of the variants
+    """
+    dampings = [variant.C.diagonal().tobytes() for variant in variants]
+    distinct = list(dict.fromkeys(dampings))
+    index = np.array([distinct.index(key) for key in dampings], dtype=np.int64)
+    motions = [_motion(variants[dampings.index(key)], model, split, options) for key in distinct]
+    problems = [
+        [
+            _offset_problem(system, split, H, dt)
+            for H, dt in zip(motions[i].H, motions[i].step.dt, strict=True)
+        ]
+        for system, i in zip(variants, index, strict=True)
+    ]
+    halves = [motion.half for motion in motions if model.conserving]
+    levels = Levels(
+        step=stacked([motion.step for motion in motions]),
+        problem=_stacked_problems(problems),
+        decay=np.stack([motion.decay for motion in motions]),
+        half=np.stack(halves) if halves else np.zeros((len(motions), 1, 0, 0)),
+    )
+    return levels, index
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Step coefficients of one damping, and the flexibility of the gaps over a step, for every level."""
+
+    step: Propagator
+    decay: Floats
+    H: Floats
+    half: Floats
+
+
+def _motion(system: System, model: ModalModel, split: StateSplit, options: TransientOptions) -> _Motion:
+    k, c = system.K.diagonal(), system.C.diagonal()
     sizes = [options.dt / float(RATIO) ** level for level in range(options.levels + 1)]
-    steps = [modal_propagator(model.k, model.c, dt) for dt in sizes]
-    decay = np.array([np.exp(-dt / model.tau) if model.tau > 0.0 else 0.0 for dt in sizes])
+    tau = _relaxation_time(k[split.rest], c[split.rest], split.G_rest)
+    decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
+    step = stacked([modal_propagator(k[split.states], c[split.states], dt) for dt in sizes])
+    half = 0.5 * np.stack([(split.G * q_p) @ split.G.T for q_p in step.q_p])
+    H = half if model.conserving else 2.0 * half
+    if len(model.R):
+        H = H + (1.0 - decay)[:, None, None] * model.R
+    return _Motion(step, decay, H, half)
+
+
+def _offset_problem(system: System, split: StateSplit, H: Floats, dt: float) -> GapProblem:
+    """The gap-space problem of a step, its gaps as the static load leaves the modes that are no states."""
     offset = split.G_rest @ (system.force[split.rest] / system.K.diagonal()[split.rest])
-    problems, halves = [], []
-    for step, e in zip(steps, decay, strict=True):
-        H = (split.G * step.q_p) @ split.G.T
-        if model.conserving:
-            halves.append(0.5 * H)
-            H = halves[-1]
-        if len(model.R):
-            H = H + (1.0 - e) * model.R
-        problems.append(system_gap_problem(system, H, float(step.dt)))
-    first = problems[0]._replace(gap=system.law.gap + offset[:: system.law.directions])
-    memories = [gap_memory(problem) for problem in problems]
-    duals = [p.Z for p in problems]
-    if any(Z.shape != duals[0].shape for Z in duals):
-        duals = [np.zeros((0, 0)) for _ in duals]
-    return Levels(
-        step=stacked(steps),
-        problem=first._replace(
-            W=np.stack([p.W for p in problems]),
-            Z=np.stack(duals),
-            lift=np.stack([p.lift for p in problems]),
-            compliance=np.stack([p.compliance for p in problems]),
-            strength=first.strength._replace(dash=np.stack([p.strength.dash for p in problems])),
-        ),
-        memory=_stacked_memory(memories),
-        decay=decay,
-        half=np.stack(halves) if halves else np.zeros((1, 0, 0)),
+    problem = system_gap_problem(system, H, float(dt))
+    return problem._replace(gap=problem.gap + offset[:: system.law.directions])
+
+
+def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
+    """Problems of every variant and level in one; the dual is left out where one of them has none."""
+    firsts = [levels[0] for levels in problems]
+    with_dual = len({problem.Z.shape for levels in problems for problem in levels}) == 1
+    empty = np.zeros((len(problems), len(problems[0]), 0, 0))
+
+    def by_level(name: str) -> Floats:
+        return np.stack([np.stack([getattr(p, name) for p in levels]) for levels in problems])
+
+    dash = np.stack([np.stack([p.strength.dash for p in levels]) for levels in problems])
+    strengths = zip(*(problem.strength._replace(dash=np.zeros(0)) for problem in firsts), strict=True)
+    return GapProblem(
+        W=by_level("W"),
+        Z=by_level("Z") if with_dual else empty,
+        lift=by_level("lift"),
+        tension=np.stack([problem.tension for problem in firsts]),
+        compliance=by_level("compliance"),
+        mu=np.stack([problem.mu for problem in firsts]),
+        gap=np.stack([problem.gap for problem in firsts]),
+        strength=Strength(*(np.stack(values) for values in strengths))._replace(dash=dash),
     )
 
 
-def _stacked_memory(memories: list[GapMemory]) -> GapMemory:
-    return memories[0]._replace(
-        active=np.stack([m.active for m in memories]),
-        inverse=np.stack([m.inverse for m in memories]),
-        order=np.stack([m.order for m in memories]),
-        counts=np.stack([m.counts for m in memories]),
+def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
+    """Memory of every run for stacked problems, every gap open and unloaded.
+
+    Parameters
+    ----------
+    variant : (runs,) the variant of each
+    """
+    levels, runs = problem.W.shape[1], len(variant)
+    firsts = [gap_memory(_first_level(problem, i)) for i in range(len(problem.gap))]
+    memories = [firsts[i] for i in variant]
+
+    def by_level(array: NDArray[Any]) -> NDArray[Any]:
+        return np.zeros((runs, levels, *array.shape), dtype=array.dtype)
+
+    def by_run(name: str) -> NDArray[Any]:
+        return np.stack([getattr(memory, name) for memory in memories])
+
+    limits = zip(*(memory.limits for memory in memories), strict=True)
+    first = firsts[0]
+    return GapMemory(
+        force=by_run("force"),
+        anchor=by_run("anchor"),
+        active=by_level(first.active),
+        inverse=by_level(first.inverse),
+        order=by_level(first.order),
+        counts=by_level(first.counts),
+        work=first.work,
+        limits=Limits(*(np.stack(values) for values in limits)),
+        weak=by_run("weak"),
+        trial=by_run("trial"),
+        overlap=by_run("overlap"),
+        worst=by_run("worst"),
     )
+
+
+def _first_level(problem: GapProblem, variant: int) -> GapProblem:
+    """The base step's problem of one variant."""
+    strength = Strength(*(values[variant] for values in problem.strength))
+    parts = {name: getattr(problem, name)[variant] for name in ("tension", "mu", "gap")}
+    arrays = {name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance")}
+    return GapProblem(**arrays, **parts, strength=strength._replace(dash=strength.dash[0]))
 
 
 def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:

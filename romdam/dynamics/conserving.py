@@ -1,0 +1,108 @@
+"""The step that keeps the energy: the joint force acts with the mean that does the work the gaps store."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from romdam.dynamics.arrays import ModalModel, ModalState
+from romdam.dynamics.modes import add_rows
+from romdam.joints.problem import GapMemory, GapProblem
+from romdam.joints.step import solve_gaps
+
+Floats = NDArray[np.float64]
+
+_MEAN_ITERATIONS = 50  # of the discrete gradient in a step that changes the closed set
+
+
+@njit(cache=True)
+def _elastic(model: ModalModel, problem: GapProblem, p_c: Floats, p: Floats, g: Floats) -> float:
+    """Energy of the residual flexibility and of the gaps' springs."""
+    d = len(p) // max(len(problem.gap), 1)
+    energy = 0.0
+    for i in range(len(p)):
+        energy += 0.5 * problem.compliance[i] * p_c[i] ** 2
+        if len(model.R) and p[i] != 0.0:
+            row = model.R[i]
+            for j in range(len(p)):
+                energy += 0.5 * p[i] * row[j] * p[j]
+    for i in range(len(problem.gap)):
+        energy += 0.5 * problem.tension[i] * g[d * i] ** 2
+    return energy
+
+
+@njit(cache=True)
+def _end_force(
+    problem: GapProblem, memory: GapMemory, closed: NDArray[np.bool_], y: Floats, p: Floats, g: Floats
+) -> bool:
+    """Whole joint force and opening at the step's end; whether the closed set changed."""
+    d = len(p) // max(len(problem.gap), 1)
+    changed = False
+    for i in range(len(p)):
+        g[i] = y[i] - problem.compliance[i] * memory.force[i]
+        p[i] = memory.force[i]
+        if i % d == 0:
+            p[i] -= problem.tension[i // d] * g[i]
+            changed = changed or (memory.force[i] > 0.0) != closed[i // d]
+    return changed
+
+
+@njit(cache=True)
+def _correction(missing: float, moved: Floats) -> Floats:
+    """The force along the change of the jump that does the missing work."""
+    size = moved @ moved
+    return -(missing / size) * moved if size > 0.0 else np.zeros(len(moved))
+
+
+@njit(cache=True)
+def try_conserving(
+    model: ModalModel,
+    half: Floats,
+    gaps: tuple[GapProblem, GapMemory],
+    state: ModalState,
+    jumps: tuple[Floats, Floats, Floats],
+    tolerance: float,
+) -> float:
+    """Solve a step in which the joint force acts with a mean that does the work the gaps store.
+
+    The mean is (p_0 + p_1) / 2, which is exact while the closed set stands still, and a multiple of the
+    change of the states' jump on the loaded gaps where it does not (a discrete gradient).
+
+    Parameters
+    ----------
+    half : (N, N) half the states' flexibility over a step [m/N]
+    jumps : (N,) free jumps of the states, (N,) or (0,) what is added to them, and (N,) for the solution
+
+    Returns
+    -------
+    float, the relative residual of the gap-space problem; above `tolerance` means no convergence
+    """
+    (problem, memory), (w_free, shift, y) = gaps, jumps
+    p_0 = state.force.ravel()
+    before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
+    correction, p_1, g_1 = np.zeros_like(p_0), np.zeros_like(p_0), np.zeros_like(p_0)
+    old_force = memory.force.copy()
+    residual, w_1 = 0.0, w_free.copy()
+    for _ in range(_MEAN_ITERATIONS):
+        w = w_free.copy()
+        w[: len(shift)] += shift
+        add_rows(half, p_0 + 2.0 * correction, 1.0, w)
+        memory.force[:] = old_force
+        residual = solve_gaps(problem, memory, state.closed, w, y, (tolerance, False))
+        if not residual <= tolerance:
+            return residual
+        changed = _end_force(problem, memory, state.closed, y, p_1, g_1)
+        state.mean[:] = 0.5 * (p_0 + p_1) + correction
+        w_1[:] = w_free
+        add_rows(half, state.mean, 2.0, w_1)
+        if not changed or len(p_0) > len(problem.gap):
+            break
+        moved = (w_1 - state.w) * ((p_0 != 0.0) | (p_1 != 0.0))
+        missing = _elastic(model, problem, memory.force, p_1, g_1) - before + (0.5 * (p_0 + p_1)) @ moved
+        new = _correction(missing, moved)
+        if np.abs(new - correction).max() <= 1e-12 * np.abs(state.mean).max():
+            break
+        correction = new
+    state.w[:] = w_1
+    return residual
