@@ -19,6 +19,7 @@ from romdam.outputs.certificate import Figures, figures
 from romdam.pipelines.shaking import ground_at_steps, options_at
 from romdam.records.motion import GroundMotion
 from romdam.reduction.refinement import embedding, slightly_finer
+from romdam.reduction.store import BlockStore
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.scene.model import Scene
 
@@ -66,7 +67,9 @@ class Estimate:
         }
 
 
-def finer_model(job: Job, scene: Scene, reduced: ReducedModel | None) -> Finer | None:
+def finer_model(
+    job: Job, scene: Scene, reduced: ReducedModel | None, store: BlockStore | None = None
+) -> Finer | None:
     """The finer model of a job; None where no estimate is asked for, or none can be made.
 
     There is none at full order, with all modes, without joints, and without damping: undamped histories
@@ -76,7 +79,7 @@ def finer_model(job: Job, scene: Scene, reduced: ReducedModel | None) -> Finer |
     if reduced is None or not wanted or not reduced.system.C.diagonal().any():
         return None
     start = time.process_time()
-    fine = reduce_scene(scene, slightly_finer(mode_choice(job.config.model)), job.config.damping)
+    fine = reduce_scene(scene, slightly_finer(mode_choice(job.config.model)), job.config.damping, store)
     return Finer(fine, embedding(scene, reduced, fine), time.process_time() - start)
 
 

@@ -28,6 +28,7 @@ from romdam.pipelines.shaking import check_interval, shake
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import check_names, load_motions
+from romdam.reduction.store import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.model import Scene
@@ -90,7 +91,7 @@ def silent(text: str) -> AbstractContextManager[Progress]:
     return nullcontext(lambda done, total: None)
 
 
-def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
+def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Outcome:
     """Run every ground motion of a job; each lands as `out`/<record>.nc.
 
     Parameters
@@ -98,6 +99,7 @@ def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
     job : from `romdam.load_config`
     out : folder, made if needed
     show : told of every stage and its progress
+    cache : folder of reduced blocks, to find them in and to keep them in; none is used if not given
 
     Raises
     ------
@@ -109,10 +111,11 @@ def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job)
-    model = _with_finer(job, build_model(job, clock), clock)
+    store = None if cache is None else BlockStore(cache)
+    model = with_finer(job, build_model(job, clock, store), clock, store)
     with clock.stage("stress_fields", "stress of the modes"):
         model = replace(model, stress=stress_fields(model.scene, model.reduced))
-    files = _write_files(folder, model)
+    files = write_shared(folder, model)
     paths = []
     for motion in motions:
         try:
@@ -124,7 +127,7 @@ def run(job: Job, out: str | Path, show: Stage = silent) -> Outcome:
     return Outcome(tuple(paths), failures)
 
 
-def _write_files(folder: Path, model: Model) -> dict[str, str]:
+def write_shared(folder: Path, model: Model) -> dict[str, str]:
     """Write what all results of a model share: attribute of the results -> file name."""
     files = {}
     if model.reduced is not None:
@@ -154,21 +157,22 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
     return motions, failures
 
 
-def build_model(job: Job, clock: Clock) -> Model:
-    """Scene and system, reduced or not as the configuration says."""
+def build_model(job: Job, clock: Clock, store: BlockStore | None = None) -> Model:
+    """Scene and system, reduced or not as the configuration says; `store` holds blocks reduced before."""
     with clock.stage("scene", "building the scene"):
         scene = build_scene(job.config, job.folder, str(job.path))
     if job.config.model.order == "full":
         with clock.stage("model", "assembling the full model"):
             return Model(scene, observing_stress(scene, assemble_full(scene, job.config.damping)), None)
     with clock.stage("model", "reducing the blocks"):
-        reduced = reduce_scene(scene, job.config.model, job.config.damping)
+        reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     return Model(scene, reduced.system, reduced)
 
 
-def _with_finer(job: Job, model: Model, clock: Clock) -> Model:
+def with_finer(job: Job, model: Model, clock: Clock, store: BlockStore | None = None) -> Model:
+    """The model with what every run's error estimate needs."""
     with clock.stage("finer_model", "reducing a finer model for the error estimate"):
-        return replace(model, finer=finer_model(job, model.scene, model.reduced))
+        return replace(model, finer=finer_model(job, model.scene, model.reduced, store))
 
 
 def run_motion(

@@ -13,11 +13,13 @@ import romdam
 from romdam.errors import ConvergenceError, RomdamError
 
 if TYPE_CHECKING:
+    from romdam.config.load import Job
     from romdam.terminal import Stages
 
-FAILED, BAD_INPUT = 1, 2
+FAILED, BAD_INPUT, STOPPED = 1, 2, 130
 EXIT_CODES = """
-Exit codes: 0 all is well; 1 a record failed or a step did not converge; 2 bad input (nothing was computed).
+Exit codes: 0 all is well; 1 a record failed or a step did not converge; 2 bad input (nothing was computed);
+130 stopped by Ctrl-C.
 """
 
 app = typer.Typer(
@@ -52,13 +54,34 @@ def _options(
 
 
 @app.command(epilog=EXIT_CODES)
-def run(config: Config, out: Out, quiet: Quiet = False, verbose: Verbose = False) -> None:
-    """Run every record of CONFIG; each lands as OUT/<record>.nc."""
+def run(
+    config: Config,
+    out: Out,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder of reduced blocks; a suite has its own in OUT.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes of a suite; one for each core if not given.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler for a suite, instead of own processes.")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run every record of CONFIG; each lands as OUT/<record>.nc, those of a suite in OUT/summary.nc.
+
+    A suite that was stopped goes on where it stopped.
+    """
+    job = romdam.load_config(config)
+    if job.config.pipeline == "suite":
+        _run_suite(job, out, (workers, scheduler, cache), _terminal(quiet, verbose))
+        return
     from romdam.pipelines.run import run as run_job
     from romdam.terminal import peaks_table
 
     stages, say = _terminal(quiet, verbose)
-    outcome = run_job(romdam.load_config(config), out, stages)
+    outcome = run_job(job, out, stages, cache)
     say(peaks_table({path.stem: romdam.open_result(path).dataset for path in outcome.paths}))
     say(*(f"written: {path}" for path in outcome.paths))
     for name, message in outcome.failures.items():
@@ -68,6 +91,24 @@ def run(config: Config, out: Out, quiet: Quiet = False, verbose: Verbose = False
             f"{len(outcome.failures)} of {len(outcome.failures) + len(outcome.paths)} records failed",
             err=True,
         )
+        raise typer.Exit(FAILED)
+
+
+def _run_suite(
+    job: Job,
+    out: Path,
+    where: tuple[int | None, str | None, Path | None],
+    terminal: tuple[Stages, Callable[..., None]],
+) -> None:
+    from romdam.pipelines.suite import SuiteOptions, run_suite
+    from romdam.terminal import failure_lines, suite_table
+
+    stages, say = terminal
+    outcome = run_suite(job, out, SuiteOptions(*where), stages, say)
+    say(suite_table(outcome.summary), f"written: {outcome.path}")
+    for line in failure_lines(outcome):
+        typer.echo(line, err=True)
+    if outcome.failures:
         raise typer.Exit(FAILED)
 
 
@@ -218,6 +259,8 @@ def _terminal(quiet: bool, verbose: bool) -> tuple[Stages, Callable[..., None]]:
         level=level, format="%(message)s", handlers=[RichHandler(console=errors, show_path=False)]
     )
 
+    logging.getLogger("distributed").setLevel(logging.ERROR)  # it tells of every worker that comes and goes
+
     def say(*lines: object) -> None:
         for line in lines if not quiet else ():
             output.print(line, markup=False)
@@ -229,6 +272,9 @@ def main() -> None:
     """Run the command; every error of romdam's own is one message and an exit code."""
     try:
         app()
+    except KeyboardInterrupt:
+        typer.echo("romdam: stopped; what is finished is kept, and a suite goes on when run again", err=True)
+        raise SystemExit(STOPPED) from None
     except ConvergenceError as error:
         _stop(error, FAILED)
     except RomdamError as error:

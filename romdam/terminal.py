@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from romdam.pipelines.check import Check
+    from romdam.pipelines.suite import SuiteOutcome
 
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
 
@@ -115,6 +116,35 @@ def estimate_line(found: Check) -> str:
     )
 
 
+def suite_table(summary: xr.Dataset) -> Table:
+    """Peaks of a suite: a row for each joint and scale, over all records and samples."""
+    table = _table(
+        "Suite", ("joint", "scale"), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed")
+    )
+    failed = (summary.status > 0).sum(("record", "sample"))
+    for joint in summary.joint.values if "peak_opening" in summary else ():
+        for k, scale in enumerate(summary.scale.values):
+            peaks = 1e3 * summary.peak_opening.sel(joint=joint).isel(scale=k)
+            shares = (f"{float(peaks.quantile(share)):.2f}" for share in (0.5, 0.84, 1.0))
+            bad = int(failed.isel(scale=k))
+            table.add_row(str(joint), f"{scale:g}", str(peaks.size - bad), *shares, str(bad))
+    return table
+
+
+def failure_lines(outcome: SuiteOutcome) -> list[str]:
+    """What failed, grouped by message, and how much of the whole that is."""
+    groups: dict[str, list[str]] = {}
+    for name, message in outcome.failures.items():
+        groups.setdefault(message, []).append(name)
+    lines = []
+    for message, names in groups.items():
+        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+        lines.append(f"{', '.join(names[:_SHOWN])}{more}: {message}")
+    failed = int((outcome.summary.status > 0).sum())
+    return [*lines, f"{failed} of {outcome.runs} runs failed"] if lines else []
+
+
+_SHOWN = 5  # names of failed runs with one message
 _NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
 
 

@@ -91,6 +91,16 @@ def _timing_attributes(case: Case, timing: Timing) -> dict[str, object]:
     return seconds | {f"solver_{k}": v for k, v in case.history.stats.items()}
 
 
+def single_precision(dataset: xr.Dataset) -> xr.Dataset:
+    """The same dataset with its variables over time in single precision; time itself stays double."""
+    kept = {
+        name: v.astype(np.float32)
+        for name, v in dataset.data_vars.items()
+        if "time" in v.dims and v.dtype == np.float64
+    }
+    return dataset.assign(kept)
+
+
 def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     """Write a NetCDF-4 file whole or not at all.
 

@@ -57,15 +57,12 @@ def reduce_scene(
     model: ModelConfig | ModeChoice,
     damping: DampingConfig,
     store: BlockStore | None = None,
-    directions: int | None = None,
 ) -> ReducedModel:
     """Reduce every block with the modes of a configuration, or a choice of them, and put them together.
 
     Parameters
     ----------
     store : where blocks that were reduced before are found, and new ones kept
-    directions : components of the jump that the basis keeps physical, 1 or 3; those of the scene's joints if
-        not given. With 3 the joints may get friction later (`with_law`) without another reduction
 
     Raises
     ------
@@ -76,8 +73,7 @@ def reduce_scene(
     """
     start = time.process_time()
     law = gap_law(scene)
-    directions = directions or law.directions
-    operators = gap_operators(scene, directions)
+    operators = gap_operators(scene, law.directions)
     basis, report, first = {}, dict[str, object](), 0
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     for name, block in scene.blocks.items():
@@ -103,8 +99,7 @@ def reduce_scene(
     if water is not None:
         system, basis = with_water(system, basis, water, damping)
     report["cpu_seconds"] = time.process_time() - start
-    system = system if directions == law.directions else with_law(system, law)
-    return ReducedModel(system, basis, report, water)
+    return ReducedModel(system=system, basis=basis, report=report, water=water)
 
 
 def with_law(system: System, law: GapLaw) -> System:

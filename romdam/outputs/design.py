@@ -1,0 +1,160 @@
+"""The samples of a suite as a Dataset: the full grid, a Latin hypercube, or a table."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from romdam.config.load import Job
+from romdam.config.parameters import Place, find_place, si_value
+from romdam.config.suite import DesignTableConfig, LatinHypercubeConfig, ParameterConfig, SuiteConfig
+from romdam.errors import ConfigError
+from romdam.fingerprint import fingerprint
+
+Floats = NDArray[np.float64]
+MOST_SAMPLES = 1_000_000
+
+
+def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
+    """Where each parameter of a suite stands.
+
+    Raises
+    ------
+    ConfigError
+        for a path that cannot be varied, or two that name the same place.
+    """
+    source = str(job.path)
+    places = {n: find_place(job.config, one.path, n, source) for n, one in suite.parameters.items()}
+    taken: dict[tuple[str, str], str] = {}
+    for name, place in places.items():
+        for joint in place.joints or ("",):
+            other = taken.setdefault((joint, place.keys[0]), name)
+            if other != name and (place.keys == places[other].keys or not _beside(place, places[other])):
+                raise ConfigError(
+                    f"{source}: suite.parameters.{name}.path: {place.path} varies what parameter {other!r} "
+                    f"({places[other].path}) does; remove one of the two"
+                )
+    return places
+
+
+def _beside(one: Place, other: Place) -> bool:
+    """Whether two keys of one section can vary together, as damping.rayleigh.alpha and .beta."""
+    return len(one.keys) == len(other.keys) == 2
+
+
+def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) -> xr.Dataset:
+    """The samples of a suite: dims sample, a variable for each parameter, SI.
+
+    Raises
+    ------
+    ConfigError
+        for values that a key would not take, and tables that do not fit.
+    """
+    source, design = str(job.path), suite.design
+    if isinstance(design, DesignTableConfig):
+        values = _table(job.folder / design.table, places)
+        kind = f"table {design.table.name}"
+    elif isinstance(design, LatinHypercubeConfig):
+        values = _latin_hypercube(design, suite.parameters, places, source)
+        kind = f"Latin hypercube, seed {design.seed}"
+    else:
+        values = _grid(suite.parameters, places, source)
+        kind = "full grid"
+    count = len(next(iter(values.values()))) if values else 1
+    data = {
+        name: ("sample", column, {"units": places[name].units, "long_name": places[name].path})
+        for name, column in values.items()
+    }
+    attributes = {"design": kind, "content_sha256": fingerprint(values)}
+    return xr.Dataset(data, coords={"sample": np.arange(count)}, attrs=attributes)
+
+
+def _levels(name: str, one: ParameterConfig, place: Place, source: str) -> Floats:
+    """The values of a parameter in the full grid."""
+    if one.values is not None:
+        return np.array([si_value(place, value, name, source) for value in one.values])
+    low, high = _range(name, one, place, source)
+    if one.distribution == "loguniform":
+        return np.geomspace(low, high, one.count or 2)
+    return np.linspace(low, high, one.count or 2)
+
+
+def _range(name: str, one: ParameterConfig, place: Place, source: str) -> tuple[float, float]:
+    low, high = (si_value(place, v, name, source) for v in (one.low, one.high) if v is not None)
+    least = 0.0 if one.distribution == "loguniform" else -np.inf
+    if not least < low < high < np.inf:
+        raise ConfigError(
+            f"{source}: suite.parameters.{name}: `low` must be below `high`"
+            f"{' and above 0 for loguniform' if least == 0.0 else ''}, got {one.low} and {one.high}"
+        )
+    return low, high
+
+
+def _grid(
+    parameters: Mapping[str, ParameterConfig], places: Mapping[str, Place], source: str
+) -> dict[str, Floats]:
+    levels = {name: _levels(name, one, places[name], source) for name, one in parameters.items()}
+    count = int(np.prod([len(values) for values in levels.values()], dtype=np.int64)) if levels else 1
+    if count > MOST_SAMPLES:
+        raise ConfigError(
+            f"{source}: suite.parameters: the full grid has {count} samples, limit {MOST_SAMPLES}; "
+            "use design: {latin_hypercube: 1000}"
+        )
+    rows = list(itertools.product(*levels.values()))
+    return {name: np.array([row[i] for row in rows]) for i, name in enumerate(levels)}
+
+
+def _latin_hypercube(
+    design: LatinHypercubeConfig,
+    parameters: Mapping[str, ParameterConfig],
+    places: Mapping[str, Place],
+    source: str,
+) -> dict[str, Floats]:
+    from scipy.stats import qmc  # here: it takes most of a second to load
+
+    sampler = qmc.LatinHypercube(d=len(parameters), seed=np.random.default_rng(design.seed))
+    unit = sampler.random(design.latin_hypercube)
+    found = {}
+    for column, (name, one) in enumerate(parameters.items()):
+        u = unit[:, column]
+        if one.values is not None:
+            levels = _levels(name, one, places[name], source)
+            found[name] = levels[np.minimum((u * len(levels)).astype(int), len(levels) - 1)]
+            continue
+        low, high = _range(name, one, places[name], source)
+        found[name] = low * (high / low) ** u if one.distribution == "loguniform" else low + u * (high - low)
+    return found
+
+
+def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
+    try:
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines(), skipinitialspace=True))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
+    if not rows:
+        raise ConfigError(f"{path}: holds no samples; expected a line of names, then a line for each sample")
+    if set(rows[0]) != set(places):
+        raise ConfigError(
+            f"{path}: has the columns {', '.join(map(str, rows[0]))}, expected one for each parameter: "
+            f"{', '.join(places)}"
+        )
+    return {
+        name: np.array([_cell(path, number, row[name], name, place) for number, row in enumerate(rows, 2)])
+        for name, place in places.items()
+    }
+
+
+def _cell(path: Path, line: int, value: str | None, name: str, place: Place) -> float:
+    text = (value or "").strip()
+    if not text:
+        raise ConfigError(f"{path}: line {line}: no value for {name}")
+    try:
+        return si_value(place, float(text), name, f"{path}: line {line}")
+    except ValueError:
+        return si_value(place, text, name, f"{path}: line {line}")

@@ -1,0 +1,278 @@
+"""One run of a suite as a row of numbers, and the files that hold finished rows.
+
+`rows/<task>.nc` holds the rows of one task with dims run and those of the variables; it is written whole
+or not at all, so a row that is there is finished. `key` is the SHA-256 of everything the run depends on.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from romdam.dynamics.system import History
+from romdam.files import replacing
+from romdam.outputs.case import Array, Case, Variable
+from romdam.outputs.stress import MEASURES as STRESS
+
+log = logging.getLogger(__name__)
+
+REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
+OPEN, SLIP = 0, 2
+DONE, FAILED = 0, 1
+RUN_KEY = "suite_run_key"  # attribute of a kept result
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a suite keeps of one run.
+
+    Attributes
+    ----------
+    record, scale, sample : the run's place in the suite: name and two numbers
+    key : SHA-256 of what the run depends on
+    message : why it failed; empty where it did not
+    values : name -> array, see `ROWS`; empty where it failed
+    """
+
+    record: str
+    scale: int
+    sample: int
+    key: str
+    message: str = ""
+    values: dict[str, Array] = field(default_factory=dict)
+
+
+def _joints(case: Case) -> bool:
+    return bool(case.scene.joints)
+
+
+def _frictional(case: Case) -> bool:
+    return _joints(case) and case.frictional
+
+
+def _probes(case: Case) -> bool:
+    return bool(case.scene.probes)
+
+
+def _stressed(case: Case) -> bool:
+    return case.stress is not None
+
+
+def _at_rest(history: History) -> Floats:
+    """(ng, d) jumps averaged over the end of the run."""
+    kept = history.time >= history.time[-1] - REST
+    return np.asarray(history.jump[kept].mean(axis=0))
+
+
+def _residual_slip(case: Case) -> Array:
+    return case.per_joint(np.hypot(*_at_rest(case.history)[:, 1:3].T), np.max)
+
+
+def _time_in(state: int) -> Callable[[Case], Array]:
+    """Time during which any gap of a joint is in a state, by the written rows."""
+
+    def get(case: Case) -> Array:
+        h = case.history
+        interval = float(h.time[1] - h.time[0]) if len(h.time) > 1 else 0.0
+        return interval * case.per_joint((h.state == state).T, lambda part: part.any(axis=0).sum())
+
+    return get
+
+
+def _peak_displacement(case: Case) -> Array:
+    return np.abs(case.history.disp).max(axis=0).reshape(-1, 3)
+
+
+def _peak_stress(case: Case) -> Array:
+    assert case.stress is not None
+    return np.array([case.stress.largest[name].max() for name in STRESS])
+
+
+def _energy(term: str, long_name: str) -> Variable:
+    return Variable((), "J", f"{long_name}, at the end", lambda c: np.asarray(c.history.energy[term][-1]))
+
+
+def _stat(name: str, units: str, long_name: str, key: str | None = None) -> Variable:
+    key = key or name
+    return Variable(
+        (), units, long_name, lambda c: np.asarray(c.history.stats[key]), lambda c: key in c.history.stats
+    )
+
+
+def _peak(name: str, sign: float, choose: Callable[[Array], object]) -> Callable[[Case], Array]:
+    return lambda case: case.per_joint(sign * case.history.peaks[name], choose)
+
+
+_JOINT = ("joint",)
+ROWS: dict[str, Variable] = {
+    "peak_opening": Variable(
+        _JOINT, "m", "largest opening over all gaps and steps", _peak("opening", 1.0, np.max), _joints
+    ),
+    "residual_opening": Variable(
+        _JOINT,
+        "m",
+        f"largest opening of a gap, averaged over the last {REST:g} s",
+        lambda c: c.per_joint(_at_rest(c.history)[:, 0], np.max),
+        _joints,
+    ),
+    "peak_slip": Variable(
+        _JOINT,
+        "m",
+        "largest tangential displacement over all gaps and steps",
+        _peak("slip", 1.0, np.max),
+        _frictional,
+    ),
+    "residual_slip": Variable(
+        _JOINT,
+        "m",
+        f"largest tangential displacement of a gap, averaged over the last {REST:g} s",
+        _residual_slip,
+        _frictional,
+    ),
+    "peak_compression": Variable(
+        _JOINT,
+        "N",
+        "largest compressive force of one gap over all steps, compression negative",
+        _peak("compression", -1.0, np.min),
+        _joints,
+    ),
+    "peak_compressive_stress": Variable(
+        _JOINT,
+        "Pa",
+        "largest compressive force of one gap over its area, compression negative",
+        lambda c: c.per_joint(-c.history.peaks["compression"] / c.of_gaps("area"), np.min),
+        _joints,
+    ),
+    "open_duration": Variable(
+        _JOINT, "s", "time in which any gap is open, by the written rows", _time_in(OPEN), _joints
+    ),
+    "sliding_duration": Variable(
+        _JOINT, "s", "time in which any gap slides, by the written rows", _time_in(SLIP), _frictional
+    ),
+    "gap_peak_opening": Variable(
+        ("gap",),
+        "m",
+        "largest opening of the gap over all steps",
+        lambda c: c.history.peaks["opening"],
+        _joints,
+    ),
+    "peak_displacement": Variable(
+        ("node", "component"),
+        "m",
+        "largest displacement relative to the base, either sign",
+        _peak_displacement,
+        _probes,
+    ),
+    "peak_stress": Variable(
+        ("stress_measure",), "Pa", "largest stress over all nodes and written times", _peak_stress, _stressed
+    ),
+    "energy_input": _energy("input", "work of inertia forces and static loads"),
+    "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),
+    "energy_strain": _energy("strain", "strain energy of the blocks"),
+    "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),
+    "energy_damping": _energy("damping", "energy dissipated by damping"),
+    "energy_friction": _energy("friction", "energy dissipated by sliding"),
+    "energy_contact": _energy("contact", "energy taken away numerically at closing and opening"),
+    "energy_residual": _energy("residual", "imbalance of the energy ledger"),
+    "estimated_time_error": _stat("estimated_time_error", "1", "estimated error of the time stepping"),
+    "finest_step": _stat("finest_step", "s", "finest step"),
+    "steps": _stat("steps", "1", "accepted steps of the finest integration"),
+}
+# what a run gains besides its history
+STATED: dict[str, tuple[str, str]] = {
+    "estimated_reduction_error": ("1", "estimated error of the openings in L2 from leaving out modes"),
+    "wall_seconds": ("s", "wall time of the run; its share of the time where runs march together"),
+    "cpu_seconds": ("s", "CPU time of the run; its share of the time where runs march together"),
+}
+
+
+def row_values(case: Case, stated: dict[str, float]) -> dict[str, Array]:
+    """The numbers of a finished run."""
+    values = {n: np.asarray(v.get(case), dtype=float) for n, v in ROWS.items() if v.when(case)}
+    return values | {name: np.asarray(value) for name, value in stated.items()}
+
+
+def attributes_of(name: str) -> dict[str, str]:
+    """Units and long name of a variable of the rows."""
+    units, long_name = STATED[name] if name in STATED else (ROWS[name].units, ROWS[name].long_name)
+    return {"units": units, "long_name": long_name}
+
+
+def dims_of(name: str) -> tuple[str, ...]:
+    """Dimensions of a variable of the rows, besides those of the suite."""
+    return ROWS[name].dims if name in ROWS else ()
+
+
+def write_rows(rows: Sequence[Row], path: Path) -> None:
+    """Write the rows of a task, whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses it.
+    """
+    names = dict.fromkeys(name for row in rows for name in row.values)
+    data: dict[str, Any] = {
+        name: (("run", *dims_of(name)), _stacked([row.values.get(name) for row in rows]), attributes_of(name))
+        for name in names
+    }
+    for name in ("record", "key", "message"):
+        data[name] = ("run", np.array([getattr(row, name) for row in rows], dtype=object).astype(str))
+    for name in ("scale", "sample"):
+        data[name] = ("run", np.array([getattr(row, name) for row in rows], dtype=np.int64))
+    with replacing(path) as part:
+        xr.Dataset(data).to_netcdf(part, engine="h5netcdf")
+
+
+def _stacked(values: Sequence[Array | None]) -> Array:
+    """One array of all rows, NaN where a row has none."""
+    known = next(value for value in values if value is not None)
+    return np.stack([np.full(known.shape, np.nan) if value is None else value for value in values])
+
+
+def read_rows(paths: Iterable[Path]) -> list[Row]:
+    """Every row of the files; a file that cannot be read counts as not there."""
+    rows: list[Row] = []
+    for path in paths:
+        try:
+            with xr.load_dataset(path, engine="h5netcdf") as dataset:
+                rows += _rows_of(dataset)
+        except (OSError, ValueError, KeyError, RuntimeError) as error:
+            log.warning("%s: cannot be read (%s); its runs are made again", path, error)
+    return rows
+
+
+def result_key(path: Path) -> str | None:
+    """The key of the run that a kept result is of; None where there is no such file."""
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs.get(RUN_KEY))
+    except OSError:
+        return None
+
+
+def _rows_of(dataset: xr.Dataset) -> list[Row]:
+    text = {name: dataset[name].values.astype(str) for name in ("record", "key", "message")}
+    place = {name: dataset[name].values for name in ("scale", "sample")}
+    names = [str(n) for n in dataset.data_vars if n not in text and n not in place]
+    columns = {name: dataset[name].values for name in names}
+    return [
+        Row(
+            str(text["record"][i]),
+            int(place["scale"][i]),
+            int(place["sample"][i]),
+            str(text["key"][i]),
+            str(text["message"][i]),
+            {} if text["message"][i] else {name: columns[name][i] for name in names},
+        )
+        for i in range(dataset.sizes["run"])
+    ]
