@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from romdam.config.load import Job, load_config, parse_config
 from romdam.dynamics.certificate import (
@@ -23,6 +22,7 @@ from romdam.dynamics.certificate import (
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.system import History, System
 from romdam.errors import ConfigError, ResultError
+from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.outputs.certificate import (
     FOLDER,
@@ -188,7 +188,7 @@ def _forces(case: _Case, run: StoredRun, mean: Floats) -> Forces:
 def _replayed(case: _Case, run: StoredRun) -> tuple[Replayed, Replayed, Replayed]:
     assert case.model.reduced is not None
     coarse, scene = case.model.reduced, case.model.scene
-    basis = block_diag(*(coarse.basis[name].matrix[~scene.fixed[name].ravel()] for name in case.full.parts))
+    basis = basis_over_unknowns(scene, coarse.basis, coarse.system.size)
     into = embedding(scene, coarse, case.fine)
     static = case.job.config.loads.initial_state == "static"
     q, force = run.q[0], run.traction[0].ravel()
