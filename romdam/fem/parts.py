@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.sparse import csr_matrix, hstack, vstack
+from scipy.sparse import csr_matrix
 
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import Floats
@@ -84,7 +84,7 @@ def unknowns(scene: Scene) -> Unknowns:
     return Unknowns(slices, free, {name: of_block[name] for name in scene.blocks})
 
 
-def basis_over_unknowns(scene: Scene, basis: Mapping[str, Basis], size: int) -> csr_matrix:
+def basis_over_unknowns(scene: Scene, basis: Mapping[str, Basis], size: int) -> Floats:
     """The reduced basis over a scene's free DOFs, (unknowns, size); u = basis @ q.
 
     Parameters
@@ -93,14 +93,11 @@ def basis_over_unknowns(scene: Scene, basis: Mapping[str, Basis], size: int) -> 
     size : number of reduced coordinates
     """
     numbered = unknowns(scene)
-    rows = []
+    total = np.zeros((sum(int(free.sum()) for free in numbered.free.values()), size))
     for key, part in scene_parts(scene).items():
-        whole = np.zeros((3 * part.nodes, basis[part.blocks[0]].matrix.shape[1]))
-        for name in part.blocks:
-            dofs = (3 * part.number[name][:, None] + np.arange(3)).ravel()
-            whole[dofs] = basis[name].matrix
-        columns = basis[part.blocks[0]].columns
-        own = csr_matrix(whole[numbered.free[key]])
-        own.resize(own.shape[0], size - columns.start)
-        rows.append(csr_matrix(hstack([csr_matrix((own.shape[0], columns.start)), own])))
-    return csr_matrix(vstack(rows))
+        own = [basis[name] for name in part.blocks]
+        whole = np.zeros((3 * part.nodes, own[0].matrix.shape[1]))
+        for name, block in zip(part.blocks, own, strict=True):
+            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.matrix
+        total[numbered.parts[key], own[0].columns] = whole[numbered.free[key]]
+    return total

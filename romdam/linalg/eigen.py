@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 
 _DENSE_SHARE = 0.4  # of all pairs, above which a dense solve is quicker than Lanczos
 _DENSE_SIZE = 300  # unknowns, below which it always is
+_SPARE = 2  # modes asked for beyond those counted below a frequency, so that the next one is seen
 _DENSE_LIMIT = 12_000  # unknowns of a dense solve: 2.3 GB for the two matrices
 
 
@@ -56,6 +57,26 @@ def lowest_modes(
         ) from error
     order = np.argsort(omega2)
     return omega2[order], modes[:, order]
+
+
+def modes_below(
+    K: spmatrix, M: spmatrix, count: int | None, cutoff: float | None, factor: Factor, shift: float = 0.0
+) -> tuple[Floats, Floats]:
+    """Lowest modes: so many, or all below a frequency [Hz]; see `lowest_modes`.
+
+    Those below a frequency are counted first, as the negative pivots of K - omega^2 M (Sylvester's inertia).
+    """
+    if count is not None or K.shape[0] == 0:
+        return lowest_modes(K, M, count or 0, factor, shift)
+    assert cutoff is not None
+    limit = (2.0 * np.pi * cutoff) ** 2
+    count = min(_SPARE + Factor(K - limit * M).negative(), K.shape[0])
+    while True:
+        omega2, modes = lowest_modes(K, M, count, factor, shift)
+        if omega2[-1] > limit or count == K.shape[0]:
+            keep = omega2 <= limit
+            return omega2[keep], modes[:, keep]
+        count = min(2 * count, K.shape[0])  # round-off in the pivots of a mode at the limit itself
 
 
 def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:

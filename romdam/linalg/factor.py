@@ -46,3 +46,7 @@ class Factor:
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides."""
         return np.asarray(self._lu.solve(np.ascontiguousarray(right, dtype=float)))
+
+    def negative(self) -> int:
+        """Number of negative eigenvalues: that of the negative pivots, which lie on the diagonal."""
+        return int(np.count_nonzero(self._lu.U.diagonal() < 0.0))

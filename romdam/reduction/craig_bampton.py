@@ -25,14 +25,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from romdam.errors import ConfigError, ReductionError
-from romdam.linalg.eigen import dense_modes, lowest_modes
+from romdam.linalg.eigen import dense_modes, modes_below
 from romdam.linalg.factor import Factor
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
-_FIRST_COUNT = 20
+FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
 _DEPENDENT = 1e-8  # eigenvalue of the corrections' Gram matrix, relative, below which one is dropped
 _ALL = 2**62
 
@@ -80,6 +79,18 @@ class Substructure:
     orthonormality: float
     residual: float
     corrections: int = 0
+
+    def report(self) -> dict[str, object]:
+        """The numbers on the reduction, as plain values."""
+        return {
+            "retained_dofs": self.retained,
+            "fixed_interface_modes": self.fixed_interface,
+            "corrections": self.corrections,
+            "highest_fixed_interface_hz": self.highest,
+            "frequencies_hz": [float(f) for f in np.sqrt(self.omega2[:10]) / (2.0 * np.pi)],
+            "orthonormality_error": self.orthonormality,
+            "eigenvalue_residual": self.residual,
+        }
 
 
 def reduce_block(
@@ -142,38 +153,21 @@ def _ritz_vectors(
     K: csr_matrix, M: csr_matrix, retained: Bools, held: bool, choice: ModeChoice
 ) -> tuple[tuple[Floats, Floats, Floats, float], Factor]:
     """Constraint modes, fixed-interface modes, their omega^2 and largest residual; the interior's factors."""
-    shift = 0.0 if held else -_FREE_SHIFT
+    shift = 0.0 if held else -FREE_SHIFT
     K_i, M_i = K[~retained], M[~retained]
     K_ii, M_ii = csr_matrix(K_i[:, ~retained]), csr_matrix(M_i[:, ~retained])
     factor = Factor(K_ii - shift * M_ii)
     coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
     Psi = -factor.solve(coupling) if coupling.shape[1] else coupling
-    omega2, Phi = _fixed_interface_modes(K_ii, M_ii, factor, shift, choice)
-    return (Psi, Phi, omega2, _residual(K_ii, M_ii, omega2, Phi)), factor
+    omega2, Phi = modes_below(K_ii, M_ii, choice.count, choice.cutoff, factor, shift)
+    return (Psi, Phi, omega2, eigen_residual(K_ii, M_ii, omega2, Phi)), factor
 
 
-def _fixed_interface_modes(
-    K: csr_matrix, M: csr_matrix, factor: Factor, shift: float, choice: ModeChoice
-) -> tuple[Floats, Floats]:
-    if choice.count is not None:
-        return lowest_modes(K, M, choice.count, factor, shift)
-    assert choice.cutoff is not None
-    if K.shape[0] == 0:
-        return np.zeros(0), np.zeros((0, 0))
-    limit, count = (2.0 * np.pi * choice.cutoff) ** 2, min(_FIRST_COUNT, K.shape[0])
-    while True:
-        omega2, Phi = lowest_modes(K, M, count, factor, shift)
-        if omega2[-1] > limit or count == K.shape[0]:
-            keep = omega2 <= limit
-            return omega2[keep], Phi[:, keep]
-        count = min(2 * count, K.shape[0])
-
-
-def _residual(K: csr_matrix, M: csr_matrix, omega2: Floats, Phi: Floats) -> float:
+def eigen_residual(K: csr_matrix, M: csr_matrix, omega2: Floats, Phi: Floats) -> float:
     """Largest relative eigenvalue residual of the elastic modes."""
     inertia = M @ Phi * omega2
     size = np.linalg.norm(inertia, axis=0)
-    elastic = omega2 > _FREE_SHIFT
+    elastic = omega2 > FREE_SHIFT
     if not elastic.any():
         return 0.0
     return float((np.linalg.norm(K @ Phi - inertia, axis=0)[elastic] / size[elastic]).max())

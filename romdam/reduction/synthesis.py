@@ -1,7 +1,7 @@
 """Blocks -> reduced blocks -> one diagonal system with the joints open.
 
-With rigid rock the blocks meet only in their joints, so each is diagonalised alone and the system is
-the list of their open-joint modes.
+Parts meet only in their joints, so each is diagonalised alone and the system is the list of their open-joint
+modes. With rigid rock every block is a part; blocks that ties let grow together are one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array, eye_array, hstack
+from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.config.models import DampingConfig, ModelConfig
 from romdam.dynamics.system import GapLaw, System
@@ -22,12 +22,14 @@ from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.loads import surface_force
 from romdam.fem.water import AddedMass, added_mass
-from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, Substructure, reduce_block
+from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
 from romdam.reduction.store import BlockBasis, BlockStore, block_key
+from romdam.reduction.tied import tied_bases
 from romdam.reduction.water import with_water
 from romdam.scene.held import held_rigidly
 from romdam.scene.model import Block, Scene
+from romdam.scene.ties import Part, scene_parts
 
 log = logging.getLogger(__name__)
 
@@ -58,7 +60,7 @@ def reduce_scene(
     damping: DampingConfig,
     store: BlockStore | None = None,
 ) -> ReducedModel:
-    """Reduce every block with the modes of a configuration, or a choice of them, and put them together.
+    """Reduce every part with the modes of a configuration, or a choice of them, and put them together.
 
     Parameters
     ----------
@@ -74,24 +76,26 @@ def reduce_scene(
     start = time.process_time()
     law = gap_law(scene)
     operators = gap_operators(scene, law.directions)
-    basis, report, first = {}, dict[str, object](), 0
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
-    for name, block in scene.blocks.items():
-        found = _reduced_block(block, operators[name], scene.fixed[name], choice, store)
-        basis[name] = replace(found, columns=slice(first, first + len(found.omega2)))
-        report[name] = found.report
-        first += len(found.omega2)
-    omega2 = np.concatenate([part.omega2 for part in basis.values()])
+    found, parts, first = dict[str, BlockBasis](), dict[str, slice](), 0
+    for part in scene_parts(scene).values():
+        one = _reduced_part(part, scene, operators, choice, store)
+        parts[part.name] = slice(first, first + len(one[part.blocks[0]].omega2))
+        found |= {name: replace(block, columns=parts[part.name]) for name, block in one.items()}
+        first = parts[part.name].stop
+    basis = {name: found[name] for name in scene.blocks}
+    report: dict[str, object] = {name: block.report for name, block in basis.items()}
+    omega2, load, force, B = _reduced_matrices(scene, basis, operators, first)
     system = System(
         M=csr_matrix(eye_array(first)),
         C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
         K=csr_matrix(diags_array(omega2)),
-        B=csr_matrix(hstack([csr_matrix(operators[name] @ part.matrix) for name, part in basis.items()])),
-        load=np.vstack([part.participation for part in basis.values()]),
-        force=np.concatenate([_static_force(scene, name, part) for name, part in basis.items()]),
+        B=csr_matrix(B),
+        load=load,
+        force=force,
         observe=_observe(scene, basis, first),
         law=law,
-        parts={name: part.columns for name, part in basis.items()},
+        parts=parts,
         diagonal=True,
         floating=bool((omega2 == 0.0).any()),
     )
@@ -100,6 +104,34 @@ def reduce_scene(
         system, basis = with_water(system, basis, water, damping)
     report["cpu_seconds"] = time.process_time() - start
     return ReducedModel(system=system, basis=basis, report=report, water=water)
+
+
+def _reduced_part(
+    part: Part,
+    scene: Scene,
+    operators: dict[str, csr_matrix],
+    choice: ModeChoice,
+    store: BlockStore | None,
+) -> dict[str, BlockBasis]:
+    """The bases of a part's blocks, of the same coordinates."""
+    if len(part.blocks) > 1:
+        return tied_bases(part, scene, operators, choice, store)
+    (name,) = part.blocks
+    return {name: _reduced_block(scene.blocks[name], operators[name], scene.fixed[name], choice, store)}
+
+
+def _reduced_matrices(
+    scene: Scene, basis: dict[str, BlockBasis], operators: dict[str, csr_matrix], size: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """omega^2, load, force and gap operator over the coordinates; blocks of a part add to the same ones."""
+    omega2, load, force = np.zeros(size), np.zeros((size, 3)), np.zeros(size)
+    B = np.zeros((next(iter(operators.values())).shape[0], size))
+    for name, block in basis.items():
+        omega2[block.columns] = block.omega2
+        load[block.columns] += block.participation
+        force[block.columns] += _static_force(scene, name, block)
+        B[:, block.columns] += operators[name] @ block.matrix
+    return omega2, load, force, B
 
 
 def with_law(system: System, law: GapLaw) -> System:
@@ -157,13 +189,13 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     whole[free] = sub.basis
     matrix = np.asarray(turn.T @ whole)
     rigid = np.tile(np.eye(3), (len(block.points), 1))
-    return BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, matrix.T @ (mass @ rigid), _report(sub))
+    return BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, matrix.T @ (mass @ rigid), sub.report())
 
 
 def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:
-    """Modal static force of weight, pressures and point forces; weight follows from the participation."""
+    """Modal static force on the joints' structure; weight follows from the participation."""
     surface = part.matrix.T @ surface_force(scene, name).ravel()
-    return np.asarray(part.participation @ scene.gravity + surface)
+    return surface if scene.staged_weight else np.asarray(part.participation @ scene.gravity + surface)
 
 
 def _held_interior(
@@ -179,18 +211,6 @@ def _held_interior(
         if np.array_equal(frame, np.eye(3)):
             held[node] |= retained[node]
     return held_rigidly(block, held)
-
-
-def _report(sub: Substructure) -> dict[str, object]:
-    return {
-        "retained_dofs": sub.retained,
-        "fixed_interface_modes": sub.fixed_interface,
-        "corrections": sub.corrections,
-        "highest_fixed_interface_hz": sub.highest,
-        "frequencies_hz": [float(f) for f in np.sqrt(sub.omega2[:10]) / (2.0 * np.pi)],
-        "orthonormality_error": sub.orthonormality,
-        "eigenvalue_residual": sub.residual,
-    }
 
 
 def _observe(scene: Scene, basis: dict[str, BlockBasis], size: int) -> csr_matrix:

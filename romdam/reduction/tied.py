@@ -1,0 +1,207 @@
+"""Reduction of a part whose blocks have grown together, in free-interface form.
+
+A dam on flexible rock is one part with thousands of joint DOFs. Craig-Bampton would retain all of them on
+both sides of every joint and diagonalise a dense matrix of that size. Here the basis is
+
+    u = Phi q + A a,    A = K^-1 [B^T, M r, f],
+
+Phi the open-joint modes below the cut-off (Lanczos on one factorisation) and A the static answers to a unit
+force in every gap, to the inertia of the ground's acceleration r and to the static loads f. It answers every
+joint force statically right, carries the mass of A, and A made orthogonal to Phi leaves Phi's frequencies
+those of the mesh; only the small rest, one vector for each gap direction, is diagonalised densely.
+
+References
+----------
+Rubin, AIAA Journal 13 (1975) 995; Hintz, AIAA Journal 13 (1975) 1007 (free modes with attachment modes).
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse import csr_matrix
+
+import romdam
+from romdam.fem.assembly import assemble
+from romdam.fem.loads import surface_force
+from romdam.fem.parts import assemble_part, gather, part_operator
+from romdam.fingerprint import fingerprint
+from romdam.linalg.eigen import dense_modes, modes_below
+from romdam.linalg.factor import Factor
+from romdam.reduction.craig_bampton import (
+    FREE_SHIFT,
+    ModeChoice,
+    Substructure,
+    eigen_residual,
+    without_roundoff,
+)
+from romdam.reduction.store import LAYOUT, BlockBasis, BlockStore
+from romdam.scene.held import held_rigidly
+from romdam.scene.model import Scene
+from romdam.scene.ties import Part
+
+log = logging.getLogger(__name__)
+
+Floats = NDArray[np.float64]
+
+_DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
+_STIFF = 1e-9  # least 1/omega2 of an attachment mode relative to their largest: it is a spring beyond that
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What the basis answers statically right, over the free DOFs.
+
+    Attributes
+    ----------
+    B : (rows, n) sparse gap operator
+    inertia : (n, 3) M r of the ground's directions
+    force : (n, k) static loads
+    """
+
+    B: csr_matrix
+    inertia: Floats
+    force: Floats
+
+
+def tied_bases(
+    part: Part,
+    scene: Scene,
+    operators: dict[str, csr_matrix],
+    choice: ModeChoice,
+    store: BlockStore | None = None,
+) -> dict[str, BlockBasis]:
+    """The bases of a part's blocks, of the same coordinates: from the store, or made and kept there.
+
+    Parameters
+    ----------
+    operators : block name -> its gap operator
+
+    Raises
+    ------
+    ReductionError
+        where a factorisation or an eigenproblem fails.
+    """
+    operator = part_operator(part, operators)
+    static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
+    keys = _keys(part, scene, operator, static, choice) if store is not None else {}
+    found = {name: store.read(key) for name, key in keys.items()} if store is not None else {}
+    kept = {name: basis for name, basis in found.items() if basis is not None}
+    if len(kept) == len(part.blocks):
+        return kept
+    made = _bases(part, scene, (operator, static), choice)
+    for name, key in keys.items():
+        assert store is not None
+        store.write(key, scene.blocks[name], made[name])
+    return made
+
+
+def _keys(
+    part: Part, scene: Scene, operator: csr_matrix, static: Floats, choice: ModeChoice
+) -> dict[str, str]:
+    """Block name -> SHA-256 of what its basis depends on: everything in the part."""
+    of_blocks = [
+        (name, scene.blocks[name].element, scene.blocks[name].material, scene.blocks[name].points,
+         scene.blocks[name].cells, part.number[name], scene.fixed[name])
+        for name in part.blocks
+    ]  # fmt: skip
+    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, operator, static, choice))
+    return {name: fingerprint((whole, name)) for name in part.blocks}
+
+
+def _bases(
+    part: Part, scene: Scene, given: tuple[csr_matrix, Floats], choice: ModeChoice
+) -> dict[str, BlockBasis]:
+    operator, static = given
+    K, M = assemble_part(part, scene.blocks)
+    fixed = part.fixed(scene.fixed)
+    free = ~fixed.ravel()
+    inertia = M @ np.tile(np.eye(3), (part.nodes, 1))
+    force = static[free][:, None] if static.any() else np.zeros((int(free.sum()), 0))
+    loads = Loads(csr_matrix(operator[:, free]), inertia[free], force)
+    held = held_rigidly(part.mesh(scene.blocks), fixed)
+    K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
+    sub = reduce_part(K, M, loads, held, choice, f"part {part.name}")
+    whole = np.zeros((part.nodes, 3, len(sub.omega2)))
+    whole.reshape(len(free), -1)[free] = sub.basis
+    report = sub.report() | {"part": part.name}
+    found = {}
+    for name in part.blocks:
+        matrix = whole[part.number[name]].reshape(-1, len(sub.omega2))
+        rigid = np.tile(np.eye(3), (len(part.number[name]), 1))
+        moved = matrix.T @ (assemble(scene.blocks[name])[1] @ rigid)
+        found[name] = BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, moved, report)
+    return found
+
+
+def reduce_part(
+    K: csr_matrix, M: csr_matrix, loads: Loads, held: bool, choice: ModeChoice, place: str
+) -> Substructure:
+    """Reduce a part in free-interface form.
+
+    Parameters
+    ----------
+    K, M : (n, n) sparse, over the free DOFs
+    held : whether supports stop every rigid motion
+    choice : the modes to keep; a count is of the whole part, corrections are not needed
+    place : what to call the part in messages
+
+    Raises
+    ------
+    ReductionError
+        where a factorisation or an eigenproblem fails.
+    """
+    if choice.keeps_all or (choice.count is not None and choice.count >= K.shape[0]):
+        omega2, basis = dense_modes(K, M)
+        highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi))
+        return Substructure(without_roundoff(omega2), basis, 0, len(omega2), highest, 0.0, 0.0)
+    shift = 0.0 if held else -FREE_SHIFT
+    factor = Factor(K - shift * M if shift else K)
+    log.info("%s: factored, %d unknowns", place, K.shape[0])
+    omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, factor, shift)
+    log.info("%s: %d modes", place, len(omega2))
+    right = np.hstack([loads.B.T.toarray(), loads.inertia, loads.force])
+    stiff, A = _attachment_modes(K - shift * M if shift else K, M, right, factor, Phi)
+    log.info("%s: %d attachment modes", place, len(stiff))
+    basis = np.hstack([Phi, A])
+    del A
+    low = Phi.T @ (M @ Phi)
+    return Substructure(
+        omega2=without_roundoff(np.concatenate([omega2, stiff + shift])),
+        basis=basis,
+        retained=basis.shape[1] - len(omega2),
+        fixed_interface=len(omega2),
+        highest=float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0,
+        orthonormality=float(np.abs(low - np.eye(len(low))).max(initial=0.0)),
+        residual=eigen_residual(K, M, omega2, Phi),
+    )
+
+
+def _attachment_modes(
+    K: csr_matrix, M: csr_matrix, right: Floats, factor: Factor, Phi: Floats
+) -> tuple[Floats, Floats]:
+    """Static answers to the columns of `right` without their part in Phi, M-orthonormal and diagonal in K.
+
+    With A = K^-1 R the energies are A^T K A = R^T A, and what Phi takes of it follows from Phi^T R, so K is
+    not needed again. Directions are those of the flexibility; the ones that are springs beyond all the
+    motion of interest keep their flexibility with a mass that is not above theirs.
+    """
+    right = right[:, np.abs(right).max(axis=0) > 0.0]
+    if not right.shape[1]:
+        return np.zeros(0), np.zeros((K.shape[0], 0))
+    right = right / np.sqrt(np.einsum("ij,ij->j", right, right))
+    A = factor.solve(right)
+    A -= Phi @ (Phi.T @ (M @ A))
+    flexibility = right.T @ A
+    scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
+    size, U = np.linalg.eigh(0.5 * (flexibility + flexibility.T) * scale * scale[:, None])
+    keep = size > _DEPENDENT * size[-1]
+    mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
+    mass = mix.T @ (A.T @ (M @ A)) @ mix
+    slow, V = eigh(0.5 * (mass + mass.T))
+    slow = np.maximum(slow[::-1], _STIFF * slow[-1])
+    return 1.0 / slow, A @ (mix @ V[:, ::-1] / np.sqrt(slow))

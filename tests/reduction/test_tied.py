@@ -1,0 +1,152 @@
+"""Parts of blocks that have grown together: the mesh's own frequencies, exact static answers, one basis."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse import csr_matrix
+from small_scenes import DAMPING, full, march, reduced, shaking
+
+from romdam.config import parse_config
+from romdam.dynamics.static import static_equilibrium
+from romdam.fem.assembly import assemble
+from romdam.fem.parts import basis_over_unknowns
+from romdam.linalg.factor import Factor
+from romdam.reduction.store import BlockStore
+from romdam.reduction.synthesis import reduce_scene
+from romdam.reduction.craig_bampton import ModeChoice
+from romdam.scene.build import build_scene
+from romdam.scene.ties import scene_parts
+
+sys.path.append(str(Path(__file__).parents[1] / "scene"))
+from arch_dams import DIVISIONS, JOINTS, arch_dam  # noqa: E402
+
+REST = {
+    "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+    "model": {"order": "full"},
+    "transient": {"dt": 0.01},
+    "loads": {"gravity": [0, 0, -9.81]},
+    "outputs": {"nodes": {"crest": {"block": "C2", "at": [0, -2, 100]}}},
+}
+COARSE = DIVISIONS | {"up": 2, "rock": 1}
+
+
+def dam(**keys):
+    """A small dam on rock: about 900 unknowns."""
+    raw = arch_dam(**({"divisions": COARSE} | keys)) | REST
+    return build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
+
+
+def monolithic(scene):
+    """K and M of one mesh made by merging nodes at equal positions, each cell with its own material."""
+    points = np.vstack([block.points for block in scene.blocks.values()])
+    _, first, number = np.unique(points.round(6), axis=0, return_index=True, return_inverse=True)
+    K = M = csr_matrix((3 * len(first), 3 * len(first)))
+    held, start = np.zeros((len(first), 3), dtype=bool), 0
+    for name, block in scene.blocks.items():
+        own = number.ravel()[start : start + len(block.points)]
+        k, m = assemble(dataclasses.replace(block, points=points[first], cells=own[block.cells]))
+        K, M = K + k, M + m
+        np.logical_or.at(held, own, scene.fixed[name])
+        start += len(own)
+    free = np.flatnonzero(~held.ravel())
+    return K[free][:, free].toarray(), M[free][:, free].toarray()
+
+
+def test_tied_joints_and_all_modes_are_the_monolithic_dam():
+    scene = dam(joints="tied")
+    model = reduced(scene)
+    exact = eigh(*monolithic(scene), eigvals_only=True)
+    assert len(exact) == model.system.size
+    assert np.abs(np.sqrt(model.system.K.diagonal() / exact) - 1).max() < 1e-8
+
+
+def test_lowest_modes_are_those_of_the_mesh():
+    scene = dam()
+    whole, some = reduced(scene), reduced(scene, cutoff=6.0)
+    exact = np.sort(whole.system.K.diagonal())
+    report = some.report["C1"]
+    count = report["fixed_interface_modes"]
+    assert count == (exact < (2 * np.pi * 6.0) ** 2).sum() > 5
+    assert np.abs(some.system.K.diagonal()[:count] / exact[:count] - 1).max() < 1e-9
+    assert np.sort(some.system.K.diagonal())[count] > exact[count] * (1 - 1e-9)
+
+
+def test_open_cantilevers_on_rigid_rock_are_their_own_blocks():
+    scene = dam(ground=False)
+    assert [part.blocks for part in scene_parts(scene).values()] == [(name,) for name in scene.blocks]
+    system = reduced(scene).system
+    for name, block in scene.blocks.items():
+        K, M = assemble(block)
+        free = np.flatnonzero(~scene.fixed[name].ravel())
+        own = eigh(K[free][:, free].toarray(), M[free][:, free].toarray(), eigvals_only=True)
+        assert np.abs(np.sqrt(system.K.diagonal()[system.parts[name]] / own) - 1).max() < 1e-8
+
+
+def test_basis_is_orthonormal_and_statically_exact():
+    scene = dam()
+    model, mesh = reduced(scene, cutoff=4.0), full(scene)
+    T = basis_over_unknowns(scene, model.basis, model.system.size)
+    assert np.abs(T.T @ (mesh.M @ T) - np.eye(model.system.size)).max() < 1e-8
+    k = model.system.K.diagonal()
+    assert np.abs((T.T @ (mesh.K @ T) - np.diag(k)) / np.sqrt(np.outer(k, k))).max() < 1e-8
+    X = Factor(mesh.K).solve(mesh.B.T.toarray())
+    H, own = mesh.B @ X, (model.system.B / k) @ model.system.B.T
+    assert np.abs(own - H).max() < 1e-8 * np.abs(H).max()
+    weight = Factor(mesh.K).solve(mesh.force)
+    assert np.abs(T @ (model.system.force / k) - weight).max() < 1e-8 * np.abs(weight).max()
+
+
+def test_static_equilibrium_is_that_of_the_mesh():
+    scene = dam()
+    gaps = [
+        static_equilibrium(system, 1e-10)[1] for system in (full(scene), reduced(scene, cutoff=4.0).system)
+    ]
+    assert gaps[0].force.max() > 0.0
+    assert np.abs(gaps[1].jump - gaps[0].jump).max() < 1e-7 * np.abs(gaps[0].jump).max()
+
+
+def test_all_modes_march_as_the_full_order_does():
+    """With every mode the reduced dam is the mesh; the schemes differ by their steps only."""
+    scene = dam(joints=JOINTS | {"friction": 0.0, "shear_stiffness": 0.0})
+    dt = 0.000625
+    ground = shaking(dt, duration=0.5, amplitude=3.0)
+    mesh = march(full(scene), dt, ground, integrator="generalized_alpha", rho_inf=0.9, initial_state="static")
+    own = march(reduced(scene).system, dt, ground, integrator="modal", initial_state="static")
+    error = np.linalg.norm(own.jump - mesh.jump) / np.linalg.norm(mesh.jump)
+    assert mesh.jump[..., 0].max() > 1e-3
+    assert error < 0.02
+
+
+def test_bases_of_a_part_are_kept_and_found(tmp_path):
+    scene, store = dam(), BlockStore(tmp_path)
+    made = reduce_scene(scene, ModeChoice(cutoff=4.0), DAMPING, store)
+    files = {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert len(files) == len(scene.blocks)
+    found = reduce_scene(scene, ModeChoice(cutoff=4.0), DAMPING, store)
+    assert {path.name: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == files
+    assert np.array_equal(made.system.B.toarray(), found.system.B.toarray())
+    other = dataclasses.replace(scene, gravity=np.zeros(3))
+    reduce_scene(other, ModeChoice(cutoff=4.0), DAMPING, store)
+    assert len(list(tmp_path.iterdir())) == len(files)  # weight is in the span of the basis
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
+def test_change_of_units_changes_nothing(unit):
+    """Stiffness and mass times a factor leave the frequencies."""
+    scene = dam()
+    blocks = {
+        name: dataclasses.replace(
+            block,
+            material=dataclasses.replace(
+                block.material, E=block.material.E * unit, rho=block.material.rho * unit
+            ),
+        )
+        for name, block in scene.blocks.items()
+    }
+    one, two = (reduced(s, cutoff=4.0).system for s in (scene, dataclasses.replace(scene, blocks=blocks)))
+    low = slice(0, int((one.K.diagonal() < (2 * np.pi * 30.0) ** 2).sum()))
+    assert np.allclose(np.sort(one.K.diagonal())[low], np.sort(two.K.diagonal())[low], rtol=1e-8)
