@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from romdam.dynamics.system import History, System
-from romdam.fem.stress import modal_stress, observed_stress, thermal_stress
+from romdam.fem.staging import initial_stress
+from romdam.fem.stress import modal_stress, observed_stress
 from romdam.outputs.stress import StressHistory, StressSummary, summarise
 from romdam.outputs.stress_file import StressFields
 from romdam.reduction.synthesis import ReducedModel
@@ -23,7 +24,7 @@ def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, Stres
     """Stress of every reduced coordinate at the scene's stress nodes; none at full order."""
     if reduced is None or scene.stress is None:
         return {}
-    fields, offset = modal_stress(scene, reduced.basis), thermal_stress(scene)
+    fields, offset = modal_stress(scene, reduced.basis), initial_stress(scene)
     return {
         name: StressFields(sites.nodes, fields[name], offset[name], reduced.basis[name].columns)
         for name, sites in scene.stress.blocks.items()
@@ -60,4 +61,4 @@ def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:
     parts = np.split(history.disp[:, probes:], np.cumsum(counts)[:-1], axis=1)
     stress = dict(zip(scene.stress.blocks, parts, strict=True))
     motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
-    return replace(history, **motion), StressHistory({}, stress, thermal_stress(scene))
+    return replace(history, **motion), StressHistory({}, stress, initial_stress(scene))

@@ -62,13 +62,17 @@ class PerimeterConfig(Model):
 
 
 class ZoneConfig(Model):
-    """Rock of one material: the cells whose centre lies in these ranges and in no zone named before it."""
+    """Rock of one material: the cells whose centre lies in these ranges and in no zone named before it.
+
+    Its `weight` has settled before the dam is built, so that gravity leaves it out unless told otherwise.
+    """
 
     material: str
     x: Range | None = None
     y: Range | None = None
     z: Range | None = None
     mass: bool = True
+    weight: bool = False
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:

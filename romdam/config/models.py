@@ -66,10 +66,14 @@ class MeshFileConfig(Model):
 
 
 class BlockConfig(Model):
-    """A box or the cells of a mesh file, of one material; without `mass` it is stiff but weightless."""
+    """A box or the cells of a mesh file, of one material.
+
+    Without `mass` it is stiff only; without `weight` it has its mass, but gravity leaves it out.
+    """
 
     material: str
     mass: bool = True
+    weight: bool = True
     box: BoxConfig | None = None
     mesh: MeshFileConfig | None = None
 
@@ -177,14 +181,15 @@ class DampingConfig(Model):
 
 
 ModeCount = Annotated[
-    Annotated[int, Field(ge=0), Tag("number")] | Annotated[Literal["all"], Tag("word")],
-    by_shape('a number of modes per block such as 60, or "all"', "all"),
+    Annotated[int, Field(ge=0), Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
+    by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
 ]
 
 
 class ModelConfig(Model):
     """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off.
 
+    `modes: auto` takes as many as `transient.accuracy` needs on the strongest record.
     `corrections` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
     """
 
@@ -299,6 +304,8 @@ class Config(Model):
             raise ValueError(
                 "transient.dt is missing; a full-order model needs a step, `accuracy` is for reduced ones"
             )
+        if self.model.modes == "auto" and self.transient.accuracy is None:
+            raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
         self._refuse_no_blocks()
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)

@@ -29,8 +29,15 @@ def static_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
     ----------
     M : (3 n, 3 n) mass of the block [kg]
     """
+    return weight_force(scene, block, M) + surface_force(scene, block)
+
+
+def weight_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
+    """Nodal force of a block's weight, (n, 3) [N]; zero where it has settled before."""
     points = scene.blocks[block].points
-    return np.asarray((M @ np.tile(scene.gravity, len(points))).reshape(-1, 3) + surface_force(scene, block))
+    if block in scene.settled:
+        return np.zeros_like(points)
+    return np.asarray(M @ np.tile(scene.gravity, len(points))).reshape(-1, 3)
 
 
 def surface_force(scene: Scene, block: str) -> Floats:

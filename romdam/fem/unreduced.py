@@ -9,9 +9,10 @@ from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 from romdam.config.models import DampingConfig
 from romdam.dynamics.system import System
 from romdam.errors import ConfigError
+from romdam.fem.assembly import assemble
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
-from romdam.fem.loads import surface_force
+from romdam.fem.loads import surface_force, weight_force
 from romdam.fem.parts import Unknowns, assemble_part, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.scene.held import held_rigidly
@@ -63,7 +64,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         K=stiffness,
         B=csr_matrix(hstack(B)),
         load=inertia + wet,
-        force=_force(scene, numbered, inertia),
+        force=_force(scene, numbered, len(inertia)),
         observe=_observe(scene, numbered),
         law=law,
         parts=numbered.parts,
@@ -72,11 +73,14 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     )
 
 
-def _force(scene: Scene, numbered: Unknowns, inertia: Floats) -> Floats:
+def _force(scene: Scene, numbered: Unknowns, size: int) -> Floats:
     """Static force on the unknowns; weight that the joints do not see is left out."""
-    force = np.zeros(len(inertia)) if scene.staged_weight else inertia @ scene.gravity
+    force = np.zeros(size)
     for name, matrix in numbered.of_block.items():
-        force = force + matrix.T @ surface_force(scene, name).ravel()
+        own = surface_force(scene, name)
+        if scene.gravity.any() and not scene.staged_weight:
+            own = own + weight_force(scene, name, assemble(scene.blocks[name])[1])
+        force = force + matrix.T @ own.ravel()
     return np.asarray(force)
 
 

@@ -159,6 +159,8 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
     """The modes that a configuration asks for."""
     if model.modes == "all":
         return ALL_MODES
+    if model.modes == "auto":
+        raise ReductionError("model.modes is auto, and no motion has settled it yet; give a number or all")
     return ModeChoice(count=model.modes, cutoff=model.cutoff, corrections=model.corrections)
 
 
@@ -195,7 +197,9 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
 def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:
     """Modal static force on the joints' structure; weight follows from the participation."""
     surface = part.matrix.T @ surface_force(scene, name).ravel()
-    return surface if scene.staged_weight else np.asarray(part.participation @ scene.gravity + surface)
+    if scene.staged_weight or name in scene.settled:
+        return surface
+    return np.asarray(part.participation @ scene.gravity + surface)
 
 
 def _held_interior(

@@ -109,7 +109,8 @@ def _keys(
          scene.blocks[name].cells, part.number[name], scene.fixed[name])
         for name in part.blocks
     ]  # fmt: skip
-    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, operator, static, choice))
+    settled = sorted(scene.settled & set(part.blocks))
+    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, settled, operator, static, choice))
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 
@@ -121,8 +122,8 @@ def _bases(
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
     inertia = M @ np.tile(np.eye(3), (part.nodes, 1))
-    force = static[free][:, None] if static.any() else np.zeros((int(free.sum()), 0))
-    loads = Loads(csr_matrix(operator[:, free]), inertia[free], force)
+    static = np.column_stack([static, _inertia_with_weight(part, scene)])
+    loads = Loads(csr_matrix(operator[:, free]), inertia[free], static[free])
     held = held_rigidly(part.mesh(scene.blocks), fixed)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
     sub = reduce_part(K, M, loads, held, choice, f"part {part.name}")
@@ -136,6 +137,18 @@ def _bases(
         moved = matrix.T @ (assemble(scene.blocks[name])[1] @ rigid)
         found[name] = BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, moved, report)
     return found
+
+
+def _inertia_with_weight(part: Part, scene: Scene) -> Floats:
+    """M r of the blocks that gravity acts on, where they are not all; (3 nodes, 3 or 0)."""
+    heavy = [name for name in part.blocks if name not in scene.settled]
+    if len(heavy) in (0, len(part.blocks)):
+        return np.zeros((3 * part.nodes, 0))
+    total = np.zeros((3 * part.nodes, 3))
+    for name in heavy:
+        rigid = np.tile(np.eye(3), (len(part.number[name]), 1))
+        total += part.spread(name).T @ (assemble(scene.blocks[name])[1] @ rigid)
+    return total
 
 
 def reduce_part(

@@ -38,11 +38,13 @@ class ArchDam:
     blocks : cantilevers, perimeter, rock
     ties : contacts (and joints, where they are tied)
     held : block -> (n, 3) True where the ground holds a component
+    settled : blocks whose weight has acted before the dam is built
     """
 
     blocks: dict[str, Block]
     ties: tuple[Tie, ...]
     held: dict[str, Bools]
+    settled: frozenset[str]
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,9 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
         where = tags[k < config.cantilevers][numbers[name]]
         blocks[name] = replace(block, faces=_faces(config, block, where, ground))
         refuse_bad_cells(blocks[name], place)
-    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks))
+    zones = config.rock.zones.items() if config.rock else ()
+    settled = frozenset(f"{ROCK}_{zone}" for zone, rock in zones if not rock.weight)
+    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), settled)
 
 
 def _dam_points(shape: ArchShape) -> Floats:

@@ -233,6 +233,7 @@ class Scene:
     water : hydrostatic loads
     warmed : block name -> uniform change of temperature [K]
     reservoir : water that moves with the dam, or None
+    settled : blocks whose weight has acted before, so that gravity leaves it out
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 
@@ -247,5 +248,6 @@ class Scene:
     ties: tuple[Tie, ...] = ()
     water: tuple[Hydrostatic, ...] = ()
     warmed: dict[str, float] = field(default_factory=dict)
+    settled: frozenset[str] = frozenset()
     staged_weight: bool = False
     reservoir: Reservoir | None = None

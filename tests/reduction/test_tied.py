@@ -15,14 +15,14 @@ from romdam.dynamics.static import static_equilibrium
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
 from romdam.linalg.factor import Factor
+from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.store import BlockStore
 from romdam.reduction.synthesis import reduce_scene
-from romdam.reduction.craig_bampton import ModeChoice
 from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))
-from arch_dams import DIVISIONS, JOINTS, arch_dam  # noqa: E402
+from arch_dams import DIVISIONS, JOINTS, arch_dam
 
 REST = {
     "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
