@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from romdam.config.load import Job
 from romdam.dynamics.options import TransientOptions
+from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.shaking import check_interval, transient_options
 from romdam.records.motion import GroundMotion
@@ -55,6 +56,8 @@ def check(job: Job, show: Stage = silent) -> Check:
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions = load_motions(job.config.records, job.folder)
+    if job.config.model.modes == "auto":
+        job = with_modes(job, FIRST)
     model = build_model(job, clock)
     options = transient_options(job, model.system, motions[0])
     steps = {m.name: _steps(m, options, job.config.transient.duration) for m in motions}

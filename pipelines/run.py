@@ -24,6 +24,7 @@ from romdam.outputs.fields import write_model
 from romdam.outputs.stress_file import StressFields, write_stress
 from romdam.outputs.variables import Case
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
+from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.shaking import check_interval, shake
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
@@ -111,6 +112,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job)
+    job = settled(job, motions, clock)
     store = None if cache is None else BlockStore(cache)
     model = with_finer(job, build_model(job, clock, store), clock, store)
     with clock.stage("stress_fields", "stress of the modes"):
@@ -135,6 +137,14 @@ def write_shared(folder: Path, model: Model) -> dict[str, str]:
     if model.stress:
         files["stress_file"] = write_stress(folder, model.stress)
     return files
+
+
+def settled(job: Job, motions: list[GroundMotion], clock: Clock) -> Job:
+    """The job with the number of modes that `model.modes: auto` comes to on these motions."""
+    if job.config.model.modes != "auto":
+        return job
+    with clock.stage("modes", "choosing the number of modes"):
+        return settle_modes(job, build_scene(job.config, job.folder, str(job.path)), motions)
 
 
 def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:

@@ -14,7 +14,7 @@ from romdam.errors import ConfigError
 from romdam.fem.unreduced import assemble_full
 from romdam.files import prepare_folder
 from romdam.outputs.comparison import Difference, Openings, compare_openings, read_reference, write_statement
-from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
+from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
 from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
@@ -71,7 +71,8 @@ def verify(
     _refuse_what_cannot_be_verified(job)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
-    motion = load_motions(job.config.records, job.folder)[0]
+    motions = load_motions(job.config.records, job.folder)
+    motion, job = motions[0], settled(job, motions, clock)
     model = build_model(job, clock)
     seconds = min(duration, motion.duration)
     reduced = _reduced(job, model, motion, seconds, clock)

@@ -1,0 +1,58 @@
+"""`model.modes: auto`: as many modes as the accuracy needs, and refused where none can be judged."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+import romdam
+from romdam.config import parse_config
+from romdam.config.load import Job
+from romdam.errors import ConfigError
+from romdam.pipelines.modes import FIRST, settle_modes
+from romdam.pipelines.run import read_motions
+from romdam.scene.build import build_scene
+
+EXAMPLE = Path(__file__).parents[1] / "configs" / "two_cantilevers.yaml"
+
+
+def job(accuracy, **changes):
+    """The example on a mesh of 5 m, 8 s of it, with modes: auto."""
+    raw = yaml.safe_load(EXAMPLE.read_text())
+    for block in raw["blocks"].values():
+        block["box"]["element_size"] = "5 m"
+    raw |= {"model": {"modes": "auto"}, "transient": {"accuracy": accuracy, "duration": 8.0}}
+    return Job(parse_config(raw | changes, EXAMPLE.name), EXAMPLE)
+
+
+def settled(one):
+    scene = build_scene(one.config, one.folder, str(one.path))
+    return settle_modes(one, scene, read_motions(one)[0]).config.model.modes
+
+
+def test_a_smaller_error_asks_for_more_modes():
+    rough, fine = settled(job("10 %")), settled(job("2 %"))
+    assert rough == FIRST
+    assert fine == "all" or fine > rough
+
+
+def test_the_result_says_how_many_and_states_an_error_below_the_accuracy(tmp_path):
+    one = job("10 %")
+    path = romdam.run(one, tmp_path).paths[0]
+    with romdam.open_result(path) as result:
+        attrs = result.dataset.attrs
+    assert json.loads(attrs["configuration"])["model"]["modes"] == FIRST
+    assert 0.0 < attrs["error_estimate_opening_l2"] <= 0.1
+
+
+def test_without_damping_no_error_is_estimated_and_none_can_be_met():
+    with pytest.raises(ConfigError, match=r"modes: auto needs joints, damping.*60 is a good start"):
+        settled(job("2 %", damping={}))
+
+
+def test_a_step_alone_gives_no_measure_for_the_modes():
+    raw = yaml.safe_load(EXAMPLE.read_text())
+    raw["model"] = {"modes": "auto"}
+    with pytest.raises(ConfigError, match=r"model.modes: auto needs transient.accuracy"):
+        parse_config(raw, "dam.yaml")
