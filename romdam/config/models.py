@@ -66,10 +66,14 @@ class MeshFileConfig(Model):
 
 
 class BlockConfig(Model):
-    """A box or the cells of a mesh file, of one material; without `mass` it is stiff but weightless."""
+    """A box or the cells of a mesh file, of one material.
+
+    Without `mass` it is stiff only; without `weight` it has its mass, but gravity leaves it out.
+    """
 
     material: str
     mass: bool = True
+    weight: bool = True
     box: BoxConfig | None = None
     mesh: MeshFileConfig | None = None
 

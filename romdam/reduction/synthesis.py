@@ -197,7 +197,9 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
 def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:
     """Modal static force on the joints' structure; weight follows from the participation."""
     surface = part.matrix.T @ surface_force(scene, name).ravel()
-    return surface if scene.staged_weight else np.asarray(part.participation @ scene.gravity + surface)
+    if scene.staged_weight or name in scene.settled:
+        return surface
+    return np.asarray(part.participation @ scene.gravity + surface)
 
 
 def _held_interior(
