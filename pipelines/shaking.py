@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.config.load import Job
-from romdam.dynamics.accuracy import integrate_to, refined_step
+from romdam.dynamics.accuracy import integrate_cases_to, integrate_to, refined_step
 from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.runs import Case, Progress
 from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import Progress, integrate
-from romdam.errors import ConfigError
+from romdam.dynamics.transient import integrate, integrate_cases
+from romdam.errors import ConfigError, ConvergenceError
 from romdam.records.motion import GroundMotion
 from romdam.records.resampling import resample_motion
 
@@ -45,6 +48,40 @@ def shake(
         return ground_at_steps(motion, dt, duration)
 
     return integrate_to(system, ground, options, accuracy, progress)
+
+
+def shake_together(
+    job: Job, systems: Sequence[System], motions: Sequence[GroundMotion]
+) -> list[History | ConvergenceError]:
+    """Integrate ground motions of one time step together, each on its system, over their whole lengths.
+
+    Parameters
+    ----------
+    systems : as many as motions; they differ in damping and in the joints' parameters at most
+
+    Returns
+    -------
+    list, in their order: the history, or why there is none
+
+    Raises
+    ------
+    ConfigError
+        as `shake` does.
+    """
+    duration, accuracy = job.config.transient.duration, job.config.transient.accuracy
+    options = [transient_options(job, *case) for case in zip(systems, motions, strict=True)]
+    outcomes: dict[int, History | ConvergenceError] = {}
+    for one in dict.fromkeys(options):
+        group = [i for i, other in enumerate(options) if other == one]
+        alike = [systems[i] for i in group]
+        grounds = [partial(ground_at_steps, motions[i], duration=duration) for i in group]
+        if accuracy is None:
+            cases = [Case(system, ground(one.dt)) for system, ground in zip(alike, grounds, strict=True)]
+            found = integrate_cases(cases, one)
+        else:
+            found = integrate_cases_to(alike, grounds, one, accuracy)
+        outcomes.update(zip(group, found, strict=True))
+    return [outcomes[i] for i in range(len(systems))]
 
 
 def choose_integrator(job: Job, system: System) -> str:

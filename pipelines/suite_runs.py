@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.load import Job
 from romdam.config.parameters import Place, Varied, vary
 from romdam.config.suite import KeepConfig, SuiteConfig
+from romdam.dynamics.batch import with_parameters
 from romdam.dynamics.system import History
 from romdam.errors import RomdamError
 from romdam.fem.damping import modal_coefficients
@@ -27,10 +28,10 @@ from romdam.outputs.suite_rows import RUN_KEY, Row, row_values
 from romdam.outputs.variables import Case
 from romdam.pipelines.estimate import estimate_error
 from romdam.pipelines.run import Model
-from romdam.pipelines.shaking import shake
+from romdam.pipelines.shaking import shake_together
 from romdam.pipelines.stresses import stress_of
 from romdam.records.motion import GroundMotion
-from romdam.reduction.synthesis import ReducedModel, with_law
+from romdam.reduction.synthesis import ReducedModel
 from romdam.scene.joints import with_properties
 from romdam.scene.model import Scene
 
@@ -134,26 +135,51 @@ def sample_scene(job: Job, scene: Scene, varied: Varied) -> Scene:
 
 
 def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> ReducedModel:
-    system = with_law(reduced.system, gap_law(scene))
-    damping = modal_coefficients(varied.damping, system.K.diagonal())
-    return replace(reduced, system=replace(system, C=csr_matrix(diags_array(damping))))
+    damping = modal_coefficients(varied.damping, reduced.system.K.diagonal())
+    return replace(reduced, system=with_parameters(reduced.system, gap_law(scene), damping))
 
 
 def run_task(study: Study, task: Task) -> list[Row]:
-    """March the runs of a task; their rows in its order, those that failed with a message."""
+    """March the runs of a task together; their rows in its order, those that failed with a message."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    models = {number: sample_model(study, number) for number in dict.fromkeys(r.sample for r in task.runs)}
+    motions = [scaled(task.motions[run.record], run) for run in task.runs]
+    outcomes = march(study.job, [models[run.sample] for run in task.runs], motions)
+    spent = (time.perf_counter() - wall, time.process_time() - cpu)
     rows = []
-    models: dict[int, Model] = {}
-    for run in task.runs:
-        start = (time.perf_counter(), time.process_time())
-        motion = scaled(task.motions[run.record], run)
-        try:
-            if run.sample not in models:
-                models = {run.sample: sample_model(study, run.sample)}
-            history = march(study.job, models[run.sample], motion)
-            rows.append(_row(study, models[run.sample], run, (motion, history), start))
-        except MISFORTUNES as error:
-            rows.append(Row(run.record, run.scale, run.sample, run.key, f"{type(error).__name__}: {error}"))
+    for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):
+        if isinstance(outcome, Exception):
+            message = (
+                str(outcome) if isinstance(outcome, RomdamError) else f"{type(outcome).__name__}: {outcome}"
+            )
+            rows.append(Row(run.record, run.scale, run.sample, run.key, message))
+        else:
+            clock = (share * spent[0], share * spent[1])
+            rows.append(_row(study, models[run.sample], run, (motion, outcome), clock))
     return rows
+
+
+def march(
+    job: Job, models: Sequence[Model], motions: Sequence[GroundMotion]
+) -> Sequence[History | Exception]:
+    """The one place where a suite integrates: every history, or why there is none."""
+    try:
+        return shake_together(job, [model.system for model in models], motions)
+    except MISFORTUNES as error:
+        if len(motions) == 1:
+            return [error]
+    return [march(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]
+
+
+def _shares(outcomes: Sequence[History | Exception]) -> list[float]:
+    """Of the time of a task, by what each run's own steps took."""
+    cpu = [
+        0.0 if isinstance(one, Exception)
+        else one.stats.get("all_runs_cpu_seconds", one.stats["loop_cpu_seconds"])
+        for one in outcomes
+    ]  # fmt: skip
+    total = sum(cpu)
+    return [one / total if total > 0.0 else 1.0 / len(cpu) for one in cpu]
 
 
 def scaled(motion: GroundMotion, run: Run) -> GroundMotion:
@@ -162,21 +188,11 @@ def scaled(motion: GroundMotion, run: Run) -> GroundMotion:
     return replace(motion, name=run.name, acc=run.factor * motion.acc, provenance=about)
 
 
-def march(job: Job, model: Model, motion: GroundMotion) -> History:
-    """The one place where a suite integrates.
-
-    Raises
-    ------
-    RomdamError
-        as `romdam.pipelines.shaking.shake` does.
-    """
-    return shake(job, model.system, motion, job.config.transient.duration)
-
-
 def _row(
-    study: Study, model: Model, run: Run, made: tuple[GroundMotion, History], start: tuple[float, float]
+    study: Study, model: Model, run: Run, made: tuple[GroundMotion, History], clock: tuple[float, float]
 ) -> Row:
-    """The numbers of a finished run; its result is written if it is to be kept."""
+    """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
+    wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
     (motion, history), stated = made, dict[str, float]()
     attributes: dict[str, object] = {}
     if model.finer is not None and model.reduced is not None:
@@ -185,8 +201,8 @@ def _row(
         attributes = estimate.attributes
     history, stress = stress_of(model.scene, model.stress, history)
     case = Case(model.scene, motion, history, stress)
-    stated["wall_seconds"] = time.perf_counter() - start[0]
-    stated["cpu_seconds"] = time.process_time() - start[1]
+    stated["wall_seconds"] = time.perf_counter() - wall
+    stated["cpu_seconds"] = time.process_time() - cpu
     row = Row(run.record, run.scale, run.sample, run.key, "", row_values(case, stated))
     if study.keeps_results:
         _write(study, run, case, attributes | {f"suite_{k}": v for k, v in study.samples[run.sample].items()})

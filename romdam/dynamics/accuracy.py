@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import RATIO
 from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.runs import Case, Progress
 from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import Progress, integrate
+from romdam.dynamics.transient import Outcome, integrate_cases
+from romdam.errors import ConvergenceError
 
 Floats = NDArray[np.float64]
 
@@ -53,11 +55,6 @@ def integrate_to(
 ) -> History:
     """Integrate with ever finer steps until the estimated time-stepping error meets an accuracy.
 
-    Two successive runs differ by most of the coarser one's error; the finer one's is taken as the
-    difference times r/(1 - r), r being the ratio of the last two differences within what the scheme shows
-    (0.3 to 0.7). The error is in L2 over all openings and times, or in the peak opening for a
-    scheme that conserves energy, whose histories part in time while peaks and energy do not.
-
     Parameters
     ----------
     system : the open-joint system
@@ -68,43 +65,97 @@ def integrate_to(
 
     Returns
     -------
-    History of the finest run; stats gain "estimated_time_error", "accuracy" and "runs". The estimate
-    exceeds the accuracy where the finest step allowed did not reach it.
+    History of the finest run, see `integrate_cases_to`.
+
+    Raises
+    ------
+    ConvergenceError
+        where a step does not converge.
+    """
+    outcome = integrate_cases_to([system], [ground], options, accuracy, progress)[0]
+    if isinstance(outcome, ConvergenceError):
+        raise outcome
+    return outcome
+
+
+def integrate_cases_to(
+    systems: Sequence[System],
+    grounds: Sequence[Callable[[float], Floats]],
+    options: TransientOptions,
+    accuracy: float,
+    progress: Progress | None = None,
+) -> list[Outcome]:
+    """Integrate several cases together, each with ever finer steps until its own estimated error is small.
+
+    Two successive runs differ by most of the coarser one's error; the finer one's is taken as the
+    difference times r/(1 - r), r being the ratio of the last two differences within what the scheme shows
+    (0.3 to 0.7). The error is in L2 over all openings and times, or in the peak opening for a
+    scheme that conserves energy, whose histories part in time while peaks and energy do not.
+
+    Returns
+    -------
+    list, in the order of the cases: the history of the finest run, or why there is none. The stats gain
+    "estimated_time_error", "accuracy" and "runs"; the estimate exceeds the accuracy where the finest step
+    allowed did not reach it.
     """
     coarse, every = options.dt, options.dt * options.stride
-    previous: History | None = None
-    difference, estimate, cpu = math.nan, math.inf, 0.0
+    outcomes: dict[int, Outcome] = {}
+    trials = {i: _Trial() for i in range(len(systems))}
     for halvings in range(_FIRST_HALVINGS, _MOST_HALVINGS + 1):
-        finest = coarse / 2.0**halvings
-        base, levels = _step_of(options.integrator, finest, coarse, every)
+        base, levels = _step_of(options.integrator, coarse / 2.0**halvings, coarse, every)
         trial = replace(options, dt=base, levels=levels, stride=round(every / base))
-        history = integrate(system, ground(base), trial, progress)
-        cpu += history.stats["loop_cpu_seconds"]
-        if previous is not None:
-            last, difference = difference, _difference(history, previous, options.integrator)
-            shrink = np.clip(difference / last, *_SHRINK) if last > 0.0 else 0.5
-            estimate = float(difference * shrink / (1.0 - shrink))
-            if estimate <= accuracy:
-                break
-        previous = history
-    stats = history.stats | {
-        "estimated_time_error": estimate,
-        "accuracy": accuracy,
-        "runs": float(halvings - _FIRST_HALVINGS + 1),
-        "all_runs_cpu_seconds": cpu,
-    }
-    return replace(history, stats=stats)
+        cases = [Case(systems[i], grounds[i](base)) for i in trials]
+        for i, found in zip(list(trials), integrate_cases(cases, trial, progress), strict=True):
+            if isinstance(found, ConvergenceError):
+                outcomes[i] = found
+                del trials[i]
+                continue
+            trials[i] = known = trials[i].after(found)
+            outcomes[i] = replace(found, stats=found.stats | known.stats(accuracy))
+            if known.estimate <= accuracy:
+                del trials[i]
+        if not trials:
+            break
+    return [outcomes[i] for i in range(len(systems))]
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What is known of a case's error after its last run: (nt, ng) openings or the peak, and the estimate."""
+
+    measured: Floats | None = None
+    difference: float = math.nan
+    estimate: float = math.inf
+    runs: int = 0
+    cpu: float = 0.0
+
+    def after(self, history: History) -> _Trial:
+        """What is known after one more run."""
+        measured = _measured(history)
+        cpu = self.cpu + history.stats["loop_cpu_seconds"]
+        if self.measured is None:
+            return _Trial(measured, runs=1, cpu=cpu)
+        size = float(np.linalg.norm(measured))
+        difference = float(np.linalg.norm(measured - self.measured)) / max(size, _NEGLIGIBLE)
+        shrink = np.clip(difference / self.difference, *_SHRINK) if self.difference > 0.0 else 0.5
+        return _Trial(measured, difference, float(difference * shrink / (1.0 - shrink)), self.runs + 1, cpu)
+
+    def stats(self, accuracy: float) -> dict[str, float]:
+        """What the history's stats gain."""
+        return {
+            "estimated_time_error": self.estimate,
+            "accuracy": accuracy,
+            "runs": float(self.runs),
+            "all_runs_cpu_seconds": self.cpu,
+        }
+
+
+def _measured(history: History) -> Floats:
+    """What is compared between two runs."""
+    if history.integrator == "conserving":
+        return np.array([history.peaks["opening"].max(initial=0.0)])
+    return history.jump[..., 0].copy() if history.jump.size else history.disp
 
 
 def _step_of(integrator: str, finest: float, coarse: float, every: float) -> tuple[float, int]:
     return refined_step(finest, coarse, every) if integrator == "adaptive" else (finest, 0)
-
-
-def _difference(fine: History, rough: History, integrator: str) -> float:
-    """Relative difference of two runs."""
-    if integrator == "conserving":
-        peaks = [run.peaks["opening"].max(initial=0.0) for run in (fine, rough)]
-        return abs(peaks[0] - peaks[1]) / max(abs(peaks[0]), _NEGLIGIBLE)
-    measured = (fine.jump[..., 0], rough.jump[..., 0]) if fine.jump.size else (fine.disp, rough.disp)
-    size = float(np.linalg.norm(measured[0]))
-    return float(np.linalg.norm(measured[0] - measured[1])) / max(size, _NEGLIGIBLE)
