@@ -199,21 +199,47 @@ def info(result: ResultFile) -> None:
 
 
 @app.command(epilog=EXIT_CODES)
+def show(
+    config: Config,
+    out: Out = Path("."),
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Draw the scene of CONFIG: blocks, joints, water and materials, as OUT/<config>-scene.png."""
+    from romdam.pipelines.views import show_scene
+
+    stages, say = _terminal(quiet, verbose)
+    say(f"written: {show_scene(romdam.load_config(config), out, stages)}")
+
+
+@app.command(epilog=EXIT_CODES)
 def plot(
     result: ResultFile,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the figures; RESULT's own if not given.")
     ] = None,
+    fields: Annotated[
+        bool, typer.Option("--fields", help="Displacement and stress in 3-D at their worst steps (PNG).")
+    ] = False,
+    vtu: Annotated[bool, typer.Option("--vtu", help="A .vtu/.pvd series for ParaView.")] = False,
+    animation: Annotated[bool, typer.Option("--animation", help="The motion as a GIF.")] = False,
+    frames: Annotated[int, typer.Option(min=1, help="Frames of the series and of the GIF.")] = 40,
+    window: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="First and last second of both; 2 s around the largest displacement if not given."),
+    ] = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Draw the figures of a result as PNG."""
-    from romdam.files import prepare_folder
-    from romdam.outputs.plots import write_plots
+    """Draw the figures of a result as PNG and write its table of maxima; fields in 3-D where asked."""
+    from romdam.pipelines.views import Wanted, plot_result
+    from romdam.terminal import maxima_table
 
-    _, say = _terminal(quiet, verbose=False)
+    stages, say = _terminal(quiet, verbose)
+    wanted = Wanted(fields, vtu, animation, frames, window)
     with romdam.open_result(result) as opened:
-        folder = prepare_folder(out or result.parent)
-        say(*(f"written: {path}" for path in write_plots(opened.dataset, folder, result.stem)))
+        paths = plot_result(opened, out or result.parent, wanted, stages)
+        say(maxima_table(opened.dataset), *(f"written: {path}" for path in paths))
 
 
 @app.command(epilog=EXIT_CODES)

@@ -84,6 +84,16 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     return table
 
 
+def maxima_table(dataset: xr.Dataset) -> Table:
+    """The largest values of a result."""
+    from romdam.outputs.maxima import HEAD, maxima
+
+    table = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4]))
+    for name, value, unit, where, when in maxima(dataset):
+        table.add_row(name, where, f"{value:.4g}", unit, when or "-")
+    return table
+
+
 def check_tables(found: Check) -> list[Table]:
     """Blocks, joints and records of a job that was checked."""
     blocks = _table(

@@ -50,7 +50,8 @@ ONLY_IN = {
     "pydantic": {"config"},
     "pint": {"config"},
     "skfem": {"fem", "scene"},
-    "meshio": {"scene"},
+    "meshio": {"outputs", "scene"},
+    "pyvista": {"outputs"},
 }
 
 

@@ -16,6 +16,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from romdam.files import replacing
+from romdam.outputs.stress_plots import stress_damage, stress_histories
 from romdam.outputs.style import COLOURS, GREY, STYLE, new_figure, scaled
 
 Array = np.ndarray
@@ -124,6 +125,8 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "joint_opening": joint_opening,
     "opening_envelope": opening_envelope,
     "energy": energy_ledger,
+    "stress": stress_histories,
+    "stress_damage": stress_damage,
 }
 
 

@@ -49,3 +49,15 @@ def scaled(values: xr.DataArray, unit: str) -> tuple[xr.DataArray, float, str]:
     largest = float(abs(values).max()) if values.size else 0.0
     size, prefix = next(((s, p) for s, p in _PREFIXES if largest >= s), (1.0, ""))
     return values / size, 1.0 / size, prefix + unit
+
+
+def image_panels(images: list[Any], title: str) -> tuple[Figure, list[Axes]]:
+    """Images (rows, columns, 3) of equal size side by side, without axes."""
+    rows, columns = images[0].shape[:2]
+    figure = Figure(figsize=(4.6 * len(images), 4.6 * rows / columns + 0.9), layout="constrained")
+    axes = list(figure.subplots(1, len(images), squeeze=False)[0])
+    for ax, image in zip(axes, images, strict=True):
+        ax.imshow(image)
+        ax.set_axis_off()
+    figure.suptitle(title, fontsize=9, x=0.02, ha="left")
+    return figure, axes

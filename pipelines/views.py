@@ -1,0 +1,81 @@
+"""Pictures of a scene and of a result: the order of the stages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from romdam.config.load import Job
+from romdam.files import prepare_folder
+from romdam.outputs.fields import Result
+from romdam.pipelines.run import Clock, Stage, silent
+from romdam.scene.build import build_scene
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be drawn of a result besides the figures, and the frames of series.
+
+    Attributes
+    ----------
+    fields, vtu, animation : pictures of fields; a series for ParaView; a GIF
+    frames : of a series
+    window : first and last second of a series; two seconds around the largest displacement if None
+    """
+
+    fields: bool = False
+    vtu: bool = False
+    animation: bool = False
+    frames: int = 40
+    window: tuple[float, float] | None = None
+
+
+def show_scene(job: Job, out: str | Path, show: Stage = silent) -> Path:
+    """Draw the scene of a configuration as `out`/<configuration>-scene.png.
+
+    Raises
+    ------
+    RomdamError
+        for a scene that cannot be built, and where 3-D pictures cannot be drawn.
+    """
+    from romdam.outputs.rendering import refuse_without_renderer
+    from romdam.outputs.scene_view import draw_scene
+
+    refuse_without_renderer()
+    folder, clock = prepare_folder(Path(out)), Clock(show)
+    with clock.stage("scene", "building the scene"):
+        scene = build_scene(job.config, job.folder, str(job.path))
+    with clock.stage("picture", "drawing the scene"):
+        return draw_scene(scene, folder / f"{job.path.stem}-scene.png", job.config.title or job.path.stem)
+
+
+def plot_result(result: Result, out: str | Path, wanted: Wanted, show: Stage = silent) -> list[Path]:
+    """Draw a result: its figures, and what else is wanted, into `out`.
+
+    Raises
+    ------
+    RomdamError
+        for a result without fields, and where 3-D pictures cannot be drawn or files not be written.
+    """
+    from romdam.outputs.maxima import write_maxima
+    from romdam.outputs.plots import write_plots
+
+    folder, clock, stem = prepare_folder(Path(out)), Clock(show), result.path.stem
+    with clock.stage("figures", "drawing figures"):
+        paths = [*write_plots(result.dataset, folder, stem), write_maxima(result.dataset, folder, stem)]
+    if wanted.fields:
+        from romdam.outputs.field_views import draw_fields
+
+        with clock.stage("fields", "drawing fields"):
+            paths += draw_fields(result, folder, stem)
+    if wanted.vtu:
+        from romdam.outputs.export import write_series
+
+        with clock.stage("vtu", "writing the series") as progress:
+            paths.append(write_series(result, folder, stem, (wanted.frames, wanted.window), progress))
+    if wanted.animation:
+        from romdam.outputs.field_views import write_animation
+
+        with clock.stage("animation", "drawing the animation") as progress:
+            paths.append(write_animation(result, folder, stem, (wanted.frames, wanted.window), progress))
+    return paths

@@ -1,0 +1,170 @@
+"""Pictures show what they should, series read back the same, refusals name the remedy."""
+
+import csv
+import subprocess
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from PIL import Image
+
+import romdam.outputs.rendering as rendering
+from romdam import open_result
+from romdam.config import parse_config
+from romdam.config.load import Job
+from romdam.errors import ResultError
+from romdam.outputs.dataset import build_dataset, write_dataset
+from romdam.outputs.fields import write_model
+from romdam.outputs.maxima import HEAD, maxima
+from romdam.outputs.series import frame_times, worst_displacement_time
+from romdam.pipelines.views import Wanted, plot_result, show_scene
+
+from .conftest import make_basis, make_case
+
+pytest.importorskip("pyvista")
+
+
+@pytest.fixture(scope="module")
+def drawable():
+    """Skip where this machine has no OpenGL, with the reason that the command gives."""
+    try:
+        rendering.refuse_without_renderer()
+    except ResultError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def result(job, timing, tmp_path):
+    case = make_case()
+    name = write_model(tmp_path, case.scene, make_basis())
+    write_dataset(build_dataset(case, job, timing, name), tmp_path / "quake.nc")
+    with open_result(tmp_path / "quake.nc") as opened:
+        yield opened
+
+
+def colours(path, box=slice(None)):
+    """Distinct colours of a picture, (n, 3) in 0 to 255."""
+    pixels = (imread(path)[box, :, :3] * 255).round().astype(int)
+    return np.unique(pixels.reshape(-1, 3), axis=0)
+
+
+def near(path, colour, slack=40):
+    """Pixels within a distance of a colour."""
+    pixels = imread(path)[..., :3] * 255
+    return int((np.abs(pixels - np.array(colour)).max(axis=-1) < slack).sum())
+
+
+def job_of_two(**water):
+    sizes = {"size": [2, 2, 4], "element_size": 1.0}
+    faces = [{"block": b, "face": "xmin"} for b in ("left", "right")]
+    raw = {
+        "title": "two blocks",
+        "materials": {"c": {"E": "30 GPa", "nu": 0.2, "rho": 2400}},
+        "blocks": {
+            "left": {"material": "c", "box": {"origin": [0, 0, 0], "element": "hex20", **sizes}},
+            "right": {"material": "c", "box": {"origin": [0, 2, 0], "element": "hex20", **sizes}},
+        },
+        "supports": [{"block": b, "face": "zmin"} for b in ("left", "right")],
+        "joints": {"j": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
+        "water": {"level": 3.2, "faces": faces, "model": "incompressible"},
+        "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"modes": 5},
+        "transient": {"dt": 0.01},
+    }
+    return Job(parse_config(raw | water, "two.yaml"), Path("two.yaml"))
+
+
+def test_scene_shows_blocks_joint_and_water(drawable, tmp_path):
+    path = show_scene(job_of_two(), tmp_path)
+    assert path.name == "two-scene.png"
+    top = imread(path).shape
+    assert top[0] > 500 and top[1] > 1000
+    assert near(path, (0, 114, 178)) > 5000, "the left block"
+    assert near(path, (230, 159, 0)) > 5000, "the right block"
+    assert near(path, (31, 111, 235), 25) > 100, "the water line"
+    assert near(path, (0, 0, 0), 25) > 300, "the joint"
+    assert not list(tmp_path.glob(".*")), "no temporary file is left"
+
+
+def test_scene_without_water_has_no_water_line(drawable, tmp_path):
+    path = show_scene(job_of_two(water=None), tmp_path)
+    assert near(path, (31, 111, 235), 25) < 10
+
+
+def test_plot_makes_figures_fields_series_and_animation(drawable, result, tmp_path):
+    wanted = Wanted(fields=True, vtu=True, animation=True, frames=3, window=(0.5, 1.5))
+    paths = plot_result(result, tmp_path / "out", wanted)
+    names = {p.name.removeprefix("quake") for p in paths}
+    assert {f"-field_{n}.png" for n in ("displacement", "principal_stress", "vertical_stress")} <= names
+    assert {".pvd", "-motion.gif", "-maxima.csv", "-stress.png", "-stress_damage.png"} <= names
+    assert all(p.stat().st_size > 0 for p in paths)
+    red_or_blue = colours(tmp_path / "out" / "quake-field_principal_stress.png")
+    assert (np.ptp(red_or_blue, axis=1) > 60).sum() > 20, "the field has colours"
+    with Image.open(tmp_path / "out" / "quake-motion.gif") as gif:
+        assert gif.n_frames == 3 and gif.size == (800, 640)
+
+
+def test_series_holds_the_displacement_of_every_node_at_every_frame(result, tmp_path):
+    plot_result(result, tmp_path, Wanted(vtu=True, frames=4, window=(0.5, 1.5)))
+    rows = ElementTree.parse(tmp_path / "quake.pvd").getroot().findall("./Collection/DataSet")
+    times = frame_times(result, (4, (0.5, 1.5)))
+    assert [float(row.get("timestep")) for row in rows] == pytest.approx(list(times))
+    mesh = meshio.read(tmp_path / rows[2].get("file"))
+    expected = [result.displacement(b, times=times[2]).values[0] for b in result.blocks]
+    np.testing.assert_allclose(mesh.point_data["displacement"], np.concatenate(expected))
+    np.testing.assert_allclose(mesh.points, np.concatenate([result.points(b) for b in result.blocks]))
+    assert mesh.point_data["max_principal_stress"].shape == (16,)
+    assert np.isnan(mesh.point_data["max_principal_stress"][8:]).all(), "the right block has no stress"
+    assert [len(c.data) for c in mesh.cells] == [2] or [len(c.data) for c in mesh.cells] == [1, 1]
+
+
+def test_worst_time_is_that_of_the_largest_displacement(result):
+    size = [np.linalg.norm(result.displacement(b).values, axis=2).max(axis=1) for b in result.blocks]
+    step = int(np.max(size, axis=0).argmax())
+    assert worst_displacement_time(result) == result.dataset.time.values[step]
+
+
+def test_window_without_times_is_refused(result):
+    with pytest.raises(ResultError, match=r"no written time lies between 5 and 6 s, the result has 0 to 2 s"):
+        frame_times(result, (4, (5.0, 6.0)))
+
+
+def test_maxima_are_those_of_the_dataset(result, tmp_path):
+    dataset = result.dataset
+    table = {(name, where): value for name, value, _, where, _ in maxima(dataset)}
+    assert table["joint opening", "J2"] == float(dataset.peak_opening.sel(joint="J2"))
+    largest = float(dataset.max_principal_stress.max())
+    assert any(name == "largest principal stress" and value == largest for (name, _), value in table.items())
+    plot_result(result, tmp_path, Wanted())
+    with (tmp_path / "quake-maxima.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert tuple(rows[0]) == HEAD and len(rows) == len(maxima(dataset)) + 1
+
+
+def test_machine_without_opengl_is_told_what_to_install(monkeypatch):
+    rendering.refuse_without_renderer.cache_clear()
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr(rendering.sys, "platform", "linux")
+    crash = subprocess.CompletedProcess([], -11)
+    monkeypatch.setattr(rendering.subprocess, "run", lambda *a, **k: crash)
+    with pytest.raises(ResultError, match=r"VTK found none; .* apt-get install libegl1"):
+        rendering.refuse_without_renderer()
+
+
+def test_missing_pyvista_is_told_how_to_install(monkeypatch):
+    import builtins
+
+    real = builtins.__import__
+
+    def without(name, *rest, **keys):
+        if name == "pyvista":
+            raise ImportError("No module named 'pyvista'")
+        return real(name, *rest, **keys)
+
+    rendering.refuse_without_renderer.cache_clear()
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(ResultError, match=r"pip install 'romdam\[view\]'"):
+        rendering.refuse_without_renderer()
