@@ -13,7 +13,8 @@ from romdam.joints.step import solve_gaps
 
 Floats = NDArray[np.float64]
 
-_MEAN_ITERATIONS = 50  # of the discrete gradient in a step that changes the closed set
+_MEAN_ITERATIONS = 50  # of the discrete gradient in a step that changes the closed set or slides
+_REST = 1e-12  # relative change of its force that counts as rest
 
 
 @njit(cache=True)
@@ -46,6 +47,16 @@ def _end_force(
             p[i] -= problem.tension[i // d] * g[i]
             changed = changed or (memory.force[i] > 0.0) != closed[i // d]
     return changed
+
+
+@njit(cache=True)
+def _slid(problem: GapProblem, memory: GapMemory, y: Floats) -> float:
+    """What sliding takes in the step, which never is negative [J]."""
+    lost = 0.0
+    for i in range(len(memory.anchor)):
+        for a in range(3 * i + 1, 3 * i + 3):
+            lost -= memory.force[a] * y[a]
+    return lost
 
 
 @njit(cache=True)
@@ -93,15 +104,16 @@ def try_conserving(
         if not residual <= tolerance:
             return residual
         changed = _end_force(problem, memory, state.closed, y, p_1, g_1)
+        slid = _slid(problem, memory, y)
         state.mean[:] = 0.5 * (p_0 + p_1) + correction
         w_1[:] = w_free
         add_rows(half, state.mean, 2.0, w_1)
-        if not changed or len(p_0) > len(problem.gap):
+        if not changed and slid == 0.0:
             break
         moved = (w_1 - state.w) * ((p_0 != 0.0) | (p_1 != 0.0))
-        missing = _elastic(model, problem, memory.force, p_1, g_1) - before + (0.5 * (p_0 + p_1)) @ moved
-        new = _correction(missing, moved)
-        if np.abs(new - correction).max() <= 1e-12 * np.abs(state.mean).max():
+        missing = _elastic(model, problem, memory.force, p_1, g_1) - before + slid
+        new = _correction(missing + (0.5 * (p_0 + p_1)) @ moved, moved)
+        if np.abs(new - correction).max() <= _REST * np.abs(state.mean).max():
             break
         correction = new
     state.w[:] = w_1
