@@ -31,6 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 
 from reference_run import ROOT, errors, job, march
 
+from romdam.dynamics.accuracy import refined_step
 from romdam.dynamics.propagator import modal_propagator
 from romdam.dynamics.system import History, System
 from romdam.dynamics.transient import INTEGRATORS
@@ -40,9 +41,11 @@ from romdam.reduction.synthesis import reduce_scene
 Floats = NDArray[np.float64]
 Row = dict[str, object]
 
-STEPS = (0.01, 0.005, 0.0025, 0.00125, 0.000625, 0.0003125)
+STEPS = (0.01, 0.005, 0.0025, 0.00125, 0.000625, 0.0003125, 0.00015625)
 FULL_STEPS = (0.0025, 0.000625)
 ROUGH = {"friction": 0.6, "shear_stiffness": 8e9}
+RECORD_STEP = 0.01  # [s], and the interval of the rows
+LIMIT = 0.01 / 128  # [s] step of the run with friction that the others are compared with
 
 
 def machine() -> Row:
@@ -72,9 +75,18 @@ def reduced_system(**joint: object) -> tuple[System, float]:
 
 def repeat(repeats: int, system: System, dt: float, seconds: float | None = None, **options: object) -> Row:
     """One row: errors, and the median CPU of the loop; the first run, which may compile, is not counted."""
-    march(system, dt, 0.1, **options)
-    runs = [march(system, dt, seconds, **options) for _ in range(repeats)]
+    stepped = at_finest(dt, **options)
+    march(system, duration=0.1, **stepped)
+    runs = [march(system, duration=seconds, **stepped) for _ in range(repeats)]
     return row(runs, dt, seconds)
+
+
+def at_finest(dt: float, **options: object) -> dict[str, object]:
+    """Options of a run whose finest step is dt: the adaptive one starts from the record's or half of it."""
+    if options.get("integrator") != "adaptive":
+        return {"dt": dt, **options}
+    base, levels = refined_step(dt, RECORD_STEP, RECORD_STEP)
+    return {"dt": base, "levels": levels, **options}
 
 
 def row(runs: list[History], dt: float, seconds: float | None) -> Row:
@@ -162,18 +174,34 @@ def measure(seconds: float, repeats: int) -> dict[str, object]:
         if name not in ("generalized_alpha", "conserving"):  # the latter is for scenes without damping
             report[f"reduced, {name}"] = [repeat(repeats, smooth, dt, integrator=name) for dt in STEPS]
     rough, _ = reduced_system(**ROUGH)
-    report["friction"] = [_friction(rough, smooth, dt, repeats) for dt in (0.0025, 0.000625)]
+    limit = march(rough, LIMIT, 10.0, integrator="modal")
+    report["friction"] = [
+        _friction(rough, smooth, limit, (integrator, dt, repeats))
+        for integrator in ("modal", "adaptive")
+        for dt in (0.0025, 0.00125, 0.000625)
+    ]
     report["products"] = products(smooth, 0.0025, repeats)
     full = assemble_full(job().scene, job().config.damping)
     report["full order"] = [_full(full, smooth, dt, seconds) for dt in FULL_STEPS]
     return report
 
 
-def _friction(rough: System, smooth: System, dt: float, repeats: int) -> Row:
-    with_it, without = (repeat(repeats, s, dt, integrator="modal") for s in (rough, smooth))
+def _friction(rough: System, smooth: System, limit: History, setting: tuple[str, float, int]) -> Row:
+    """With friction and without, same integrator and step; errors against the friction's own time limit."""
+    integrator, dt, repeats = setting
+    with_it, without = (repeat(repeats, s, dt, integrator=integrator) for s in (rough, smooth))
     names = ("cpu_seconds", "cpu_us_per_step", "iterations_per_step", "largest_residual", "ledger_residual")
-    ratio = float(str(with_it["cpu_seconds"])) / float(str(without["cpu_seconds"]))
-    return {"dt": dt, **{name: with_it[name] for name in names}, "cost_against_frictionless": ratio}
+    stepped = at_finest(dt, integrator=integrator)
+    found = march(rough, duration=float(limit.time[-1]), **stepped).jump[..., 0]
+    return {
+        "integrator": integrator,
+        "dt": dt,
+        **{name: with_it[name] for name in names},
+        "time_error_L2": float(
+            np.linalg.norm(found - limit.jump[..., 0]) / np.linalg.norm(limit.jump[..., 0])
+        ),
+        "cost_against_frictionless": float(str(with_it["cpu_seconds"])) / float(str(without["cpu_seconds"])),
+    }
 
 
 def _full(full: System, reduced: System, dt: float, seconds: float) -> Row:
@@ -194,8 +222,10 @@ def table(report: dict[str, object]) -> str:
             lines += [_line(name, dict(row)) for row in rows]  # type: ignore[attr-defined]
     for friction in report["friction"]:  # type: ignore[attr-defined]
         lines.append(
-            f"friction mu 0.6, dt {friction['dt']:g}: {friction['cpu_us_per_step']:.1f} us/step, "
-            f"{friction['cost_against_frictionless']:.1f} times the frictionless step, "
+            f"friction mu 0.6, {friction['integrator']}, dt {friction['dt']:g}: "
+            f"{friction['cpu_seconds']:.3f} s, "
+            f"time error {100 * friction['time_error_L2']:.2f} %, "
+            f"{friction['cost_against_frictionless']:.1f} times the frictionless run, "
             f"largest residual {friction['largest_residual']:.1e}"
         )
     bare = dict(report["products"])  # type: ignore[call-overload]
