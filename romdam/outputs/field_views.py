@@ -16,7 +16,7 @@ from romdam.files import replacing
 from romdam.outputs.fields import Result
 from romdam.outputs.plots import save_figure
 from romdam.outputs.rendering import EDGES, Bounds, Image, Picture, grid, surface
-from romdam.outputs.series import Frames, frame_times, worst_displacement_time
+from romdam.outputs.series import Frames, dam_blocks, frame_times, worst_displacement_time
 from romdam.outputs.style import STYLE, image_panels, scaled
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,6 @@ Progress = Callable[[int, int], None]
 
 _DIRECTIONS = (np.array([-0.5, -1.0, 0.45]), np.array([0.5, 1.0, 0.45]))
 _SHOWN = 0.05  # of the model's size, that the largest displacement is drawn as
-_SUBDIVISIONS = 1  # of quadratic facets
 _EDGED = 20_000  # cells of a block, above which only its sharp edges are drawn
 _FRAME_SIZE = (800, 640)
 _MISSING = "#D9D9D9"
@@ -99,7 +98,7 @@ def write_animation(result: Result, folder: Path, stem: str, frames: Frames, pro
 
 
 def _displacement(result: Result, time: float) -> _Field:
-    moved = {name: result.displacement(name, times=time).values[0] for name in result.blocks}
+    moved = {name: result.displacement(name, times=time).values[0] for name in dam_blocks(result)}
     values = {name: np.linalg.norm(u, axis=1) for name, u in moved.items()}
     return _Field(values, moved, "m", "displacement relative to the base", "viridis")
 
@@ -121,7 +120,7 @@ def _stress(result: Result, variable: str, time: float | None) -> _Field:
 
 
 def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path:
-    """Two sides of the model, with a colour bar."""
+    """Two sides of the field's blocks, with a colour bar."""
     whole = np.concatenate(list(field.values.values()))
     shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), field.unit)
     norm = _norm(shown, field.colours)
@@ -162,13 +161,14 @@ def _view(
     picture = Picture(*camera, *(() if size is None else (size,)))
     for name, values in field.values.items():
         element, cells = result.cells(name)
-        mesh = grid(element, result.points(name) + scale * field.moved[name], cells)
+        points = result.points(name) + scale * field.moved[name]
+        mesh, straight = grid(element, points, cells), surface(grid(element, points, cells, straight=True))
         mesh.point_data["values"] = values
         bar = {"scalars": "values", "cmap": field.colours, "clim": (norm.vmin, norm.vmax)}
         flat = {"lighting": False, "ambient": 0.0, "diffuse": 1.0}  # the colours of the bar, unshaded
-        picture.add(surface(mesh, _SUBDIVISIONS), **bar, **flat, nan_color=_MISSING)
-        shell = surface(mesh)
-        edges = shell.extract_all_edges() if len(cells) < _EDGED else shell.extract_feature_edges(30)
+        picture.add(surface(mesh), **bar, **flat, nan_color=_MISSING)
+        all_of_them = len(cells) < _EDGED
+        edges = straight.extract_all_edges() if all_of_them else straight.extract_feature_edges(30)
         picture.add(edges, color=EDGES, line_width=1.5, opacity=0.4)
     return picture
 
@@ -182,7 +182,7 @@ def _magnification(result: Result, largest: float) -> float:
     """A round factor that draws the largest displacement as a small part of the model."""
     if largest <= 0.0:
         return 0.0
-    low, high = _bounds(result, result.blocks)
+    low, high = _bounds(result, dam_blocks(result))
     wanted = _SHOWN * float(np.linalg.norm(high - low)) / largest
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(max(f for f in (1.0, 2.0, 5.0) if f * power <= wanted * (1.0 + 1e-9)) * power)

@@ -14,12 +14,15 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.files import replacing
 from romdam.outputs.stress_plots import stress_damage, stress_histories
 from romdam.outputs.style import COLOURS, GREY, STYLE, new_figure, scaled
 
 Array = np.ndarray
+
+_FLAT = 0.08  # inscribed over circumscribed circle of a triangle on the rim, below which it is left out
 
 
 def ground_motion(dataset: xr.Dataset) -> Figure:
@@ -196,7 +199,9 @@ def _face_map(ax: Axes, dataset: xr.Dataset, chosen: Array, peaks: xr.DataArray,
     """One joint's gaps in its own plane: the local axis nearest to vertical up, the other across."""
     x, y = _face_coordinates(dataset, chosen)
     if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
-        ax.tripcolor(x, y, peaks.values[chosen], norm=norm, cmap="viridis", shading="gouraud")
+        mesh = Triangulation(x, y)
+        mesh.set_mask(TriAnalyzer(mesh).get_flat_tri_mask(_FLAT))  # those across a hollow edge
+        ax.tripcolor(mesh, peaks.values[chosen], norm=norm, cmap="viridis", shading="gouraud")
         ax.scatter(x, y, s=2, color="white", lw=0)
     else:  # gaps in a row have no face
         ax.scatter(x, y, c=peaks.values[chosen], s=24, norm=norm, cmap="viridis", lw=0)

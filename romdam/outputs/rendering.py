@@ -25,6 +25,7 @@ Bounds = tuple[Floats, Floats]
 SIZE = (1000, 900)
 EDGES = "#404040"
 _CELL_TYPES = {"tet4": 10, "hex8": 12, "tet10": 24, "hex20": 25}
+_LINEAR = {"tet4": "tet4", "hex8": "hex8", "tet10": "tet4", "hex20": "hex8"}
 _PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
 _FAR = 2.0  # distance of the eye, in sizes of the model
 
@@ -54,10 +55,13 @@ def refuse_without_renderer() -> None:
         )
 
 
-def grid(element: str, points: Floats, cells: Ints) -> pyvista.UnstructuredGrid:
-    """A block's mesh for PyVista."""
+def grid(element: str, points: Floats, cells: Ints, straight: bool = False) -> pyvista.UnstructuredGrid:
+    """A block's mesh for PyVista; `straight` takes its corner nodes only."""
     import pyvista
 
+    if straight:
+        element = _LINEAR[element]
+        cells = cells[:, : int(element[3:])]
     return pyvista.UnstructuredGrid({_CELL_TYPES[element]: cells}, points)
 
 
@@ -119,6 +123,9 @@ def _half_height(low: Floats, high: Floats, direction: Floats, size: tuple[int, 
     return float(1.06 * max(tall, wide * size[1] / size[0]))
 
 
-def surface(mesh: pyvista.UnstructuredGrid, divisions: int = 0) -> pyvista.PolyData:
-    """The outer surface; quadratic facets are drawn as so many flat ones (0: by their corners)."""
-    return mesh.extract_surface(algorithm=None, pass_pointid=True, nonlinear_subdivision=divisions)
+def surface(mesh: pyvista.UnstructuredGrid) -> pyvista.PolyData:
+    """The outer surface, quadratic facets as several flat ones.
+
+    `vtkOriginalPointIds` are node numbers on straight meshes only: VTK numbers them anew on quadratic ones.
+    """
+    return mesh.extract_surface(algorithm=None, pass_pointid=True, nonlinear_subdivision=1)

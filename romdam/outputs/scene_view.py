@@ -59,7 +59,7 @@ def _view(scene: Scene, colours: dict[str, str], shown: list[str], direction: Fl
     picture, rock = Picture((points.min(axis=0), points.max(axis=0)), direction), _rock(scene)
     for name in shown:
         block = scene.blocks[name]
-        shell = surface(grid(block.element, block.points, block.cells))
+        shell = surface(grid(block.element, block.points, block.cells, straight=True))
         opacity = 0.35 if name in rock else 1.0
         picture.add(
             shell, color=colours[name], opacity=opacity, show_edges=True, edge_color=EDGES, line_width=0.5
@@ -104,7 +104,7 @@ def _add_joints(picture: Picture, scene: Scene) -> None:
 
 def _part_of(block: Block, nodes: NDArray[np.int64]) -> pyvista.PolyData | None:
     """The part of a block's surface whose corners are all among some nodes."""
-    whole = surface(grid(block.element, block.points, block.cells))
+    whole = surface(grid(block.element, block.points, block.cells, straight=True))
     part = whole.extract_points(np.isin(whole["vtkOriginalPointIds"], nodes), adjacent_cells=False)
     return part.extract_surface(algorithm=None) if part.n_cells else None
 

@@ -1,4 +1,4 @@
-"""Which times of a result are worth a picture: the worst step, and the frames of a series."""
+"""Which times and blocks of a result are worth a picture: the worst step, the frames of a series, the dam."""
 
 from __future__ import annotations
 
@@ -14,10 +14,17 @@ _SAMPLES = 150  # nodes of each block that the largest displacement is looked fo
 _AROUND = 2.0  # [s] before and after it
 
 
+def dam_blocks(result: Result) -> list[str]:
+    """Blocks that some joint touches, or all where there is none: rock is left out."""
+    dataset = result.dataset
+    jointed = set(dataset.joint_blocks.values.ravel().tolist()) if "joint_blocks" in dataset else set()
+    return [name for name in result.blocks if not jointed or name in jointed]
+
+
 def worst_displacement_time(result: Result) -> float:
-    """Time at which some node is farthest from where it was, among a sample of every block's nodes [s]."""
+    """Time at which some node is farthest from where it was, among a sample of the dam's nodes [s]."""
     largest, time = -1.0, 0.0
-    for block in result.blocks:
+    for block in dam_blocks(result):
         count = len(result.points(block))
         nodes = np.unique(np.linspace(0, count - 1, min(count, _SAMPLES)).astype(np.int64))
         moved = result.displacement(block, nodes=nodes)

@@ -93,6 +93,13 @@ COORDINATES: dict[str, Variable] = {
     "tangent": Variable(
         ("tangent",), "", "local tangential axis of a gap", lambda c: _strings(["j", "k"]), _has_joints
     ),
+    "joint_blocks": Variable(
+        ("joint", "side"),
+        "",
+        "names of blocks I and J of the joint",
+        lambda c: np.array([joint.blocks for joint in c.joints], dtype=str),
+        _has_joints,
+    ),
     "gap_joint": Variable(("gap",), "", "joint the gap belongs to", _joint_of_gap, _has_joints),
     "gap_position": Variable(
         ("gap", "component"), "m", "position of the gap", lambda c: c.of_gaps("position"), _has_joints
