@@ -14,8 +14,11 @@ from romdam.errors import ConfigError
 from romdam.fem.unreduced import assemble_full
 from romdam.files import prepare_folder
 from romdam.outputs.comparison import Difference, Openings, compare_openings, read_reference, write_statement
+from romdam.outputs.stress import StressSummary
+from romdam.outputs.stress_file import StressFields
 from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
 from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
+from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
 from romdam.scene.model import Scene
@@ -43,11 +46,12 @@ class Verification:
 
 @dataclass(frozen=True)
 class Marched:
-    """One integration, its step where contact changes, and its openings."""
+    """One integration, its step where contact changes, its openings, its stress where that is asked for."""
 
     history: History
     dt: float
     openings: Openings
+    stress: StressSummary | None
 
 
 def verify(
@@ -103,7 +107,7 @@ def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock
     shake(job, model.system, motion, 10.0 * motion.dt)  # compiled kernels are not part of the time
     with clock.stage("reduced", "reduced model") as progress:
         history = shake(job, model.system, motion, seconds, progress)
-    return _marched(model.scene, history)
+    return _marched(model.scene, history, stress_fields(model.scene, model.reduced))
 
 
 def _full(job: Job, model: Model, what: tuple[GroundMotion, float, Marched], clock: Clock) -> Marched:
@@ -112,17 +116,32 @@ def _full(job: Job, model: Model, what: tuple[GroundMotion, float, Marched], clo
     wanted = max(reduced.dt / REFINEMENT, motion.dt / SAMPLE)
     dt = every / np.ceil(every / wanted * (1.0 - 1e-9))
     options = fixed_step(transient_options(job, model.system, motion), dt, every, "generalized_alpha")
-    system = assemble_full(model.scene, job.config.damping)
+    system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
     ground = ground_at_steps(motion, dt, seconds)
     with clock.stage("full", f"full order, {ground.shape[1] - 1} steps") as progress:
         history = integrate(system, ground, options, progress)
-    return _marched(model.scene, history)
+    return _marched(model.scene, history, {})
 
 
-def _marched(scene: Scene, history: History) -> Marched:
+def _marched(scene: Scene, history: History, fields: dict[str, StressFields]) -> Marched:
     position = np.concatenate([joint.position for joint in scene.joints.values()])
+    history, stress = stress_of(scene, fields, history)
     openings = Openings(history.time, history.jump[:, :, 0], position)
-    return Marched(history, history.stats["finest_step"], openings)
+    return Marched(history, history.stats["finest_step"], openings, stress)
+
+
+def _stress_difference(reduced: Marched, full: Marched) -> dict[str, object]:
+    """How far the envelopes of the major principal stress are apart; empty where no stress is asked for."""
+    if reduced.stress is None or full.stress is None:
+        return {}
+    a, b = (run.stress.largest["principal"] for run in (reduced, full) if run.stress is not None)
+    peak = float(np.abs(b).max())
+    return {
+        "peak_principal_stress": float(a.max()),
+        "peak_principal_stress_full": float(b.max()),
+        "peak_principal_stress_error": abs(float(a.max() - b.max())) / peak,
+        "principal_stress_worst_node_error": float(np.abs(a - b).max()) / peak,
+    }
 
 
 def _statement(
@@ -137,6 +156,7 @@ def _statement(
         "statement": _sentence(full.dt, motion.name, difference),
         "record": motion.name,
         **asdict(difference),
+        **_stress_difference(reduced, full),
         "dt": reduced.dt,
         "dt_full": full.dt,
         "cpu_seconds": cpu,

@@ -201,6 +201,12 @@ def verification_lines(statement: Mapping[str, object]) -> list[str]:
         f"{numbers['cpu_ratio']:.0f} times ({numbers['cpu_ratio_per_step']:.0f} times per step)",
         f"CPU, reduction {numbers['cpu_seconds_reduction']:.3g} s, once for all records",
     ]
+    if "peak_principal_stress" in numbers:
+        lines.append(
+            f"peak stress    reduced {1e-6 * numbers['peak_principal_stress']:.3f} MPa, full order "
+            f"{1e-6 * numbers['peak_principal_stress_full']:.3f} MPa; every node's envelope within "
+            f"{100 * numbers['principal_stress_worst_node_error']:.2g} % of that"
+        )
     for name in ("reduced", "full"):
         other = statement.get(f"{name}_against_reference")
         if isinstance(other, dict):

@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _DIRECTIONS = (np.array([-0.5, -1.0, 0.45]), np.array([0.5, 1.0, 0.45]))
+_SHARE = 0.99  # of the nodes' stresses that the colours reach
 _SHOWN = 0.05  # of the model's size, that the largest displacement is drawn as
 _EDGED = 20_000  # cells of a block, above which only its sharp edges are drawn
 _FRAME_SIZE = (800, 640)
@@ -123,7 +124,7 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
     """Two sides of the field's blocks, with a colour bar."""
     whole = np.concatenate(list(field.values.values()))
     shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), field.unit)
-    norm = _norm(shown, field.colours)
+    norm, beyond = _norm(shown, field)
     largest = max(float(np.linalg.norm(u, axis=1).max()) for u in field.moved.values())
     scale = _magnification(result, largest)
     field_scaled = _Field(
@@ -133,21 +134,30 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
     images: list[Image] = [
         _view(result, field_scaled, (bounds, direction), scale, norm).image() for direction in _DIRECTIONS
     ]
-    when = "" if time is None else f" at {time:.2f} s, shape x {scale:g}"
+    when = f", largest {float(shown.max()):.3g} {unit}".rstrip()
+    when += "" if time is None else f", at {time:.2f} s, shape x {scale:g}"
     with mpl.rc_context(STYLE):
         figure, axes = image_panels(images, f"{field.label}{when}  ·  {result.dataset.attrs['record']}")
         bar = mpl.cm.ScalarMappable(norm, field.colours)
         label = f"{field.label}{f' [{unit}]' if unit else ''}"
-        figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30)
+        figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
     return save_figure(figure, path)
 
 
-def _norm(shown: xr.DataArray, colours: str) -> Normalize:
-    """Diverging colours are centred at zero."""
-    if colours != "RdBu_r":
-        return Normalize(min(0.0, float(shown.min())), float(shown.max()))
-    size = float(abs(shown).max())
-    return Normalize(-size, size)
+def _norm(shown: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
+    """Range of the colours, and at which ends values go beyond it.
+
+    Stress grows without limit at re-entrant corners as the mesh is refined: its highest percent is cut off,
+    so that the rest can be seen; the title says how far it goes. Diverging colours are centred at zero.
+    """
+    low, high = float(shown.min()), float(shown.max())
+    if field.unit == "m" or not field.label:
+        return Normalize(min(0.0, low), high), "neither"
+    limit = float(np.quantile(np.abs(shown.values), _SHARE))
+    if field.colours == "RdBu_r":
+        ends = {(True, True): "both", (True, False): "min", (False, True): "max"}
+        return Normalize(-limit, limit), ends.get((low < -limit, high > limit), "neither")
+    return Normalize(0.0, limit), "max" if high > limit else "neither"
 
 
 def _view(
