@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from romdam.errors import ConfigError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
-S = TypeVar("S", contravariant=True)
 T = TypeVar("T")
-R = TypeVar("R")
 
 LOOPBACK = "127.0.0.1"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C: this process ends the workers
 _AHEAD = 2  # tasks handed out for each worker beyond the one it is at
 
 
@@ -45,8 +47,8 @@ class OneProcess:
 class DaskPool:
     """Tasks on the workers of a dask cluster; the shared data travels to each worker once."""
 
-    def __init__(self, client: Client) -> None:
-        self._client = client
+    def __init__(self, client: Callable[[], Client]) -> None:
+        self._connect = client
 
     def map(
         self, function: Callable[[Any, Any], Any], shared: object, tasks: Sequence[Any]
@@ -55,19 +57,20 @@ class DaskPool:
         from distributed import as_completed
         from distributed.scheduler import KilledWorker
 
-        everywhere = self._client.scatter(shared, broadcast=True, hash=False)
-        waiting = iter(enumerate(tasks))
-        numbers = {}
-        running = as_completed(loop=self._client.loop)
+        if not tasks:
+            return
+        client = self._connect()
+        everywhere = _shared(client, shared)
+        waiting, numbers = iter(enumerate(tasks)), dict[Any, int]()
+        running = as_completed(loop=client.loop)
 
         def hand_out(count: int) -> None:
-            for _, (number, task) in zip(range(count), waiting, strict=False):
-                future = self._client.submit(function, everywhere, task, pure=False, retries=2)
+            for number, task in itertools.islice(waiting, count):
+                future = client.submit(function, everywhere, task, pure=False)
                 numbers[future.key] = number
                 running.add(future)
 
-        workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
-        hand_out(_AHEAD * workers + workers)
+        hand_out((1 + _AHEAD) * max(1, len(client.nthreads())))
         for future in running:
             number = numbers.pop(future.key)
             try:
@@ -78,14 +81,26 @@ class DaskPool:
             hand_out(1)
 
 
+def _shared(client: Client, shared: object) -> Future:
+    """The shared data as the result of a task, which the scheduler makes again should its workers die."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Sending large graph")
+        return client.submit(_same, shared, pure=False)
+
+
+def _same(value: T) -> T:
+    return value
+
+
 @contextmanager
-def open_pool(workers: int | None, scheduler: str | None) -> Iterator[Pool]:
+def open_pool(workers: int | None, scheduler: str | None, module: str) -> Iterator[Pool]:
     """A pool for the body of a `with` statement.
 
     Parameters
     ----------
     workers : processes on this machine; as many as there are cores if not given. One runs here, without dask
     scheduler : address of an existing dask scheduler, instead
+    module : what the workers will need; new processes start and load it while the body goes on
 
     Raises
     ------
@@ -96,41 +111,54 @@ def open_pool(workers: int | None, scheduler: str | None) -> Iterator[Pool]:
     if scheduler is None and count == 1:
         yield OneProcess()
         return
-    try:
-        import distributed
-    except ImportError:
-        raise ConfigError(
-            "--workers, --scheduler: need dask.distributed; install romdam with the extra `cluster`, "
-            "or use --workers 1"
-        ) from None
+    distributed = _distributed()
     if scheduler is not None:
         try:
             client = distributed.Client(scheduler, timeout="10s", set_as_default=False)
         except (OSError, ValueError) as error:
             raise ConfigError(f"--scheduler {scheduler}: no dask scheduler answers there ({error})") from None
         with client:
-            yield DaskPool(client)
+            yield DaskPool(lambda: client)
         return
-    with _local_cluster(count) as cluster, distributed.Client(cluster, set_as_default=False) as client:
-        yield DaskPool(client)
+    with ThreadPoolExecutor(1) as starter, ExitStack() as stack:
+        starting = starter.submit(_start, count, module, stack)
+        try:
+            yield DaskPool(starting.result)
+        finally:
+            starting.exception()  # what was started is closed, however the body ends
 
 
-def _local_cluster(count: int) -> Any:
+def _distributed() -> Any:
+    """dask.distributed, which tells of every worker that comes and goes unless told before its import."""
+    try:
+        import dask
+
+        with dask.config.set({"logging": {"distributed": "error"}}):
+            import distributed
+    except ImportError:
+        raise ConfigError(
+            "--workers, --scheduler: need dask.distributed; install romdam with the extra `cluster`, "
+            "or use --workers 1"
+        ) from None
+    return distributed
+
+
+def _start(count: int, module: str, stack: ExitStack) -> Client:
+    """Start worker processes on loopback, BLAS and all with one thread each."""
     import logging
 
     import dask
-    from distributed import LocalCluster
+    from distributed import Client, LocalCluster
 
-    settings = {
-        "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREADS, "1"),
-        "distributed.comm.retry.count": 2,
-    }
-    with dask.config.set(settings):
-        return LocalCluster(
+    pinned = dict.fromkeys(_THREADS, "1")
+    with dask.config.set({"distributed.nanny.pre-spawn-environ": pinned}):
+        cluster = LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
             host=LOOPBACK,
             dashboard_address=f"{LOOPBACK}:0",
             silence_logs=logging.ERROR,
+            preload=[_DEAF, module],
         )
+    return stack.enter_context(Client(stack.enter_context(cluster), set_as_default=False))

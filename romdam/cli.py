@@ -104,7 +104,11 @@ def _run_suite(
     from romdam.terminal import failure_lines, suite_table
 
     stages, say = terminal
-    outcome = run_suite(job, out, SuiteOptions(*where), stages, say)
+    try:
+        outcome = run_suite(job, out, SuiteOptions(*where), stages, say)
+    except KeyboardInterrupt:
+        typer.echo("romdam: stopped; what is finished is kept, and goes on when run again", err=True)
+        raise typer.Exit(STOPPED) from None
     say(suite_table(outcome.summary), f"written: {outcome.path}")
     for line in failure_lines(outcome):
         typer.echo(line, err=True)
@@ -285,8 +289,6 @@ def _terminal(quiet: bool, verbose: bool) -> tuple[Stages, Callable[..., None]]:
         level=level, format="%(message)s", handlers=[RichHandler(console=errors, show_path=False)]
     )
 
-    logging.getLogger("distributed").setLevel(logging.ERROR)  # it tells of every worker that comes and goes
-
     def say(*lines: object) -> None:
         for line in lines if not quiet else ():
             output.print(line, markup=False)
@@ -298,9 +300,6 @@ def main() -> None:
     """Run the command; every error of romdam's own is one message and an exit code."""
     try:
         app()
-    except KeyboardInterrupt:
-        typer.echo("romdam: stopped; what is finished is kept, and a suite goes on when run again", err=True)
-        raise SystemExit(STOPPED) from None
     except ConvergenceError as error:
         _stop(error, FAILED)
     except RomdamError as error:

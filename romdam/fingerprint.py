@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def fingerprint(value: object) -> str:
-    """SHA-256 of a tree of dataclasses, mappings, sequences, arrays, sparse matrices and plain values.
+    """SHA-256 of a tree of dataclasses, mappings, sequences, sets, arrays, sparse matrices and plain values.
 
     Arrays count by shape and content: floats as float64, integers and booleans as int64. The order of a
     mapping counts, as the order of blocks and joints does.
@@ -36,6 +36,8 @@ def _add(content: _Hash, value: Any) -> None:
         for key, part in value.items():
             _add(content, key)
             _add(content, part)
+    elif isinstance(value, frozenset | set):
+        _add(content, sorted(value))
     elif isinstance(value, list | tuple):
         content.update(f"sequence {len(value)};".encode())
         for part in value:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.config.models import DampingConfig, ModelConfig
-from romdam.dynamics.system import GapLaw, System
+from romdam.dynamics.system import System
 from romdam.errors import ReductionError
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
@@ -132,27 +132,6 @@ def _reduced_matrices(
         force[block.columns] += _static_force(scene, name, block)
         B[:, block.columns] += operators[name] @ block.matrix
     return omega2, load, force, B
-
-
-def with_law(system: System, law: GapLaw) -> System:
-    """The same reduced blocks with other parameters of the gaps.
-
-    Where the basis keeps all three components of the jumps and no gap carries shear any more, the gap
-    operator is left with its normal rows, as a frictionless scene has it.
-
-    Raises
-    ------
-    ReductionError
-        for gaps that carry shear on a basis that keeps their normal component only.
-    """
-    kept = system.B.shape[0] // max(len(law), 1)
-    if law.directions > kept > 0:
-        raise ReductionError(
-            "joints: shear at the gaps needs a basis that keeps three components of their jumps, this one "
-            f"has {kept}; reduce again with friction"
-        )
-    B = system.B if law.directions == kept else csr_matrix(system.B[::kept])
-    return replace(system, law=law, B=B)
 
 
 def mode_choice(model: ModelConfig) -> ModeChoice:

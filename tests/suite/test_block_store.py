@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from romdam.config.models import ModelConfig, RayleighConfig
-from romdam.errors import ReductionError
+from romdam.dynamics.batch import with_parameters
+from romdam.errors import ConfigError
 from romdam.fem.gaps import gap_law
 from romdam.reduction import synthesis
 from romdam.reduction.store import BlockStore
-from romdam.reduction.synthesis import ReducedModel, reduce_scene, with_law
+from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.model import Scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
@@ -138,11 +139,10 @@ def test_basis_for_friction_serves_frictionless_joints_too():
     rough = with_joints(built, mu=joint.mu + 0.5, K_s=joint.K_n)
     everything = ModelConfig(modes="all")
     smooth, made = (reduced(None, s, model=everything) for s in (built, rough))
-    back = with_law(made.system, smooth.system.law)
+    back = with_parameters(made.system, smooth.system.law, None)
     assert back.law.directions == 1 and back.B.shape == smooth.system.B.shape
     assert np.array_equal(back.B.toarray(), made.system.B.toarray()[::3])
-    assert np.array_equal(with_law(made.system, gap_law(rough)).B.toarray(), made.system.B.toarray())
     runs = [march(system) for system in (smooth.system, back)]
     np.testing.assert_allclose(runs[1].jump, runs[0].jump, atol=1e-6 * np.abs(runs[0].jump).max())
-    with pytest.raises(ReductionError, match="keeps three components"):
-        with_law(smooth.system, gap_law(rough))
+    with pytest.raises(ConfigError, match="reduce it with friction"):
+        with_parameters(smooth.system, gap_law(rough), None)

@@ -1,0 +1,338 @@
+"""A suite as a person meets it: what it makes, what it keeps, how it goes on, what it says of failures."""
+
+import logging
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+import romdam
+from romdam.errors import ConfigError
+from romdam.pipelines import suite as pipeline
+from romdam.pipelines.suite import SuiteOptions, run_suite
+from romdam.reduction import synthesis
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from suite_jobs import BASE, command, differing, pulse, summary, write_job
+from test_cli import call
+
+SAMPLES = {
+    "scales": [0.5, 1.0],
+    "parameters": {
+        "mu": {"path": "joints.gap.friction", "values": [0.0, 0.6]},
+        "ratio": {"path": "damping.rayleigh.ratio", "values": ["3 %", "5 %"]},
+    },
+}
+HERE = SuiteOptions(workers=1)
+
+
+def made(config, out, **options):
+    return run_suite(romdam.load_config(config), out, SuiteOptions(workers=1, **options))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A suite of 3 records x 2 scales x 4 samples, two runs to a task, and its configuration."""
+    folder = tmp_path_factory.mktemp("suite")
+    config = write_job(folder, suite=SAMPLES | {"batch": 2})
+    return config, made(config, folder / "out")
+
+
+def test_summary_is_what_single_runs_give(whole, tmp_path):
+    config, outcome = whole
+    found = outcome.summary
+    assert dict(found.sizes) == {
+        "record": 3, "scale": 2, "sample": 4, "joint": 1, "gap": 8, "node": 1, "component": 3,
+    }  # fmt: skip
+    assert not found.status.any() and outcome.failures == {} and outcome.made == outcome.runs == 24
+    for name, sample in (("r1", 0), ("r2", 3)):
+        raw = yaml.safe_load(config.read_text()) | {"pipeline": "run"}
+        raw["joints"]["gap"]["friction"] = float(found.mu[sample])
+        raw["damping"]["rayleigh"]["ratio"] = float(found.ratio[sample])
+        raw["records"] = [
+            {**BASE["records"][0], "files": f"{config.parent}/records/{name}.txt", "scale": 0.5}
+        ]
+        raw["outputs"] = raw["outputs"] | {"plots": False}
+        # the basis of all samples is that for friction; without friction a smaller one would do
+        raw["model"] = {"modes": 8}
+        (tmp_path / "one.yaml").write_text(yaml.safe_dump(raw))
+        single = romdam.run(romdam.load_config(tmp_path / "one.yaml"), tmp_path / f"{name}{sample}")
+        row = found.isel(scale=0, sample=sample).sel(record=name)
+        with xr.open_dataset(single.paths[0], engine="h5netcdf") as result:
+            close = 1e-9 if sample == 3 else 0.02  # the same basis, or one with fewer retained DOFs
+            assert float(row.peak_opening[0]) == pytest.approx(float(result.peak_opening[0]), rel=close)
+            assert float(row.energy_input) == pytest.approx(float(result.energy_input[-1]), rel=close)
+            if sample == 3:
+                peak = np.abs(result.displacement.values).max(axis=0)
+                np.testing.assert_allclose(row.peak_displacement.values, peak, rtol=1e-9)
+
+
+def test_frictionless_samples_have_no_slip_and_rough_ones_have(whole):
+    found = whole[1].summary
+    rough = found.mu.values > 0
+    assert np.isnan(found.peak_slip.values[:, :, ~rough]).all()
+    assert (found.peak_slip.values[:, :, rough] > 0.0).all()
+
+
+def test_record_measures_follow_the_scale(whole):
+    found = whole[1].summary
+    np.testing.assert_allclose(found.record_pga[:, 0], [0.5 * np.abs(pulse(i)).max() for i in range(3)])
+    np.testing.assert_allclose(found.record_sa[:, 1], 2.0 * found.record_sa[:, 0])
+    np.testing.assert_allclose(found.record_arias[:, 1], 4.0 * found.record_arias[:, 0])
+    np.testing.assert_allclose(found.record_d5_95[:, 1], found.record_d5_95[:, 0])
+
+
+def test_every_variable_says_what_it_is(whole):
+    with xr.open_dataset(whole[1].path, engine="h5netcdf") as found:
+        assert all(v.attrs.get("long_name") for v in found.data_vars.values())
+        assert found.mu.attrs == {"units": "1", "long_name": "joints.gap.friction"}
+
+
+def test_second_call_makes_nothing_and_reduces_nothing(whole, monkeypatch):
+    config, outcome = whole
+    before = summary(outcome.path.parent)
+    monkeypatch.setattr(synthesis, "_reduce", None)
+    monkeypatch.setattr(pipeline, "_land", None)
+    again = made(config, outcome.path.parent)
+    assert again.made == 0 and differing(before, summary(outcome.path.parent)) == []
+
+
+def test_only_what_is_stale_is_made_again(whole, tmp_path):
+    config, _ = whole
+    job = write_job(tmp_path, suite=SAMPLES | {"batch": 2})
+    made(job, tmp_path / "out")
+    np.savetxt(tmp_path / "records" / "r1.txt", 1.1 * pulse(1))
+    assert made(job, tmp_path / "out").made == 8
+    raw = yaml.safe_load(job.read_text())
+    raw["suite"]["parameters"]["mu"]["values"] = [0.0, 0.6, 0.9]
+    raw["title"] = "another title changes nothing"
+    job.write_text(yaml.safe_dump(raw))
+    assert made(job, tmp_path / "out").made == 12
+    assert config != job
+
+
+def test_interrupted_suite_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch):
+    config, outcome = whole
+    real, landed = pipeline._land, []
+
+    def stop(task, found, folder):
+        landed.append(real(task, found, folder))
+        if len(landed) == 4:
+            raise KeyboardInterrupt
+        return landed[-1]
+
+    monkeypatch.setattr(pipeline, "_land", stop)
+    with pytest.raises(KeyboardInterrupt):
+        made(config, tmp_path)
+    monkeypatch.undo()
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "rows").glob("*.nc")}
+    assert len(kept) == 4
+    resumed = made(config, tmp_path)
+    assert resumed.made == resumed.runs - 8
+    assert all(path.stat().st_mtime_ns == at for path, at in kept.items())
+    assert differing(outcome.summary, resumed.summary) == []
+
+
+def test_damaged_rows_are_made_again(whole, tmp_path, caplog):
+    config, outcome = whole
+    made(config, tmp_path)
+    path = next((tmp_path / "rows").glob("*.nc"))
+    path.write_bytes(path.read_bytes()[:-300])
+    with caplog.at_level(logging.WARNING):
+        again = made(config, tmp_path)
+    assert path.name in caplog.text and again.made == 2
+    assert differing(outcome.summary, again.summary) == []
+
+
+def kill_at_random(config, out, times, seed):
+    """Kill -9 the command again and again, then let it finish; how many runs were there at each kill."""
+    draw, seen = np.random.default_rng(seed), []
+    for _ in range(times):
+        running = subprocess.Popen(command(config, out, "--workers", 1), start_new_session=True)
+        rows, before = out / "rows", len(list((out / "rows").glob("*.nc")))
+        end = time.monotonic() + 60.0
+        while running.poll() is None and time.monotonic() < end:
+            if len(list(rows.glob("*.nc"))) > before:
+                break
+            time.sleep(0.01)
+        time.sleep(draw.uniform(0.0, 0.5))
+        running.kill()
+        running.wait()
+        seen.append({path: path.read_bytes() for path in rows.glob("*.nc")})
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("times", "batch"), [(1, 6), pytest.param(20, 1, marks=pytest.mark.slow)], ids=["once", "20 times"]
+)
+def test_kill_9_costs_at_most_the_runs_in_flight(tmp_path, times, batch):
+    job = write_job(tmp_path, records=6 if times > 1 else 3, suite=SAMPLES | {"batch": batch})
+    undisturbed = made(job, tmp_path / "undisturbed")
+    seen = kill_at_random(job, tmp_path / "out", times, 5)
+    resumed = made(job, tmp_path / "out")
+    final = {path: path.read_bytes() for path in (tmp_path / "out" / "rows").glob("*.nc")}
+    assert len(seen[-1]) >= times and len(final) == resumed.runs / batch
+    assert all(files.items() <= final.items() for files in seen), "finished rows are never made again"
+    assert differing(undisturbed.summary, resumed.summary) == []
+    assert differing(summary(tmp_path / "undisturbed"), summary(tmp_path / "out")) == []
+
+
+def test_bad_records_are_named_and_the_others_go_on(tmp_path):
+    job = write_job(tmp_path)
+    for name, text in (("nan", "1\nnan\n2\n"), ("empty", ""), ("unit", "900\n-980\n" * 30)):
+        (tmp_path / "records" / f"{name}.txt").write_text(text)
+    raw = yaml.safe_load(job.read_text())
+    raw["records"] += [
+        {**BASE["records"][0], "files": "records/r0.txt"},  # a duplicate
+        {"file": "missing.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}},
+    ]
+    job.write_text(yaml.safe_dump(raw))
+    code, stdout, stderr = call("run", job, "--out", tmp_path / "out", "--workers", 1)
+    assert code == 1 and "5 of 8 runs failed" in stderr and "summary.nc" in stdout
+    for part in ("nan.txt", "empty.txt", "is the unit right", "named 'r0' is there already", "missing.txt"):
+        assert part in stderr
+    found = summary(tmp_path / "out")
+    assert found.record.values.tolist() == ["empty", "nan", "r0", "r1", "r2", "unit", "r0.2", "missing"]
+    good = found.status.values.ravel() == 0
+    assert good.tolist() == [False, False, True, True, True, False, False, False]
+    assert np.isfinite(found.peak_opening.values[good]).all()
+    assert np.isnan(found.peak_opening.values[~good]).all()
+    assert (found.message.values.ravel()[~good] != "").all()
+
+
+def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
+    from romdam.errors import ConvergenceError
+    from romdam.pipelines import suite_runs
+
+    real = suite_runs.shake_together
+
+    def fails(job, systems, motions):
+        return [
+            ConvergenceError("step 3: stopped") if m.name.startswith("r1") else h
+            for m, h in zip(motions, real(job, systems, motions), strict=True)
+        ]
+
+    monkeypatch.setattr(suite_runs, "shake_together", fails)
+    job = write_job(tmp_path)
+    outcome = made(job, tmp_path / "out")
+    assert outcome.failures == {"r1__0__0": "step 3: stopped"}
+    assert outcome.summary.status.values.ravel().tolist() == [0, 1, 0]
+    again = made(job, tmp_path / "out")
+    assert again.made == 0 and again.failures == outcome.failures
+
+
+def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypatch):
+    from romdam.pipelines import suite_runs
+
+    real = suite_runs.shake_together
+
+    def fails(job, systems, motions):
+        if any(motion.name.startswith("r1") for motion in motions):
+            raise MemoryError("too much")
+        return real(job, systems, motions)
+
+    monkeypatch.setattr(suite_runs, "shake_together", fails)
+    assert made(write_job(tmp_path), tmp_path / "out").failures == {"r1__0__0": "MemoryError: too much"}
+
+
+def test_whole_results_land_and_open_as_one_tree(tmp_path):
+    job = write_job(tmp_path, suite={"keep": "full", "scales": [1.0, 2.0]})
+    outcome = made(job, tmp_path / "out")
+    tree = romdam.open_suite(tmp_path / "out")
+    assert tree["runs/r1__1__0/opening"].dtype == np.float64
+    largest = tree["runs/r1__1__0"].gap_peak_opening.max()
+    assert tree.peak_opening.sel(record="r1").isel(scale=1).item() == pytest.approx(float(largest))
+    assert tree["design"].sizes["sample"] == 1
+    with romdam.open_result(tmp_path / "out" / "runs" / "r1__1__0.nc") as result:
+        top = result.displacement("right", nodes=[0], times=[0.2])
+        assert top.shape == (1, 1, 3) and result.dataset.attrs["suite_run_key"]
+    (tmp_path / "out" / "runs" / "r0__0__0.nc").unlink()
+    assert made(job, tmp_path / "out").made == 1 and outcome.made == 6
+
+
+def test_decimated_results_are_single_and_sparse(tmp_path):
+    job = write_job(tmp_path, suite={"keep": {"every": "0.05 s"}})
+    made(job, tmp_path / "out")
+    with xr.open_dataset(tmp_path / "out" / "runs" / "r0__0__0.nc", engine="h5netcdf") as result:
+        assert result.opening.dtype == np.float32 and result.time.dtype == np.float64
+        np.testing.assert_allclose(np.diff(result.time), 0.05)
+
+
+def test_sizes_are_told_beforehand(tmp_path):
+    told = []
+    run_suite(romdam.load_config(write_job(tmp_path)), tmp_path / "out", HERE, tell=told.append)
+    assert told[0].startswith("3 runs; up to ") and str(tmp_path / "out") in told[0]
+
+
+def test_target_intensities_are_reached(tmp_path):
+    target = {"measure": "sa", "period": "0.2 s", "values": ["0.1 g", "0.3 g"]}
+    job = write_job(tmp_path, suite={"intensities": target, "period": 0.2})
+    found = made(job, tmp_path / "out").summary
+    np.testing.assert_allclose(found.record_sa, np.tile([0.980665, 2.941995], (3, 1)), rtol=1e-9)
+    np.testing.assert_allclose(found.scale, [0.980665, 2.941995])
+
+
+@pytest.mark.parametrize(
+    ("suite", "part"),
+    [
+        ({"parameters": {"E": {"path": "materials.concrete.E", "values": [1e10]}}}, "reduced basis"),
+        ({"parameters": {"m": {"path": "joints.none.friction", "values": [0.1]}}}, "no joint 'none'"),
+        ({"parameters": {"m": {"path": "joints.gap.friction", "values": [3]}}}, "joints.gap.friction"),
+        ({"parameters": {"m": {"path": "joints.gap.friction"}}}, "needs `values`"),
+        ({"parameters": {"m": {"path": "joints.gap.friction", "low": 0.1}}}, "belong together"),
+        ({"design": {"latin_hypercube": 5}}, "Latin hypercube needs"),
+        ({"design": {"table": "none.csv"}, "parameters": {"m": {"path": "joints.gap.gap"}}}, "none.csv"),
+        ({"scales": [1, 1]}, "given twice"),
+        ({"keep": "everything"}, "suite.keep"),
+        ({"outputz": 1}, "outputz"),
+    ],
+)
+def test_bad_suites_are_refused_in_one_message(tmp_path, suite, part):
+    code, _, stderr = call("run", write_job(tmp_path, suite=suite), "--out", tmp_path / "o", "--workers", 1)
+    assert code == 2 and part in stderr and ("suite.yaml" in stderr or "none.csv" in stderr), stderr
+    assert not (tmp_path / "o" / "summary.nc").exists()
+
+
+def test_full_order_suite_is_refused(tmp_path):
+    job = write_job(tmp_path, model={"order": "full"})
+    with pytest.raises(ConfigError, match="needs a reduced model"):
+        made(job, tmp_path / "out")
+
+
+def test_names_of_records_stay_in_the_folder(tmp_path):
+    job = write_job(tmp_path, records=1, suite={"keep": "full"})
+    odd = tmp_path / "records" / "a b;c.txt"
+    np.savetxt(odd, pulse(1))
+    (tmp_path / "list.csv").write_text("file,name\nrecords/r0.txt,../../escape\n")
+    raw = yaml.safe_load(job.read_text())
+    raw["records"].append({"manifest": "list.csv", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}})
+    job.write_text(yaml.safe_dump(raw))
+    outcome = made(job, tmp_path / "out")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["list.csv", "out", "records", "suite.yaml"]
+    assert (tmp_path / "out" / "runs" / "a_b_c__0__0.nc").is_file()
+    assert any("../../escape" in message or "name" in message for message in outcome.failures.values())
+
+
+def test_latin_hypercube_and_table_are_the_samples(tmp_path):
+    parameters = {
+        "mu": {"path": "joints.gap.friction", "low": 0.2, "high": 0.8},
+        "K": {"path": "joints.gap.normal_stiffness", "low": "1 GPa/m", "high": "100 GPa/m",
+              "distribution": "loguniform"},
+    }  # fmt: skip
+    suite = {"parameters": parameters, "design": {"latin_hypercube": 8, "seed": 3}}
+    found = made(write_job(tmp_path / "a", records=1, suite=suite), tmp_path / "a" / "out").summary
+    strata = np.sort(np.floor(8 * (found.mu.values - 0.2) / 0.6).astype(int))
+    assert strata.tolist() == list(range(8))
+    assert np.sort(np.floor(8 * np.log10(found.K.values / 1e9) / 2).astype(int)).tolist() == list(range(8))
+    table = {"parameters": {n: {"path": p["path"]} for n, p in parameters.items()}}
+    job = write_job(tmp_path / "b", records=1, suite=table | {"design": {"table": "s.csv"}})
+    lines = ["mu,K", *(f"{float(m)!r},{float(k)!r}" for m, k in zip(found.mu, found.K, strict=True))]
+    (tmp_path / "b" / "s.csv").write_text("\n".join(lines))
+    same = made(job, tmp_path / "b" / "out").summary
+    np.testing.assert_array_equal(same.peak_opening, found.peak_opening)
