@@ -285,3 +285,25 @@ def test_lone_record_that_does_not_converge_ends_with_one(config, tmp_path, monk
 
     monkeypatch.setattr(pipeline, "run_motion", fail)
     assert call("run", config, "--out", tmp_path / "o") == (1, "", "romdam: step 3 did not converge\n")
+
+
+def test_show_and_fields_draw_pictures_where_the_machine_can(config, tmp_path):
+    pytest.importorskip("pyvista")
+    code, out, err = call("show", config, "--out", tmp_path / "seen")
+    if code == cli.BAD_INPUT:
+        assert "apt-get install" in err
+        return
+    assert code == 0 and f"written: {tmp_path / 'seen' / 'small-scene.png'}" in out
+    assert call("run", config, "--out", tmp_path, "--quiet")[0] == 0
+    code, out, _ = call(
+        "plot", tmp_path / "pulse.nc", "--fields", "--vtu", "--frames", 2, "--window", 0.1, 0.3
+    )
+    assert code == 0 and "joint opening" in out
+    for name in ("pulse-field_displacement.png", "pulse.pvd", "pulse-0001.vtu", "pulse-maxima.csv"):
+        assert (tmp_path / name).is_file()
+
+
+def test_window_without_times_is_bad_input(config, tmp_path):
+    assert call("run", config, "--out", tmp_path, "--quiet")[0] == 0
+    code, _, err = call("plot", tmp_path / "pulse.nc", "--vtu", "--window", 5, 6)
+    assert code == cli.BAD_INPUT and "no written time lies between 5 and 6 s" in err
