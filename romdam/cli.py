@@ -233,13 +233,12 @@ def plot(
         typer.Option(help="First and last second of both; 2 s around the largest displacement if not given."),
     ] = None,
     quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Draw the figures of a result as PNG and write its table of maxima; fields in 3-D where asked."""
     from romdam.pipelines.views import Wanted, plot_result
     from romdam.terminal import maxima_table
 
-    stages, say = _terminal(quiet, verbose)
+    stages, say = _terminal(quiet, verbose=False)
     wanted = Wanted(fields, vtu, animation, frames, window)
     with romdam.open_result(result) as opened:
         paths = plot_result(opened, out or result.parent, wanted, stages)

@@ -49,12 +49,8 @@ def build_reservoir(
         _refuse_dry(config.level, height, at)
         _refuse_contact(face, contacts, at)
         _refuse_held(face, fixed[face.block], at)
+    _refuse_floor(config, place)
     bottom = min(float(height.min()) for height in heights)
-    if config.bottom is not None and config.bottom >= config.level:
-        raise ConfigError(
-            f"{place}.bottom: the floor at {config.bottom:g} m must be below the level of {config.level:g} "
-            "m; lower it, or leave the key out"
-        )
     upstream = _upstream(config, blocks, faces, place)
     if config.model == "incompressible":
         _refuse_behind(upstream, blocks, faces, place)
@@ -84,6 +80,14 @@ def refuse_level(level: float, heights: list[Floats], place: str) -> None:
         raise ConfigError(
             f"{place}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} m; "
             f"{remedy}"
+        )
+
+
+def _refuse_floor(config: WaterConfig, place: str) -> None:
+    if config.bottom is not None and config.bottom >= config.level:
+        raise ConfigError(
+            f"{place}.bottom: the floor at {config.bottom:g} m must be below the level of {config.level:g} "
+            "m; lower it, or leave the key out"
         )
 
 
