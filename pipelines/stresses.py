@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from romdam.dynamics.system import History, System
-from romdam.fem.staging import initial_stress
 from romdam.fem.stress import modal_stress, observed_stress
 from romdam.outputs.stress import StressHistory, StressSummary, summarise
 from romdam.outputs.stress_file import StressFields
+from romdam.reduction.staging import initial_stress
 from romdam.reduction.synthesis import ReducedModel
 from romdam.scene.model import Scene
 

@@ -13,9 +13,9 @@ from romdam.dynamics.static import static_equilibrium
 from romdam.errors import ConfigError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import hydrostatic_force, surface_force, thermal_force
-from romdam.fem.staging import initial_stress, staged_displacement
 from romdam.fem.unreduced import assemble_full
 from romdam.linalg.factor import Factor
+from romdam.reduction.staging import initial_stress, staged_displacement
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 
