@@ -59,7 +59,10 @@ def plot_result(result: Result, out: str | Path, wanted: Wanted, show: Stage = s
     """
     from romdam.outputs.maxima import write_maxima
     from romdam.outputs.plots import write_plots
+    from romdam.outputs.rendering import refuse_without_renderer
 
+    if wanted.fields or wanted.animation:
+        refuse_without_renderer()
     folder, clock, stem = prepare_folder(Path(out)), Clock(show), result.path.stem
     with clock.stage("figures", "drawing figures"):
         paths = [*write_plots(result.dataset, folder, stem), write_maxima(result.dataset, folder, stem)]

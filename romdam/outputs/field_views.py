@@ -168,7 +168,7 @@ def _view(
     norm: Normalize,
     size: tuple[int, int] | None = None,
 ) -> Picture:
-    picture = Picture(*camera, *(() if size is None else (size,)))
+    picture = Picture(*camera, size)
     for name, values in field.values.items():
         element, cells = result.cells(name)
         points = result.points(name) + scale * field.moved[name]

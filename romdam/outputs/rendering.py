@@ -27,6 +27,10 @@ EDGES = "#404040"
 _CELL_TYPES = {"tet4": 10, "hex8": 12, "tet10": 24, "hex20": 25}
 _LINEAR = {"tet4": "tet4", "hex8": "hex8", "tet10": "tet4", "hex20": "hex8"}
 _PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
+_LIBRARIES = (
+    "install Mesa's, on Debian and Ubuntu with: apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1, "
+    "or run under xvfb-run"
+)
 _FAR = 2.0  # distance of the eye, in sizes of the model
 
 
@@ -42,17 +46,14 @@ def refuse_without_renderer() -> None:
     try:
         import pyvista  # noqa: F401
     except ImportError as error:
-        raise ResultError(
-            f"3-D pictures need PyVista ({error}); install it with: pip install 'romdam[view]'"
-        ) from error
+        missing = error.name == "pyvista"
+        remedy = "install it with: pip install 'romdam[view]'" if missing else _LIBRARIES
+        raise ResultError(f"3-D pictures need PyVista ({error}); {remedy}") from error
     if not sys.platform.startswith("linux") or os.environ.get("DISPLAY"):
         return
     tried = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, check=False)
     if tried.returncode != 0:
-        raise ResultError(
-            "3-D pictures need OpenGL without a display, and VTK found none; install Mesa's, on Debian and "
-            "Ubuntu with: apt-get install libegl1 libgl1 libgl1-mesa-dri, or run under xvfb-run"
-        )
+        raise ResultError(f"3-D pictures need OpenGL without a display, and VTK found none; {_LIBRARIES}")
 
 
 def grid(element: str, points: Floats, cells: Ints, straight: bool = False) -> pyvista.UnstructuredGrid:
@@ -72,11 +73,12 @@ class Picture:
     ----------
     bounds : two corners of what is shown
     direction : (3,) towards the eye
-    size : in pixels
+    size : in pixels, SIZE if not given
     """
 
-    def __init__(self, bounds: Bounds, direction: Floats, size: tuple[int, int] = SIZE) -> None:
+    def __init__(self, bounds: Bounds, direction: Floats, size: tuple[int, int] | None = None) -> None:
         refuse_without_renderer()
+        size = size or SIZE
         import pyvista
 
         with pyvista.vtk_verbosity("off"):
