@@ -100,6 +100,7 @@ def _run_suite(
     where: tuple[int | None, str | None, Path | None],
     terminal: tuple[Stages, Callable[..., None]],
 ) -> None:
+    from romdam.pipelines.report import report as write_report
     from romdam.pipelines.suite import SuiteOptions, run_suite
     from romdam.terminal import failure_lines, suite_table
 
@@ -112,8 +113,36 @@ def _run_suite(
     say(suite_table(outcome.summary), f"written: {outcome.path}")
     for line in failure_lines(outcome):
         typer.echo(line, err=True)
+    if job.config.outputs.plots:
+        say(f"written: {write_report(out, job=job, show=stages)}")
     if outcome.failures:
         raise typer.Exit(FAILED)
+
+
+@app.command(epilog=EXIT_CODES)
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder that a suite was written to.", metavar="DIR")],
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", help="YAML file of the suite: spectra and the scene, where DIR lacks them."),
+    ] = None,
+    response: Annotated[
+        str | None, typer.Option(help="Such as peak_opening (largest joint), the suite's first if not given.")
+    ] = None,
+    intensity: Annotated[str, typer.Option(help="Measure of the records, or scale.")] = "sa",
+    threshold: Annotated[
+        list[str] | None, typer.Option(help='Of a fragility, such as "20 mm"; give it again for more.')
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Write DIR/report.html, a page of a suite's summary that needs no network."""
+    from romdam.pipelines.report import Options
+    from romdam.pipelines.report import report as write
+
+    stages, say = _terminal(quiet, verbose)
+    job = romdam.load_config(config) if config else None
+    say(f"written: {write(folder, Options(response, intensity, tuple(threshold or ())), job, stages)}")
 
 
 @app.command(epilog=EXIT_CODES)

@@ -31,6 +31,7 @@ FRACTILES = (0.16, 0.5, 0.84)
 LEVELS = 25  # points of a curve against intensity
 RESAMPLES = 1000
 GROUPS, FEWEST = 8, 5  # groups of runs set beside a fit, and the fewest runs in one
+MEMORY = 20_000_000  # numbers held at once
 
 
 def ida_curves(summary: xr.Dataset, response: str = "peak_opening", intensity: str = "sa") -> xr.Dataset:
@@ -364,3 +365,33 @@ def worst_runs(summary: xr.Dataset, response: str = "peak_opening", count: int =
     order = np.argsort(-runs.values, kind="stable")[:count]
     worst = runs.isel(run=order).reset_index("run")
     return worst.rename("response").to_dataset().assign_attrs(about_runs(summary, values))
+
+
+def opening_envelopes(summary: xr.Dataset, fractiles: tuple[float, ...] = (0.5, 0.84, 1.0)) -> xr.Dataset:
+    """Largest opening of every gap over the records and samples: `opening` (fractile, scale, gap) [m].
+
+    `count` (scale) says how many runs each fractile is taken over.
+
+    Raises
+    ------
+    ResultError
+        for a suite without joints.
+    """
+    if "gap_peak_opening" not in summary:
+        raise ResultError("gap_peak_opening: this suite has none; a model without joints has no openings")
+    peaks = summary.gap_peak_opening.transpose(*RUNS, "gap")
+    runs, gaps = peaks.sizes["record"] * peaks.sizes["sample"], peaks.sizes["gap"]
+    found = np.full((len(fractiles), peaks.sizes["scale"], gaps), np.nan)
+    count = np.zeros(peaks.sizes["scale"])
+    together = max(1, MEMORY // max(runs, 1))
+    for k in range(peaks.sizes["scale"]):
+        for first in range(0, gaps, together):
+            chunk = slice(first, first + together)
+            part = peaks.isel(scale=k, gap=chunk).values.reshape(runs, -1).astype(float)
+            part = part[np.isfinite(part).all(axis=1)]
+            count[k] = len(part)
+            if len(part):
+                found[:, k, chunk] = np.quantile(part, fractiles, axis=0)
+    coords = {name: summary[name] for name in ("scale", "gap_joint", "gap_position", "joint", "component")}
+    data = {"opening": (("fractile", "scale", "gap"), found, dict(peaks.attrs)), "count": ("scale", count)}
+    return xr.Dataset(data, coords | {"fractile": list(fractiles)}, {"title": summary.attrs.get("title", "")})

@@ -1,0 +1,141 @@
+"""The report of a suite: its summary, the records' spectra and a picture of the scene on one page."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from romdam.config.load import Job
+from romdam.config.quantities import to_si
+from romdam.errors import ConfigError, ResultError
+from romdam.outputs.dataset import open_dataset
+from romdam.outputs.report import write_report
+from romdam.outputs.report_data import read_report_data, report_data, write_report_data
+from romdam.outputs.report_study import Study, Wanted, responses
+from romdam.outputs.responses import response_of
+from romdam.outputs.suite import SUMMARY
+from romdam.pipelines.run import Clock, Stage, silent
+from romdam.pipelines.suite import read_records
+from romdam.scene.build import build_scene
+from romdam.scene.model import Scene
+
+_BESIDE = ("outputs", "suite", "pipeline", "title", "study")  # what changes neither scene nor records
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a report is to be about.
+
+    Attributes
+    ----------
+    response : of the curves, fragility, correlation and sensitivity; the suite's first if None
+    intensity : measure that curves and fragility are a function of
+    thresholds : of the fragilities, as text with a unit or SI numbers; round numbers from the data if empty
+    """
+
+    response: str | None = None
+    intensity: str = "sa"
+    thresholds: Sequence[str | float] = ()
+
+
+def report(
+    folder: str | Path, options: Options | None = None, job: Job | None = None, show: Stage = silent
+) -> Path:
+    """Write `report.html` beside the summary of a suite.
+
+    Parameters
+    ----------
+    folder : that the suite was written to
+    options : what the report is to be about
+    job : the suite's configuration, for the records' spectra and a picture of the scene; without it those
+        that an earlier report left in the folder are shown, if there are any
+    show : told of every stage
+
+    Raises
+    ------
+    RomdamError
+        where the folder holds no summary, for names that the suite does not have, thresholds that are no
+        quantity, a configuration that is not the suite's, and where the folder refuses a file.
+    """
+    folder, options, clock = Path(folder), options or Options(), Clock(show)
+    with _open_summary(folder) as summary:
+        wanted = _wanted(summary, options, folder)
+        if job is not None:
+            _same(job, summary, folder)
+            write_report_data(_data(job, summary, clock), folder)
+        data = read_report_data(summary, folder)
+        picture = bytes(data.picture.values.tobytes()) if data is not None else b""
+        with clock.stage("report", "writing the report"):
+            return write_report(Study(summary, wanted, data, picture or None), folder)
+
+
+def _open_summary(folder: Path) -> xr.Dataset:
+    if not (folder / SUMMARY).is_file():
+        raise ResultError(
+            f"{folder}: holds no {SUMMARY}, so there is nothing to report; "
+            "`romdam run CONFIG --out DIR` with `pipeline: suite` makes it"
+        )
+    summary = open_dataset(folder / SUMMARY)
+    if "status" not in summary or "record" not in summary.dims:
+        summary.close()
+        raise ResultError(f"{folder / SUMMARY}: is not the summary of a suite")
+    return summary
+
+
+def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:
+    """The options in SI, and the command that asks for them again."""
+    command = ["romdam", "report", folder.name]
+    if options.response:
+        command += ["--response", options.response]
+    if options.intensity != "sa":
+        command += ["--intensity", options.intensity]
+    thresholds = []
+    response = options.response or next(iter(responses(summary)), "")
+    for one in options.thresholds:
+        units = str(response_of(summary, response).attrs.get("units", "1"))
+        try:
+            thresholds.append(to_si(one, units))
+        except ValueError as error:
+            raise ResultError(f"threshold {one}: {error}") from None
+        command += ["--threshold", str(one)]
+    return Wanted(options.response, options.intensity, tuple(thresholds), shlex.join(command))
+
+
+def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
+    """Refuse a configuration with another scene, model or records than the suite's."""
+    made = json.loads(str(summary.attrs.get("configuration", "{}")))
+    given = json.loads(json.dumps(job.config.model_dump(mode="json")))
+    other = [key for key in given if key not in _BESIDE and made.get(key) != given[key]]
+    if other:
+        raise ConfigError(
+            f"{job.path}: is not the configuration of {folder / SUMMARY}, which has another "
+            f"{', '.join(other)}; give the one that made it, or none"
+        )
+
+
+def _data(job: Job, summary: xr.Dataset, clock: Clock) -> xr.Dataset:
+    with clock.stage("records", "reading records"):
+        motions = {one.name: one.motion for one in read_records(job) if one.motion is not None}
+    with clock.stage("scene", "drawing the scene"):
+        picture = _picture(build_scene(job.config, job.folder, str(job.path)))
+    with clock.stage("spectra", "computing spectra"):
+        return report_data(summary, motions, picture)
+
+
+def _picture(scene: Scene) -> bytes | None:
+    """A PNG of the scene; None where this machine draws no 3-D pictures."""
+    from romdam.outputs.rendering import refuse_without_renderer
+    from romdam.outputs.scene_view import draw_scene
+
+    try:
+        refuse_without_renderer()
+    except ResultError:
+        return None
+    with tempfile.TemporaryDirectory() as temporary:
+        return draw_scene(scene, Path(temporary) / "scene.png").read_bytes()

@@ -1,0 +1,85 @@
+"""What a report shows besides the summary: spectra of the records and a picture of the scene, in one file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.outputs.dataset import open_dataset, write_dataset
+from romdam.records.motion import GroundMotion
+from romdam.records.spectra import pseudo_acceleration
+
+DATA = "report-data.nc"
+PERIODS = np.geomspace(0.02, 5.0, 60)  # [s]
+DAMPING = 0.05
+_KEY = "configuration_sha256"
+
+
+def report_data(
+    summary: xr.Dataset, motions: Mapping[str, GroundMotion], picture: bytes | None
+) -> xr.Dataset:
+    """Spectra of a suite's records at the middle one of its scales, and a picture.
+
+    Parameters
+    ----------
+    summary : of the suite
+    motions : record -> motion before the suite's scale; records that cannot be used have none
+    picture : bytes of a PNG
+
+    Returns
+    -------
+    Dataset : `psa` (record, period) [m/s2] of the largest component, NaN without a motion; `picture` (byte)
+    """
+    middle = summary.sizes["scale"] // 2
+    scale = float(summary.scale[middle])
+    psa = np.full((summary.sizes["record"], len(PERIODS)), np.nan)
+    for i, name in enumerate(summary.record.values):
+        motion = motions.get(str(name))
+        if motion is not None:
+            factor = float(summary.scale_factor[i, middle])
+            psa[i] = factor * pseudo_acceleration(motion.acc, motion.dt, PERIODS, DAMPING).max(axis=0)
+    target = summary.scale.attrs.get("units", "1") != "1"
+    data = {
+        "psa": (("record", "period"), psa, {"units": "m s-2", "long_name": "pseudo-spectral acceleration"}),
+        "picture": ("byte", np.frombuffer(picture or b"", dtype=np.uint8)),
+    }
+    attributes = {
+        "source": f"romdam {romdam.__version__}",
+        "damping": DAMPING,
+        "scaled": f"scaled to {scale:g} m/s²" if target else f"{scale:g} times as recorded",
+        _KEY: str(summary.attrs.get(_KEY, "")),
+    }
+    coords = {"record": summary.record.values, "period": ("period", PERIODS, {"units": "s"})}
+    return xr.Dataset(data, coords, attributes)
+
+
+def write_report_data(data: xr.Dataset, folder: Path) -> Path:
+    """Write the data beside the summary.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses it.
+    """
+    write_dataset(data, folder / DATA)
+    return folder / DATA
+
+
+def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:
+    """The data of this very summary; None where there are none.
+
+    Raises
+    ------
+    ResultError
+        where the file is no result of romdam's.
+    """
+    if not (folder / DATA).is_file():
+        return None
+    with open_dataset(folder / DATA) as data:
+        same = data.attrs.get(_KEY) == summary.attrs.get(_KEY)
+        same = same and list(data.record.values) == list(summary.record.values)
+        return data.load() if same else None
