@@ -15,7 +15,7 @@ from romdam.config.parameters import Place, vary
 from romdam.config.suite import KeepConfig, SuiteConfig
 from romdam.errors import ConfigError, RecordError
 from romdam.fem.gaps import gap_law
-from romdam.files import prepare_folder
+from romdam.files import prepare_folder, sweep_parts
 from romdam.outputs.dataset import write_dataset
 from romdam.outputs.design import design_dataset, parameter_places
 from romdam.outputs.suite import (
@@ -222,7 +222,8 @@ def _make_missing(
         done = finished(study, folder, runs)
         tasks = tasks_of(divide(study, runs, motions), done, motions)
     tell(_announcement(study, runs, motions, len(done), folder))
-    prepare_folder(folder / ROWS_FOLDER)
+    sweep_parts(prepare_folder(folder / ROWS_FOLDER))
+    sweep_parts(study.folder)
     rows = list(done.values())
     with clock.stage("runs", f"{len(runs) - len(done)} runs") as progress:
         for number, found in pool.map(run_task, study, tasks):

@@ -114,7 +114,7 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
         for name, v in dataset.variables.items()
         if v.dtype.kind in "fiu" and v.ndim > 0
     }
-    with replacing(path) as part:
+    with replacing(path, dataset.nbytes) as part:
         dataset.to_netcdf(part, engine="h5netcdf", encoding=encoding)
 
 

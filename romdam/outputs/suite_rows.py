@@ -229,8 +229,9 @@ def write_rows(rows: Sequence[Row], path: Path) -> None:
         data[name] = ("run", np.array([getattr(row, name) for row in rows], dtype=object).astype(str))
     for name in ("scale", "sample"):
         data[name] = ("run", np.array([getattr(row, name) for row in rows], dtype=np.int64))
-    with replacing(path) as part:
-        xr.Dataset(data).to_netcdf(part, engine="h5netcdf")
+    dataset = xr.Dataset(data)
+    with replacing(path, dataset.nbytes) as part:
+        dataset.to_netcdf(part, engine="h5netcdf")
 
 
 def _stacked(values: Sequence[Array | None]) -> Array:

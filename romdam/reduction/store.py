@@ -149,7 +149,7 @@ class BlockStore:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ResultError(f"{self.folder}: the cache folder cannot be made ({error})") from error
-        with replacing(self.path(key)) as part, h5py.File(part, "w") as file:
+        with replacing(self.path(key), basis.matrix.nbytes) as part, h5py.File(part, "w") as file:
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             write_block(file, block, basis)
 

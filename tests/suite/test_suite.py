@@ -4,6 +4,7 @@ import logging
 import subprocess
 import sys
 import time
+from collections import namedtuple
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import xarray as xr
 import yaml
 
 import romdam
-from romdam.errors import ConfigError
+from romdam.errors import ConfigError, ResultError
 from romdam.pipelines import suite as pipeline
 from romdam.pipelines.suite import SuiteOptions, run_suite
 from romdam.reduction import synthesis
@@ -276,6 +277,26 @@ def test_target_intensities_are_reached(tmp_path):
     found = made(job, tmp_path / "out").summary
     np.testing.assert_allclose(found.record_sa, np.tile([0.980665, 2.941995], (3, 1)), rtol=1e-9)
     np.testing.assert_allclose(found.scale, [0.980665, 2.941995])
+
+
+def test_full_disk_stops_the_suite_and_loses_nothing(whole, tmp_path, monkeypatch):
+    config, outcome = whole
+    usage = namedtuple("usage", "total used free")
+    calls = []
+
+    def disk_usage(path):
+        calls.append(path)
+        full = path.name == "rows" and sum(p.name == "rows" for p in calls) > 3
+        return usage(10**9, 0, 1000 if full else 10**9)
+
+    monkeypatch.setattr("romdam.files.shutil.disk_usage", disk_usage)
+    with pytest.raises(ResultError, match=r"may take 1\.\d MB and 0\.0 MB are free; free the disk"):
+        made(config, tmp_path)
+    assert len(list((tmp_path / "rows").glob("*.nc"))) == 3
+    (tmp_path / "rows" / ".left.nc.123.part").write_text("by a writer that was killed")
+    monkeypatch.undo()
+    assert differing(outcome.summary, made(config, tmp_path).summary) == []
+    assert not list(tmp_path.rglob("*.part"))
 
 
 @pytest.mark.parametrize(

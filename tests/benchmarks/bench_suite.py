@@ -1,0 +1,135 @@
+"""Whole suites from the command to summary.nc: the P-695 components, and a thousand samples of the joints.
+
+    python tests/benchmarks/bench_suite.py [--workers 2] [--samples 1000] [--only p695,samples]
+                                           [--out results/bench_suite.json]
+
+Both run with the reduced blocks in a cache that a first command has filled. Wall time is that of the command,
+CPU time that of all its processes, memory the largest sum of what they had to themselves. The error is each
+run's own estimate of its time stepping. Nothing passes or fails by time; 1 where a run failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+import xarray as xr
+import yaml
+
+ROOT = Path(__file__).parents[2]
+CODE = "from romdam.cli import main; main()"
+PARAMETERS = {
+    "stiffness": {
+        "path": "joints.contraction.normal_stiffness",
+        "low": "1.6 GPa/m",
+        "high": "160 GPa/m",
+        "distribution": "loguniform",
+    },
+    "gap": {"path": "joints.contraction.gap", "low": "0 mm", "high": "10 mm"},
+    "ratio": {"path": "damping.rayleigh.ratio", "low": "3 %", "high": "8 %"},
+}
+Row = dict[str, object]
+
+
+def p695() -> dict[str, object]:
+    """All 100 components, each to 1 %."""
+    return _config("suite_p695.yaml")
+
+
+def samples(count: int) -> dict[str, object]:
+    """One record with so many samples of stiffness, initial gap and damping, each to 1 %."""
+    config = _config("suite.yaml")
+    design = {"latin_hypercube": count, "seed": 1}
+    config["suite"] = {"parameters": PARAMETERS, "design": design}
+    config["outputs"] = {"every": "0.02 s", "error_estimate": False}
+    config["records"][0]["file"] = str(ROOT / "data/records/northridge_mul009_g_dt0.01.txt")  # type: ignore[index]
+    return config
+
+
+def _config(name: str) -> dict[str, object]:
+    return dict(yaml.safe_load((ROOT / "configs" / name).read_text(encoding="utf-8")))
+
+
+def run(config: dict[str, object], folder: Path, cache: Path, workers: int) -> Row:
+    """One command, and what it took."""
+    folder.mkdir()
+    path = folder / "suite.yaml"
+    path.write_text(yaml.safe_dump(config), encoding="utf-8")
+    options = ("--out", folder / "out", "--cache", cache, "--workers", workers, "--quiet")
+    before, start = _children(), time.perf_counter()
+    process = subprocess.Popen([sys.executable, "-c", CODE, "run", str(path), *map(str, options)])
+    memory = _watch(process)
+    wall, cpu = time.perf_counter() - start, _children() - before
+    with xr.open_dataset(folder / "out" / "summary.nc", engine="h5netcdf") as found:
+        return {
+            "runs": int(found.status.size),
+            "failed": int((found.status > 0).sum()),
+            "wall_seconds": wall,
+            "cpu_seconds": cpu,
+            "cpu_seconds_of_runs": float(found.cpu_seconds.sum()),
+            "largest_memory": memory,
+            "largest_estimated_time_error": float(found.estimated_time_error.max()),
+            "median_estimated_time_error": float(found.estimated_time_error.median()),
+            "steps": float(found.steps.sum()),
+            "bytes": sum(file.stat().st_size for file in (folder / "out").rglob("*") if file.is_file()),
+        }
+
+
+def _children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _watch(process: subprocess.Popen[bytes]) -> int:
+    """Wait for a process; the largest sum of the memory that it and its children had to themselves."""
+    largest, root = 0, psutil.Process(process.pid)
+    while process.poll() is None:
+        total = 0
+        try:
+            for one in (root, *root.children(recursive=True)):
+                total += one.memory_full_info().uss
+        except psutil.Error:
+            pass  # it has ended between two looks
+        largest = max(largest, total)
+        time.sleep(0.2)
+    return largest
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Whole suites from the command to summary.nc.")
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--samples", type=int, default=1000, help="samples of the joints")
+    parser.add_argument("--only", default="p695,samples", help="which, of p695 and samples")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "bench_suite.json")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Run, print and write."""
+    options = _arguments()
+    made = {"p695": p695, "samples": lambda: samples(options.samples)}
+    report: dict[str, Row] = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        cache = Path(scratch) / "cache"
+        run(samples(1), Path(scratch) / "first", cache, 1)
+        for name in options.only.split(","):
+            report[name] = run(made[name](), Path(scratch) / name, cache, options.workers)
+            print(name, *(f"{k} {v:.4g}" for k, v in report[name].items()), sep="\n  ")
+    load = os.getloadavg()[0]
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    whole = {"workers": options.workers, "load_at_the_end": load, "cores": os.cpu_count(), "suites": report}
+    options.out.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    print(f"load at the end {load:.1f}; written to {options.out}")
+    return int(any(row["failed"] for row in report.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
