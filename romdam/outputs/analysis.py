@@ -46,8 +46,8 @@ def ida_curves(summary: xr.Dataset, response: str = "peak_opening", intensity: s
     -------
     Dataset : `response` and `intensity` (record, scale, sample); `fractiles` (fractile, level), 16, 50 and
         84 % of the curves at an intensity, for which the curves are interpolated in logarithms and never
-        continued past their ends; `count` (level), the curves that reach so far. Fractiles of less than half
-        of the curves are NaN: those that end early are not a random part of all.
+        continued past their ends; `count` (level), the curves that reach so far. Fractiles of fewer
+        than four fifths of the curves are NaN: those that end early are not a random part of all.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def ida_curves(summary: xr.Dataset, response: str = "peak_opening", intensity: s
     at = np.array([curve.at(levels) for curve in curves])
     count = np.isfinite(at).sum(axis=0)
     table = np.full((len(FRACTILES), len(levels)), np.nan)
-    enough = 2 * count >= len(curves)
+    enough = 5 * count >= 4 * len(curves)
     table[:, enough] = np.nanquantile(at[:, enough], FRACTILES, axis=0)
     data["fractiles"] = xr.DataArray(table, dims=("fractile", "level"), attrs=dict(values.attrs))
     data["count"] = xr.DataArray(
@@ -118,7 +118,8 @@ def fragility(
     -------
     Dataset : `theta`, `beta`; `theta_bounds`, `beta_bounds` (bound); `probability` (level) and
         `probability_bounds` (level, bound), pointwise; NaN with a statement where nothing can be fitted;
-        `group_share` (group), the share of runs that exceed in groups of like intensity, fitted or not.
+        `group_share` (group) against `group_intensity`, what the fit is set beside: the share of runs that
+        exceed in groups of like intensity, or of records by the product-limit estimate.
 
     Raises
     ------
@@ -137,9 +138,12 @@ def fragility(
     if method == "auto":
         method = "capacities" if any(len(c.intensity) > 1 for c in curves) else "stripes"
     about = about_runs(summary, values, measured) | {"method": method, "threshold": threshold}
-    groups = _groups(curves, threshold)
-    fitted = _fragility_dataset(_observations(curves, threshold, method), confidence, measured)
-    return fitted.assign(groups).assign_attrs(about | fitted.attrs)
+    seen = _observations(curves, threshold, method)
+    groups = _groups(curves, threshold) if method == "stripes" else _product_limit(seen)
+    names = ("group_intensity", "group_share", "group_count")
+    empirical = {n: ("group", row, {"units": "1"}) for n, row in zip(names, groups.T, strict=True)}
+    fitted = _fragility_dataset(seen, confidence, measured)
+    return fitted.assign(empirical).assign_attrs(about | fitted.attrs)
 
 
 def _observations(curves: list[Curve], threshold: float, method: str) -> Observations:
@@ -159,8 +163,20 @@ def _observations(curves: list[Curve], threshold: float, method: str) -> Observa
     return Observations(*(np.log(np.array(part, dtype=float)) for part in (known, below, above)))
 
 
-def _groups(curves: list[Curve], threshold: float) -> dict[str, tuple[str, Floats, dict[str, str]]]:
-    """Shares of runs above the threshold in groups of like intensity, to set beside a fit."""
+def _product_limit(seen: Observations) -> Floats:
+    """(n, 3) capacities, the share at or below each by the product-limit estimate, and how many are equal.
+
+    A capacity that lies below a record's smallest intensity is taken to stand there.
+    """
+    reached = np.concatenate([seen.known, seen.below])
+    levels, counts = np.unique(reached, return_counts=True)
+    left = np.array([(reached >= one).sum() + (seen.above >= one).sum() for one in levels])
+    share = 1.0 - np.cumprod(1.0 - counts / np.maximum(left, 1))
+    return np.column_stack([np.exp(levels), share, counts])
+
+
+def _groups(curves: list[Curve], threshold: float) -> Floats:
+    """(n, 3) intensity, share of runs above the threshold, and runs, in groups of like intensity."""
     x = np.concatenate([c.intensity for c in curves]) if curves else np.empty(0)
     y = np.concatenate([c.response > threshold for c in curves]) if curves else np.empty(0)
     order = np.argsort(x, kind="stable")
@@ -169,9 +185,8 @@ def _groups(curves: list[Curve], threshold: float) -> dict[str, tuple[str, Float
         parts = [np.flatnonzero(where == i) for i in range(len(levels))]
     else:
         parts = np.array_split(order, max(1, min(GROUPS, len(order) // FEWEST))) if len(order) else []
-    table = np.array([[np.exp(np.log(x[i]).mean()), y[i].mean(), len(i)] for i in parts]).reshape(-1, 3)
-    names = ("group_intensity", "group_share", "group_count")
-    return {name: ("group", column, {"units": "1"}) for name, column in zip(names, table.T, strict=True)}
+    rows = [[np.exp(np.log(x[i]).mean()), y[i].mean(), len(i)] for i in parts]
+    return np.array(rows, dtype=float).reshape(-1, 3)
 
 
 def _fragility_dataset(seen: Observations, confidence: float, measured: xr.DataArray) -> xr.Dataset:
@@ -185,8 +200,8 @@ def _fragility_dataset(seen: Observations, confidence: float, measured: xr.DataA
         "statement": "",
     }
     unit, nothing = {"units": measured.attrs.get("units", "1")}, (np.nan, np.nan)
-    x = np.exp(seen.all) if seen.count else np.ones(1)
-    levels = np.geomspace(float(x.min()) / 1.2, float(x.max()) * 1.2, LEVELS)
+    x = measured.values[np.isfinite(measured.values) & (measured.values > 0.0)]
+    levels = np.geomspace(float(x.min()), float(x.max()) * 1.2, LEVELS) if x.size else np.ones(LEVELS)
     (theta, beta), bounds = nothing, (nothing, nothing)
     share, band = np.full(LEVELS, np.nan), np.full((LEVELS, 2), np.nan)
     try:

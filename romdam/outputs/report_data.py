@@ -42,7 +42,9 @@ def report_data(
         if motion is not None:
             factor = float(summary.scale_factor[i, middle])
             psa[i] = factor * pseudo_acceleration(motion.acc, motion.dt, PERIODS, DAMPING).max(axis=0)
-    target = summary.scale.attrs.get("units", "1") != "1"
+    scaled = "as recorded" if scale == 1.0 else f"{scale:g} times as recorded"
+    if summary.scale.attrs.get("units", "1") != "1":
+        scaled = f"scaled to {scale:g} m/s²"
     data = {
         "psa": (("record", "period"), psa, {"units": "m s-2", "long_name": "pseudo-spectral acceleration"}),
         "picture": ("byte", np.frombuffer(picture or b"", dtype=np.uint8)),
@@ -50,7 +52,7 @@ def report_data(
     attributes = {
         "source": f"romdam {romdam.__version__}",
         "damping": DAMPING,
-        "scaled": f"scaled to {scale:g} m/s²" if target else f"{scale:g} times as recorded",
+        "scaled": scaled,
         _KEY: str(summary.attrs.get(_KEY, "")),
     }
     coords = {"record": summary.record.values, "period": ("period", PERIODS, {"units": "s"})}

@@ -46,18 +46,18 @@ dl.facts dt { color: var(--soft); font-size: .8rem; }
 dl.facts dd { margin: 0; font-size: 1.15rem; font-weight: 600; overflow-wrap: anywhere; }
 .figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 1rem; }
 .figures.one { grid-template-columns: 1fr; }
+.figures .whole img { max-width: 100%; }
 figure { margin: 0; min-width: 0; }
 figure img { display: block; width: 100%; max-width: 620px; height: auto; background: #ffffff;
   border-radius: 6px; padding: 4px; }
-.figures.one figure img { max-width: 100%; }
 .wide { overflow-x: auto; margin: .75rem 0; }
 table { border-collapse: collapse; font-size: .875rem; min-width: 60%; }
 caption { text-align: left; padding-bottom: .25rem; }
 th, td { padding: .3rem .75rem .3rem 0; border-bottom: 1px solid var(--line); text-align: left;
-  vertical-align: top; }
+  vertical-align: top; white-space: nowrap; }
 th { font-weight: 600; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-td.text { min-width: 16rem; overflow-wrap: anywhere; }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+td.text { min-width: 18rem; white-space: normal; overflow-wrap: anywhere; }
 code, pre { font-family: ui-monospace, "Cascadia Mono", Menlo, Consolas, monospace; font-size: .85rem; }
 pre { overflow-x: auto; background: var(--back); border: 1px solid var(--line); border-radius: 6px;
   padding: .6rem; }
@@ -124,15 +124,18 @@ def _marked(name: str, so: bool) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> str:
-    """A table; floats are numbers and stand on the right, everything else is text."""
+    """A table; columns of numbers stand on the right, everything else is text."""
     if not rows:
         return ""
     right = [all(isinstance(row[k], int | float) for row in rows) for k in range(len(head))]
     parts = [f"<caption>{escape(caption)}</caption>"] if caption else []
-    cells = (
-        f'<th scope="col"{_class(n, text)}>{escape(text)}</th>' for n, text in zip(right, head, strict=True)
-    )
-    parts.append(f"<thead><tr>{''.join(cells)}</tr></thead>\n<tbody>")
+    if any(head):
+        cells = (
+            f'<th scope="col"{_class(n, text)}>{escape(text)}</th>'
+            for n, text in zip(right, head, strict=True)
+        )
+        parts.append(f"<thead><tr>{''.join(cells)}</tr></thead>")
+    parts.append("<tbody>")
     for row in rows:
         line = (f"<td{_class(n, one)}>{_cell(one)}</td>" for n, one in zip(right, row, strict=True))
         parts.append(f"<tr>{''.join(line)}</tr>")
@@ -162,11 +165,10 @@ def folded(summary: str, content: str) -> str:
 
 
 def picture(figure: Figure | bytes, caption: str, alt: str = "") -> str:
-    """A figure, or the bytes of a PNG, inside the page."""
-    return (
-        f'<figure><img src="{_encoded(figure)}" alt="{escape(alt or caption)}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+    """A figure, or the bytes of a PNG, which may be as wide as the page, inside it."""
+    image = f'<img src="{_encoded(figure)}" alt="{escape(alt or caption)}">'
+    whole = _marked("whole", isinstance(figure, bytes))
+    return f"<figure{whole}>{image}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _encoded(figure: Figure | bytes) -> str:

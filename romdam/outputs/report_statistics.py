@@ -55,16 +55,23 @@ def responses_section(study: Study) -> Section | None:
             one = values.isel(dict(zip(rest, at, strict=True)))
             finite = one.values[np.isfinite(one.values)]
             if finite.size:
-                factor, unit = plots.shown(finite, str(values.attrs.get("units", "1")))
+                factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
                 where = " ".join(str(one.coords[dim].values) for dim in rest if dim in one.coords)
                 worst = finite.min() if finite.max() <= 0.0 else finite.max()
-                numbers = [factor * float(v) for v in (*np.quantile(finite, (0.16, 0.5, 0.84)), worst)]
+                numbers = _tidy(factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst]))
                 rows.append([plain(name), where, unit, *numbers, int(finite.size)])
     if not rows:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
     parts = [_envelopes(study)] if "gap_peak_opening" in study.summary else []
     return Section("responses", "Openings and other responses", [*parts, html.table(head, rows, "All runs")])
+
+
+def _tidy(numbers: np.ndarray) -> list[float]:
+    """Numbers of a row to a ten-thousandth of the largest: the rest is round-off beside it."""
+    largest = float(np.abs(numbers).max())
+    places = 4 - int(np.floor(np.log10(largest))) if largest > 1e-9 else 9
+    return [float(one) for one in np.round(numbers, places) + 0.0]
 
 
 def _envelopes(study: Study) -> str:

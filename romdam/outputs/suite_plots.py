@@ -109,7 +109,7 @@ def ida_figure(ida: xr.Dataset) -> Figure:
 
 
 def fragility_figure(fits: Sequence[xr.Dataset]) -> Figure:
-    """Fitted fragilities with their bands, and the shares of runs they were fitted to."""
+    """Fitted fragilities with their bands, and the shares they were fitted to."""
     figure, ax = _panel(3.8)
     factor, unit = shown(np.array([fit.attrs["threshold"] for fit in fits]), fits[0].attrs["response_units"])
     for colour, fit in zip(COLOURS, fits, strict=False):
@@ -126,7 +126,9 @@ def fragility_figure(fits: Sequence[xr.Dataset]) -> Figure:
     ax.set_ylim(-0.02, 1.02)
     ax.set_xlabel(_measure(fits[0].attrs))
     ax.set_ylabel(f"probability that {_name(fits[0].attrs['response'])} exceeds")
-    ax.set_title(f"{fits[0].attrs['runs']} runs; dots: shares of groups of runs", loc="left")
+    counted = fits[0].attrs["method"] == "capacities"
+    dots = "records by where they exceed" if counted else "shares of groups of runs"
+    ax.set_title(f"{fits[0].attrs['runs']} runs; dots: {dots}", loc="left")
     ax.legend(loc="upper left")
     return figure
 
@@ -252,8 +254,10 @@ def opening_map(envelopes: xr.Dataset) -> Figure:
         ax.set_title(name)
     for ax in axes[len(names) :]:
         ax.set_visible(False)
-    figure.supxlabel("across [m]", fontsize=9)
-    figure.supylabel("up [m]", fontsize=9)
+    for ax in axes[::columns]:
+        ax.set_ylabel("up [m]")
+    for ax in axes[max(0, len(names) - columns) : len(names)]:
+        ax.set_xlabel("across [m]")
     figure.colorbar(
         ScalarMappable(norm, "viridis"), ax=list(axes), label=f"largest opening [{unit}]", shrink=0.8
     )

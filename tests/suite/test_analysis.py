@@ -8,7 +8,15 @@ from scipy.stats import CensoredData, norm, spearmanr
 from summaries import lognormal_curves, lognormal_stripes, summary_of
 
 from romdam.errors import ResultError
-from romdam.outputs.analysis import correlation, fragility, ida_curves, sensitivity, worst_runs
+from romdam.outputs.analysis import (
+    _product_limit,
+    correlation,
+    fragility,
+    ida_curves,
+    opening_envelopes,
+    sensitivity,
+    worst_runs,
+)
 from romdam.outputs.lognormal import Observations, fit_lognormal
 from romdam.outputs.responses import intensity_of, measures, parameters, response_of
 
@@ -163,6 +171,14 @@ def test_failed_runs_are_left_out_and_counted():
         assert worst_runs(nothing).sizes["run"] == 0
 
 
+def test_dots_of_capacities_are_the_product_limit_estimate():
+    # Kaplan and Meier (1958): steps at 1, 2 and 4 among five records, of which one is cut off at 3
+    seen = Observations(np.log([1.0, 2.0, 4.0]), np.empty(0), np.log([3.0, 5.0]))
+    found = _product_limit(seen)
+    np.testing.assert_allclose(found[:, 0], [1.0, 2.0, 4.0])
+    np.testing.assert_allclose(found[:, 1], 1.0 - np.cumprod([4 / 5, 3 / 4, 1 / 2]))
+
+
 def test_first_exceedance_counts_where_a_curve_comes_back():
     sa = np.array([[1.0, 2.0, 4.0, 8.0]])
     summary = summary_of(np.array([[0.5, 2.0, 0.5, 4.0]])[..., None], sa)
@@ -272,6 +288,26 @@ def test_worst_runs_are_the_largest_in_order():
     found = worst_runs(summary_of(response, np.ones((3, 2))), count=3)
     assert list(found.response.values) == [5.0, 4.0, 3.0]
     assert list(found.record.values) == ["r000", "r001", "r002"]
+
+
+def test_opening_envelopes_are_fractiles_over_records_and_samples_of_what_ran(monkeypatch):
+    rng = np.random.default_rng(11)
+    peaks = rng.uniform(0.0, 0.1, (6, 2, 3, 5)).astype(np.float32)
+    peaks[2, 1] = np.nan
+    gaps = {"gap_peak_opening": (("record", "scale", "sample", "gap"), peaks, {"units": "m"})}
+    summary = summary_of(np.ones((6, 2, 3)), np.ones((6, 2)), **gaps).assign_coords(
+        gap_joint=("gap", ["J1"] * 5),
+        gap_position=(("gap", "component"), rng.uniform(size=(5, 3))),
+        component=["x", "y", "z"],
+    )
+    monkeypatch.setattr("romdam.outputs.analysis.MEMORY", 40)  # two gaps at a time
+    found = opening_envelopes(summary)
+    assert list(found["count"]) == [18, 15]
+    for k in range(2):
+        expected = np.nanquantile(peaks[:, k].reshape(18, 5).astype(float), [0.5, 0.84, 1.0], axis=0)
+        np.testing.assert_allclose(found.opening[:, k], expected)
+    with pytest.raises(ResultError, match="a model without joints has no openings"):
+        opening_envelopes(summary.drop_vars("gap_peak_opening"))
 
 
 def test_compression_is_turned_and_names_that_are_not_there_are_refused():

@@ -1,0 +1,280 @@
+"""The report of a suite: one page that holds what the summary says, whatever its texts hold."""
+
+import base64
+import html.parser
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from summaries import lognormal_curves, summary_of
+from typer.testing import CliRunner
+
+from romdam.cli import app
+from romdam.config.load import load_config
+from romdam.errors import ConfigError, ResultError
+from romdam.outputs.dataset import write_dataset
+from romdam.outputs.report import report_html
+from romdam.outputs.report_data import PERIODS, read_report_data, report_data, write_report_data
+from romdam.outputs.report_page import number, table
+from romdam.outputs.report_study import Study, Wanted
+from romdam.outputs.suite_plots import plane_of, unit_text
+from romdam.pipelines.report import Options, report
+from romdam.records.motion import GroundMotion
+from romdam.records.spectra import pseudo_acceleration
+
+HOSTILE = "<script>alert('x')</script> & \"quoted\""
+
+
+def suite_summary(records=12, scales=5, samples=1, failed=2):
+    """A whole summary with a joint of 10 gaps, of which the runs of the last records failed."""
+    rng = np.random.default_rng(1)
+    summary, _ = lognormal_curves(rng, 3.0, 0.4, np.geomspace(1.0, 8.0, scales), records)
+    opening = 0.01 * np.repeat(summary.peak_opening.values, samples, axis=2)
+    gap = np.linspace(0.0, 5e-3, samples)
+    opening = opening - 0.2 * gap[:, None]
+    opening[records - failed :] = np.nan
+    parameters = {"gap": gap} if samples > 1 else {}
+    z = np.linspace(0.0, 45.0, 10)
+    runs = ("record", "scale", "sample")
+    more = {
+        "gap_peak_opening": ((*runs, "gap"), opening * (z / 45.0), {"units": "m"}),
+        "cpu_seconds": (runs, np.where(np.isfinite(opening[..., 0]), 0.25, np.nan), {"units": "s"}),
+        "estimated_time_error": (runs, 0.008 + 0.0 * opening[..., 0], {"units": "1"}),
+        "energy_residual": (runs, 1e-6 + 0.0 * opening[..., 0], {"units": "J"}),
+        "energy_input": (runs, 1e3 + 0.0 * opening[..., 0], {"units": "J"}),
+    }
+    summary = summary_of(opening[..., 0], summary.record_sa.values, parameters, **more)
+    summary = summary.assign_coords(
+        gap_joint=("gap", ["J1"] * 10),
+        gap_area=("gap", np.full(10, 2.0)),
+        gap_position=(("gap", "component"), np.column_stack([z % 10.0, 0.0 * z, z])),
+        component=["x", "y", "z"],
+    )
+    config = {"model": {"modes": 60}, "transient": {"accuracy": 0.01}}
+    summary.attrs |= {
+        "source": "romdam",
+        "configuration": json.dumps(config),
+        "configuration_sha256": "abc",
+        "configuration_file": "dam.yaml",
+    }
+    return summary
+
+
+class Page(html.parser.HTMLParser):
+    """Tags left open, attributes and text of a page."""
+
+    VOID = ("meta", "img", "!doctype")
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.links, self.ids, self.text = [], [], [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [value for name, value in attrs if name in ("src", "href")]
+        self.ids += [value for name, value in attrs if name == "id"]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def rows_of(text, section):
+    """Cells of the tables of a section."""
+    part = re.search(rf'<section id="{section}">.*?</section>', text, re.S).group()
+    rows = re.findall(r"<tr>(.*?)</tr>", part, re.S)
+    return [[re.sub("<.*?>", "", cell) for cell in re.findall(r"<td.*?>(.*?)</td>", row)] for row in rows]
+
+
+def test_page_is_whole_and_asks_for_nothing_from_elsewhere():
+    text = report_html(Study(suite_summary(samples=9), Wanted()))
+    page = Page(text)
+    assert page.open == []
+    assert all(link.startswith(("data:image/", "#")) for link in page.links)
+    assert {link[1:] for link in page.links if link[0] == "#"} == set(page.ids)
+    wanted = {"scene", "what", "records", "worst", "responses", "fragility", "correlation", "sensitivity"}
+    assert wanted | {"speed", "failures", "reproduce"} == set(page.ids)
+    assert "script" not in page.tags and "default-src 'none'" in text
+    assert page.tags.count("img") >= 8 and len(text) < 3_000_000
+    for link in page.links:
+        if link.startswith("data:image/svg"):
+            assert base64.b64decode(link.split(",")[1])[-7:] == b"</svg>\n"
+
+
+def test_numbers_on_the_page_are_those_of_the_summary():
+    summary = suite_summary()
+    text = report_html(Study(summary, Wanted(thresholds=(0.02,))))
+    peaks = 1e3 * np.sort(summary.peak_opening.values[np.isfinite(summary.peak_opening.values)])
+    worst = [row for row in rows_of(text, "worst") if row]
+    assert [row[3] for row in worst[:3]] == [number(v) for v in peaks[::-1][:3]]
+    opening = next(row for row in rows_of(text, "responses") if row and row[0] == "peak opening")
+    assert opening[1:3] == ["J1", "mm"] and opening[-1] == "50"
+    assert opening[4] == number(round(float(np.median(peaks)), 2))
+    speed = {row[0]: row[1:] for row in rows_of(text, "speed") if row}
+    assert speed["CPU time of a run"] == ["s", "0.25", "0.25", "12.5", "50"]
+    assert speed["estimated error of the time stepping"][:3] == ["%", "0.8", "0.8"]
+    assert speed["imbalance of the energy over the input"][:2] == ["%", "1.00·10⁻⁷"]
+    assert rows_of(text, "fragility")[1][0] == "20"
+    assert rows_of(text, "failures")[1] == ["10", "r010, r011", "contact did not converge"]
+    assert "10 of 60 runs failed" in text and "50 runs, 10 failed ones left out" in text
+
+
+def test_texts_of_files_stay_texts():
+    summary = suite_summary()
+    summary.attrs["title"] = HOSTILE
+    summary.attrs["configuration_file"] = HOSTILE
+    summary["message"] = summary.message.copy(data=np.full(summary.message.shape, HOSTILE))
+    summary = summary.assign_coords(record=[f"{HOSTILE}{i}" for i in range(12)], joint=[HOSTILE])
+    text = report_html(Study(summary.assign_coords(gap_joint=("gap", [HOSTILE] * 10)), Wanted()))
+    assert "<script" not in text and "alert" in text
+    assert Page(text).open == []
+
+
+@pytest.mark.parametrize("failed", [12, 0])
+def test_suite_where_everything_or_nothing_failed_has_a_page(failed):
+    text = report_html(Study(suite_summary(failed=failed), Wanted()))
+    assert Page(text).open == []
+    assert f"{60 if failed else 'None'} of 60 runs failed" in text
+
+
+def test_suite_of_one_run_has_a_page_that_says_what_it_cannot_have():
+    text = report_html(Study(suite_summary(records=1, scales=1, failed=0), Wanted()))
+    assert "no record has runs at two intensities" in text
+    assert "No correlation: neither response nor measures vary" in text
+
+
+def test_suite_without_joints_has_a_page():
+    summary = suite_summary().drop_dims(["gap", "joint"])
+    runs = ("record", "scale", "sample")
+    peak = np.random.default_rng(2).uniform(0.01, 0.1, (12, 5, 1))
+    text = report_html(Study(summary.assign(peak_displacement=(runs, peak, {"units": "m"})), Wanted()))
+    assert Page(text).open == [] and "peak displacement" in text and 'id="scene"' not in text
+
+
+def test_names_that_the_suite_does_not_have_are_refused():
+    for wanted in (Wanted(response="nothing"), Wanted(intensity="nothing")):
+        with pytest.raises(ResultError, match="nothing: is no"):
+            report_html(Study(suite_summary(), wanted))
+
+
+def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
+    rng = np.random.default_rng(3)
+    summary = suite_summary()
+    summary["scale_factor"] = (("record", "scale"), np.broadcast_to(np.arange(1.0, 6.0), (12, 5)))
+    motion = GroundMotion("r000", rng.normal(size=(3, 400)), 0.01)
+    data = report_data(summary, {"r000": motion}, b"picture")
+    write_report_data(data, tmp_path)
+    read = read_report_data(summary, tmp_path)
+    expected = 3.0 * pseudo_acceleration(motion.acc, 0.01, PERIODS, 0.05).max(axis=0)
+    np.testing.assert_allclose(read.psa[0], expected)
+    assert np.isnan(read.psa[1:]).all() and read.picture.values.tobytes() == b"picture"
+    text = report_html(Study(summary, Wanted(), read, b"\x89PNG"))
+    assert "Pseudo-acceleration of the largest component" in text and "image/png;base64,iVBORw==" in text
+    summary.attrs["configuration_sha256"] = "of another suite"
+    assert read_report_data(summary, tmp_path) is None
+    assert read_report_data(summary, tmp_path / "empty") is None
+
+
+def test_command_writes_the_page_and_repeats_itself_on_it(tmp_path):
+    write_dataset(suite_summary(), tmp_path / "summary.nc")
+    asked = ["--response", "peak_opening", "--threshold", "15 mm", "--threshold", "3 cm"]
+    done = CliRunner().invoke(app, ["report", str(tmp_path), *asked], catch_exceptions=False)
+    assert done.exit_code == 0 and "report.html" in done.stdout
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert [row[0] for row in rows_of(text, "fragility") if row] == ["15", "30"]
+    assert "--threshold &#x27;15 mm&#x27;" in text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "summary.nc"]
+
+
+def test_folder_without_a_summary_is_one_message_and_exit_code_2(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", "from romdam.cli import main; main()", "report", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.count("\n") == 1 and f"{tmp_path}: holds no summary.nc" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_files_and_thresholds_that_do_not_fit_are_refused(tmp_path):
+    (tmp_path / "summary.nc").write_text("not a file of numbers")
+    with pytest.raises(ResultError, match="is not a NetCDF-4 file"):
+        report(tmp_path)
+    write_dataset(suite_summary()[["record_sa"]], tmp_path / "summary.nc")
+    with pytest.raises(ResultError, match="is not the summary of a suite"):
+        report(tmp_path)
+    write_dataset(suite_summary(), tmp_path / "summary.nc")
+    with pytest.raises(ResultError, match="threshold 2 kg: "):
+        report(tmp_path, Options(thresholds=("2 kg",)))
+    job = load_config("configs/two_cantilevers.yaml")
+    with pytest.raises(ConfigError, match=r"is not the configuration of .*another .*blocks"):
+        report(tmp_path, job=job)
+    assert not (tmp_path / "report.html").exists()
+
+
+EXAMPLE = """
+import matplotlib.pyplot as plt
+import xarray as xr
+
+suite = xr.open_dataset("summary.nc")
+peaks = 1e3 * suite.gap_peak_opening.max(("record", "scale", "sample"))
+joint = suite.gap_joint == suite.joint[0]
+x, _, z = suite.gap_position.values[joint.values].T
+plt.tricontourf(x, z, peaks[joint.values], levels=20)
+plt.colorbar(label="largest opening [mm]")
+plt.savefig("opening.png")
+"""
+
+
+def test_ten_lines_open_the_summary_with_xarray_alone_and_draw_the_map(tmp_path):
+    summary = suite_summary()
+    x, z = np.meshgrid([0.0, 10.0], np.linspace(0.0, 45.0, 5))
+    summary["gap_position"] = (("gap", "component"), np.column_stack([x.ravel(), 0.0 * x.ravel(), z.ravel()]))
+    write_dataset(summary, tmp_path / "summary.nc")
+    code = EXAMPLE + "\nimport sys\nassert not [name for name in sys.modules if name.startswith('romdam')]"
+    subprocess.run(
+        [sys.executable, "-c", "import matplotlib; matplotlib.use('agg')\n" + code], cwd=tmp_path, check=True
+    )
+    assert (tmp_path / "opening.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"), (1234.6, "1230"), (-0.05126, "−0.0513"), (1e-9, "1.00·10⁻⁹"), (2.5e7, "2.50·10⁷"),
+        (np.nan, "–"), (np.inf, "∞"), (-np.inf, "−∞"), (3.0, "3"),
+    ],
+)  # fmt: skip
+def test_numbers_are_written_with_three_digits(value, text):
+    assert number(value) == text
+
+
+def test_units_are_written_as_in_print():
+    pairs = {"m s-2": "m/s²", "1": "", "m": "m", "s-1": "1/s", "N m": "N m", "kg m-1 s-2": "kg/m s²"}
+    assert {units: unit_text(units) for units in pairs} == pairs
+
+
+def test_tables_escape_text_and_set_numbers_right():
+    made = table(["a<b", "n"], [["<i>", 1.5], ["x", 2]])
+    assert "a&lt;b" in made and "&lt;i&gt;" in made and '<td class="n">1.5</td>' in made
+    assert table(["a"], []) == ""
+
+
+def test_plane_of_a_joint_keeps_distances():
+    rng = np.random.default_rng(4)
+    flat = rng.uniform(0.0, 20.0, (30, 2))
+    turn = np.radians(35.0)
+    position = np.column_stack([np.cos(turn) * flat[:, 0], np.sin(turn) * flat[:, 0], flat[:, 1]])
+    across, up = plane_of(position)
+    made = np.hypot(across[:, None] - across, up[:, None] - up)
+    np.testing.assert_allclose(made, np.linalg.norm(position[:, None] - position, axis=-1), atol=1e-12)
