@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags_array
 
 from romdam.dynamics.energy import ledger
 from romdam.dynamics.options import TransientOptions
@@ -71,7 +71,8 @@ class _State:
         self.stored = gaps.stored
         self.works, self.impulse = np.zeros(4), np.zeros_like(gaps.force)
         rest = system.force - system.load @ ground + system.B.T @ gaps.force.ravel() - system.K @ q
-        self.a = Factor(system.M).solve(rest)
+        massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
+        self.a = Factor(system.M + diags_array(massless.astype(float))).solve(np.where(massless, 0.0, rest))
 
 
 def generalized_alpha(

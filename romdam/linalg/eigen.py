@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import LinAlgError, eigh
 from scipy.sparse import spmatrix
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 
 _DENSE_SHARE = 0.4  # of all pairs, above which a dense solve is quicker than Lanczos
 _DENSE_SIZE = 300  # unknowns, below which it always is
+_MASSLESS = 1e-13  # 1/omega2 relative to the lowest mode's, below which it is round-off of none
 _SPARE = 2  # modes asked for beyond those counted below a frequency, so that the next one is seen
 _DENSE_LIMIT = 12_000  # unknowns of a dense solve: 2.3 GB for the two matrices
 
@@ -27,7 +28,7 @@ def lowest_modes(
     Parameters
     ----------
     K, M : (n, n) sparse, symmetric; M positive definite
-    count : number of modes, at most n
+    count : number of modes, at most n; there are fewer where unknowns have no mass
     factor : of K - shift M
     shift : [1/s2]; negative where K is singular
 
@@ -44,8 +45,9 @@ def lowest_modes(
     n = K.shape[0]
     if count == 0:
         return np.zeros(0), np.zeros((n, 0))
+    massless = bool((M.diagonal() <= 0.0).any())
     if n <= _DENSE_SIZE or count > _DENSE_SHARE * n:
-        omega2, modes = dense_modes(K, M)
+        omega2, modes = _finite_modes(K, M, shift) if massless else dense_modes(K, M)
         return omega2[:count], modes[:, :count]
     operator = LinearOperator((n, n), matvec=factor.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # seeded: the same scene gives the same basis
@@ -73,10 +75,17 @@ def modes_below(
     count = min(_SPARE + Factor(K - limit * M).negative(), K.shape[0])
     while True:
         omega2, modes = lowest_modes(K, M, count, factor, shift)
-        if omega2[-1] > limit or count == K.shape[0]:
+        if len(omega2) < count or omega2[-1] > limit or count == K.shape[0]:
             keep = omega2 <= limit
             return omega2[keep], modes[:, keep]
         count = min(2 * count, K.shape[0])  # round-off in the pivots of a mode at the limit itself
+
+
+def _finite_modes(K: spmatrix, M: spmatrix, shift: float) -> tuple[Floats, Floats]:
+    """All modes of finite frequency where some unknowns have no mass, from M x = mu (K - shift M) x."""
+    mu, modes = eigh(M.toarray(), (K - shift * M).toarray())
+    finite = np.flatnonzero(mu > _MASSLESS * mu[-1])[::-1]
+    return 1.0 / mu[finite] + shift, modes[:, finite] / np.sqrt(mu[finite])
 
 
 def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:
@@ -85,7 +94,7 @@ def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:
     Raises
     ------
     ReductionError
-        above 12,000 unknowns.
+        above 12,000 unknowns, and where some have no mass.
     """
     n = K.shape[0]
     if n > _DENSE_LIMIT:
@@ -93,5 +102,11 @@ def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:
             f"all modes of {n} unknowns need a dense solve, limited to {_DENSE_LIMIT} unknowns; "
             "ask for fewer modes"
         )
-    omega2, modes = eigh(K.toarray(), M.toarray())
+    try:
+        omega2, modes = eigh(K.toarray(), M.toarray())
+    except LinAlgError as error:
+        raise ReductionError(
+            f"all modes of {n} unknowns need mass at each, {int((M.diagonal() <= 0.0).sum())} have "
+            f"none ({error}); ask for a `cutoff`, or give the rock its mass"
+        ) from error
     return omega2, modes

@@ -12,6 +12,7 @@ from small_scenes import DAMPING, full, march, reduced, shaking
 
 from romdam.config import parse_config
 from romdam.dynamics.static import static_equilibrium
+from romdam.errors import ReductionError
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
 from romdam.linalg.factor import Factor
@@ -22,7 +23,7 @@ from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))
-from arch_dams import DIVISIONS, JOINTS, arch_dam
+from arch_dams import DIVISIONS, JOINTS, ROCK, arch_dam
 
 REST = {
     "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
@@ -119,6 +120,28 @@ def test_all_modes_march_as_the_full_order_does():
     error = np.linalg.norm(own.jump - mesh.jump) / np.linalg.norm(mesh.jump)
     assert mesh.jump[..., 0].max() > 1e-3
     assert error < 0.02
+
+
+def massless():
+    """The small dam on rock without mass."""
+    zones = {name: zone | {"mass": False} for name, zone in ROCK["zones"].items()}
+    return dam(rock=ROCK | {"zones": zones}, joints=JOINTS | {"friction": 0.0, "shear_stiffness": 0.0})
+
+
+def test_rock_without_mass_marches_as_the_full_order_does():
+    scene, dt = massless(), 0.000625
+    mesh, model = full(scene), reduced(scene, cutoff=80.0)
+    assert (mesh.M.diagonal() == 0.0).any()
+    ground = shaking(dt, duration=0.5, amplitude=6.0)
+    whole = march(mesh, dt, ground, integrator="generalized_alpha", rho_inf=0.9, initial_state="static")
+    own = march(model.system, dt, ground, integrator="modal", initial_state="static")
+    assert np.abs(own.jump[0] - whole.jump[0]).max() < 1e-7 * np.abs(whole.jump[0]).max()
+    assert np.linalg.norm(own.jump - whole.jump) < 0.03 * np.linalg.norm(whole.jump)
+
+
+def test_all_modes_need_mass_everywhere():
+    with pytest.raises(ReductionError, match=r"need mass at each, \d+ have none .* give the rock its mass"):
+        reduced(massless())
 
 
 def test_bases_of_a_part_are_kept_and_found(tmp_path):
