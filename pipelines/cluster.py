@@ -150,8 +150,8 @@ def _start(count: int, module: str, stack: ExitStack) -> Client:
     import dask
     from distributed import Client, LocalCluster
 
-    pinned = dict.fromkeys(_THREADS, "1")
-    with dask.config.set({"distributed.nanny.pre-spawn-environ": pinned}):
+    environment = dict.fromkeys(_THREADS, "1") | {"DASK_LOGGING__DISTRIBUTED": "critical"}
+    with dask.config.set({"distributed.nanny.pre-spawn-environ": environment}):
         cluster = LocalCluster(
             n_workers=count,
             threads_per_worker=1,
