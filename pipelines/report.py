@@ -14,9 +14,9 @@ import xarray as xr
 from romdam.config.load import Job
 from romdam.config.quantities import to_si
 from romdam.errors import ConfigError, ResultError
-from romdam.outputs.dataset import open_dataset
+from romdam.outputs.dataset import open_dataset, write_dataset
 from romdam.outputs.report import write_report
-from romdam.outputs.report_data import read_report_data, report_data, write_report_data
+from romdam.outputs.report_data import DATA, read_report_data, report_data
 from romdam.outputs.report_study import Study, Wanted, responses
 from romdam.outputs.responses import response_of
 from romdam.outputs.suite import SUMMARY
@@ -68,7 +68,7 @@ def report(
         wanted = _wanted(summary, options, folder)
         if job is not None:
             _same(job, summary, folder)
-            write_report_data(_data(job, summary, clock), folder)
+            write_dataset(_data(job, summary, clock), folder / DATA)
         data = read_report_data(summary, folder)
         picture = bytes(data.picture.values.tobytes()) if data is not None else b""
         with clock.stage("report", "writing the report"):

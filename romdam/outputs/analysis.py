@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from romdam.errors import ResultError
-from romdam.outputs.lognormal import Observations, fit_lognormal
+from romdam.outputs.lognormal import LognormalFit, Observations, fit_lognormal
 from romdam.outputs.responses import (
     RUNS,
     Curve,
@@ -107,12 +107,11 @@ def fragility(
     response, threshold : what must not exceed what [the response's unit]
     intensity : measure that the fragility is a function of
     method : `capacities`: each record (with each sample) counts once, by the intensity at which its curve
-        first exceeds the threshold, interpolated in logarithms; above its largest intensity where it never
-        does, at or below its smallest where it always does (the truncated incremental analysis of the
-        reference). `stripes`: each run counts once, by whether it exceeds (binomial, a probit likelihood).
-        `auto` takes capacities where the records are run at several scales, since runs of one record are not
-        independent; with one scale the two are the same.
-    confidence : of the bounds, which are those of the profile likelihood
+        first exceeds the threshold, interpolated in logarithms, or by the end that it does not leave (the
+        reference's truncated analysis); `stripes`: each run counts, by whether it exceeds (a probit
+        likelihood); `auto`: capacities where there are several scales; with one the two are the same
+    confidence : of the bounds of the profile likelihood, which take observations as independent: with many
+        runs of one record they are too narrow
 
     Returns
     -------
@@ -132,18 +131,25 @@ def fragility(
     Spectra 31(1), 2015, 579-599.
     """
     values, measured = response_of(summary, response), intensity_of(summary, intensity)
-    if method not in ("auto", "capacities", "stripes"):
-        raise ResultError(f"{method}: is no method of a fragility; use auto, capacities or stripes")
     curves = curves_of(values, measured)
-    if method == "auto":
-        method = "capacities" if any(len(c.intensity) > 1 for c in curves) else "stripes"
-    about = about_runs(summary, values, measured) | {"method": method, "threshold": threshold}
+    method = _method(method, curves)
+    records = int(values.notnull().any(("scale", "sample")).sum())
+    about = about_runs(summary, values, measured)
+    about |= {"method": method, "threshold": threshold, "records": records}
     seen = _observations(curves, threshold, method)
     groups = _groups(curves, threshold) if method == "stripes" else _product_limit(seen)
     names = ("group_intensity", "group_share", "group_count")
     empirical = {n: ("group", row, {"units": "1"}) for n, row in zip(names, groups.T, strict=True)}
     fitted = _fragility_dataset(seen, confidence, measured)
     return fitted.assign(empirical).assign_attrs(about | fitted.attrs)
+
+
+def _method(asked: str, curves: list[Curve]) -> str:
+    if asked not in ("auto", "capacities", "stripes"):
+        raise ResultError(f"{asked}: is no method of a fragility; use auto, capacities or stripes")
+    if asked != "auto":
+        return asked
+    return "capacities" if any(len(curve.intensity) > 1 for curve in curves) else "stripes"
 
 
 def _observations(curves: list[Curve], threshold: float, method: str) -> Observations:
@@ -201,14 +207,16 @@ def _fragility_dataset(seen: Observations, confidence: float, measured: xr.DataA
     }
     unit, nothing = {"units": measured.attrs.get("units", "1")}, (np.nan, np.nan)
     x = measured.values[np.isfinite(measured.values) & (measured.values > 0.0)]
-    levels = np.geomspace(float(x.min()), float(x.max()) * 1.2, LEVELS) if x.size else np.ones(LEVELS)
+    ends = (float(x.min()), 1.2 * float(x.max())) if x.size else (1.0, 1.0)
+    levels = np.geomspace(*ends, LEVELS)
     (theta, beta), bounds = nothing, (nothing, nothing)
-    share, band = np.full(LEVELS, np.nan), np.full((LEVELS, 2), np.nan)
     try:
         fit = fit_lognormal(seen)
     except ValueError as error:
         about["statement"] = str(error)
+        share, band = np.full(len(levels), np.nan), np.full((len(levels), 2), np.nan)
     else:
+        levels = _where_it_rises(fit, ends)
         theta, beta = fit.theta, fit.beta
         bounds = (fit.theta_bounds(confidence), fit.beta_bounds(confidence))
         share, band = fit.probability(levels), fit.probability_bounds(levels, confidence)
@@ -222,6 +230,12 @@ def _fragility_dataset(seen: Observations, confidence: float, measured: xr.DataA
     }
     coords = {"level": ("level", levels, dict(measured.attrs)), "bound": np.array(["lower", "upper"])}
     return xr.Dataset(data, coords, about)
+
+
+def _where_it_rises(fit: LognormalFit, ends: tuple[float, float]) -> Floats:
+    """Levels between two ends, most of them where the fit goes from 0 to 1."""
+    rise = fit.theta * np.exp(fit.beta * np.linspace(-3.5, 3.5, LEVELS))
+    return np.unique(np.concatenate([ends, rise[(rise > ends[0]) & (rise < ends[1])]]))
 
 
 def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Dataset:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 import romdam
-from romdam.outputs.dataset import open_dataset, write_dataset
+from romdam.outputs.dataset import open_dataset
 from romdam.records.motion import GroundMotion
 from romdam.records.spectra import pseudo_acceleration
 
@@ -57,18 +57,6 @@ def report_data(
     }
     coords = {"record": summary.record.values, "period": ("period", PERIODS, {"units": "s"})}
     return xr.Dataset(data, coords, attributes)
-
-
-def write_report_data(data: xr.Dataset, folder: Path) -> Path:
-    """Write the data beside the summary.
-
-    Raises
-    ------
-    ResultError
-        where the folder or the disk refuses it.
-    """
-    write_dataset(data, folder / DATA)
-    return folder / DATA
 
 
 def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:

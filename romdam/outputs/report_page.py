@@ -17,6 +17,7 @@ from romdam.outputs.suite_plots import SUPERSCRIPTS
 
 LARGEST_SVG = 120_000  # bytes; a figure with more in it is a PNG
 _DPI = 170
+_PIXELS = 128  # of the page for an inch of a figure, at most
 
 # no script, nothing from elsewhere: whatever a file's name or message holds, it is text
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -46,9 +47,8 @@ dl.facts dt { color: var(--soft); font-size: .8rem; }
 dl.facts dd { margin: 0; font-size: 1.15rem; font-weight: 600; overflow-wrap: anywhere; }
 .figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); gap: 1rem; }
 .figures.one { grid-template-columns: 1fr; }
-.figures .whole img { max-width: 100%; }
 figure { margin: 0; min-width: 0; }
-figure img { display: block; width: 100%; max-width: 620px; height: auto; background: #ffffff;
+figure img { display: block; width: 100%; height: auto; background: #ffffff;
   border-radius: 6px; padding: 4px; }
 .wide { overflow-x: auto; margin: .75rem 0; }
 table { border-collapse: collapse; font-size: .875rem; min-width: 60%; }
@@ -166,9 +166,9 @@ def folded(summary: str, content: str) -> str:
 
 def picture(figure: Figure | bytes, caption: str, alt: str = "") -> str:
     """A figure, or the bytes of a PNG, which may be as wide as the page, inside it."""
-    image = f'<img src="{_encoded(figure)}" alt="{escape(alt or caption)}">'
-    whole = _marked("whole", isinstance(figure, bytes))
-    return f"<figure{whole}>{image}<figcaption>{escape(caption)}</figcaption></figure>"
+    size = "" if isinstance(figure, bytes) else f' style="max-width: {_PIXELS * figure.get_figwidth():.0f}px"'
+    image = f'<img src="{_encoded(figure)}" alt="{escape(alt or caption)}"{size}>'
+    return f"<figure>{image}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _encoded(figure: Figure | bytes) -> str:

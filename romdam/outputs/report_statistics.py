@@ -58,7 +58,8 @@ def responses_section(study: Study) -> Section | None:
                 factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
                 where = " ".join(str(one.coords[dim].values) for dim in rest if dim in one.coords)
                 worst = finite.min() if finite.max() <= 0.0 else finite.max()
-                numbers = _tidy(factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst]))
+                row = factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
+                numbers = _tidy(row, factor * float(np.nanmax(np.abs(values.values))))
                 rows.append([plain(name), where, unit, *numbers, int(finite.size)])
     if not rows:
         return None
@@ -67,10 +68,10 @@ def responses_section(study: Study) -> Section | None:
     return Section("responses", "Openings and other responses", [*parts, html.table(head, rows, "All runs")])
 
 
-def _tidy(numbers: np.ndarray) -> list[float]:
-    """Numbers of a row to a ten-thousandth of the largest: the rest is round-off beside it."""
-    largest = float(np.abs(numbers).max())
-    places = 4 - int(np.floor(np.log10(largest))) if largest > 1e-9 else 9
+def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
+    """Numbers of a row without what is round-off beside its largest, and beside all of its kind."""
+    largest = max(float(np.abs(numbers).max()), 1e-6 * overall)
+    places = 4 - int(np.floor(np.log10(largest))) if largest > 0.0 else 0
     return [float(one) for one in np.round(numbers, places) + 0.0]
 
 
@@ -113,6 +114,11 @@ def fragility_section(study: Study) -> Section | None:
     notes = [f"Incremental curves: {ida.attrs['statement']}."] if ida.attrs["statement"] else []
     if fits:
         notes.append(_method(fits[0], bool(study.wanted.thresholds)))
+        if fits[0].attrs["observations"] > fits[0].attrs["records"]:
+            notes.append(
+                f"The bounds take {fits[0].attrs['observations']} observations of {fits[0].attrs['records']} "
+                "records as independent, which those of one record are not: the true bounds are wider."
+            )
     parts = [html.side_by_side(pictures), *(html.paragraph(note, soft=True) for note in notes)]
     return Section("fragility", "Incremental curves and fragility", [*parts, _fragility_table(fits, values)])
 
@@ -149,9 +155,10 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> str:
             [factor * about["threshold"], theta, next(bounds), beta, next(bounds), seen, about["statement"]]
         )
     head = [f"threshold [{unit}]", f"median [{measure}]" if measure else "median", "95 %", "beta", "95 %"]
-    return html.table(
-        [*head, "exceeding", "note"], rows, f"Fragility in {fits[0].attrs['intensity_long_name']}"
-    )
+    head = [*head, "exceeding", "note"]
+    if not any(row[-1] for row in rows):
+        head, rows = head[:-1], [row[:-1] for row in rows]
+    return html.table(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
 
 
 def correlation_section(study: Study) -> Section | None:

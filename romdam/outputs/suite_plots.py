@@ -234,16 +234,21 @@ def _heights(ax: Axes, envelopes: xr.Dataset, name: str, factor: float) -> None:
 def opening_map(envelopes: xr.Dataset) -> Figure:
     """Largest opening of every gap over all runs, in each joint's plane."""
     names = [str(name) for name in envelopes.joint.values]
+    planes = {n: plane_of(envelopes.gap_position.values[envelopes.gap_joint.values == n]) for n in names}
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
-    figure = Figure(figsize=(WIDTH, 3.6 * rows if rows < 3 else 2.6 * rows), layout="constrained")
+    height = 3.4 if rows == 1 else 2.6
+    shape = max(float(np.ptp(x) / max(np.ptp(y), 1e-9)) for x, y in planes.values())
+    width = columns * (height * shape + 0.5) + 1.3
+    size = (float(np.clip(width, 2.4, WIDTH)), height * rows)
+    figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
     factor, unit = shown(envelopes.opening, "m")
     peaks = factor * np.nanmax(envelopes.opening.values[-1], axis=0)
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
     for ax, name in zip(axes, names, strict=False):
         chosen = envelopes.gap_joint.values == name
-        across, up = plane_of(envelopes.gap_position.values[chosen])
+        across, up = planes[name]
         if np.ptp(across) > 0.0 and np.ptp(up) > 0.0 and len(up) > 3:
             mesh = Triangulation(across, up)
             ax.tripcolor(mesh, peaks[chosen], norm=norm, cmap="viridis", shading="gouraud")

@@ -17,7 +17,7 @@ from romdam.config.load import load_config
 from romdam.errors import ConfigError, ResultError
 from romdam.outputs.dataset import write_dataset
 from romdam.outputs.report import report_html
-from romdam.outputs.report_data import PERIODS, read_report_data, report_data, write_report_data
+from romdam.outputs.report_data import DATA, PERIODS, read_report_data, report_data
 from romdam.outputs.report_page import number, table
 from romdam.outputs.report_study import Study, Wanted
 from romdam.outputs.suite_plots import plane_of, unit_text
@@ -102,6 +102,7 @@ def test_page_is_whole_and_asks_for_nothing_from_elsewhere():
     assert {link[1:] for link in page.links if link[0] == "#"} == set(page.ids)
     wanted = {"scene", "what", "records", "worst", "responses", "fragility", "correlation", "sensitivity"}
     assert wanted | {"speed", "failures", "reproduce"} == set(page.ids)
+    assert "90 observations of 10 records as independent" in " ".join(page.text)
     assert "script" not in page.tags and "default-src 'none'" in text
     assert page.tags.count("img") >= 8 and len(text) < 3_000_000
     for link in page.links:
@@ -171,7 +172,7 @@ def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
     summary["scale_factor"] = (("record", "scale"), np.broadcast_to(np.arange(1.0, 6.0), (12, 5)))
     motion = GroundMotion("r000", rng.normal(size=(3, 400)), 0.01)
     data = report_data(summary, {"r000": motion}, b"picture")
-    write_report_data(data, tmp_path)
+    write_dataset(data, tmp_path / DATA)
     read = read_report_data(summary, tmp_path)
     expected = 3.0 * pseudo_acceleration(motion.acc, 0.01, PERIODS, 0.05).max(axis=0)
     np.testing.assert_allclose(read.psa[0], expected)
