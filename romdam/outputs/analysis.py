@@ -133,9 +133,7 @@ def fragility(
     values, measured = response_of(summary, response), intensity_of(summary, intensity)
     curves = curves_of(values, measured)
     method = _method(method, curves)
-    records = int(values.notnull().any(("scale", "sample")).sum())
-    about = about_runs(summary, values, measured)
-    about |= {"method": method, "threshold": threshold, "records": records}
+    about = about_runs(summary, values, measured) | {"method": method, "threshold": threshold}
     seen = _observations(curves, threshold, method)
     groups = _groups(curves, threshold) if method == "stripes" else _product_limit(seen)
     names = ("group_intensity", "group_share", "group_count")

@@ -116,6 +116,7 @@ def about_runs(
         "response_units": str(values.attrs.get("units", "1")),
         "response_long_name": str(values.attrs.get("long_name", values.name)),
         "runs": finite,
+        "records": int(values.notnull().any(("scale", "sample")).sum()),
         "failed": int(values.size - finite),
     }
     if measured is not None:
