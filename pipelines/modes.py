@@ -50,8 +50,8 @@ def settle_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
         finer = finer_model(trial, scene, reduced)
         if finer is None:
             raise ConfigError(
-                f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to estimate "
-                "the error of leaving out modes; give a number, 60 is a good start"
+                f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
+                "estimate the error of leaving out modes; give a number, 60 is a good start"
             )
         history = shake(trial, reduced.system, motion, trial.config.transient.duration)
         if estimate_error(trial, finer, reduced, motion, history).opening.l2 <= accuracy:

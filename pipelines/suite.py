@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
 from romdam.config.parameters import Place, vary
@@ -103,7 +104,8 @@ def run_suite(
     """
     job, options, clock = _suite_job(job), options or SuiteOptions(), Clock(show)
     folder = prepare_folder(Path(out))
-    with open_pool(options.workers, options.scheduler, run_task.__module__) as pool:
+    one_thread = threadpool_limits(limits=1)  # the bits of a result must not depend on the number of cores
+    with one_thread, open_pool(options.workers, options.scheduler, run_task.__module__) as pool:
         with clock.stage("records", "reading records"):
             records = read_records(job)
         job = settled(job, [record.motion for record in records if record.motion is not None], clock)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
 from romdam.config.parameters import Place, Varied, vary
@@ -142,9 +143,11 @@ def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> Reduced
 def run_task(study: Study, task: Task) -> list[Row]:
     """March the runs of a task together; their rows in its order, those that failed with a message."""
     wall, cpu = time.perf_counter(), time.process_time()
-    models = {number: sample_model(study, number) for number in dict.fromkeys(r.sample for r in task.runs)}
-    motions = [scaled(task.motions[run.record], run) for run in task.runs]
-    outcomes = march(study.job, [models[run.sample] for run in task.runs], motions)
+    samples = dict.fromkeys(run.sample for run in task.runs)
+    with threadpool_limits(limits=1):  # the bits of a result must not depend on the number of cores
+        models = {number: sample_model(study, number) for number in samples}
+        motions = [scaled(task.motions[run.record], run) for run in task.runs]
+        outcomes = march(study.job, [models[run.sample] for run in task.runs], motions)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)
     rows = []
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):

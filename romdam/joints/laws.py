@@ -160,8 +160,7 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
         if weaker == left:
             break
         left = weaker
-    holds = not left.broken and gap.tension > 0.0
-    closed = jump[0] < 0.0 or holds
+    closed = force[0] + (0.0 if left.broken else gap.tension) > 0.0
     state = SLIP if slips else STICK if closed else OPEN
     spring = (force[1] / gap.K_s, force[2] / gap.K_s) if gap.K_s > 0.0 else (0.0, 0.0)
     return (

@@ -34,7 +34,7 @@ def test_the_table_shows_manifests_files_and_failures(tmp_path):
     assert text[1].split() == [
         "northridge_mul009_g_dt0.01", "y", "0.01", "29.98", "0.416", "0.589", "0.131", "3.07", "14.3", "9.22",
     ]  # fmt: skip
-    assert "1 records, 2 failed" in text
+    assert "2 records, 2 failed" in text
     assert any("bad.AT2" in line for line in text) and any(
         "no_such_thing: no such file" in line for line in text
     )
