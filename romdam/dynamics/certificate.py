@@ -205,7 +205,7 @@ def corrected_run(
 def start_at(history: History, law: GapLaw, row: int) -> Start:
     """The state of a row of a reduced run, to go on from.
 
-    A bond counts as lost where one of the rows so far shows its gap open or sliding, the unloaded start aside.
+    A bond counts as lost where a row so far, the unloaded start aside, shows its gap open or sliding.
     """
     assert history.q is not None and history.v is not None
     weak = None
