@@ -73,7 +73,7 @@ def try_conserving(
     gaps: tuple[GapProblem, GapMemory],
     state: ModalState,
     jumps: tuple[Floats, Floats, Floats],
-    tolerance: float,
+    control: tuple[float, bool],
 ) -> float:
     """Solve a step in which the joint force acts with a mean that does the work the gaps store.
 
@@ -84,10 +84,11 @@ def try_conserving(
     ----------
     half : (N, N) half the states' flexibility over a step [m/N]
     jumps : (N,) free jumps of the states, (N,) or (0,) what is added to them, and (N,) for the solution
+    control : see `romdam.joints.step.solve_gaps`
 
     Returns
     -------
-    float, the relative residual of the gap-space problem; above `tolerance` means no convergence
+    float, the relative residual of the gap-space problem; above the tolerance means no convergence
     """
     (problem, memory), (w_free, shift, y) = gaps, jumps
     p_0 = state.force.ravel()
@@ -100,8 +101,8 @@ def try_conserving(
         w[: len(shift)] += shift
         add_rows(half, p_0 + 2.0 * correction, 1.0, w)
         memory.force[:] = old_force
-        residual = solve_gaps(problem, memory, state.closed, w, y, (tolerance, False))
-        if not residual <= tolerance:
+        residual = solve_gaps(problem, memory, state.closed, w, y, control)
+        if not residual <= control[0]:
             return residual
         changed = _end_force(problem, memory, state.closed, y, p_1, g_1)
         slid = _slid(problem, memory, y)

@@ -44,7 +44,7 @@ Floats = NDArray[np.float64]
 _CALM = 1  # accepted steps without a change of the closed set before a longer one is tried
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _state_of(x: ModalState, run: int) -> ModalState:
     """Views of one run's state."""
     return ModalState(
@@ -53,7 +53,7 @@ def _state_of(x: ModalState, run: int) -> ModalState:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _step_of(levels: Levels, runs: Runs, run: int) -> Propagator:
     """Views of the step coefficients at a run's level."""
     s, i, l = levels.step, runs.variant[0, run], runs.clock[run, 2]
@@ -63,7 +63,7 @@ def _step_of(levels: Levels, runs: Runs, run: int) -> Propagator:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemory]:
     """Views of the gap-space problem at a run's level."""
     p, m, i, l = levels.problem, runs.memory, runs.variant[1, run], runs.clock[run, 2]
@@ -103,7 +103,7 @@ def _record(track: Track, state: ModalState, row: int) -> None:
     track.works[row], track.stored[row] = state.works, state.stored[0]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: float) -> float:
     """Largest gap velocity that the change of its normal force over the step stands for."""
     n = len(problem.gap)
@@ -116,7 +116,7 @@ def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: floa
     return worst / dt
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _open_base_step(model: ModalModel, runs: Runs, work: Work, run: int) -> None:
     """Bring the external force, and the added jumps, of both ends of a run's next base step."""
     n = runs.clock[run, 0]
@@ -127,17 +127,7 @@ def _open_base_step(model: ModalModel, runs: Runs, work: Work, run: int) -> None
     runs.clock[run, 1], runs.clock[run, 3] = 0, 0
 
 
-@njit(cache=True)
-def begin(model: ModalModel, runs: Runs, states: ModalState, work: Work, track: Track) -> None:
-    """Write the first row of every run, and open its first base step."""
-    for run in range(len(runs.last)):
-        _record(track, _state_of(states, run), runs.rows[run])
-        external_force(model, runs.acc[:, runs.samples[run]], work.f_end[run])
-        if runs.last[run] > 0:
-            _open_base_step(model, runs, work, run)
-
-
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _head_for(levels: Levels, runs: Runs, states: ModalState, work: Work, run: int) -> None:
     """Free motion of a run over its next step, to work.f_1 and work.q_free."""
     finest = levels.decay.shape[1] - 1
@@ -148,13 +138,13 @@ def _head_for(levels: Levels, runs: Runs, states: ModalState, work: Work, run: i
     free_motion(_step_of(levels, runs, run), _state_of(states, run), f_1, work.q_free[run])
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _reach(runs: Runs, run: int, finest: int) -> float:
     """Where a run's next step ends within its base step, from 0 to 1."""
     return (runs.clock[run, 1] + RATIO ** (finest - runs.clock[run, 2])) / RATIO**finest
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _try_step(
     model: ModalModel,
     levels: Levels,
@@ -171,15 +161,16 @@ def _try_step(
     share, ends, variant = _reach(runs, run, finest), work.ends[run], runs.variant[0, run]
     shift = ends[0] + share * (ends[1] - ends[0])
     old_force[:] = memory.force
+    control = (tolerance, l < finest)
     if model.conserving:
         half = levels.half[variant, l]
-        residual = try_conserving(model, half, (problem, memory), state, (w, shift, y), tolerance)
+        residual = try_conserving(model, half, (problem, memory), state, (w, shift, y), control)
     else:
         if len(model.R):
             for i in range(len(w)):
                 w[i] += levels.decay[variant, l] * state.u_r[i]
         w[: len(shift)] += shift
-        residual = solve_gaps(problem, memory, state.closed, w, y, (tolerance, l < finest))
+        residual = solve_gaps(problem, memory, state.closed, w, y, control)
     good = residual <= tolerance
     if good and l < finest:
         good = _impulse(problem, memory, old_force, levels.step.dt[variant, l]) <= runs.impulse[run]
@@ -188,7 +179,7 @@ def _try_step(
     return good, residual
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _accept(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work: Work, run: int) -> None:
     """Commit the gaps of a solved step."""
     problem, memory = _gaps_of(levels, runs, run)
@@ -205,7 +196,7 @@ def _accept(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, wo
     state.stored[0] = stored
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _refuse(runs: Runs, state: ModalState, run: int, finest: int, residual: float) -> None:
     """Go a level down; at the finest the run has failed."""
     state.counts[1] += 1
@@ -216,7 +207,7 @@ def _refuse(runs: Runs, state: ModalState, run: int, finest: int, residual: floa
         runs.clock[run, 2] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _move(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work: Work, run: int) -> None:
     """Modes, residual flexibility, works and peaks of a run at the end of its accepted step."""
     step, l, variant = _step_of(levels, runs, run), runs.clock[run, 2], runs.variant[0, run]
@@ -236,7 +227,7 @@ def _move(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work
     _peak(state, levels.step.dt[variant, 0] * (runs.clock[run, 0] + _reach(runs, run, finest)))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _tick(
     model: ModalModel, runs: Runs, state: ModalState, work: Work, track: Track, run: int, finest: int
 ) -> None:
@@ -257,7 +248,7 @@ def _tick(
         _open_base_step(model, runs, work, run)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _under_way(runs: Runs, work: Work) -> int:
     """Put the runs that are neither done nor failed to work.underway; how many they are."""
     count = 0
@@ -268,7 +259,7 @@ def _under_way(runs: Runs, work: Work) -> int:
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _round(
     model: ModalModel,
     levels: Levels,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import Levels, ModalModel, ModalState, Runs, Track, Work
 from romdam.dynamics.energy import ledger
-from romdam.dynamics.march import begin, march
+from romdam.dynamics.march import march
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.peaks import first_peaks, named_peaks
 from romdam.dynamics.states import StateSplit, modal_model, run_memory, step_levels, whole_motion
@@ -130,8 +130,26 @@ def _arrays(
         take_over(_memory_of(memory, run), gaps)
     track = _track(states, options.stride, runs)
     work = _work(states, len(model.shift) > 0)
-    begin(model, runs, states, work, track)
+    _begin(model, runs, states, work, track)
     return model, levels, runs, states, work, track
+
+
+def _begin(model: ModalModel, runs: Runs, states: ModalState, work: Work, track: Track) -> None:
+    """Write the first row of every run, and bring the external force at both ends of its first base step."""
+    for name in _ROWS:
+        getattr(track, name)[runs.rows] = states.stored[:, 0] if name == "stored" else getattr(states, name)
+    work.f_0[:] = states.f
+    work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
+    if len(model.shift):
+        work.ends[:] = model.shift[:2]
+
+
+def _external_force(model: ModalModel, acc: Floats) -> Floats:
+    """External modal force of every run (runs, m), at one ground acceleration of each (components, runs)."""
+    force = np.tile(model.static, (acc.shape[1], 1))
+    for load, a in zip(model.load, acc, strict=True):  # a product's round-off depends on the number of runs
+        force += a[:, None] * load
+    return force
 
 
 def _memory_of(memory: GapMemory, run: int) -> GapMemory:
@@ -181,7 +199,7 @@ def _states(arrays: tuple[ModalModel, StateSplit], starts: Sequence[Initial], ru
     return ModalState(
         q=q,
         v=np.stack([start[1][split.states] for start in starts]),
-        f=model.static + runs.acc[:, runs.samples].T @ model.load,
+        f=_external_force(model, runs.acc[:, runs.samples]),
         s=p.copy() if relaxed else p[:, :0].copy(),
         u_r=p @ model.R if relaxed else p[:, :0].copy(),
         jump=jump,

@@ -25,7 +25,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from romdam.joints.laws import project_shear
-from romdam.joints.newton import natural_residual, newton, response, worst_gap
+from romdam.joints.newton import add_row, natural_residual, newton, response, worst_gap
 from romdam.joints.one_gap import solve_gap
 from romdam.joints.problem import GapMemory, Limits
 
@@ -164,16 +164,22 @@ def _exact_sweeps(
 ) -> float:
     """Gauss-Seidel over all gaps, each solved exactly; natural residual reached."""
     p, residual = memory.force, np.inf
+    new, rest = np.empty(3), np.empty(3)
+    for k in range(len(p)):
+        if not math.isfinite(p[k]):
+            p[k] = 0.0
     response(W, p, y_free, y)
     for sweep in range(_EXACT_SWEEPS):
         for i in range(len(limits.mu)):
             b = 3 * i
-            A, own = np.ascontiguousarray(W[b : b + 3, b : b + 3]), p[b : b + 3].copy()
-            new = own.copy()
-            if solve_gap(A, y[b : b + 3] - A @ own, limits.cohesion[i], limits.mu[i], new):
-                p[b : b + 3] = new
+            for r in range(3):
+                new[r], rest[r] = p[b + r], y[b + r]
+                for c in range(3):
+                    rest[r] -= W[b + r, b + c] * p[b + c]
+            if solve_gap(W[b : b + 3, b : b + 3], rest, limits.cohesion[i], limits.mu[i], new):
                 for r in range(3):
-                    y += (new[r] - own[r]) * W[b + r]
+                    add_row(W[b + r], new[r] - p[b + r], y)
+                    p[b + r] = new[r]
         memory.counts[0, 2] += 1
         if sweep % _WINDOW == _WINDOW - 1:
             response(W, p, y_free, y)
@@ -183,39 +189,37 @@ def _exact_sweeps(
     return residual
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _rescue(
-    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
+    W: Floats,
+    limits: Limits,
+    memory: GapMemory,
+    y_free: Floats,
+    y: Floats,
+    control: tuple[float, NDArray[np.bool_]],
 ) -> float:
-    """Newton from the force at hand, then exact sweeps from where it ends; natural residual reached."""
-    residual = newton(W, limits, memory, y_free, y, tolerance)
-    if residual <= tolerance:
-        return residual
-    for k in range(len(y)):
-        if not math.isfinite(memory.force[k]):
-            memory.force[k] = 0.0
-    return _exact_sweeps(W, limits, memory, y_free, y, tolerance)
-
-
-@njit(cache=True)
-def _continued(
-    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
-) -> float:
-    """Follow the solution from no friction to all of it; natural residual reached at the whole friction."""
-    share, step, found = 0.0, _FIRST_SHARE, np.zeros_like(y)
-    residual = np.inf
-    while share < 1.0 and step > _LEAST_SHARE:
-        trial = min(share + step, 1.0)
-        part = Limits(limits.cohesion, trial * limits.mu, limits.tension)
-        memory.force[:] = found
-        response(W, found, y_free, y)
-        residual = _rescue(W, part, memory, y_free, y, tolerance)
-        if residual <= tolerance:
-            share, step = trial, _LONGER * step
-            found[:] = memory.force
+    """Newton, then exact sweeps, and where both fail by parts from no friction to all; residual reached."""
+    tolerance, kept = control
+    share, part, step = 0.0, 1.0, 2.0 * _FIRST_SHARE
+    found = np.zeros_like(y)
+    while True:
+        mu = part * limits.mu
+        eased = Limits(limits.cohesion, mu, limits.tension)
+        residual = newton(W, eased, memory, y_free, y, tolerance)
+        if not residual <= tolerance:
+            residual = _exact_sweeps(W, eased, memory, y_free, y, tolerance)
+        good = residual <= tolerance
+        if (good and part == 1.0) or len(kept):
+            return residual
+        if good:
+            share, step, found = part, _LONGER * step, memory.force.copy()
         else:
             step *= 0.5
-    return residual if share == 1.0 else max(residual, natural_residual(W, limits, memory.force, y))
+        if step < _LEAST_SHARE:
+            return residual
+        part = min(share + step, 1.0)
+        memory.force[:] = found
+        response(W, found, y_free, y)
 
 
 @njit(cache=True)
@@ -253,9 +257,7 @@ def solve_frictional(
         return residual
     if not residual <= tolerance:
         memory.counts[0, 1] += 1
-        residual = _rescue(W, limits, memory, y_free, y, tolerance)
-    if not residual <= tolerance and len(kept) == 0:
-        residual = _continued(W, limits, memory, y_free, y, tolerance)
+        residual = _rescue(W, limits, memory, y_free, y, control)
     if not residual <= tolerance:
         memory.worst[0] = worst_gap(W, limits, memory.force, y)
     for i in range(len(kept)):

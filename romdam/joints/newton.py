@@ -29,15 +29,19 @@ _REGULAR = 1e-14  # of the diagonal: gaps that determine each other (a singular 
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def add_row(row: Floats, factor: float, y: Floats) -> None:
+    """y += factor row."""
+    for j in range(len(y)):
+        y[j] += factor * row[j]
+
+
+@njit(cache=True)
 def response(W: Floats, p: Floats, y_free: Floats, y: Floats) -> None:
     """y = W p + y_free, skipping unloaded components (W is symmetric: rows serve as columns)."""
     y[:] = y_free
     for a in range(len(p)):
-        f = p[a]
-        if f != 0.0:
-            row = W[a]
-            for j in range(len(y)):
-                y[j] += row[j] * f
+        if p[a] != 0.0:
+            add_row(W[a], p[a], y)
 
 
 @njit(cache=True)

@@ -80,6 +80,12 @@ def _fits(y: float, p: float, limit: float, state: int) -> bool:
 
 
 @njit(cache=True)
+def _row(A: Floats, r: int, p: Floats, b: Floats) -> float:
+    """Row r of A p + b."""
+    return A[r, 0] * p[0] + A[r, 1] * p[1] + A[r, 2] * p[2] + b[r]
+
+
+@njit(cache=True)
 def _combination(
     A: Floats, b: Floats, limits: tuple[Floats, Floats], states: tuple[bool, int, int], p: Floats
 ) -> bool:
@@ -87,22 +93,23 @@ def _combination(
     cohesion, mu = limits
     closed, moves = states[0], (states[1], states[2])
     J, right = np.eye(3), np.zeros(3)
-    if closed:
-        J[0], right[0] = A[0], -b[0]
+    for r in range(3):
+        if closed if r == 0 else moves[r - 1] == 0:
+            J[r, 0], J[r, 1], J[r, 2], right[r] = A[r, 0], A[r, 1], A[r, 2], -b[r]
     for a in range(2):
         if moves[a] == 0:
-            J[1 + a], right[1 + a] = A[1 + a], -b[1 + a]
-        elif math.isfinite(cohesion[a]):
+            continue
+        if math.isfinite(cohesion[a]):
             J[1 + a, 0], right[1 + a] = -moves[a] * mu[a], moves[a] * cohesion[a]
         else:
             return False
-    found = np.linalg.solve(J, right)
-    y = A @ found + b
-    good = found[0] >= 0.0 if closed else y[0] >= 0.0
+    found = np.linalg.solve(J, right).astype(np.float64)
+    good = found[0] >= 0.0 if closed else _row(A, 0, found, b) >= 0.0
     for a in range(2):
-        good = good and _fits(y[1 + a], found[1 + a], cohesion[a] + mu[a] * found[0], moves[a])
+        limit = cohesion[a] + mu[a] * found[0]
+        good = good and _fits(_row(A, 1 + a, found, b), found[1 + a], limit, moves[a])
     if good:
-        p[:] = found
+        p[0], p[1], p[2] = found
     return good
 
 
@@ -117,13 +124,13 @@ def solve_gap(A: Floats, b: Floats, cohesion: Floats, mu: Floats, p: Floats) -> 
     cohesion, mu : (2,) shear limit c + mu p_n along j and k, on the resultant where both are equal [N]
     p : (3,) receives normal force and shear [N]
     """
-    limits, before = (cohesion, mu), p.copy()
+    limits, stuck = (cohesion, mu), np.empty(3)
     if cohesion[0] == cohesion[1] and mu[0] == mu[1]:
         for closed in (False, True):
-            if _combination(A, b, limits, (closed, 0, 0), p):
-                if math.hypot(p[1], p[2]) <= cohesion[0] + mu[0] * p[0]:
-                    return True
-                p[:] = before
+            good = _combination(A, b, limits, (closed, 0, 0), stuck)
+            if good and math.hypot(stuck[1], stuck[2]) <= cohesion[0] + mu[0] * stuck[0]:
+                p[0], p[1], p[2] = stuck
+                return True
         return math.isfinite(cohesion[0]) and _sliding(A, b, (cohesion[0], mu[0]), p)
     for closed in (False, True):
         for j in (0, 1, -1):

@@ -12,7 +12,7 @@ from romdam.joints.frictional import solve_frictional
 from romdam.joints.laws import OPEN, SLIP, STICK, slides
 from romdam.joints.problem import GapMemory, GapProblem
 from romdam.joints.unilateral import solve_unilateral
-from romdam.joints.weakening import set_limits, settle, weaken
+from romdam.joints.weakening import bond_forces, set_limits, settle, weaken
 
 Floats = NDArray[np.float64]
 
@@ -54,12 +54,22 @@ def solve_gaps(
     for i in range(n if d == 3 else 0):
         w_free[3 * i + 1] -= memory.anchor[i, 0]
         w_free[3 * i + 2] -= memory.anchor[i, 1]
-    if len(memory.trial) == 0:
-        return _solve(problem, memory, closed, w_free, y, control)
-    return _solve_weakening(problem, memory, closed, w_free, y, control)
+    if len(memory.trial):
+        memory.trial[:] = memory.weak
+        for i in range(n):
+            w_free[d * i] -= problem.strength.dash[i] * memory.overlap[i]
+    while True:  # once, unless gaps lose strength
+        set_limits(problem, memory)
+        bond_forces(problem, memory, w_free, 1.0)
+        residual = _solve(problem, memory, closed, w_free, y, control)
+        bond_forces(problem, memory, w_free, -1.0)
+        if not residual <= control[0] or weaken(problem, memory, y) == 0:
+            return residual
+        if control[1]:
+            return np.inf
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _solve(
     problem: GapProblem,
     memory: GapMemory,
@@ -70,46 +80,14 @@ def _solve(
 ) -> float:
     """Solve for the present limits."""
     tolerance, steady = control
-    n = len(problem.gap)
-    if len(y) == n:
+    if len(y) == len(problem.gap):
         found = solve_unilateral(problem, memory, closed, y_free, y, control)
         if not found <= tolerance:
             memory.worst[0] = memory.work[2].argmin()
-        return found
-    kept = closed if steady else closed[:0]
-    return solve_frictional(problem.W, memory.limits, memory, y_free, y, (tolerance, kept))
-
-
-@njit(cache=True)
-def _solve_weakening(
-    problem: GapProblem,
-    memory: GapMemory,
-    closed: NDArray[np.bool_],
-    y_free: Floats,
-    y: Floats,
-    control: tuple[float, bool],
-) -> float:
-    """Solve, and again with what the gaps have left, until none of them is weakened."""
-    n = len(problem.gap)
-    d = max(1, len(y) // max(n, 1))
-    memory.trial[:] = memory.weak
-    tension, shifted = memory.limits.tension, np.empty(len(y))
-    for i in range(n):
-        y_free[d * i] -= problem.strength.dash[i] * memory.overlap[i]
-    while True:
-        set_limits(problem, memory)
-        shifted[:] = y_free
-        for i in range(n):
-            memory.force[d * i] = max(memory.force[d * i] + tension[i], 0.0)
-            if tension[i] > 0.0:
-                shifted -= tension[i] * problem.W[d * i]
-        residual = _solve(problem, memory, closed, shifted, y, control)
-        for i in range(n):
-            memory.force[d * i] -= tension[i]
-        if not residual <= control[0] or weaken(problem, memory, y) == 0:
-            return residual
-        if control[1]:
-            return np.inf
+    else:
+        kept = closed if steady else closed[:0]
+        found = solve_frictional(problem.W, memory.limits, memory, y_free, y, (tolerance, kept))
+    return found
 
 
 @njit(cache=True)

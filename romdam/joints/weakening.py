@@ -11,6 +11,7 @@ from __future__ import annotations
 from numba import njit
 
 from romdam.joints.laws import SLIP, shear_limit, slides
+from romdam.joints.newton import add_row
 from romdam.joints.problem import Floats, GapMemory, GapProblem
 
 BOND, SLIDES, KEY = 0, 1, 2
@@ -30,6 +31,18 @@ def set_limits(problem: GapProblem, memory: GapMemory) -> None:
             limits.cohesion[i, a], limits.mu[i, a] = shear_limit(
                 problem.mu[i, a], strength.mu_static[i, a], bond, keyed, memory.trial[i, SLIDES]
             )
+
+
+@njit(cache=True)
+def bond_forces(problem: GapProblem, memory: GapMemory, y_free: Floats, sign: float) -> None:
+    """Count the force from the tension of what is left of the bonds on (sign 1), or from zero again (-1)."""
+    for i in range(len(memory.trial)):
+        b, tension = len(y_free) // len(problem.gap) * i, memory.limits.tension[i]
+        memory.force[b] += sign * tension
+        if sign > 0.0:
+            memory.force[b] = max(memory.force[b], 0.0)
+        if tension > 0.0:
+            add_row(problem.W[b], -sign * tension, y_free)
 
 
 @njit(cache=True)

@@ -207,7 +207,33 @@ def test_a_solution_is_a_fixed_point_of_the_gauss_seidel_sweep(mu):
         assert np.abs(swept - force).max() <= 1e-6 * force.max()
 
 
-@pytest.mark.parametrize("way", ["sweeps", "newton", "exact", "continued"])
+@pytest.mark.parametrize("seed", range(5))
+def test_solution_is_followed_from_no_friction_where_all_else_fails(seed, monkeypatch):
+    """Newton and the exact sweeps made to fail at the whole friction until half of it is solved."""
+    case = random_case(seed, 8, (0.6, 0.6), coupling=0.3)
+    y_free, wanted, memory = _free_response(case), solve(case)[1].ravel(), gap_memory(case.problem)
+    shares = []
+
+    def failing(real):
+        def search(W, limits, *rest):
+            share = limits.mu.max() / 0.6
+            if share > 0.5 and max(shares, default=0.0) < 0.4:
+                return np.inf
+            shares.append(share)
+            return real(W, limits, *rest)
+
+        return search
+
+    monkeypatch.setattr(frictional, "newton", failing(frictional.newton))
+    monkeypatch.setattr(frictional, "_exact_sweeps", failing(frictional._exact_sweeps))
+    control = (TOLERANCE, np.zeros(0, dtype=bool))
+    search = frictional._rescue.py_func
+    residual = search(case.problem.W, memory.limits, memory, y_free, y_free.copy(), control)
+    assert shares[0] == pytest.approx(0.1) and shares[-1] == 1.0 and residual <= TOLERANCE
+    assert np.abs(memory.force - wanted).max() <= 1e-6 * wanted.max()
+
+
+@pytest.mark.parametrize("way", ["sweeps", "newton", "exact"])
 @pytest.mark.parametrize("seed", range(5))
 def test_every_way_alone_finds_the_same_force(way, seed):
     case = random_case(seed, 8, (0.6, 0.6), coupling=0.3)
@@ -217,11 +243,7 @@ def test_every_way_alone_finds_the_same_force(way, seed):
         free = (TOLERANCE, np.zeros(0, dtype=bool))
         residual = frictional._sweeps(W, memory.limits, memory, y_free, y, free)
     else:
-        find = {
-            "newton": frictional.newton,
-            "exact": frictional._exact_sweeps,
-            "continued": frictional._continued,
-        }[way]
+        find = {"newton": frictional.newton, "exact": frictional._exact_sweeps}[way]
         residual = find(W, memory.limits, memory, y_free, y, TOLERANCE)
     assert residual <= TOLERANCE
     assert np.abs(memory.force - wanted).max() <= 1e-6 * wanted.max()

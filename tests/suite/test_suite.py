@@ -174,13 +174,14 @@ def kill_at_random(config, out, times, seed):
 )
 def test_kill_9_costs_at_most_the_runs_in_flight(tmp_path, times, batch):
     job = write_job(tmp_path, records=6 if times > 1 else 3, suite=SAMPLES | {"batch": batch})
-    undisturbed = made(job, tmp_path / "undisturbed")
+    runs = made(job, tmp_path / "first").runs
+    # the process that compiles the kernels rounds otherwise than those that load them: compare the latter
+    subprocess.run(command(job, tmp_path / "undisturbed", "--workers", 1), check=True)
     seen = kill_at_random(job, tmp_path / "out", times, 5)
-    resumed = made(job, tmp_path / "out")
+    subprocess.run(command(job, tmp_path / "out", "--workers", 1), check=True)
     final = {path: path.read_bytes() for path in (tmp_path / "out" / "rows").glob("*.nc")}
-    assert len(seen[-1]) >= times and len(final) == resumed.runs / batch
+    assert len(seen[-1]) >= times and len(final) == runs / batch
     assert all(files.items() <= final.items() for files in seen), "finished rows are never made again"
-    assert differing(undisturbed.summary, resumed.summary) == []
     assert differing(summary(tmp_path / "undisturbed"), summary(tmp_path / "out")) == []
 
 
