@@ -20,6 +20,7 @@ ALLOWED = {
     "errors": set(),
     "files": set(),
     "fingerprint": set(),
+    "jit": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -39,7 +40,7 @@ TYPES = {
     "romdam.dynamics.system": {"fem", "reduction", "outputs"},
     "romdam.reduction.store": {"outputs"},
 }
-ANYWHERE = {"errors", "config", "files", "fingerprint"}
+ANYWHERE = {"errors", "config", "files", "fingerprint", "jit"}
 ONLY_IN = {
     "xarray": {"outputs", "pipelines", "terminal"},
     "matplotlib": {"outputs"},

@@ -139,6 +139,7 @@ class Work(NamedTuple):
         force on the modes
     w, y, old_force : (runs, N) jumps, the gap-space problem's solution, joint force at the step's start
     ends : (runs, 2, N) added jumps at both ends of the base step, (runs, 2, 0) where none are added
+    shift : (runs, N) or (runs, 0) added jumps at the step's end
     underway, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
     left, out : buffers of the matrix products
     """
@@ -152,6 +153,7 @@ class Work(NamedTuple):
     y: Floats
     old_force: Floats
     ends: Floats
+    shift: Floats
     underway: Ints
     accepted: Ints
     left: Floats

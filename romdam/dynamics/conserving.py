@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import ModalModel, ModalState
 from romdam.dynamics.modes import add_rows
+from romdam.jit import ARRAYS
 from romdam.joints.problem import GapMemory, GapProblem
 from romdam.joints.step import solve_gaps
 
@@ -66,7 +67,7 @@ def _correction(missing: float, moved: Floats) -> Floats:
     return -(missing / size) * moved if size > 0.0 else np.zeros(len(moved))
 
 
-@njit(cache=True)
+@njit(**ARRAYS)
 def try_conserving(
     model: ModalModel,
     half: Floats,

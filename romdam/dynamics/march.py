@@ -28,6 +28,7 @@ from romdam.dynamics.arrays import RATIO, Levels, ModalModel, ModalState, Runs, 
 from romdam.dynamics.conserving import try_conserving
 from romdam.dynamics.modes import (
     advance,
+    copy,
     external_force,
     free_motion,
     gap_jumps,
@@ -36,6 +37,7 @@ from romdam.dynamics.modes import (
     residual_jumps,
 )
 from romdam.dynamics.propagator import Propagator
+from romdam.jit import ARRAYS, VIEWS
 from romdam.joints.problem import GapMemory, GapProblem, Limits, Strength
 from romdam.joints.step import commit_gaps, solve_gaps
 
@@ -93,7 +95,7 @@ def _peak(state: ModalState, time: float) -> None:
             peaks[3, i] = max(peaks[3, i], slip)
 
 
-@njit(cache=True)
+@njit(**ARRAYS)
 def _record(track: Track, state: ModalState, row: int) -> None:
     """Copy the state into a row of the track, and begin a new impulse."""
     track.q[row], track.v[row], track.s[row] = state.q, state.v, state.s
@@ -116,7 +118,7 @@ def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: floa
     return worst / dt
 
 
-@njit(cache=True, inline="always")
+@njit(**ARRAYS)
 def _open_base_step(model: ModalModel, runs: Runs, work: Work, run: int) -> None:
     """Bring the external force, and the added jumps, of both ends of a run's next base step."""
     n = runs.clock[run, 0]
@@ -157,10 +159,11 @@ def _try_step(
     """Solve a run's next step; whether to accept it, and its gap residual."""
     l, finest = runs.clock[run, 2], levels.decay.shape[1] - 1
     problem, memory = _gaps_of(levels, runs, run)
-    w, y, old_force = work.w[run], work.y[run], work.old_force[run]
+    w, y, shift, old_force = work.w[run], work.y[run], work.shift[run], work.old_force[run]
     share, ends, variant = _reach(runs, run, finest), work.ends[run], runs.variant[0, run]
-    shift = ends[0] + share * (ends[1] - ends[0])
-    old_force[:] = memory.force
+    for i in range(len(shift)):
+        shift[i] = ends[0, i] + share * (ends[1, i] - ends[0, i])
+    copy(memory.force, old_force)
     control = (tolerance, l < finest)
     if model.conserving:
         half = levels.half[variant, l]
@@ -169,13 +172,14 @@ def _try_step(
         if len(model.R):
             for i in range(len(w)):
                 w[i] += levels.decay[variant, l] * state.u_r[i]
-        w[: len(shift)] += shift
+        for i in range(len(shift)):
+            w[i] += shift[i]
         residual = solve_gaps(problem, memory, state.closed, w, y, control)
     good = residual <= tolerance
     if good and l < finest:
         good = _impulse(problem, memory, old_force, levels.step.dt[variant, l]) <= runs.impulse[run]
     if not good:
-        memory.force[:] = old_force
+        copy(old_force, memory.force)
     return good, residual
 
 
@@ -190,7 +194,9 @@ def _accept(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, wo
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
     if not model.conserving:
-        state.mean[:] = state.force.ravel()
+        for i in range(len(state.force)):
+            for a in range(state.force.shape[1]):
+                state.mean[state.force.shape[1] * i + a] = state.force[i, a]
     runs.clock[run, 3] = 0 if changed else runs.clock[run, 3] + 1
     state.works[3] += friction
     state.stored[0] = stored
@@ -211,18 +217,18 @@ def _refuse(runs: Runs, state: ModalState, run: int, finest: int, residual: floa
 def _move(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work: Work, run: int) -> None:
     """Modes, residual flexibility, works and peaks of a run at the end of its accepted step."""
     step, l, variant = _step_of(levels, runs, run), runs.clock[run, 2], runs.variant[0, run]
+    d, dt = state.impulse.shape[1], step.dt
     input_, joint, loss = advance(step, state, (work.f_1[run], work.r[run]), work.q_free[run])
     if len(model.R):
-        p, goal = state.force.ravel(), work.w[run]
-        joint_r, loss_r = relax(model, state, levels.decay[variant, l], p, goal)
+        joint_r, loss_r = relax(model, state, levels.decay[variant, l], work.w[run])
         joint += joint_r
         loss += loss_r
     state.works[0] += input_
     state.works[1] += loss
     state.works[2] += joint
-    d = state.impulse.shape[1]
-    for i in range(len(state.mean)):
-        state.impulse[i // d, i % d] += step.dt * state.mean[i]
+    for i in range(len(state.impulse)):
+        for a in range(d):
+            state.impulse[i, a] += dt * state.mean[d * i + a]
     finest = levels.decay.shape[1] - 1
     _peak(state, levels.step.dt[variant, 0] * (runs.clock[run, 0] + _reach(runs, run, finest)))
 
@@ -288,14 +294,14 @@ def _round(
     moved = work.accepted[:accepted]
     modal_forces(model, moved, states.mean, work.r, work)
     if len(model.R):
-        residual_jumps(model.R, moved, states.force.reshape(states.mean.shape), work.w, work)
+        residual_jumps(model.R, moved, states.force, work.w, work)
     for a in range(accepted):
         state = _state_of(states, moved[a])
         _move(model, levels, runs, state, work, moved[a])
         _tick(model, runs, state, work, track, moved[a], finest)
 
 
-@njit(cache=True)
+@njit(**VIEWS)
 def march(
     model: ModalModel,
     levels: Levels,

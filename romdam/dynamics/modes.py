@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import Ints, ModalModel, ModalState, Work
 from romdam.dynamics.propagator import Propagator
+from romdam.jit import ARRAYS
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +42,13 @@ def add_rows(A: Floats, p: Floats, scale: float, out: Floats) -> None:
 
 
 @njit(cache=True)
+def copy(source: Floats, target: Floats) -> None:
+    """target = source."""
+    for i in range(len(target)):
+        target[i] = source[i]
+
+
+@njit(cache=True)
 def _together(
     left: Floats, right: Floats, rows: Ints, columns: tuple[int, int], x: Floats, out: Floats
 ) -> Floats:
@@ -53,7 +61,7 @@ def _together(
     return np.dot(A, right, C)
 
 
-@njit(cache=True)
+@njit(**ARRAYS)
 def gap_jumps(model: ModalModel, rows: Ints, q: Floats, w: Floats, work: Work) -> None:
     """w = G q of some runs, block by block."""
     for a in range(len(rows)):
@@ -70,7 +78,7 @@ def gap_jumps(model: ModalModel, rows: Ints, q: Floats, w: Floats, work: Work) -
             w[rows[a], r0:r1] += product[a]
 
 
-@njit(cache=True)
+@njit(**ARRAYS)
 def modal_forces(model: ModalModel, rows: Ints, p: Floats, r: Floats, work: Work) -> None:
     """r = G^T p of some runs, block by block."""
     for a in range(len(rows)):
@@ -87,9 +95,10 @@ def modal_forces(model: ModalModel, rows: Ints, p: Floats, r: Floats, work: Work
             r[rows[a], c0:c1] += product[a]
 
 
-@njit(cache=True)
-def residual_jumps(R: Floats, rows: Ints, p: Floats, goal: Floats, work: Work) -> None:
+@njit(**ARRAYS)
+def residual_jumps(R: Floats, rows: Ints, force: Floats, goal: Floats, work: Work) -> None:
     """goal = R p of some runs: what the modes that are no states tend to."""
+    p = force.reshape(goal.shape)
     if len(rows) <= _FEW:
         for a in range(len(rows)):
             goal[rows[a]] = 0.0
@@ -127,40 +136,47 @@ def advance(
 ) -> tuple[float, float, float]:
     """Move the modes to the step's end; work of external and joint force, and damping loss, in the step.
 
+    A loop writes one array at most and reads few: beyond that the compiler, which has to check that they do
+    not overlap, gives up on vector instructions (2.3 -> 1.3 us for 174 modes).
+
     Parameters
     ----------
     force : (m,) external force at the step's end, and joint force over the step
     q_free : (m,) displacement at the step's end without joint force
     """
+    (f_1, r), m = force, len(q_free)
+    q, v, f = state.q, state.v, state.f
     work, joint, loss = 0.0, 0.0, 0.0
-    rate = 1.0 / step.dt
-    moment, D = step.moment, step.loss
-    for j in range(len(state.q)):
-        q, v, f, f_1, r = state.q[j], state.v[j], state.f[j], force[0][j], force[1][j]
-        F, s = f + r, (f_1 - f) * rate
-        q_1 = q_free[j] + step.q_p[j] * r
-        v_1 = step.v_q[j] * q + step.v_v[j] * v + step.v_0[j] * f + step.v_1[j] * f_1 + step.v_p[j] * r
-        work += f * (q_1 - q) + s * (
-            moment[0, j] * q + moment[1, j] * v + moment[2, j] * F + moment[3, j] * s
-        )
-        joint += r * (q_1 - q)
-        loss += q * (D[0, j] * q + D[1, j] * v + D[2, j] * F + D[3, j] * s)
-        loss += v * (D[4, j] * v + D[5, j] * F + D[6, j] * s)
+    rate, A, D, q_p = 1.0 / step.dt, step.moment, step.loss, step.q_p
+    for j in range(m):
+        s, moved = (f_1[j] - f[j]) * rate, q_free[j] + q_p[j] * r[j] - q[j]
+        F = f[j] + r[j]
+        work += f[j] * moved + s * (A[0, j] * q[j] + A[1, j] * v[j] + A[2, j] * F + A[3, j] * s)
+        joint += r[j] * moved
+        loss += q[j] * (D[0, j] * q[j] + D[1, j] * v[j] + D[2, j] * F + D[3, j] * s)
+        loss += v[j] * (D[4, j] * v[j] + D[5, j] * F + D[6, j] * s)
         loss += F * (D[7, j] * F + D[8, j] * s) + D[9, j] * s * s
-        state.q[j], state.v[j], state.f[j] = q_1, v_1, f_1
+    for j in range(m):
+        v[j] = step.v_q[j] * q[j] + step.v_v[j] * v[j] + step.v_0[j] * f[j]
+    for j in range(m):
+        v[j] += step.v_1[j] * f_1[j] + step.v_p[j] * r[j]
+    for j in range(m):
+        q[j] = q_free[j] + q_p[j] * r[j]
+    for j in range(m):
+        f[j] = f_1[j]
     return work, joint, loss
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def relax(model: ModalModel, state: ModalState, decay: float, p: Floats, goal: Floats) -> tuple[float, float]:
+@njit(**ARRAYS, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> tuple[float, float]:
     """Relax the residual flexibility towards a joint force; the force's work on it, and what it loses.
 
     Parameters
     ----------
     decay : exp(-step / tau)
-    p, goal : (N,) joint force at the step's end, and R p
+    goal : (N,) R p, p the joint force at the step's end
     """
-    s, u_r, N = state.s, state.u_r, len(p)
+    s, u_r, p, N = state.s, state.u_r, state.force.ravel(), len(goal)
     work, loss, size = 0.0, 0.0, 0.0
     for i in range(N):
         new = decay * u_r[i] + (1.0 - decay) * goal[i]

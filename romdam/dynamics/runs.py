@@ -229,6 +229,7 @@ def _work(states: ModalState, shifted: bool) -> Work:
         y=gaps[1],
         old_force=gaps[2],
         ends=np.zeros((runs, 2, N if shifted else 0)),
+        shift=np.zeros((runs, N if shifted else 0)),
         underway=np.zeros(runs, dtype=np.int64),
         accepted=np.zeros(runs, dtype=np.int64),
         left=np.zeros(runs * max(m, N)),

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from romdam.jit import ARRAYS
 from romdam.joints.frictional import solve_frictional
 from romdam.joints.laws import OPEN, SLIP, STICK, slides
 from romdam.joints.problem import GapMemory, GapProblem
@@ -17,7 +18,7 @@ from romdam.joints.weakening import bond_forces, set_limits, settle, weaken
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(**ARRAYS)
 def solve_gaps(
     problem: GapProblem,
     memory: GapMemory,
@@ -105,7 +106,7 @@ def _energies(problem: GapProblem, jump: Floats, force: Floats) -> Floats:
     return energy
 
 
-@njit(cache=True)
+@njit(**ARRAYS)
 def commit_gaps(
     problem: GapProblem,
     memory: GapMemory,
