@@ -91,7 +91,7 @@ def _peak(state: ModalState, time: float) -> None:
             peaks[1, i] = time
         peaks[2, i] = max(peaks[2, i], state.force[i, 0])
         if state.jump.shape[1] == 3:
-            slip = np.hypot(state.jump[i, 1], state.jump[i, 2])
+            slip = np.sqrt(state.jump[i, 1] ** 2 + state.jump[i, 2] ** 2)
             peaks[3, i] = max(peaks[3, i], slip)
 
 

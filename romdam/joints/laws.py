@@ -85,7 +85,7 @@ def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tup
     Equal limits bound the resultant (a disc), unequal limits each direction (a rectangle).
     """
     if limit_j == limit_k:
-        size = math.hypot(t_j, t_k)
+        size = math.sqrt(t_j * t_j + t_k * t_k)  # hypot is a call, a tenth of a march with friction
         if size <= limit_j:
             return t_j, t_k, False
         return t_j * (limit_j / size), t_k * (limit_j / size), True
