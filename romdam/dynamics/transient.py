@@ -7,7 +7,7 @@ one case, or many that it may integrate together.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,8 @@ from romdam.errors import ConfigError, ConvergenceError
 
 Floats = NDArray[np.float64]
 Outcome = History | ConvergenceError
+
+_CACHE_BYTES = 0.4e6  # of the gaps of one run
 
 
 def integrate(
@@ -158,7 +160,7 @@ def _march_alike(
         groups.setdefault((splits[id(system)].states.tobytes(), *kind), []).append(i)
     outcomes: dict[int, Outcome] = {}
     total = sum(case.ground.shape[1] - 1 for case in cases)
-    for group in groups.values():
+    for group in _parted(groups.values(), cases):
         before = sum(cases[i].ground.shape[1] - 1 for i in outcomes)
         split = splits[id(cases[group[0]].system)]
 
@@ -168,6 +170,21 @@ def _march_alike(
         found = march_cases([cases[i] for i in group], split, options, report, conserving)
         outcomes.update(zip(group, found, strict=True))
     return [outcomes[i] for i in range(len(cases))]
+
+
+def _parted(groups: Iterable[list[int]], cases: Sequence[Case]) -> Iterator[list[int]]:
+    """The groups, where runs gain by marching together: else every run of them by itself.
+
+    The products with the modes gain by it. What the gaps carry from step to step (an inverse, or the gathered
+    W) is each run's own, and beyond a core's cache runs crowd each other out: 32 together take 0.85 of the
+    time with 100 gaps without friction, 8 together 1.4 times it with friction, 1.15 times it with 400 gaps.
+    """
+    for group in groups:
+        law = cases[group[0]].system.law
+        carried = 8.0 * (law.directions * len(law)) ** 2
+        most = len(group) if carried < _CACHE_BYTES else 1
+        for first in range(0, len(group), most):
+            yield group[first : first + most]
 
 
 Integrator = Callable[[Sequence[Case], TransientOptions, Progress], list[Outcome]]
