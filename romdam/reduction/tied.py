@@ -168,14 +168,15 @@ def reduce_part(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    if choice.keeps_all or (choice.count is not None and choice.count >= K.shape[0]):
+    every = choice.keeps_all or (choice.count is not None and choice.count >= K.shape[0])
+    if every and (M.diagonal() > 0.0).all():
         omega2, basis = dense_modes(K, M)
         highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi))
         return Substructure(without_roundoff(omega2), basis, 0, len(omega2), highest, 0.0, 0.0)
     shift = 0.0 if held else -FREE_SHIFT
     factor = Factor(K - shift * M if shift else K)
     log.info("%s: factored, %d unknowns", place, K.shape[0])
-    omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, factor, shift)
+    omega2, Phi = modes_below(K, M, K.shape[0] if every else choice.count, choice.cutoff, factor, shift)
     log.info("%s: %d modes", place, len(omega2))
     right = np.hstack([loads.B.T.toarray(), loads.inertia, loads.force])
     stiff, A = _attachment_modes(K - shift * M if shift else K, M, right, factor, Phi)
