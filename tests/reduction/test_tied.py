@@ -12,7 +12,6 @@ from small_scenes import DAMPING, full, march, reduced, shaking
 
 from romdam.config import parse_config
 from romdam.dynamics.static import static_equilibrium
-from romdam.errors import ReductionError
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
 from romdam.linalg.factor import Factor
