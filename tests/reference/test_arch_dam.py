@@ -1,7 +1,7 @@
-"""A small arch dam on rock without mass: the reduced model against its own mesh, and where its error comes from.
+"""A small arch dam on rock without mass: reduced against its own mesh, and what the cut-off leaves.
 
-The issue asks of 10 s of a real record, friction joints, water and staged weight: peak opening of every joint
-within 2 %, all openings within 5 % in L2, peak principal stress within 3 %.
+Over 10 s of a real record with friction joints, water and staged weight: peak opening of every joint within
+2 %, all openings within 5 % in L2, peak principal stress within 3 %.
 """
 
 import sys
