@@ -9,6 +9,7 @@ from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 from romdam.config.models import DampingConfig
 from romdam.dynamics.system import System
 from romdam.errors import ConfigError
+from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
@@ -60,7 +61,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     mass = csr_matrix(mass + added)
     return System(
         M=mass,
-        C=csr_matrix(alpha * mass + beta * stiffness),
+        C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
         K=stiffness,
         B=csr_matrix(hstack(B)),
         load=inertia + wet,
@@ -71,6 +72,16 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         diagonal=False,
         floating=not all(held),
     )
+
+
+def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:
+    """Damping of absorbing faces over the unknowns."""
+    size = next(iter(numbered.of_block.values())).shape[1]
+    total = csr_matrix((size, size))
+    for name, matrix in numbered.of_block.items():
+        if scene.blocks[name].absorbing:
+            total = total + matrix.T @ boundary_dashpots(scene.blocks[name]) @ matrix
+    return csr_matrix(total)
 
 
 def _force(scene: Scene, numbered: Unknowns, size: int) -> Floats:

@@ -29,6 +29,20 @@ class Material:
 
 
 @dataclass(frozen=True)
+class Absorbing:
+    """A face beyond which the ground goes on.
+
+    Attributes
+    ----------
+    facets : (nf, nodes per facet)
+    distance : from the dam, which the springs follow from [m]; inf for none
+    """
+
+    facets: Ints
+    distance: float
+
+
+@dataclass(frozen=True)
 class Block:
     """One substructure's mesh.
 
@@ -40,6 +54,7 @@ class Block:
     cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
     material : of every cell
     faces : name -> (nf, nodes per facet) node numbers of facets, VTK order, outward
+    absorbing : faces that take waves up, see `romdam.fem.absorbing`
     """
 
     name: str
@@ -48,6 +63,7 @@ class Block:
     cells: Ints
     material: Material
     faces: dict[str, Ints]
+    absorbing: tuple[Absorbing, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -138,6 +138,23 @@ def test_rock_without_mass_marches_as_the_full_order_does():
     assert np.linalg.norm(own.jump - whole.jump) < 0.03 * np.linalg.norm(whole.jump)
 
 
+@pytest.mark.parametrize(("model", "limit"), [({"modes": "all"}, 1e-6), ({"cutoff": 60.0}, 0.03)])
+def test_viscous_rock_marches_as_the_full_order_does(model, limit):
+    """The dashpots couple the modes; generalised-alpha takes the coupled modes as it takes the mesh."""
+    scene = dam(
+        rock=ROCK | {"boundary": "viscous"}, joints=JOINTS | {"friction": 0.0, "shear_stiffness": 0.0}
+    )
+    mesh, own = full(scene), reduced(scene, **model).system
+    assert not own.diagonal and not own.floating
+    dt, options = 0.00125, {"integrator": "generalized_alpha", "rho_inf": 0.9, "initial_state": "static"}
+    ground = shaking(dt, duration=0.5, amplitude=6.0)
+    whole, some = march(mesh, dt, ground, **options), march(own, dt, ground, **options)
+    assert whole.jump[..., 0].max() > 1e-3
+    assert np.abs(some.jump[0] - whole.jump[0]).max() < 1e-7 * np.abs(whole.jump[0]).max()
+    assert np.linalg.norm(some.jump - whole.jump) < limit * np.linalg.norm(whole.jump)
+    assert some.q.shape == (len(some.time), own.size)
+
+
 def test_all_modes_on_rock_without_mass_are_those_of_the_condensed_mesh():
     scene = massless()
     mesh, model = full(scene), reduced(scene)

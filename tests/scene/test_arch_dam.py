@@ -107,6 +107,21 @@ def test_ground_holds_what_the_source_holds(make):
     assert bare.fixed["C2"][np.unique(bare.blocks["C2"].faces["contact"])].all()
 
 
+def test_viscous_boundary_takes_the_place_of_supports(make):
+    scene = make(arch_dam(rock=ROCK | {"boundary": "viscous"}))
+    assert not any(held.any() for held in scene.fixed.values())
+    area = dict.fromkeys((120.0, 260.0, 160.0, 220.0), 0.0)  # by distance: base, banks, up- and downstream
+    for block in scene.blocks.values():
+        for face in block.absorbing:
+            area[face.distance] += facet_areas(block.points, face.facets).sum()
+    assert area[120.0] == pytest.approx(2 * 260.0 * (160.0 + 220.0))
+    assert area[260.0] == pytest.approx(2 * (160.0 + 220.0) * (120.0 + 100.0))
+    assert all(0.85 < area[away] / (2 * 260.0 * 220.0) < 1.0 for away in (160.0, 220.0))  # less the valley
+    zones = {name: zone | {"mass": name != "left"} for name, zone in ROCK["zones"].items()}
+    with pytest.raises(ConfigError, match=r"zone 'left' has no mass to carry any \(1 of 3 zones have none"):
+        make(arch_dam(rock=ROCK | {"boundary": "viscous", "zones": zones}))
+
+
 @pytest.mark.parametrize("gaps", ["nodes", "corners"])
 def test_gap_areas_fill_the_joint_and_carry_uniform_pressure(make, gaps):
     scene = make(arch_dam(element="tet10", joints=JOINTS | {"gaps": gaps}))
