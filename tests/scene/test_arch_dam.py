@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from arch_dams import DIVISIONS, JOINTS, PERIMETER, ROCK, arch_dam
 
+from romdam.config import parse_config
 from romdam.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas
@@ -120,6 +121,19 @@ def test_viscous_boundary_takes_the_place_of_supports(make):
     zones = {name: zone | {"mass": name != "left"} for name, zone in ROCK["zones"].items()}
     with pytest.raises(ConfigError, match=r"zone 'left' has no mass to carry any \(1 of 3 zones have none"):
         make(arch_dam(rock=ROCK | {"boundary": "viscous", "zones": zones}))
+
+
+def test_samples_on_viscous_rock_are_refused():
+    raw = arch_dam(rock=ROCK | {"boundary": "viscous"}) | {
+        "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"cutoff": 10.0},
+        "transient": {"dt": 0.01},
+        "pipeline": "suite",
+        "suite": {"parameters": {"xi": {"path": "damping.rayleigh.ratio", "values": [0.03, 0.05]}}},
+        "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},
+    }
+    with pytest.raises(ConfigError, match=r"suite\.parameters: 1 varied, limit 0 where .* is viscous"):
+        parse_config(raw, "s.yaml")
 
 
 @pytest.mark.parametrize("gaps", ["nodes", "corners"])
