@@ -88,7 +88,8 @@ class RockConfig(Model):
     """A box of rock around the valley: x within +- half_width, y from -upstream to downstream, z from -depth.
 
     Its top is level with the crest. `zones` become blocks `rock_<name>`. A `fixed` boundary holds the base,
-    and the sides normal to themselves; a `viscous` one takes waves up, and needs rock with mass.
+    and the sides normal to themselves; a `viscous` one takes up the waves that the dam sends out, and needs
+    rock with mass, on which the ground's acceleration does not act then: the record is that of the contact.
     """
 
     half_width: Size

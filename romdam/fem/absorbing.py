@@ -2,10 +2,13 @@
 
 A plane wave that meets a face along its normal feels no boundary where the face answers with the tractions
 rho c_p and rho c_s times the velocity. What lies beyond also carries static load: a source at a distance R
-inside an infinite body is held by 4/3 G/R along the normal and 2/3 G/R across it. Displacement is relative to
-the motion of an outcrop, twice that of the wave that comes from below; the tractions which send this wave in
-are then those of the dashpots for the outcrop's motion, and cancel: the ground's load stays M r a_g, and
-springs and dashpots act on the relative motion alone.
+inside an infinite body is held by 4/3 G/R along the normal and 2/3 G/R across it.
+
+Displacement of the rock is relative to the ground's own waves, which it would carry without the dam and which
+the record is taken to show all along the contact. They satisfy the rock's equations by themselves, so
+that the ground's acceleration acts on the dam's mass alone, and what is left in the rock are waves that the
+dam sends out: the boundary acts on those. (A column that is shaken itself, relative to an outcrop, gives the
+same: the tractions which send a wave in cancel those of the dashpots for the outcrop's motion.)
 
 References
 ----------

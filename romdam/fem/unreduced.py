@@ -14,7 +14,7 @@ from romdam.fem.assembly import assemble
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.loads import surface_force, weight_force
-from romdam.fem.parts import Unknowns, assemble_part, part_operator, unknowns
+from romdam.fem.parts import Unknowns, assemble_part, part_inertia, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.scene.held import held_rigidly
 from romdam.scene.model import Scene
@@ -52,7 +52,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         K.append(stiffness[free][:, free])
         M.append(mass[free][:, free])
         B.append(part_operator(part, operators)[:, free])
-        load.append((mass @ np.tile(np.eye(3), (part.nodes, 1)))[free])
+        load.append(part_inertia(part, scene)[free])
     held = [held_rigidly(part.mesh(scene.blocks), part.fixed(scene.fixed)) for part in parts.values()]
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     mass, stiffness, inertia = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)

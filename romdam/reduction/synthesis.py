@@ -143,7 +143,8 @@ def _reduced_matrices(
     B = np.zeros((next(iter(operators.values())).shape[0], size))
     for name, block in basis.items():
         omega2[block.columns] = block.omega2
-        load[block.columns] += block.participation
+        if name not in scene.radiating:
+            load[block.columns] += block.participation
         force[block.columns] += _static_force(scene, name, block)
         B[:, block.columns] += operators[name] @ block.matrix
     return omega2, load, force, B

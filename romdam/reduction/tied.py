@@ -34,7 +34,7 @@ import romdam
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import surface_force
-from romdam.fem.parts import assemble_part, gather, part_operator
+from romdam.fem.parts import assemble_part, gather, part_inertia, part_operator
 from romdam.fingerprint import fingerprint
 from romdam.linalg.eigen import dense_modes, modes_below
 from romdam.linalg.factor import Factor
@@ -115,8 +115,8 @@ def _keys(
          scene.blocks[name].cells, part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
         for name in part.blocks
     ]  # fmt: skip
-    settled = sorted(scene.settled & set(part.blocks))
-    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, settled, operator, static, choice))
+    kinds = [sorted(names & set(part.blocks)) for names in (scene.settled, scene.radiating)]
+    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, kinds, operator, static, choice))
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 
@@ -127,7 +127,7 @@ def _bases(
     K, M = assemble_part(part, scene.blocks)
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
-    inertia = M @ np.tile(np.eye(3), (part.nodes, 1))
+    inertia = part_inertia(part, scene)
     static = np.column_stack([static, _inertia_with_weight(part, scene), _boundary_tractions(part, scene)])
     loads = Loads(csr_matrix(operator[:, free]), inertia[free], static[free])
     held = held_rigidly(part.mesh(scene.blocks), fixed)

@@ -39,12 +39,14 @@ class ArchDam:
     ties : contacts (and joints, where they are tied)
     held : block -> (n, 3) True where the ground holds a component
     settled : blocks whose weight has acted before the dam is built
+    radiating : rock within a viscous boundary
     """
 
     blocks: dict[str, Block]
     ties: tuple[Tie, ...]
     held: dict[str, Bools]
     settled: frozenset[str]
+    radiating: frozenset[str]
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,10 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
         refuse_bad_cells(blocks[name], place)
     zones = config.rock.zones.items() if config.rock else ()
     settled = frozenset(f"{ROCK}_{zone}" for zone, rock in zones if not rock.weight)
-    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), settled)
+    radiating = frozenset(name for name, block in blocks.items() if block.name.startswith(ROCK))
+    if not any(block.absorbing for block in blocks.values()):
+        radiating = frozenset()
+    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), settled, radiating)
 
 
 def _dam_points(shape: ArchShape) -> Floats:

@@ -250,6 +250,8 @@ class Scene:
     warmed : block name -> uniform change of temperature [K]
     reservoir : water that moves with the dam, or None
     settled : blocks whose weight has acted before, so that gravity leaves it out
+    radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
+        send out: the ground's acceleration does not act on it
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 
@@ -265,5 +267,6 @@ class Scene:
     water: tuple[Hydrostatic, ...] = ()
     warmed: dict[str, float] = field(default_factory=dict)
     settled: frozenset[str] = frozenset()
+    radiating: frozenset[str] = frozenset()
     staged_weight: bool = False
     reservoir: Reservoir | None = None

@@ -118,6 +118,7 @@ def test_viscous_boundary_takes_the_place_of_supports(make):
     assert area[120.0] == pytest.approx(2 * 260.0 * (160.0 + 220.0))
     assert area[260.0] == pytest.approx(2 * (160.0 + 220.0) * (120.0 + 100.0))
     assert all(0.85 < area[away] / (2 * 260.0 * 220.0) < 1.0 for away in (160.0, 220.0))  # less the valley
+    assert scene.radiating == {"rock_left", "rock_right", "rock_centre"}
     zones = {name: zone | {"mass": name != "left"} for name, zone in ROCK["zones"].items()}
     with pytest.raises(ConfigError, match=r"zone 'left' has no mass to carry any \(1 of 3 zones have none"):
         make(arch_dam(rock=ROCK | {"boundary": "viscous", "zones": zones}))
