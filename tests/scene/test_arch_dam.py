@@ -7,6 +7,7 @@ from arch_dams import DIVISIONS, JOINTS, PERIMETER, ROCK, arch_dam
 from romdam.config import parse_config
 from romdam.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
+from romdam.fem.loads import weight_force
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas
 from romdam.scene.ties import scene_parts
 
@@ -45,12 +46,15 @@ def test_blocks_conform_wherever_they_meet(make, element):
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_mass_and_weight_are_those_of_the_volume(make, element):
-    scene = make(arch_dam(element=element))
-    for block in scene.blocks.values():
+    scene = make(arch_dam(element=element) | {"loads": {"gravity": [0, 0, -9.81]}})
+    for name, block in scene.blocks.items():
         M = assemble(block)[1]
         mass = block.material.rho * volume(block.points, boundary_facets(block.cells, block.element))
         rigid = np.tile(np.eye(3), (len(block.points), 1))
         assert np.abs(rigid.T @ (M @ rigid) - mass * np.eye(3)).max() < 1e-12 * mass
+        weight = weight_force(scene, name, M).reshape(-1, 3).sum(axis=0)
+        expected = np.array([0.0, 0.0, 0.0 if name in scene.settled else -9.81 * mass])
+        assert np.abs(weight - expected).max() < 1e-12 * 9.81 * mass
 
 
 def test_shape_is_the_one_asked_for(make):
