@@ -52,7 +52,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         K.append(stiffness[free][:, free])
         M.append(mass[free][:, free])
         B.append(part_operator(part, operators)[:, free])
-        load.append(part_inertia(part, scene)[free])
+        load.append(part_inertia(part, scene, mass)[free])
     held = [held_rigidly(part.mesh(scene.blocks), part.fixed(scene.fixed)) for part in parts.values()]
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     mass, stiffness, inertia = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)

@@ -127,7 +127,7 @@ def _bases(
     K, M = assemble_part(part, scene.blocks)
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
-    inertia = part_inertia(part, scene)
+    inertia = part_inertia(part, scene, M)
     static = np.column_stack([static, _inertia_with_weight(part, scene), _boundary_tractions(part, scene)])
     loads = Loads(csr_matrix(operator[:, free]), inertia[free], static[free])
     held = held_rigidly(part.mesh(scene.blocks), fixed)

@@ -95,11 +95,10 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
         faces = _faces(config, block, where, ground)
         blocks[name] = replace(block, faces=faces, absorbing=_absorbing(config, faces))
         refuse_bad_cells(blocks[name], place)
-    zones = config.rock.zones.items() if config.rock else ()
-    settled = frozenset(f"{ROCK}_{zone}" for zone, rock in zones if not rock.weight)
-    radiating = frozenset(name for name, block in blocks.items() if block.name.startswith(ROCK))
-    if not any(block.absorbing for block in blocks.values()):
-        radiating = frozenset()
+    zones = config.rock.zones if config.rock else {}
+    settled = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
+    viscous = config.rock is not None and config.rock.boundary == "viscous"
+    radiating = frozenset(f"{ROCK}_{zone}" for zone in zones if viscous)
     return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), settled, radiating)
 
 
