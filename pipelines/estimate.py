@@ -72,11 +72,11 @@ def finer_model(
 ) -> Finer | None:
     """The finer model of a job; None where no estimate is asked for, or none can be made.
 
-    There is none at full order, with all modes, without joints, and without damping: undamped histories
-    part in time whatever the basis, and their peaks are what counts.
+    There is none at full order, with all modes, without joints, with modes that dashpots couple, and without
+    damping: undamped histories part in time whatever the basis, and their peaks are what counts.
     """
     wanted = job.config.outputs.error_estimate and job.config.every_joint and job.config.model.modes != "all"
-    if reduced is None or not wanted or not reduced.system.C.diagonal().any():
+    if reduced is None or not wanted or not reduced.system.diagonal or not reduced.system.C.diagonal().any():
         return None
     start = time.process_time()
     fine = reduce_scene(scene, slightly_finer(mode_choice(job.config.model)), job.config.damping, store)

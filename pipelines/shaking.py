@@ -88,12 +88,13 @@ def choose_integrator(job: Job, system: System) -> str:
     """The configured integrator, or the one that suits the scene.
 
     A reduced scene with plain joints but no damping at all gets the scheme that conserves energy; any
-    other reduced scene the one that cuts its steps where contact changes; full order generalised-alpha.
+    other reduced scene the one that cuts its steps where contact changes; full order, and modes
+    that the dashpots of absorbing faces couple, generalised-alpha.
     """
     transient = job.config.transient
     if transient.integrator is not None:
         return transient.integrator
-    if job.config.model.order == "full":
+    if job.config.model.order == "full" or not system.diagonal:
         return "generalized_alpha"
     undamped = system.C.nnz == 0 or not system.C.diagonal().any()
     plain = len(system.law) > 0 and not system.law.laws

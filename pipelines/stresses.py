@@ -24,7 +24,7 @@ def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, Stres
     """Stress of every reduced coordinate at the scene's stress nodes; none at full order."""
     if reduced is None or scene.stress is None:
         return {}
-    fields, offset = modal_stress(scene, reduced.basis), initial_stress(scene)
+    fields, offset = modal_stress(scene, reduced.basis), initial_stress(scene, reduced.basis)
     return {
         name: StressFields(sites.nodes, fields[name], offset[name], reduced.basis[name].columns)
         for name, sites in scene.stress.blocks.items()

@@ -85,6 +85,7 @@ def verify(
     statement = _statement(
         job, motion, (reduced, full), compare_openings(reduced.openings, full.openings, names)
     )
+    statement["joints"] = _joint_peaks(model.system.law.joints, reduced.openings, full.openings)
     statement["cpu_seconds_reduction"] = clock.cpu["model"]
     if stored is not None and reference is not None:
         statement |= _against_reference(reference, stored, reduced, full)
@@ -128,6 +129,16 @@ def _marched(scene: Scene, history: History, fields: dict[str, StressFields]) ->
     history, stress = stress_of(scene, fields, history)
     openings = Openings(history.time, history.jump[:, :, 0], position)
     return Marched(history, history.stats["finest_step"], openings, stress)
+
+
+def _joint_peaks(joints: dict[str, slice], reduced: Openings, full: Openings) -> dict[str, dict[str, float]]:
+    """Joint -> its peak opening in both runs [m], and the relative difference."""
+    found = {}
+    for name, gaps in joints.items():
+        peak, whole = (float(run.opening[:, gaps].max()) for run in (reduced, full))
+        error = abs(peak - whole) / abs(whole) if whole else 0.0
+        found[name] = {"peak": peak, "peak_full": whole, "peak_error": error}
+    return found
 
 
 def _stress_difference(reduced: Marched, full: Marched) -> dict[str, object]:

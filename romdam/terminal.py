@@ -201,6 +201,11 @@ def verification_lines(statement: Mapping[str, object]) -> list[str]:
         f"{numbers['cpu_ratio']:.0f} times ({numbers['cpu_ratio_per_step']:.0f} times per step)",
         f"CPU, reduction {numbers['cpu_seconds_reduction']:.3g} s, once for all records",
     ]
+    joints = statement.get("joints")
+    if isinstance(joints, dict) and len(joints) > 1:
+        worst = max(joints, key=lambda name: float(joints[name]["peak_error"]))
+        within = 100 * joints[worst]["peak_error"]
+        lines.append(f"every joint    peak opening within {within:.2g} % (worst: {worst})")
     if "peak_principal_stress" in numbers:
         lines.append(
             f"peak stress    reduced {1e-6 * numbers['peak_principal_stress']:.3f} MPa, full order "

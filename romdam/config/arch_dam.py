@@ -87,7 +87,9 @@ class ZoneConfig(Model):
 class RockConfig(Model):
     """A box of rock around the valley: x within +- half_width, y from -upstream to downstream, z from -depth.
 
-    Its top is level with the crest. `zones` become blocks `rock_<name>`.
+    Its top is level with the crest. `zones` become blocks `rock_<name>`. A `fixed` boundary holds the base,
+    and the sides normal to themselves; a `viscous` one takes up the waves that the dam sends out, and needs
+    rock with mass, on which the ground's acceleration does not act then: the record is that of the contact.
     """
 
     half_width: Size
@@ -95,6 +97,18 @@ class RockConfig(Model):
     downstream: Size
     depth: Size
     zones: Annotated[dict[str, ZoneConfig], Field(min_length=1, max_length=9)]
+    boundary: Literal["fixed", "viscous"] = "fixed"
+
+    @model_validator(mode="after")
+    def _waves(self) -> Self:
+        light = [name for name, zone in self.zones.items() if not zone.mass]
+        if self.boundary == "viscous" and light:
+            raise ValueError(
+                f"`boundary: viscous` takes up waves, and zone {light[0]!r} has no mass to carry any "
+                f"({len(light)} of {len(self.zones)} zones have none, limit 0); leave out `mass: false`, or "
+                "take `boundary: fixed`"
+            )
+        return self
 
 
 class DivisionsConfig(Model):

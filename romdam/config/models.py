@@ -307,6 +307,7 @@ class Config(Model):
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
         self._refuse_no_blocks()
+        self._refuse_samples_of_coupled_modes()
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):
@@ -345,6 +346,16 @@ class Config(Model):
                 raise ValueError(f"joints.{name}: arch_dam makes a joint of that name; rename this one")
         for key, material in (dam.materials if dam else {}).items():
             self._known(f"arch_dam.{key}", material, self.materials)
+
+    def _refuse_samples_of_coupled_modes(self) -> None:
+        rock = self.arch_dam.rock if self.arch_dam else None
+        varied = self.suite.parameters if self.suite else {}
+        if rock is not None and rock.boundary == "viscous" and varied:
+            raise ValueError(
+                f"suite.parameters: {len(varied)} varied, limit 0 where arch_dam.rock.boundary is viscous: "
+                "samples share modes that nothing couples, and dashpots couple them; leave the parameters "
+                "out, or take `boundary: fixed` and rock with `mass: false`"
+            )
 
     def _known_in_stress(self, stress: StressConfig) -> None:
         for name in stress.blocks if stress.blocks != "all" else ():

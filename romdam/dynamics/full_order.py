@@ -176,6 +176,7 @@ class _Rows:
         self.impulse = np.zeros_like(self.force)
         self.motion = np.zeros((3, rows, probes))
         self.works = np.zeros((rows, 4))
+        self.unknowns = np.zeros((2, rows, system.size)) if system.reduced else None
         self.energies = np.zeros((3, rows))
         self.peaks = first_peaks(state.jump, state.force)
         self._write(state, 0)
@@ -197,12 +198,15 @@ class _Rows:
         for k, field in enumerate((state.u, state.v, state.a)):
             self.motion[k, row] = system.observe @ field
         self.works[row] = state.works
+        if self.unknowns is not None:
+            self.unknowns[:, row] = state.u, state.v
         self.energies[0, row] = 0.5 * float(state.v @ (system.M @ state.v))
         self.energies[1, row] = 0.5 * float(state.u @ (system.K @ state.u))
         self.energies[2, row] = state.stored
 
     def history(self, stats: dict[str, float]) -> History:
         """The finished history."""
+        q, v = (None, None) if self.unknowns is None else self.unknowns
         return History(
             time=np.arange(len(self.jump), dtype=np.float64) * (self.options.dt * self.options.stride),
             jump=self.jump,
@@ -212,8 +216,8 @@ class _Rows:
             disp=self.motion[0],
             vel=self.motion[1],
             acc=self.motion[2],
-            q=None,
-            v=None,
+            q=q,
+            v=v,
             energy=ledger(self.works, *self.energies),
             peaks=named_peaks(self.peaks),
             stats=stats,

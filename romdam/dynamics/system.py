@@ -56,7 +56,8 @@ class System:
     """M u'' + C u' + K u = force - (M r) a_g(t) + B^T p, jumps w = B u.
 
     The same type holds the unreduced mesh (sparse M, C, K over its free DOFs) and the reduced model
-    (unit M, diagonal C and K over the open-joint modes); `diagonal` says which integrators apply.
+    (unit M, diagonal K over the open-joint modes, and C too unless dashpots couple them); `diagonal` says
+    which integrators apply.
 
     Attributes
     ----------
@@ -69,6 +70,7 @@ class System:
     parts : name -> slice of the unknowns that belong to it alone, in order (one per block)
     diagonal : whether M is the identity and C, K are diagonal
     floating : whether the system has motions that no support and no stiffness holds
+    reduced : whether the unknowns are reduced coordinates, whose histories are kept
     """
 
     M: csr_matrix
@@ -82,6 +84,7 @@ class System:
     parts: dict[str, slice]
     diagonal: bool
     floating: bool
+    reduced: bool = False
 
     @property
     def size(self) -> int:

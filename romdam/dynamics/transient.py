@@ -151,8 +151,8 @@ def _march_alike(
         system, law = case.system, case.system.law
         if not system.diagonal:
             raise ConfigError(
-                f"transient.integrator: {options.integrator} needs a reduced model; use generalized_alpha, "
-                "or model.order: reduced"
+                f"transient.integrator: {options.integrator} needs a reduced model whose modes no dashpots "
+                "couple; use generalized_alpha, or model.order: reduced and rock without viscous faces"
             )
         if id(system) not in splits:
             splits[id(system)] = split_of(system)

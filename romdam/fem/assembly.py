@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
+from romdam.fem.absorbing import boundary_springs
 from romdam.fem.material import lame
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
 from romdam.scene.model import Block, Ints, Material
@@ -15,6 +16,8 @@ _CHUNK = 4096  # cells at a time: bounds the element matrices in memory at about
 
 def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     """Stiffness and consistent mass of a block over dof = 3 * node + component, supports not applied.
+
+    The springs of absorbing faces are part of the stiffness.
 
     Element matrices come from the scalar gradients: with G_ab,kl = int dN_a/dx_k dN_b/dx_l,
     K_ab = lambda G + mu G^T + mu tr(G) I (3 by 3 for each pair of nodes a, b).
@@ -37,7 +40,10 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
         gradient, shape, volume = _geometry(block, cells, first)
         pattern.add(K, cells, _stiffness(gradient, volume, block.material))
         pattern.add(M, cells, _mass(shape, volume, block.material.rho))
-    return pattern.matrix(K), pattern.matrix(M[:, None, None] * np.eye(3))
+    stiffness = pattern.matrix(K)
+    if block.absorbing:
+        stiffness = csr_matrix(stiffness + boundary_springs(block))
+    return stiffness, pattern.matrix(M[:, None, None] * np.eye(3))
 
 
 class _NodePairs:

@@ -9,11 +9,12 @@ from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 from romdam.config.models import DampingConfig
 from romdam.dynamics.system import System
 from romdam.errors import ConfigError
+from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.loads import surface_force, weight_force
-from romdam.fem.parts import Unknowns, assemble_part, part_operator, unknowns
+from romdam.fem.parts import Unknowns, assemble_part, part_inertia, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.scene.held import held_rigidly
 from romdam.scene.model import Scene
@@ -51,7 +52,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         K.append(stiffness[free][:, free])
         M.append(mass[free][:, free])
         B.append(part_operator(part, operators)[:, free])
-        load.append((mass @ np.tile(np.eye(3), (part.nodes, 1)))[free])
+        load.append(part_inertia(part, scene, mass)[free])
     held = [held_rigidly(part.mesh(scene.blocks), part.fixed(scene.fixed)) for part in parts.values()]
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     mass, stiffness, inertia = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
@@ -60,7 +61,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     mass = csr_matrix(mass + added)
     return System(
         M=mass,
-        C=csr_matrix(alpha * mass + beta * stiffness),
+        C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
         K=stiffness,
         B=csr_matrix(hstack(B)),
         load=inertia + wet,
@@ -71,6 +72,16 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         diagonal=False,
         floating=not all(held),
     )
+
+
+def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:
+    """Damping of absorbing faces over the unknowns."""
+    size = next(iter(numbered.of_block.values())).shape[1]
+    total = csr_matrix((size, size))
+    for name, matrix in numbered.of_block.items():
+        if scene.blocks[name].absorbing:
+            total = total + matrix.T @ boundary_dashpots(scene.blocks[name]) @ matrix
+    return csr_matrix(total)
 
 
 def _force(scene: Scene, numbered: Unknowns, size: int) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
-from scipy.sparse import spmatrix
+from scipy.sparse import csr_matrix, spmatrix
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from romdam.errors import ReductionError
@@ -27,8 +27,8 @@ def lowest_modes(
 
     Parameters
     ----------
-    K, M : (n, n) sparse, symmetric; M positive definite
-    count : number of modes, at most n; there are fewer where unknowns have no mass
+    K, M : (n, n) sparse, symmetric; a zero on the diagonal of M is an unknown without mass
+    count : number of modes, at most as many as unknowns with mass
     factor : of K - shift M
     shift : [1/s2]; negative where K is singular
 
@@ -43,11 +43,13 @@ def lowest_modes(
         where Lanczos does not converge, or a dense solve would not fit.
     """
     n = K.shape[0]
+    moving = np.flatnonzero(M.diagonal() > 0.0)
+    count = min(count, len(moving))
     if count == 0:
         return np.zeros(0), np.zeros((n, 0))
-    massless = bool((M.diagonal() <= 0.0).any())
-    if n <= _DENSE_SIZE or count > _DENSE_SHARE * n:
-        omega2, modes = _finite_modes(K, M, shift) if massless else dense_modes(K, M)
+    if n <= _DENSE_SIZE or count > _DENSE_SHARE * len(moving):
+        complete = len(moving) == n
+        omega2, modes = dense_modes(K, M) if complete else _finite_modes(M, moving, factor, shift)
         return omega2[:count], modes[:, :count]
     operator = LinearOperator((n, n), matvec=factor.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # seeded: the same scene gives the same basis
@@ -81,11 +83,29 @@ def modes_below(
         count = min(2 * count, K.shape[0])  # round-off in the pivots of a mode at the limit itself
 
 
-def _finite_modes(K: spmatrix, M: spmatrix, shift: float) -> tuple[Floats, Floats]:
-    """All modes of finite frequency where some unknowns have no mass, from M x = mu (K - shift M) x."""
-    mu, modes = eigh(M.toarray(), (K - shift * M).toarray())
+def _finite_modes(
+    M: spmatrix, moving: NDArray[np.int64], factor: Factor, shift: float
+) -> tuple[Floats, Floats]:
+    """All modes of finite frequency where only some unknowns have mass, from the flexibility D of those.
+
+    (K - shift M) u = (omega^2 - shift) M u leaves D M u = u / (omega^2 - shift) on them.
+    """
+    _refuse_too_many(len(moving))
+    own = csr_matrix(M)[moving][:, moving].toarray()
+    unit = np.zeros((factor.size, len(moving)))
+    unit[moving, np.arange(len(moving))] = 1.0
+    D = factor.solve(unit)[moving]
+    mu, V = eigh(0.5 * (D + D.T), own, type=2)
     finite = np.flatnonzero(mu > _MASSLESS * mu[-1])[::-1]
-    return 1.0 / mu[finite] + shift, modes[:, finite] / np.sqrt(mu[finite])
+    return 1.0 / mu[finite] + shift, factor.solve(unit @ (own @ V[:, finite])) / mu[finite]
+
+
+def _refuse_too_many(size: int) -> None:
+    if size > _DENSE_LIMIT:
+        raise ReductionError(
+            f"all modes of {size} unknowns need a dense solve, limited to {_DENSE_LIMIT} unknowns; "
+            "ask for fewer modes"
+        )
 
 
 def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:
@@ -97,11 +117,7 @@ def dense_modes(K: spmatrix, M: spmatrix) -> tuple[Floats, Floats]:
         above 12,000 unknowns, and where some have no mass.
     """
     n = K.shape[0]
-    if n > _DENSE_LIMIT:
-        raise ReductionError(
-            f"all modes of {n} unknowns need a dense solve, limited to {_DENSE_LIMIT} unknowns; "
-            "ask for fewer modes"
-        )
+    _refuse_too_many(n)
     try:
         omega2, modes = eigh(K.toarray(), M.toarray())
     except LinAlgError as error:

@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix, diags_array, eye_array
 from romdam.config.models import DampingConfig, ModelConfig
 from romdam.dynamics.system import System
 from romdam.errors import ReductionError
+from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
@@ -98,12 +99,26 @@ def reduce_scene(
         parts=parts,
         diagonal=True,
         floating=bool((omega2 == 0.0).any()),
+        reduced=True,
     )
     water = added_mass(scene)
     if water is not None:
         system, basis = with_water(system, basis, water, damping)
+    system = _with_dashpots(system, scene, basis)
     report["cpu_seconds"] = time.process_time() - start
     return ReducedModel(system=system, basis=basis, report=report, water=water)
+
+
+def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -> System:
+    """The system with the dashpots of absorbing faces, which couple the modes: C is not diagonal then."""
+    absorbing = [name for name, block in scene.blocks.items() if block.absorbing]
+    if not absorbing:
+        return system
+    C = system.C.toarray()
+    for name in absorbing:
+        part = basis[name]
+        C[part.columns, part.columns] += part.matrix.T @ (boundary_dashpots(scene.blocks[name]) @ part.matrix)
+    return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
 
 def _reduced_part(
@@ -128,7 +143,8 @@ def _reduced_matrices(
     B = np.zeros((next(iter(operators.values())).shape[0], size))
     for name, block in basis.items():
         omega2[block.columns] = block.omega2
-        load[block.columns] += block.participation
+        if name not in scene.radiating:
+            load[block.columns] += block.participation
         force[block.columns] += _static_force(scene, name, block)
         B[:, block.columns] += operators[name] @ block.matrix
     return omega2, load, force, B

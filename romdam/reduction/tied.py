@@ -6,9 +6,14 @@ both sides of every joint and diagonalise a dense matrix of that size. Here the 
     u = Phi q + A a,    A = K^-1 [B^T, M r, f],
 
 Phi the open-joint modes below the cut-off (Lanczos on one factorisation) and A the static answers to a unit
-force in every gap, to the inertia of the ground's acceleration r and to the static loads f. It answers every
-joint force statically right, carries the mass of A, and A made orthogonal to Phi leaves Phi's frequencies
-those of the mesh; only the small rest, one vector for each gap direction, is diagonalised densely.
+force in every gap, to the inertia of the ground's acceleration r and to the static loads f, among them the
+tractions of absorbing faces that move rigidly. It answers every joint force statically right, carries the
+mass of A, and A made orthogonal to Phi leaves Phi's frequencies those of the mesh; only the small rest, one
+vector for each gap direction, is diagonalised densely.
+
+With as many vectors more modes do better than longer chains K^-1 M K^-1 B: on a dam of 1,796 unknowns 116
+vectors up to 50 Hz leave 0.9 % of the openings in L2, 125 with modes to 8 Hz and a second link 0.9 %, and a
+link of the chain costs as many solutions as there are gap directions.
 
 References
 ----------
@@ -18,7 +23,7 @@ Rubin, AIAA Journal 13 (1975) 995; Hintz, AIAA Journal 13 (1975) 1007 (free mode
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +31,10 @@ from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
 
 import romdam
+from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import surface_force
-from romdam.fem.parts import assemble_part, gather, part_operator
+from romdam.fem.parts import assemble_part, gather, part_inertia, part_operator
 from romdam.fingerprint import fingerprint
 from romdam.linalg.eigen import dense_modes, modes_below
 from romdam.linalg.factor import Factor
@@ -106,11 +112,11 @@ def _keys(
     """Block name -> SHA-256 of what its basis depends on: everything in the part."""
     of_blocks = [
         (name, scene.blocks[name].element, scene.blocks[name].material, scene.blocks[name].points,
-         scene.blocks[name].cells, part.number[name], scene.fixed[name])
+         scene.blocks[name].cells, part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
         for name in part.blocks
     ]  # fmt: skip
-    settled = sorted(scene.settled & set(part.blocks))
-    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, settled, operator, static, choice))
+    kinds = [sorted(names & set(part.blocks)) for names in (scene.settled, scene.radiating)]
+    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, kinds, operator, static, choice))
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 
@@ -121,8 +127,8 @@ def _bases(
     K, M = assemble_part(part, scene.blocks)
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
-    inertia = M @ np.tile(np.eye(3), (part.nodes, 1))
-    static = np.column_stack([static, _inertia_with_weight(part, scene)])
+    inertia = part_inertia(part, scene, M)
+    static = np.column_stack([static, _inertia_with_weight(part, scene), _boundary_tractions(part, scene)])
     loads = Loads(csr_matrix(operator[:, free]), inertia[free], static[free])
     held = held_rigidly(part.mesh(scene.blocks), fixed)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
@@ -151,6 +157,20 @@ def _inertia_with_weight(part: Part, scene: Scene) -> Floats:
     return total
 
 
+def _boundary_tractions(part: Part, scene: Scene) -> Floats:
+    """Forces of every absorbing face's dashpots when it moves rigidly, (3 nodes, 6 faces)."""
+    columns = [np.zeros((3 * part.nodes, 0))]
+    for name in part.blocks:
+        block = scene.blocks[name]
+        for face in block.absorbing:
+            arm = block.points - block.points[face.facets].mean(axis=(0, 1))
+            turned = [np.cross(axis, arm).ravel() for axis in np.eye(3)]
+            rigid = np.column_stack([np.tile(np.eye(3), (len(arm), 1)), *turned])
+            alone = replace(block, absorbing=(face,))
+            columns.append(part.spread(name).T @ (boundary_dashpots(alone) @ rigid))
+    return np.hstack(columns)
+
+
 def reduce_part(
     K: csr_matrix, M: csr_matrix, loads: Loads, held: bool, choice: ModeChoice, place: str
 ) -> Substructure:
@@ -168,14 +188,15 @@ def reduce_part(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    if choice.keeps_all or (choice.count is not None and choice.count >= K.shape[0]):
+    every = choice.keeps_all or (choice.count is not None and choice.count >= K.shape[0])
+    if every and (M.diagonal() > 0.0).all():
         omega2, basis = dense_modes(K, M)
         highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi))
         return Substructure(without_roundoff(omega2), basis, 0, len(omega2), highest, 0.0, 0.0)
     shift = 0.0 if held else -FREE_SHIFT
     factor = Factor(K - shift * M if shift else K)
     log.info("%s: factored, %d unknowns", place, K.shape[0])
-    omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, factor, shift)
+    omega2, Phi = modes_below(K, M, K.shape[0] if every else choice.count, choice.cutoff, factor, shift)
     log.info("%s: %d modes", place, len(omega2))
     right = np.hstack([loads.B.T.toarray(), loads.inertia, loads.force])
     stiff, A = _attachment_modes(K - shift * M if shift else K, M, right, factor, Phi)

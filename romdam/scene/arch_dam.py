@@ -22,7 +22,7 @@ from romdam.scene.arch_shape import ArchShape
 from romdam.scene.boxes import split_into_tets, with_midside_nodes
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets
-from romdam.scene.model import Block, Bools, Ints, Material, Tie
+from romdam.scene.model import Absorbing, Block, Bools, Ints, Material, Tie
 from romdam.scene.quality import refuse_bad_cells
 
 _TO_MIRROR = [1, 0, 3, 2, 5, 4, 7, 6]
@@ -39,12 +39,14 @@ class ArchDam:
     ties : contacts (and joints, where they are tied)
     held : block -> (n, 3) True where the ground holds a component
     settled : blocks whose weight has acted before the dam is built
+    radiating : rock within a viscous boundary
     """
 
     blocks: dict[str, Block]
     ties: tuple[Tie, ...]
     held: dict[str, Bools]
     settled: frozenset[str]
+    radiating: frozenset[str]
 
 
 @dataclass(frozen=True)
@@ -90,11 +92,14 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
         own = local.reshape(-1, cells.shape[1]).astype(np.int64)
         block = Block(name, config.element, points[numbers[name]], own, kinds[name], {})
         where = tags[k < config.cantilevers][numbers[name]]
-        blocks[name] = replace(block, faces=_faces(config, block, where, ground))
+        faces = _faces(config, block, where, ground)
+        blocks[name] = replace(block, faces=faces, absorbing=_absorbing(config, faces))
         refuse_bad_cells(blocks[name], place)
-    zones = config.rock.zones.items() if config.rock else ()
-    settled = frozenset(f"{ROCK}_{zone}" for zone, rock in zones if not rock.weight)
-    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), settled)
+    zones = config.rock.zones if config.rock else {}
+    settled = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
+    viscous = config.rock is not None and config.rock.boundary == "viscous"
+    radiating = frozenset(f"{ROCK}_{zone}" for zone in zones if viscous)
+    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), settled, radiating)
 
 
 def _dam_points(shape: ArchShape) -> Floats:
@@ -256,6 +261,16 @@ def _rock_faces(config: ArchDamConfig, where: Floats, points: Floats, ground: Gr
     }
 
 
+def _absorbing(config: ArchDamConfig, faces: dict[str, Ints]) -> tuple[Absorbing, ...]:
+    """Outer faces of the rock that take waves up, with their distance from the dam."""
+    rock = config.rock
+    if rock is None or rock.boundary == "fixed":
+        return ()
+    distance = {"base": rock.depth, "side_left": rock.half_width, "side_right": rock.half_width}
+    distance |= {"side_upstream": rock.upstream, "side_downstream": rock.downstream}
+    return tuple(Absorbing(faces[name], away) for name, away in distance.items() if name in faces)
+
+
 def _ties(config: ArchDamConfig, blocks: dict[str, Block], numbers: dict[str, Ints]) -> tuple[Tie, ...]:
     """Contacts that have grown together: cantilevers and ground, the ground's blocks, tied joints."""
     cantilevers = config.cantilever_names
@@ -275,6 +290,8 @@ def _ties(config: ArchDamConfig, blocks: dict[str, Block], numbers: dict[str, In
 def _held(config: ArchDamConfig, blocks: dict[str, Block]) -> dict[str, Bools]:
     """Components that the ground holds: the rock's base, its sides normal to themselves, or the contact."""
     held = {name: np.zeros(block.points.shape, dtype=bool) for name, block in blocks.items()}
+    if config.rock and config.rock.boundary == "viscous":
+        return held
     if config.rock:
         faces = {"base": [0, 1, 2], "side_left": [0], "side_right": [0]}
         faces |= {"side_upstream": [1], "side_downstream": [1]}

@@ -19,7 +19,7 @@ from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress_sites import stress_sites
 from romdam.scene.ties import build_tie, tied_parts
 
-_NO_DAM = ArchDam({}, (), {}, frozenset())
+_NO_DAM = ArchDam({}, (), {}, frozenset(), frozenset())
 
 
 def build_scene(config: Config, folder: Path, source: str) -> Scene:
@@ -62,6 +62,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         water=_water(config, blocks, source),
         warmed=_warmed(config, blocks, source),
         settled=dam.settled | {name for name, block in config.blocks.items() if not block.weight},
+        radiating=dam.radiating,
         staged_weight=config.loads.weight == "staged",
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),

@@ -42,7 +42,8 @@ def refuse_free_blocks(
         ]
     width = 6 * len(bodies)
     rows = [np.zeros((1, width))]
-    for name, held in fixed.items():
+    for name, supported in fixed.items():
+        held = supported | sprung(blocks[name])
         nodes = np.flatnonzero(held.any(axis=1))
         rows.append(_triangle(_placed(blocks[name], nodes, columns[name], width)[held[nodes]]))
     pairs: list[Joint | Tie] = [*joints.values(), *ties]
@@ -122,14 +123,24 @@ def _motions(own: Floats) -> str:
     return "free in " + ", ".join(able + others)
 
 
+def sprung(block: Block) -> Bools:
+    """(n, 3) True where the springs of absorbing faces hold a component."""
+    found = np.zeros((len(block.points), 3), dtype=bool)
+    for face in block.absorbing:
+        if np.isfinite(face.distance):
+            found[np.unique(face.facets)] = True
+    return found
+
+
 def held_rigidly(block: Block, held: Bools) -> bool:
-    """Whether holding some components stops every rigid motion of a block.
+    """Whether holding some components, and springs, stop every rigid motion of a block.
 
     Parameters
     ----------
     held : (n, 3) True for components at zero displacement
     """
     count, piece = _pieces(block)
+    held = held | sprung(block)
     nodes = np.flatnonzero(held.any(axis=1))
     seen = _placed(block, nodes, 6 * piece, 6 * count)[held[nodes]]
     return _null_space(np.vstack([np.zeros((1, 6 * count)), _triangle(seen)])).shape[1] == 0

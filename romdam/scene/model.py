@@ -29,6 +29,20 @@ class Material:
 
 
 @dataclass(frozen=True)
+class Absorbing:
+    """A face beyond which the ground goes on.
+
+    Attributes
+    ----------
+    facets : (nf, nodes per facet)
+    distance : from the dam, which the springs follow from [m]; inf for none
+    """
+
+    facets: Ints
+    distance: float
+
+
+@dataclass(frozen=True)
 class Block:
     """One substructure's mesh.
 
@@ -40,6 +54,7 @@ class Block:
     cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
     material : of every cell
     faces : name -> (nf, nodes per facet) node numbers of facets, VTK order, outward
+    absorbing : faces that take waves up, see `romdam.fem.absorbing`
     """
 
     name: str
@@ -48,6 +63,7 @@ class Block:
     cells: Ints
     material: Material
     faces: dict[str, Ints]
+    absorbing: tuple[Absorbing, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -234,6 +250,8 @@ class Scene:
     warmed : block name -> uniform change of temperature [K]
     reservoir : water that moves with the dam, or None
     settled : blocks whose weight has acted before, so that gravity leaves it out
+    radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
+        send out: the ground's acceleration does not act on it
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 
@@ -249,5 +267,6 @@ class Scene:
     water: tuple[Hydrostatic, ...] = ()
     warmed: dict[str, float] = field(default_factory=dict)
     settled: frozenset[str] = frozenset()
+    radiating: frozenset[str] = frozenset()
     staged_weight: bool = False
     reservoir: Reservoir | None = None

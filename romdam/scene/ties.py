@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array, csr_matrix
@@ -54,7 +54,12 @@ class Part:
             points[self.number[name]] = blocks[name].points
         cells = np.vstack([self.number[name][blocks[name].cells] for name in self.blocks])
         first = blocks[self.blocks[0]]
-        return Block(self.name, first.element, points, cells, first.material, {})
+        absorbing = tuple(
+            replace(face, facets=self.number[name][face.facets])
+            for name in self.blocks
+            for face in blocks[name].absorbing
+        )
+        return Block(self.name, first.element, points, cells, first.material, {}, absorbing)
 
 
 def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) -> Tie:

@@ -15,6 +15,7 @@ from romdam.fem.assembly import assemble
 from romdam.fem.loads import hydrostatic_force, surface_force, thermal_force
 from romdam.fem.unreduced import assemble_full
 from romdam.linalg.factor import Factor
+from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.staging import initial_stress, staged_displacement
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
@@ -159,6 +160,16 @@ def test_staged_displacement_is_that_of_open_joints():
     for name, matrix in unknowns(loose).of_block.items():
         found = staged_displacement(scene)[name].ravel()
         assert np.abs(found - matrix @ u).max() < 1e-10 * np.abs(u).max()
+
+
+def test_staged_displacement_comes_out_of_the_basis_of_a_part():
+    """The basis of blocks that have grown together holds the answer to weight, however few its modes."""
+    scene = build(pillars("staged"))
+    model = reduce_scene(scene, ModeChoice(cutoff=1.0), DampingConfig())
+    mesh, basis = staged_displacement(scene), staged_displacement(scene, model.basis)
+    assert model.basis["left"].report["fixed_interface_modes"] == 0
+    for name, u in mesh.items():
+        assert np.abs(basis[name] - u).max() < 1e-9 * np.abs(mesh["left"]).max()
 
 
 def test_staged_stress_carries_the_weight():

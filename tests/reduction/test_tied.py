@@ -12,7 +12,6 @@ from small_scenes import DAMPING, full, march, reduced, shaking
 
 from romdam.config import parse_config
 from romdam.dynamics.static import static_equilibrium
-from romdam.errors import ReductionError
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
 from romdam.linalg.factor import Factor
@@ -139,9 +138,38 @@ def test_rock_without_mass_marches_as_the_full_order_does():
     assert np.linalg.norm(own.jump - whole.jump) < 0.03 * np.linalg.norm(whole.jump)
 
 
-def test_all_modes_need_mass_everywhere():
-    with pytest.raises(ReductionError, match=r"need mass at each, \d+ have none .* give the rock its mass"):
-        reduced(massless())
+@pytest.mark.parametrize(("model", "limit"), [({"modes": "all"}, 1e-6), ({"cutoff": 60.0}, 0.03)])
+def test_viscous_rock_marches_as_the_full_order_does(model, limit):
+    """The dashpots couple the modes; generalised-alpha takes the coupled modes as it takes the mesh."""
+    scene = dam(
+        rock=ROCK | {"boundary": "viscous"}, joints=JOINTS | {"friction": 0.0, "shear_stiffness": 0.0}
+    )
+    mesh, own = full(scene), reduced(scene, **model).system
+    assert not own.diagonal and not own.floating
+    shaken = sum(assemble(scene.blocks[name])[1].sum() for name in scene.blocks if name[:4] != "rock")
+    assert mesh.load.sum() == pytest.approx(shaken, rel=1e-9)  # the rock moves with the ground's own waves
+    dt, options = 0.00125, {"integrator": "generalized_alpha", "rho_inf": 0.9, "initial_state": "static"}
+    ground = shaking(dt, duration=0.5, amplitude=6.0)
+    whole, some = march(mesh, dt, ground, **options), march(own, dt, ground, **options)
+    assert whole.jump[..., 0].max() > 1e-3
+    assert np.abs(some.jump[0] - whole.jump[0]).max() < 1e-7 * np.abs(whole.jump[0]).max()
+    assert np.linalg.norm(some.jump - whole.jump) < limit * np.linalg.norm(whole.jump)
+    assert some.q.shape == (len(some.time), own.size)
+
+
+def test_all_modes_on_rock_without_mass_are_those_of_the_condensed_mesh():
+    scene = massless()
+    mesh, model = full(scene), reduced(scene)
+    K, M = mesh.K.toarray(), mesh.M.toarray()
+    light = mesh.M.diagonal() == 0.0
+    K_sm = np.linalg.solve(K[np.ix_(light, light)], K[np.ix_(light, ~light)])
+    condensed = K[np.ix_(~light, ~light)] - K[np.ix_(~light, light)] @ K_sm
+    exact = eigh(condensed, M[np.ix_(~light, ~light)], eigvals_only=True)
+    found = model.system.K.diagonal()
+    assert np.abs(np.sqrt(found[: len(exact)] / exact) - 1).max() < 1e-8
+    assert (found[len(exact) :] > exact[-1]).all()  # what is left of the joints' flexibility has no mass
+    few = reduced(scene, cutoff=0.99 * np.sqrt(exact[40]) / 2 / np.pi).system.K.diagonal()
+    assert np.abs(np.sqrt(few[:40] / exact[:40]) - 1).max() < 1e-8
 
 
 def test_bases_of_a_part_are_kept_and_found(tmp_path):

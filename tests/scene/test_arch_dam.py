@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from arch_dams import DIVISIONS, JOINTS, PERIMETER, ROCK, arch_dam
 
+from romdam.config import parse_config
 from romdam.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
+from romdam.fem.loads import weight_force
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas
 from romdam.scene.ties import scene_parts
 
@@ -44,12 +46,15 @@ def test_blocks_conform_wherever_they_meet(make, element):
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_mass_and_weight_are_those_of_the_volume(make, element):
-    scene = make(arch_dam(element=element))
-    for block in scene.blocks.values():
+    scene = make(arch_dam(element=element) | {"loads": {"gravity": [0, 0, -9.81]}})
+    for name, block in scene.blocks.items():
         M = assemble(block)[1]
         mass = block.material.rho * volume(block.points, boundary_facets(block.cells, block.element))
         rigid = np.tile(np.eye(3), (len(block.points), 1))
         assert np.abs(rigid.T @ (M @ rigid) - mass * np.eye(3)).max() < 1e-12 * mass
+        weight = weight_force(scene, name, M).reshape(-1, 3).sum(axis=0)
+        expected = np.array([0.0, 0.0, 0.0 if name in scene.settled else -9.81 * mass])
+        assert np.abs(weight - expected).max() < 1e-12 * 9.81 * mass
 
 
 def test_shape_is_the_one_asked_for(make):
@@ -105,6 +110,35 @@ def test_ground_holds_what_the_source_holds(make):
     assert not scene.fixed["C2"].any()
     bare = make(arch_dam(ground=False))
     assert bare.fixed["C2"][np.unique(bare.blocks["C2"].faces["contact"])].all()
+
+
+def test_viscous_boundary_takes_the_place_of_supports(make):
+    scene = make(arch_dam(rock=ROCK | {"boundary": "viscous"}))
+    assert not any(held.any() for held in scene.fixed.values())
+    area = dict.fromkeys((120.0, 260.0, 160.0, 220.0), 0.0)  # by distance: base, banks, up- and downstream
+    for block in scene.blocks.values():
+        for face in block.absorbing:
+            area[face.distance] += facet_areas(block.points, face.facets).sum()
+    assert area[120.0] == pytest.approx(2 * 260.0 * (160.0 + 220.0))
+    assert area[260.0] == pytest.approx(2 * (160.0 + 220.0) * (120.0 + 100.0))
+    assert all(0.85 < area[away] / (2 * 260.0 * 220.0) < 1.0 for away in (160.0, 220.0))  # less the valley
+    assert scene.radiating == {"rock_left", "rock_right", "rock_centre"}
+    zones = {name: zone | {"mass": name != "left"} for name, zone in ROCK["zones"].items()}
+    with pytest.raises(ConfigError, match=r"zone 'left' has no mass to carry any \(1 of 3 zones have none"):
+        make(arch_dam(rock=ROCK | {"boundary": "viscous", "zones": zones}))
+
+
+def test_samples_on_viscous_rock_are_refused():
+    raw = arch_dam(rock=ROCK | {"boundary": "viscous"}) | {
+        "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"cutoff": 10.0},
+        "transient": {"dt": 0.01},
+        "pipeline": "suite",
+        "suite": {"parameters": {"xi": {"path": "damping.rayleigh.ratio", "values": [0.03, 0.05]}}},
+        "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},
+    }
+    with pytest.raises(ConfigError, match=r"suite\.parameters: 1 varied, limit 0 where .* is viscous"):
+        parse_config(raw, "s.yaml")
 
 
 @pytest.mark.parametrize("gaps", ["nodes", "corners"])

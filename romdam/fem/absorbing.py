@@ -1,0 +1,67 @@
+"""Viscous boundary of a rock mass: dashpots that take waves up, and springs for the rock that is left out.
+
+A plane wave that meets a face along its normal feels no boundary where the face answers with the tractions
+rho c_p and rho c_s times the velocity. What lies beyond also carries static load: a source at a distance R
+inside an infinite body is held by 4/3 G/R along the normal and 2/3 G/R across it.
+
+Displacement of the rock is relative to the ground's own waves, which it would carry without the dam and which
+the record is taken to show all along the contact. They satisfy the rock's equations by themselves, so
+that the ground's acceleration acts on the dam's mass alone, and what is left in the rock are waves that the
+dam sends out: the boundary acts on those. (A column that is shaken itself, relative to an outcrop, gives the
+same: the tractions which send a wave in cancel those of the dashpots for the outcrop's motion.)
+
+References
+----------
+Lysmer, Kuhlemeyer, J. Eng. Mech. Div. ASCE 95 (1969) 859; Liu, Du, Du, Wang, Wu, Earthq. Eng. Eng. Vib. 5
+(2006) 93 (springs).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.fem.material import lame
+from romdam.scene.elements import ELEMENTS, gauss_rule, simplex_rule
+from romdam.scene.facets import area_elements, facet_element
+from romdam.scene.model import Absorbing, Block
+
+_ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0  # springs, in units of G / R
+
+
+def boundary_springs(block: Block) -> csr_matrix:
+    """Stiffness of what lies beyond a block's absorbing faces, (3 n, 3 n) [N/m]."""
+    total = csr_matrix((3 * len(block.points),) * 2)
+    shear = lame(block.material)[1]
+    for face in block.absorbing:
+        unit = shear / face.distance
+        total = total + _face_matrix(block, face, (_ALONG * unit, _ACROSS * unit))
+    return csr_matrix(total)
+
+
+def boundary_dashpots(block: Block) -> csr_matrix:
+    """Damping of a block's absorbing faces, (3 n, 3 n) [N s/m]."""
+    total = csr_matrix((3 * len(block.points),) * 2)
+    lam, mu = lame(block.material)
+    rho = block.material.rho
+    for face in block.absorbing:
+        total = total + _face_matrix(block, face, (np.sqrt(rho * (lam + 2.0 * mu)), np.sqrt(rho * mu)))
+    return csr_matrix(total)
+
+
+def _face_matrix(block: Block, face: Absorbing, values: tuple[float, float]) -> csr_matrix:
+    """int N_a N_b (along n n^T + across (I - n n^T)) dA over a face."""
+    facets, (along, across) = face.facets, values
+    xi, weight = simplex_rule(4, 2) if facet_element(facets).corners == 3 else gauss_rule(3, 2)
+    shape = ELEMENTS[facet_element(facets).name].shape(xi)
+    vectors = area_elements(block.points, facets, xi)
+    area = np.linalg.norm(vectors, axis=2)
+    normal = vectors / area[..., None]
+    projector = normal[..., :, None] * normal[..., None, :]
+    traction = across * np.eye(3) + (along - across) * projector
+    blocks = np.einsum("fq,qa,qb,fqij->faibj", weight * area, shape, shape, traction, optimize=True)
+    dof = 3 * facets[:, :, None] + np.arange(3)
+    rows = np.broadcast_to(dof[:, :, :, None, None], blocks.shape)
+    columns = np.broadcast_to(dof[:, None, None], blocks.shape)
+    size = 3 * len(block.points)
+    return csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
