@@ -154,6 +154,20 @@ def failure_lines(outcome: SuiteOutcome) -> list[str]:
     return [*lines, f"{failed} of {outcome.runs} runs failed"] if lines else []
 
 
+def accuracy_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
+    """How many runs of a suite did not reach the wanted accuracy of the time stepping, if any."""
+    if wanted is None or "estimated_time_error" not in summary:
+        return []
+    errors = summary.estimated_time_error
+    missed = int((errors > wanted).sum())
+    if missed == 0:
+        return []
+    return [
+        f"{missed} of {errors.size} runs did not reach {100 * wanted:g} % at the finest step allowed; "
+        f"estimated_time_error says which, {100 * float(errors.max()):.2g} % at most"
+    ]
+
+
 _SHOWN = 5  # names of failed runs with one message
 _NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
 

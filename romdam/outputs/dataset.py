@@ -61,9 +61,13 @@ def _present(table: dict[str, Variable], case: Case) -> Iterator[tuple[str, xr.V
             yield name, xr.Variable(variable.dims, variable.get(case), attributes)
 
 
+def library_versions() -> str:
+    """Versions of Python and of the libraries that a result depends on, as JSON."""
+    return json.dumps({name: version(name) for name in LIBRARIES} | {"python": platform.python_version()})
+
+
 def _attributes(case: Case, job: Job) -> dict[str, object]:
     motion = case.motion
-    versions = {name: version(name) for name in LIBRARIES}
     return {
         "Conventions": "CF-1.11",
         "title": job.config.title or job.path.stem,
@@ -80,7 +84,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
         "model_order": job.config.model.order,
         "integrator": case.history.integrator,
         "dt": case.history.stats["finest_step"],
-        "versions": json.dumps(versions | {"python": platform.python_version()}),
+        "versions": library_versions(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
     }
 

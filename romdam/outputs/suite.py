@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,7 +17,7 @@ import romdam
 from romdam.config.load import Job
 from romdam.errors import ResultError
 from romdam.outputs.case import Array
-from romdam.outputs.dataset import open_dataset, write_dataset
+from romdam.outputs.dataset import library_versions, open_dataset, write_dataset
 from romdam.outputs.record_measures import MEASURES
 from romdam.outputs.stress import MEASURES as STRESS
 from romdam.outputs.suite_rows import DONE, FAILED, Row, attributes_of, dims_of
@@ -152,7 +151,8 @@ def _about_measure(name: str, period: float) -> dict[str, str]:
         about = ("m s-2", f"pseudo-spectral acceleration at {period:g} s, 5 % damping")
     else:
         about = MEASURES[name]
-    return {"units": about[0], "long_name": f"{about[1]} of the largest component, scaled"}
+    whose = " of the largest component" + ("" if about[0] == "s" else ", scaled")
+    return {"units": about[0], "long_name": about[1] + whose}
 
 
 def _coordinates(
@@ -197,7 +197,7 @@ def _attributes(job: Job, design: xr.Dataset) -> dict[str, object]:
         "configuration_sha256": job.digest,
         "design": design.attrs["design"],
         "design_sha256": design.attrs["content_sha256"],
-        "versions": json.dumps({"romdam": romdam.__version__, "python": platform.python_version()}),
+        "versions": library_versions(),
     }
 
 
