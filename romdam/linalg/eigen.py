@@ -10,26 +10,30 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from romdam.errors import ReductionError
 from romdam.linalg.factor import Factor
+from romdam.linalg.lobpcg import Pencil, Wanted, block_modes, missed
+from romdam.linalg.multigrid import Multigrid
+from romdam.linalg.solvers import SMALL, Solver
 
 Floats = NDArray[np.float64]
 
 _DENSE_SHARE = 0.4  # of all pairs, above which a dense solve is quicker than Lanczos
 _DENSE_SIZE = 300  # unknowns, below which it always is
 _MASSLESS = 1e-13  # 1/omega2 relative to the lowest mode's, below which it is round-off of none
+_FIRST = 24  # modes asked for at first where they are not counted
 _SPARE = 2  # modes asked for beyond those counted below a frequency, so that the next one is seen
 _DENSE_LIMIT = 12_000  # unknowns of a dense solve: 2.3 GB for the two matrices
 
 
 def lowest_modes(
-    K: spmatrix, M: spmatrix, count: int, factor: Factor, shift: float = 0.0
+    K: spmatrix, M: spmatrix, count: int, solver: Solver, shift: float = 0.0
 ) -> tuple[Floats, Floats]:
-    """Lowest modes by shift-invert Lanczos on a factorisation that exists already.
+    """Lowest modes: by shift-invert Lanczos on a factorisation that exists, or by LOBPCG under multigrid.
 
     Parameters
     ----------
     K, M : (n, n) sparse, symmetric; M positive definite
     count : number of modes, at most n; there are fewer where unknowns have no mass
-    factor : of K - shift M
+    solver : of K - shift M
     shift : [1/s2]; negative where K is singular
 
     Returns
@@ -49,7 +53,9 @@ def lowest_modes(
     if n <= _DENSE_SIZE or count > _DENSE_SHARE * n:
         omega2, modes = _finite_modes(K, M, shift) if massless else dense_modes(K, M)
         return omega2[:count], modes[:, :count]
-    operator = LinearOperator((n, n), matvec=factor.solve, dtype=float)
+    if isinstance(solver, Multigrid):
+        return block_modes(Pencil(K, M, solver.precondition), Wanted(count))
+    operator = LinearOperator((n, n), matvec=solver.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # seeded: the same scene gives the same basis
     try:
         omega2, modes = eigsh(K, k=count, M=M, sigma=shift, OPinv=operator, v0=start, tol=0.0)
@@ -62,22 +68,29 @@ def lowest_modes(
 
 
 def modes_below(
-    K: spmatrix, M: spmatrix, count: int | None, cutoff: float | None, factor: Factor, shift: float = 0.0
+    K: spmatrix, M: spmatrix, count: int | None, cutoff: float | None, solver: Solver, shift: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Lowest modes: so many, or all below a frequency [Hz]; see `lowest_modes`.
 
     Those below a frequency are counted first, as the negative pivots of K - omega^2 M (Sylvester's inertia).
+    Above 20,000 unknowns, where that factorisation would cost as much as all the rest, Lanczos goes on until
+    it is past the frequency, and random vectors beside what it found look for a mode that it missed.
     """
     if count is not None or K.shape[0] == 0:
-        return lowest_modes(K, M, count or 0, factor, shift)
+        return lowest_modes(K, M, count or 0, solver, shift)
     assert cutoff is not None
     limit = (2.0 * np.pi * cutoff) ** 2
-    count = min(_SPARE + Factor(K - limit * M).negative(), K.shape[0])
+    if isinstance(solver, Multigrid):
+        return block_modes(Pencil(K, M, solver.precondition), Wanted(None, limit))
+    large = K.shape[0] > SMALL
+    count = min(_FIRST if large else _SPARE + Factor(K - limit * M).negative(), K.shape[0])
     while True:
-        omega2, modes = lowest_modes(K, M, count, factor, shift)
+        omega2, modes = lowest_modes(K, M, count, solver, shift)
         if len(omega2) < count or omega2[-1] > limit or count == K.shape[0]:
             keep = omega2 <= limit
-            return omega2[keep], modes[:, keep]
+            found = omega2[keep], modes[:, keep]
+            if not large or missed(Pencil(K, M, solver.solve), found, Wanted(None, limit)) is None:
+                return found
         count = min(2 * count, K.shape[0])  # round-off in the pivots of a mode at the limit itself
 
 

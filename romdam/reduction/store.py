@@ -67,7 +67,7 @@ def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoi
     """SHA-256 of what the basis of a block depends on."""
     elastic = (block.material.E, block.material.nu, block.material.rho)
     mesh = (block.element, block.points, block.cells, elastic)
-    return fingerprint((LAYOUT, romdam.__version__, mesh, fixed, interface, choice))
+    return fingerprint((LAYOUT, romdam.__version__, mesh, fixed, interface, choice.basis))
 
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:

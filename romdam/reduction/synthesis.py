@@ -22,12 +22,14 @@ from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.loads import surface_force
 from romdam.fem.water import AddedMass, added_mass
+from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
 from romdam.reduction.store import BlockBasis, BlockStore, block_key
 from romdam.reduction.tied import tied_bases
 from romdam.reduction.water import with_water
-from romdam.scene.held import held_rigidly
+from romdam.scene.held import held_rigidly, rigid_motions
 from romdam.scene.model import Block, Scene
 from romdam.scene.ties import Part, scene_parts
 
@@ -78,6 +80,7 @@ def reduce_scene(
     operators = gap_operators(scene, law.directions)
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     found, parts, first = dict[str, BlockBasis](), dict[str, slice](), 0
+    _refuse_large(scene, choice)
     for part in scene_parts(scene).values():
         one = _reduced_part(part, scene, operators, choice, store)
         parts[part.name] = slice(first, first + len(one[part.blocks[0]].omega2))
@@ -104,6 +107,15 @@ def reduce_scene(
         system, basis = with_water(system, basis, water, damping)
     report["cpu_seconds"] = time.process_time() - start
     return ReducedModel(system=system, basis=basis, report=report, water=water)
+
+
+def _refuse_large(scene: Scene, choice: ModeChoice) -> None:
+    """Raise before anything is computed if a part does not fit in memory with any solver."""
+    if choice.keeps_all:
+        return
+    for part in scene_parts(scene).values():
+        unknowns = int((~part.fixed(scene.fixed)).sum())
+        candidates(unknowns, choice.columns, choice.solving, part.name)
 
 
 def _reduced_part(
@@ -140,7 +152,8 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
         return ALL_MODES
     if model.modes == "auto":
         raise ReductionError("model.modes is auto, and no motion has settled it yet; give a number or all")
-    return ModeChoice(count=model.modes, cutoff=model.cutoff, corrections=model.corrections)
+    solving = Solving(model.solver, model.memory)
+    return ModeChoice(model.modes, model.cutoff, model.corrections, solving=solving)
 
 
 def _reduced_block(
@@ -162,15 +175,22 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     log.info("block %s: reducing", block.name)
     stiffness, mass = assemble(block)
     turn, free = interface.turn, ~fixed.ravel()
-    K = csr_matrix(turn @ stiffness @ turn.T)[free][:, free]
-    M = csr_matrix(turn @ mass @ turn.T)[free][:, free]
+    K, M = (_turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
     held = _held_interior(block, fixed, interface.retained.reshape(-1, 3), turn)
-    sub = reduce_block(K, M, interface.retained[free], held, choice, f"block {block.name!r}")
+    motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
+    sub = reduce_block(K, M, interface.retained[free], held, choice, f"block {block.name!r}", motions)
     whole = np.zeros((len(free), len(sub.omega2)))
     whole[free] = sub.basis
     matrix = np.asarray(turn.T @ whole)
     rigid = np.tile(np.eye(3), (len(block.points), 1))
     return BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, matrix.T @ (mass @ rigid), sub.report())
+
+
+def _turned(matrix: csr_matrix, turn: csr_matrix) -> csr_matrix:
+    """turn @ matrix @ turn^T; where nothing turns, the matrix itself and not two copies."""
+    if turn.nnz == turn.shape[0] and (turn.diagonal() == 1.0).all():
+        return matrix
+    return csr_matrix(turn @ matrix @ turn.T)
 
 
 def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:

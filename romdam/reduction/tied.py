@@ -31,7 +31,8 @@ from romdam.fem.loads import surface_force
 from romdam.fem.parts import assemble_part, gather, part_operator
 from romdam.fingerprint import fingerprint
 from romdam.linalg.eigen import dense_modes, modes_below
-from romdam.linalg.factor import Factor
+from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.craig_bampton import (
     FREE_SHIFT,
     ModeChoice,
@@ -40,7 +41,7 @@ from romdam.reduction.craig_bampton import (
     without_roundoff,
 )
 from romdam.reduction.store import LAYOUT, BlockBasis, BlockStore
-from romdam.scene.held import held_rigidly
+from romdam.scene.held import held_rigidly, rigid_motions
 from romdam.scene.model import Scene
 from romdam.scene.ties import Part
 
@@ -110,7 +111,7 @@ def _keys(
         for name in part.blocks
     ]  # fmt: skip
     settled = sorted(scene.settled & set(part.blocks))
-    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, settled, operator, static, choice))
+    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, settled, operator, static, choice.basis))
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 
@@ -124,9 +125,11 @@ def _bases(
     inertia = M @ np.tile(np.eye(3), (part.nodes, 1))
     static = np.column_stack([static, _inertia_with_weight(part, scene)])
     loads = Loads(csr_matrix(operator[:, free]), inertia[free], static[free])
-    held = held_rigidly(part.mesh(scene.blocks), fixed)
+    mesh = part.mesh(scene.blocks)
+    held = held_rigidly(mesh, fixed)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
-    sub = reduce_part(K, M, loads, held, choice, f"part {part.name}")
+    motions = Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free])
+    sub = reduce_part(K, M, loads, held, choice, f"part {part.name}", motions)
     whole = np.zeros((part.nodes, 3, len(sub.omega2)))
     whole.reshape(len(free), -1)[free] = sub.basis
     report = sub.report() | {"part": part.name}
@@ -152,7 +155,13 @@ def _inertia_with_weight(part: Part, scene: Scene) -> Floats:
 
 
 def reduce_part(
-    K: csr_matrix, M: csr_matrix, loads: Loads, held: bool, choice: ModeChoice, place: str
+    K: csr_matrix,
+    M: csr_matrix,
+    loads: Loads,
+    held: bool,
+    choice: ModeChoice,
+    place: str,
+    motions: Motions,
 ) -> Substructure:
     """Reduce a part in free-interface form.
 
@@ -162,6 +171,7 @@ def reduce_part(
     held : whether supports stop every rigid motion
     choice : the modes to keep; a count is of the whole part, corrections are not needed
     place : what to call the part in messages
+    motions : of the free DOFs
 
     Raises
     ------
@@ -173,12 +183,12 @@ def reduce_part(
         highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi))
         return Substructure(without_roundoff(omega2), basis, 0, len(omega2), highest, 0.0, 0.0)
     shift = 0.0 if held else -FREE_SHIFT
-    factor = Factor(K - shift * M if shift else K)
-    log.info("%s: factored, %d unknowns", place, K.shape[0])
-    omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, factor, shift)
+    shifted = K - shift * M if shift else K
+    solver = make_solver(shifted, motions, loads.B.shape[0] + choice.columns, choice.solving, place)
+    omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, solver, shift)
     log.info("%s: %d modes", place, len(omega2))
     right = np.hstack([loads.B.T.toarray(), loads.inertia, loads.force])
-    stiff, A = _attachment_modes(K - shift * M if shift else K, M, right, factor, Phi)
+    stiff, A = _attachment_modes(shifted, M, right, solver, Phi)
     log.info("%s: %d attachment modes", place, len(stiff))
     basis = np.hstack([Phi, A])
     del A
@@ -195,7 +205,7 @@ def reduce_part(
 
 
 def _attachment_modes(
-    K: csr_matrix, M: csr_matrix, right: Floats, factor: Factor, Phi: Floats
+    K: csr_matrix, M: csr_matrix, right: Floats, solver: Solver, Phi: Floats
 ) -> tuple[Floats, Floats]:
     """Static answers to the columns of `right` without their part in Phi, M-orthonormal and diagonal in K.
 
@@ -207,7 +217,7 @@ def _attachment_modes(
     if not right.shape[1]:
         return np.zeros(0), np.zeros((K.shape[0], 0))
     right = right / np.sqrt(np.einsum("ij,ij->j", right, right))
-    A = factor.solve(right)
+    A = solver.solve(right)
     A -= Phi @ (Phi.T @ (M @ A))
     flexibility = right.T @ A
     scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
