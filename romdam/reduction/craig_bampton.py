@@ -153,7 +153,7 @@ def reduce_block(
     )
     T = _assemble_basis(Psi, Phi, retained)
     K_r, M_r = T.T @ (K @ T), T.T @ (M @ T)
-    omega2, V = _diagonalise(K_r, M_r, place)
+    omega2, V = diagonalise(K_r, M_r, place)
     basis, added = T @ V, 0
     if choice.corrections:
         omega2, basis, added = _corrected(
@@ -212,7 +212,8 @@ def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
     return T
 
 
-def _diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
+def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
+    """All modes of reduced matrices."""
     from scipy.linalg import LinAlgError, eigh
 
     try:
@@ -239,7 +240,7 @@ def _corrected(
     keep = size > _DEPENDENT * size[-1]
     D = (D / _norms(D, M)) @ (U[:, keep] / np.sqrt(size[keep]))
     Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
-    omega2, V = _diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), place)
+    omega2, V = diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), place)
     return omega2, Y @ V, int(keep.sum())
 
 

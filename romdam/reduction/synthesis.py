@@ -26,6 +26,7 @@ from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
+from romdam.reduction.large import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.store import BlockBasis, BlockStore, block_key
 from romdam.reduction.tied import tied_bases
 from romdam.reduction.water import with_water
@@ -161,10 +162,15 @@ def _reduced_block(
 ) -> BlockBasis:
     """The basis of one block over all its DOFs in global axes: from the store, or made and kept there."""
     interface = joint_interface(operator, fixed)
-    if store is None:
+    large = is_large(interface, choice)
+    if store is None and not large:
         return _reduce(block, interface, fixed, choice)
+    store = store or BlockStore.passing()
     key = block_key(block, fixed, interface, choice)
     found = store.read(key)
+    if found is None and large:
+        held = _held_interior(block, fixed, interface)
+        return reduce_large(LargeBlock(block, fixed, interface, held), choice, store, key)
     if found is None:
         found = _reduce(block, interface, fixed, choice)
         store.write(key, block, found)
@@ -175,8 +181,8 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     log.info("block %s: reducing", block.name)
     stiffness, mass = assemble(block)
     turn, free = interface.turn, ~fixed.ravel()
-    K, M = (_turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
-    held = _held_interior(block, fixed, interface.retained.reshape(-1, 3), turn)
+    K, M = (turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
+    held = _held_interior(block, fixed, interface)
     motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
     sub = reduce_block(K, M, interface.retained[free], held, choice, f"block {block.name!r}", motions)
     whole = np.zeros((len(free), len(sub.omega2)))
@@ -186,29 +192,22 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     return BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, matrix.T @ (mass @ rigid), sub.report())
 
 
-def _turned(matrix: csr_matrix, turn: csr_matrix) -> csr_matrix:
-    """turn @ matrix @ turn^T; where nothing turns, the matrix itself and not two copies."""
-    if turn.nnz == turn.shape[0] and (turn.diagonal() == 1.0).all():
-        return matrix
-    return csr_matrix(turn @ matrix @ turn.T)
-
-
 def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:
     """Modal static force on the joints' structure; weight follows from the participation."""
-    surface = part.matrix.T @ surface_force(scene, name).ravel()
+    forces = surface_force(scene, name).ravel()
+    loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
+    surface = part.matrix[loaded].T @ forces[loaded]
     if scene.staged_weight or name in scene.settled:
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)
 
 
-def _held_interior(
-    block: Block, fixed: NDArray[np.bool_], retained: NDArray[np.bool_], turn: csr_matrix
-) -> bool:
+def _held_interior(block: Block, fixed: NDArray[np.bool_], interface: Interface) -> bool:
     """Whether supports and retained DOFs, held, stop every rigid motion.
 
     Retained DOFs in turned frames are not counted: at worst the shift is used where none is needed.
     """
-    held = fixed.copy()
+    held, turn, retained = fixed.copy(), interface.turn, interface.retained.reshape(-1, 3)
     for node in np.flatnonzero(retained.any(axis=1)):
         frame = turn[3 * node : 3 * node + 3, 3 * node : 3 * node + 3].toarray()
         if np.array_equal(frame, np.eye(3)):
