@@ -62,6 +62,10 @@ class ModeChoice:
         """About how many solves the modes and corrections take."""
         return 4 * (_SOME if self.count is None else self.count) + self.corrections
 
+    def report(self) -> dict[str, object]:
+        """What was asked for, as plain values."""
+        return {} if self.cutoff is None else {"cutoff_hz": self.cutoff}
+
     @property
     def basis(self) -> ModeChoice:
         """What decides the basis, without how it is computed."""

@@ -89,7 +89,7 @@ def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: 
     low, V = diagonalise(K_r + shift * M_r, M_r, place)
     sub = Substructure(without_roundoff(low), np.zeros((0, 0)), boundary, len(omega2), *report)
     rows = _rows(given, T, V), outer.inertia
-    basis = store.write_streamed(key, given.block, sub.omega2, rows, sub.report())
+    basis = store.write_streamed(key, given.block, sub.omega2, rows, sub.report() | choice.report())
     T.remove()
     return basis
 

@@ -189,7 +189,13 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     whole[free] = sub.basis
     matrix = np.asarray(turn.T @ whole)
     rigid = np.tile(np.eye(3), (len(block.points), 1))
-    return BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, matrix.T @ (mass @ rigid), sub.report())
+    return BlockBasis(
+        matrix,
+        slice(0, len(sub.omega2)),
+        sub.omega2,
+        matrix.T @ (mass @ rigid),
+        sub.report() | choice.report(),
+    )
 
 
 def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:

@@ -132,7 +132,7 @@ def _bases(
     sub = reduce_part(K, M, loads, held, choice, f"part {part.name}", motions)
     whole = np.zeros((part.nodes, 3, len(sub.omega2)))
     whole.reshape(len(free), -1)[free] = sub.basis
-    report = sub.report() | {"part": part.name}
+    report = sub.report() | choice.report() | {"part": part.name}
     found = {}
     for name in part.blocks:
         matrix = whole[part.number[name]].reshape(-1, len(sub.omega2))
