@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix
 from romdam.fem.material import lame
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
 from romdam.scene.model import Block, Ints, Material
-from romdam.scene.quality import refuse_inverted, refuse_loose_nodes
+from romdam.scene.quality import refuse_inverted
 
 _CHUNK = 512  # cells at a time: element matrices that stay in the cache, 4 MB for tet10
 
@@ -30,9 +30,8 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     Raises
     ------
     MeshError
-        when an element has a zero or negative Jacobian determinant, or a node no element.
+        when an element has a zero or negative Jacobian determinant.
     """
-    refuse_loose_nodes(block)
     pattern = _NodePairs(block.cells, len(block.points))
     K, M = np.zeros(9 * pattern.size), np.zeros(pattern.size)
     for first in range(0, len(block.cells), _CHUNK):

@@ -77,7 +77,7 @@ def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file."""
     matrix = basis.matrix.reshape(len(block.points), 3, -1)
     rows = max(1, min(len(matrix), _CHUNK_BYTES // max(1, 3 * 8 * matrix.shape[2])))
-    chunks = (rows, *matrix.shape[1:]) if matrix.size else None
+    chunks = (rows, *matrix.shape[1:]) if 0 < matrix.nbytes < _MAPPED else None
     group.create_dataset("basis", data=matrix, chunks=chunks)
     _write_beside(group, block, basis)
 
@@ -179,8 +179,8 @@ class BlockStore:
             log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
             return None
 
-    def write(self, key: str, block: Block, basis: BlockBasis) -> None:
-        """Keep a block under its key.
+    def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
+        """Keep a block under its key; the same block, mapped from its file where it is large.
 
         Raises
         ------
@@ -191,6 +191,9 @@ class BlockStore:
         with replacing(self.path(key), basis.matrix.nbytes) as part, h5py.File(part, "w") as file:
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             write_block(file, block, basis)
+        if basis.matrix.nbytes < _MAPPED:
+            return basis
+        return replace(basis, matrix=read_block_file(self.path(key)).matrix)
 
     def write_streamed(
         self,

@@ -32,6 +32,7 @@ from romdam.reduction.tied import tied_bases
 from romdam.reduction.water import with_water
 from romdam.scene.held import held_rigidly, rigid_motions
 from romdam.scene.model import Block, Scene
+from romdam.scene.quality import refuse_loose_nodes
 from romdam.scene.ties import Part, scene_parts
 
 log = logging.getLogger(__name__)
@@ -161,6 +162,7 @@ def _reduced_block(
     block: Block, operator: csr_matrix, fixed: NDArray[np.bool_], choice: ModeChoice, store: BlockStore | None
 ) -> BlockBasis:
     """The basis of one block over all its DOFs in global axes: from the store, or made and kept there."""
+    refuse_loose_nodes(block, "reduction")
     interface = joint_interface(operator, fixed)
     large = is_large(interface, choice)
     if store is None and not large:

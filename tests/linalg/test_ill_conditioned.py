@@ -6,17 +6,19 @@ import logging
 import numpy as np
 import pytest
 
-from romdam.config.models import BoxConfig, MeshFileConfig
+from romdam.config.models import BoxConfig, DampingConfig, MeshFileConfig
 from romdam.errors import MeshError
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import assemble_part
 from romdam.linalg.eigen import modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, make_solver
+from romdam.reduction.craig_bampton import ModeChoice
+from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
 from romdam.scene.held import rigid_motions
 from romdam.scene.mesh_files import mesh_file_block
-from romdam.scene.model import Material, Tie
+from romdam.scene.model import Material, Scene, Tie
 from romdam.scene.quality import refuse_bad_cells
 from romdam.scene.ties import tied_parts
 
@@ -86,10 +88,16 @@ def test_every_solver_reaches_the_tolerance(case):
 def test_a_loose_node_is_named():
     block = box((2.0, 2.0, 2.0), 1.0)
     loose = dataclasses.replace(block, points=np.vstack([block.points, [5.0, 6.0, 7.5]]))
-    with pytest.raises(
-        MeshError, match=rf"node {len(block.points)} at \(5, 6, 7.5\) of block 'b' belongs to no"
-    ):
-        assemble(loose)
+    message = rf"node {len(block.points)} at \(5, 6, 7.5\) of block 'b' belongs to no element \(1 such"
+    with pytest.raises(MeshError, match=message):
+        refuse_bad_cells(loose, "mesh")
+    fixed = np.repeat(loose.points[:, 2:] == 0.0, 3, axis=1)
+    with pytest.raises(MeshError, match=message):
+        reduce_scene(
+            Scene({"b": loose}, {}, {"b": fixed}, (), (), np.zeros(3), ()),
+            ModeChoice(count=3),
+            DampingConfig(),
+        )
 
 
 def test_a_loose_node_of_a_mesh_file_is_named_and_left_out(tmp_path, caplog):
