@@ -32,17 +32,22 @@ RESIDUAL = 1e-7  # of a mode found, relative to its inertia forces
 _FIRST = 24  # modes looked for at first below a frequency
 _GUARDS = 8
 _MOST = 200  # iterations; 15 to 40 are usual
-_PROBE = 10  # iterations of fresh random vectors beside the modes found
 _DEPENDENT = 1e-12
+_WIDTH = 16  # columns of a product at a time
 
 
 @dataclass(frozen=True)
 class Pencil:
-    """K x = omega^2 M x and an approximate inverse of K (or of K less a shift times M)."""
+    """K x = omega^2 M x and an approximate inverse of K (or of K less a shift times M).
+
+    `probe` iterations of random vectors look for a mode that was missed: 10 for one cycle of multigrid, where
+    4 find every one with an exact inverse.
+    """
 
     K: spmatrix
     M: spmatrix
     inverse: Apply
+    probe: int = 10
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ def missed(
     limit = wanted.limit if wanted.count is None else float(omega2[-1]) * (1.0 - 1e-6)
     low, Y = _ritz(pencil, _beside(pencil.M, X, random.standard_normal((len(X), min(_GUARDS, spare)))))
     P = np.zeros((len(X), 0))
-    for _ in range(_PROBE):
+    for _ in range(pencil.probe):
         if low[0] <= limit:
             return float(low[0])
         R = pencil.K @ Y - (pencil.M @ Y) * low
@@ -148,14 +153,11 @@ def _settled(R: Floats, inertia: Floats, count: int) -> bool:
 
 def _combine(pencil: Pencil, omega2: Floats, X: Floats, D: Floats) -> tuple[Floats, Floats, Floats]:
     """Ritz pairs of [X, D], M-orthonormal, X diagonal in K; and the part of D in them."""
-    KD = pencil.K @ D
     size = X.shape[1]
     A = np.empty((size + D.shape[1],) * 2)
     A[:size, :size] = np.diag(omega2)
-    A[:size, size:] = X.T @ KD
+    A[:size, size:], A[size:, size:] = _forms((X, D), pencil.K, D)
     A[size:, :size] = A[:size, size:].T
-    A[size:, size:] = D.T @ KD
-    del KD
     low, C = eigh(0.5 * (A + A.T), subset_by_index=(0, size - 1))
     P = D @ C[size:]
     return low, X @ C[:size] + P, P
@@ -176,8 +178,19 @@ def _beside(M: spmatrix, X: Floats, D: Floats, MX: Floats | None = None) -> Floa
     return D
 
 
+def _forms(left: tuple[Floats, ...], A: spmatrix, D: Floats) -> list[Floats]:
+    """L^T A D for each L, some columns of A D at a time."""
+    found = [np.empty((L.shape[1], D.shape[1])) for L in left]
+    for first in range(0, D.shape[1], _WIDTH):
+        some = slice(first, first + _WIDTH)
+        AD = A @ D[:, some]
+        for total, L in zip(found, left, strict=True):
+            total[:, some] = L.T @ AD
+    return found
+
+
 def _independent(M: spmatrix, D: Floats) -> Floats:
-    gram = D.T @ (M @ D)
+    (gram,) = _forms((D,), M, D)
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
     size, U = np.linalg.eigh(gram * scale * scale[:, None])
     keep = size > _DEPENDENT * size[-1]

@@ -1,7 +1,7 @@
 """Time and memory of reducing one large block, against unknowns and gaps, direct and factorisation-free.
 
     python tests/benchmarks/bench_large.py OUT                 growth and its picture (about 25 minutes)
-    python tests/benchmarks/bench_large.py OUT --block 16 100 300 pardiso    one case
+    python tests/benchmarks/bench_large.py OUT --block 16 16 60 300 pardiso
 
 A tet10 block of 20 x 20 x 80 m, its foot held, normal gaps over one face, modes below 60 Hz. Every case is a
 process of its own; CPU seconds and peak resident memory are the operating system's. Writes
@@ -22,24 +22,25 @@ import numpy as np
 
 SIZE = (20.0, 20.0, 80.0)
 CUTOFF = 60.0
-# divisions (across, up) of the growth against unknowns, with 100 gaps
-MESHES = [(4, 18), (6, 26), (9, 36), (12, 46), (16, 60), (22, 82)]
+# divisions along x, y, z of the growth against unknowns, with 100 gaps
+MESHES = [(4, 4, 18), (6, 6, 26), (9, 9, 36), (12, 12, 46), (16, 16, 60), (22, 22, 82)]
 MOST = {"superlu": 110_000, "pardiso": 450_000, "multigrid": 1_200_000}
 GAPS = [100, 300, 1000, 2000]
-GAPS_MESH = (22, 24)  # across, up: a face with room for 2,000 gaps
+GAPS_MESH = (16, 4, 32)  # a face with room for 2,000 gaps
+MOST_GAPS = {"pardiso": 2000, "multigrid": 300}
 
 
-def block_of(across: int, up: int):
+def block_of(divisions: tuple[int, ...]):
     from romdam.config.models import BoxConfig
     from romdam.scene.boxes import box_block
     from romdam.scene.model import Material
 
-    edges = tuple(s / n for s, n in zip(SIZE, (across, across, up), strict=True))
+    edges = tuple(s / n for s, n in zip(SIZE, divisions, strict=True))
     box = BoxConfig(origin=(0.0, 0.0, 0.0), size=SIZE, element_size=edges, element="tet10")
     return box_block("b", box, Material(30e9, 0.2, 2400.0), "bench")
 
 
-def reduce_one(across: int, up: int, gaps: int, solver: str, folder: Path) -> dict[str, object]:
+def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path) -> dict[str, object]:
     """Reduce one block in this process and tell what it took."""
     import logging
 
@@ -52,7 +53,7 @@ def reduce_one(across: int, up: int, gaps: int, solver: str, folder: Path) -> di
     from romdam.reduction.store import BlockStore, block_key, read_block_file
 
     logging.basicConfig(level=logging.INFO, format="%(relativeCreated)8d ms  %(message)s")
-    block = block_of(across, up)
+    block = block_of(divisions)
     fixed = np.repeat((block.points[:, 2] == 0.0)[:, None], 3, axis=1)
     face = np.flatnonzero((block.points[:, 1] == 0.0) & (block.points[:, 2] > 0.0))
     chosen = face[np.round(np.linspace(0, len(face) - 1, gaps)).astype(int)]
@@ -67,7 +68,7 @@ def reduce_one(across: int, up: int, gaps: int, solver: str, folder: Path) -> di
     found: dict[str, object] = {
         "unknowns": int((~fixed).sum()), "gaps": gaps, "solver": solver,
         "wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - cpu,
-        "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+        "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
         "modes": made.report["fixed_interface_modes"], "residual": made.report["eigenvalue_residual"],
         "file": str(store.path(key)), "file_gb": store.path(key).stat().st_size / 1e9,
     }  # fmt: skip
@@ -77,12 +78,12 @@ def reduce_one(across: int, up: int, gaps: int, solver: str, folder: Path) -> di
     return found | {"open_s": time.perf_counter() - start}
 
 
-def distance(across: int, up: int, one: Path, other: Path) -> dict[str, float]:
+def distance(divisions: tuple[int, ...], one: Path, other: Path) -> dict[str, float]:
     """How far the space that one basis spans is from another's (M-norm), and their open-joint omega^2."""
     from romdam.fem.assembly import assemble
     from romdam.reduction.store import read_block_file
 
-    M = assemble(block_of(across, up))[1]
+    M = assemble(block_of(divisions))[1]
     X, Y = read_block_file(one), read_block_file(other)
     off = 0.0
     for first in range(0, X.matrix.shape[1], 64):
@@ -92,7 +93,7 @@ def distance(across: int, up: int, one: Path, other: Path) -> dict[str, float]:
     return {"basis": off, "omega2": float(np.abs(X.omega2 / Y.omega2 - 1.0).max())}
 
 
-def in_a_process(case: tuple[int, int, int, str], folder: Path) -> dict[str, object]:
+def in_a_process(case: tuple[int | str, ...], folder: Path) -> dict[str, object]:
     command = [sys.executable, __file__, str(folder), "--block", *map(str, case)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -134,18 +135,21 @@ def draw(grown: dict[str, list[dict[str, object]]], path: Path) -> None:
 def growth(out: Path, most: int) -> None:
     """Run every case, remove the bases, write the table and the picture."""
     grown: dict[str, list[dict[str, object]]] = {"unknowns": [], "gaps": []}
-    for across, up in MESHES:
+    for divisions in MESHES:
+        unknowns = 3 * (2 * divisions[0] + 1) * (2 * divisions[1] + 1) * 2 * divisions[2]
         rows = [
-            in_a_process((across, up, 100, solver), out)
+            in_a_process((*divisions, 100, solver), out)
             for solver in MOST
-            if 3 * (2 * across + 1) ** 2 * 2 * up <= min(MOST[solver], most)
+            if unknowns <= min(MOST[solver], most)
         ]
         if len(rows) > 1:
-            rows[-1] |= distance(across, up, Path(str(rows[-1]["file"])), Path(str(rows[-2]["file"])))
+            rows[-1] |= distance(divisions, Path(str(rows[-1]["file"])), Path(str(rows[-2]["file"])))
         grown["unknowns"] += rows
         remove(rows)
     for gaps in GAPS:
-        rows = [in_a_process((*GAPS_MESH, gaps, solver), out) for solver in ("pardiso", "multigrid")]
+        rows = [
+            in_a_process((*GAPS_MESH, gaps, solver), out) for solver in MOST_GAPS if gaps <= MOST_GAPS[solver]
+        ]
         grown["gaps"] += rows
         remove(rows)
     (out / "bench_large.json").write_text(json.dumps(grown, indent=1))
@@ -166,15 +170,15 @@ def remove(rows: list[dict[str, object]]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--block", nargs=4, metavar=("ACROSS", "UP", "GAPS", "SOLVER"))
+    parser.add_argument("--block", nargs=5, metavar=("X", "Y", "Z", "GAPS", "SOLVER"))
     parser.add_argument("--most", type=int, default=1_200_000, help="unknowns of the largest case")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     if given.block is None:
         growth(given.out, given.most)
         return
-    across, up, gaps, solver = given.block
-    print(json.dumps(reduce_one(int(across), int(up), int(gaps), solver, given.out)))
+    *divisions, gaps, solver = given.block
+    print(json.dumps(reduce_one(tuple(map(int, divisions)), int(gaps), solver, given.out)))
 
 
 if __name__ == "__main__":

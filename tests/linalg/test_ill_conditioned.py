@@ -92,12 +92,9 @@ def test_a_loose_node_is_named():
     with pytest.raises(MeshError, match=message):
         refuse_bad_cells(loose, "mesh")
     fixed = np.repeat(loose.points[:, 2:] == 0.0, 3, axis=1)
+    scene = Scene({"b": loose}, {}, {"b": fixed}, (), (), np.zeros(3), ())
     with pytest.raises(MeshError, match=message):
-        reduce_scene(
-            Scene({"b": loose}, {}, {"b": fixed}, (), (), np.zeros(3), ()),
-            ModeChoice(count=3),
-            DampingConfig(),
-        )
+        reduce_scene(scene, ModeChoice(count=3), DampingConfig())
 
 
 def test_a_loose_node_of_a_mesh_file_is_named_and_left_out(tmp_path, caplog):
