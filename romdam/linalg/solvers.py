@@ -67,7 +67,7 @@ AUTO = Solving()
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a solver would take: seconds on one core, bytes with the matrices it works on."""
+    """What a reduction with a solver would take: seconds on one core, bytes with the matrices and modes."""
 
     solver: str
     seconds: float
@@ -88,8 +88,8 @@ class _Growth:
 # name -> seconds to make, seconds for a column, bytes
 _FITS = {
     "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
-    "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.4)),
-    "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(3.5e9, 1.0)),
+    "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.35)),
+    "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(8e9, 1.0)),
 }
 
 

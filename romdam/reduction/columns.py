@@ -31,9 +31,9 @@ class Columns:
 
     Parameters
     ----------
-    path : of the file; one that is there is gone on with where its key and shape are the same
+    path : of the file; one that is there is gone on with where its key and rows are the same
     key : of what the matrix depends on
-    shape : (n, m)
+    shape : (n, m); `widen` adds columns
     """
 
     def __init__(self, path: Path, key: str, shape: tuple[int, int]) -> None:
@@ -51,16 +51,23 @@ class Columns:
         if not self.path.is_file():
             return 0
         with h5py.File(self.path, "r+") as file:
-            if file.attrs.get("key") != key or file["columns"].shape != self.shape:
+            if file.attrs.get("key") != key or len(file["columns"]) != self.shape[0]:
                 return 0
             log.info("%s: going on after %d of %d columns", self.path, file.attrs["done"], self.shape[1])
-            return int(file.attrs["done"])
+            return min(int(file.attrs["done"]), self.shape[1])
 
     def _begin(self, key: str) -> None:
         chunks = (max(1, min(_ROWS, self.shape[0])), max(1, min(WIDTH, self.shape[1])))
         with h5py.File(self.path, "w") as file:
-            file.create_dataset("columns", shape=self.shape, dtype="f8", chunks=chunks)
+            data = {"shape": self.shape, "maxshape": (self.shape[0], None), "chunks": chunks}
+            file.create_dataset("columns", dtype="f8", **data)
             file.attrs.update(key=key, done=0)
+
+    def widen(self, columns: int) -> None:
+        """Add columns."""
+        self.shape = (self.shape[0], self.shape[1] + columns)
+        with h5py.File(self.path, "r+") as file:
+            file["columns"].resize(self.shape)
 
     def fill(self, until: int, make: Callable[[int, int], Floats]) -> None:
         """Make the columns from the last finished one to `until`; make(first, last) gives (n, last - first).

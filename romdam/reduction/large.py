@@ -102,10 +102,11 @@ def _ritz_vectors(
     outer, interior = _split(given, shift)
     boundary = interior.coupling.shape[1]
     solver = make_solver(interior.K, interior.motions, boundary + choice.columns, choice.solving, place)
-    omega2, Phi, report = _modes(interior, solver, choice, shift)
-    log.info("%s: %d modes; %d constraint modes to come", place, len(omega2), boundary)
-    T = Columns(*file, (len(outer.retained), boundary + len(omega2)))
+    T = Columns(*file, (len(outer.retained), boundary))
     T.fill(boundary, lambda first, last: _constraint_modes(outer.retained, interior, solver, first, last))
+    log.info("%s: %d constraint modes; the modes are to come", place, boundary)
+    omega2, Phi, report = _modes(interior, solver, choice, shift)
+    T.widen(len(omega2))
     T.fill(T.shape[1], lambda first, last: _over(outer.retained, Phi[:, first - boundary : last - boundary]))
     return T, outer, omega2, report
 
