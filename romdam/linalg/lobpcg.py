@@ -34,6 +34,7 @@ _GUARDS = 8
 _MOST = 200  # iterations; 15 to 40 are usual
 _DEPENDENT = 1e-12
 _WIDTH = 16  # columns of a product at a time
+_ROWS = 65_536
 
 
 @dataclass(frozen=True)
@@ -171,10 +172,13 @@ def _ritz(pencil: Pencil, X: Floats) -> tuple[Floats, Floats]:
 
 
 def _beside(M: spmatrix, X: Floats, D: Floats, MX: Floats | None = None) -> Floats:
-    """D made M-orthonormal, and orthogonal to the M-orthonormal X; dependent directions are dropped."""
+    """D made M-orthonormal, in place, and orthogonal to the M-orthonormal X; see `_independent`."""
     MX = M @ X if MX is None else MX
     for _ in range(2):
-        D = _independent(M, D - X @ (MX.T @ D))
+        for first in range(0, D.shape[1], _WIDTH):
+            some = slice(first, first + _WIDTH)
+            D[:, some] -= X @ (MX.T @ D[:, some])
+        D = _independent(M, D)
     return D
 
 
@@ -190,8 +194,13 @@ def _forms(left: tuple[Floats, ...], A: spmatrix, D: Floats) -> list[Floats]:
 
 
 def _independent(M: spmatrix, D: Floats) -> Floats:
+    """M-orthonormal vectors that span D's, in D's place; directions that depend on others are dropped."""
     (gram,) = _forms((D,), M, D)
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
     size, U = np.linalg.eigh(gram * scale * scale[:, None])
     keep = size > _DEPENDENT * size[-1]
-    return np.asarray(D @ (scale[:, None] * U[:, keep] / np.sqrt(size[keep])))
+    mix = scale[:, None] * U[:, keep] / np.sqrt(size[keep])
+    for first in range(0, len(D), _ROWS):
+        rows = slice(first, first + _ROWS)
+        D[rows, : mix.shape[1]] = D[rows] @ mix
+    return D[:, : mix.shape[1]]

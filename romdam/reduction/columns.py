@@ -86,12 +86,20 @@ class Columns:
         """Remove the file."""
         self.path.unlink(missing_ok=True)
 
-    def before(self, A: csr_matrix) -> Floats:
+    def before(self, A: csr_matrix | Floats) -> Floats:
         """A @ T for a few rows A (b, n)."""
         found = np.empty((A.shape[0], self.shape[1]))
         with h5py.File(self.path, "r") as file:
             for some in self._blocks():
                 found[:, some] = A @ file["columns"][:, some]
+        return found
+
+    def combined(self, V: Floats) -> Floats:
+        """T @ V for a few columns V (m, k)."""
+        found = np.zeros((self.shape[0], V.shape[1]))
+        with h5py.File(self.path, "r") as file:
+            for some in self._blocks():
+                found += file["columns"][:, some] @ V[some]
         return found
 
     def gram(self, M: csr_matrix) -> Floats:

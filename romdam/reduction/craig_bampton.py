@@ -239,13 +239,17 @@ def _corrected(
     residual = K @ low - (M @ low) * omega2[:count]
     D = np.zeros_like(low)
     D[inside] = solver.solve(residual[inside])
-    D = D - X @ (X.T @ (M @ D))
-    size, U = np.linalg.eigh(_unit_diagonal(D.T @ (M @ D)))
-    keep = size > _DEPENDENT * size[-1]
-    D = (D / _norms(D, M)) @ (U[:, keep] / np.sqrt(size[keep]))
+    D = independent(D - X @ (X.T @ (M @ D)), M)
     Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
     omega2, V = diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), place)
-    return omega2, Y @ V, int(keep.sum())
+    return omega2, Y @ V, D.shape[1]
+
+
+def independent(D: Floats, M: csr_matrix) -> Floats:
+    """M-orthonormal vectors that span D's, without directions that are round-off."""
+    size, U = np.linalg.eigh(_unit_diagonal(D.T @ (M @ D)))
+    keep = size > _DEPENDENT * size[-1]
+    return np.asarray((D / _norms(D, M)) @ (U[:, keep] / np.sqrt(size[keep])))
 
 
 def _norms(D: Floats, M: csr_matrix) -> Floats:

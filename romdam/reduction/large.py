@@ -32,6 +32,7 @@ from romdam.reduction.craig_bampton import (
     Substructure,
     diagonalise,
     eigen_residual,
+    independent,
     without_roundoff,
 )
 from romdam.reduction.interface import Interface
@@ -65,9 +66,9 @@ class LargeBlock:
 
 
 def is_large(interface: Interface, choice: ModeChoice) -> bool:
-    """Whether a block's basis goes through the disk; not with corrections, which need it whole."""
+    """Whether a block's basis goes through the disk; all modes of a block need it in memory."""
     columns = int(interface.retained.sum()) + choice.columns // 4
-    return 8.0 * len(interface.retained) * columns > LARGE and not (choice.corrections or choice.keeps_all)
+    return 8.0 * len(interface.retained) * columns > LARGE and not choice.keeps_all
 
 
 def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: str) -> BlockBasis:
@@ -81,23 +82,33 @@ def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: 
         where the folder or the disk refuses the file.
     """
     place, shift = f"block {given.block.name!r}", 0.0 if given.held else -FREE_SHIFT
-    T, outer, omega2, report = _ritz_vectors(given, choice, (store.scratch(key), key), shift)
-    boundary = T.shape[1] - len(omega2)
-    M_r, K_r = T.gram(outer.M), np.zeros((T.shape[1],) * 2)
-    K_r[:boundary, :boundary] = T.before(outer.K_b)[:, :boundary]
-    K_r[np.arange(boundary, len(K_r)), np.arange(boundary, len(K_r))] = omega2 - shift
+    ritz = _ritz_vectors(given, choice, (store.scratch(key), key), shift)
+    T, boundary = ritz.T, int(ritz.outer.retained.sum())
+    K_r, M_r = ritz.reduced or _reduced(T, ritz.outer, ritz.omega2 - shift)
+    corrections = len(K_r) - boundary - len(ritz.omega2)
     low, V = diagonalise(K_r + shift * M_r, M_r, place)
-    sub = Substructure(without_roundoff(low), np.zeros((0, 0)), boundary, len(omega2), *report)
-    rows = _rows(given, T, V), outer.inertia
+    sub = Substructure(
+        without_roundoff(low), np.zeros((0, 0)), boundary, len(ritz.omega2), *ritz.report, corrections
+    )
+    rows = _rows(given, T, V), ritz.outer.inertia
     basis = store.write_streamed(key, given.block, sub.omega2, rows, sub.report() | choice.report())
     T.remove()
     return basis
 
 
-def _ritz_vectors(
-    given: LargeBlock, choice: ModeChoice, file: tuple[Path, str], shift: float
-) -> tuple[Columns, _Outer, Floats, tuple[float, float, float]]:
-    """Constraint and fixed-interface modes on disk; what else is needed afterwards."""
+@dataclass(frozen=True)
+class _Ritz:
+    """Ritz vectors on disk, and what is needed afterwards; `reduced` is there where corrections needed it."""
+
+    T: Columns
+    outer: _Outer
+    omega2: Floats
+    report: tuple[float, float, float]
+    reduced: tuple[Floats, Floats] | None = None
+
+
+def _ritz_vectors(given: LargeBlock, choice: ModeChoice, file: tuple[Path, str], shift: float) -> _Ritz:
+    """Constraint modes, fixed-interface modes and corrections; the solver goes when they are there."""
     place = f"block {given.block.name!r}"
     outer, interior = _split(given, shift)
     boundary = interior.coupling.shape[1]
@@ -108,7 +119,54 @@ def _ritz_vectors(
     omega2, Phi, report = _modes(interior, solver, choice, shift)
     T.widen(len(omega2))
     T.fill(T.shape[1], lambda first, last: _over(outer.retained, Phi[:, first - boundary : last - boundary]))
-    return T, outer, omega2, report
+    if not choice.corrections:
+        return _Ritz(T, outer, omega2, report)
+    reduced = _reduced(T, outer, omega2 - shift)
+    low, V = diagonalise(reduced[0] + shift * reduced[1], reduced[1], place)
+    D = _corrections(T, (low[: choice.corrections] - shift, V), outer, interior, solver)
+    return _Ritz(T, outer, omega2, report, _with_corrections(T, reduced, D, outer, interior))
+
+
+def _reduced(T: Columns, outer: _Outer, lifted: Floats) -> tuple[Floats, Floats]:
+    """T^T (K - s M) T and T^T M T of constraint and fixed-interface modes; `lifted` is omega^2 - s."""
+    K_r, boundary = np.zeros((T.shape[1],) * 2), T.shape[1] - len(lifted)
+    K_r[:boundary, :boundary] = T.before(outer.K_b)[:, :boundary]
+    K_r[np.arange(boundary, len(K_r)), np.arange(boundary, len(K_r))] = lifted
+    return K_r, T.gram(outer.M)
+
+
+def _corrections(
+    T: Columns, modes: tuple[Floats, Floats], outer: _Outer, interior: _Interior, solver: Solver
+) -> Floats:
+    """The interior's answer to what the lowest open-joint modes leave, M-orthogonal to T."""
+    (lifted, V), inside = modes, ~outer.retained
+    low = T.combined(V[:, : len(lifted)])
+    left = interior.K @ low[inside] + interior.coupling @ low[outer.retained]
+    left -= (outer.M @ (low * lifted))[inside]
+    D = independent(_over(outer.retained, solver.solve(left)), outer.M)
+    for _ in range(2):
+        D = independent(D - T.combined(V @ (V.T @ T.before((outer.M @ D).T).T)), outer.M)
+    return D
+
+
+def _with_corrections(
+    T: Columns, reduced: tuple[Floats, Floats], D: Floats, outer: _Outer, interior: _Interior
+) -> tuple[Floats, Floats]:
+    """Put the corrections beside T; the reduced matrices with them."""
+    first, inside = T.shape[1], ~outer.retained
+    KD = np.empty_like(D)
+    KD[outer.retained] = outer.K_b @ D
+    KD[inside] = interior.K @ D[inside] + interior.coupling @ D[outer.retained]
+    T.widen(D.shape[1])
+    T.fill(T.shape[1], lambda a, b: D[:, a - first : b - first])
+    found = []
+    for old, AD in zip(reduced, (KD, outer.M @ D), strict=True):
+        whole = np.empty((T.shape[1],) * 2)
+        whole[:first, :first] = old
+        whole[first:] = T.before(AD.T)
+        whole[:, first:] = whole[first:].T
+        found.append(whole)
+    return found[0], found[1]
 
 
 @dataclass

@@ -28,7 +28,9 @@ CUTOFF = 100.0
 @pytest.fixture(scope="module")
 def block():
     """K, M and motions of a 10 x 10 x 30 m tet10 cantilever, its front held in y alone: half-held nodes."""
-    box = BoxConfig(origin=(0.0,) * 3, size=(10.0, 10.0, 30.0), element_size=(3.333333, 3.333333, 3.75), element="tet10")
+    box = BoxConfig(
+        origin=(0.0,) * 3, size=(10.0, 10.0, 30.0), element_size=(3.333333, 3.333333, 3.75), element="tet10"
+    )
     made = box_block("b", box, Material(30e9, 0.2, 2400.0), "b")
     K, M = assemble(made)
     free = np.ones((len(made.points), 3), dtype=bool)
