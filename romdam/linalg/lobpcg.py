@@ -29,8 +29,8 @@ Floats = NDArray[np.float64]
 Apply = Callable[[Floats], Floats]
 
 RESIDUAL = 1e-7  # of a mode found, relative to its inertia forces
-_FIRST = 24  # modes looked for at first below a frequency
-_GUARDS = 8
+_FIRST = 16  # modes looked for at first below a frequency
+_GUARDS = 8  # beside them; they join when fewer than half are left
 _MOST = 200  # iterations; 15 to 40 are usual
 _DEPENDENT = 1e-12
 _WIDTH = 16  # columns of a product at a time
@@ -130,15 +130,19 @@ def _iterate(
         inertia = np.maximum(np.abs(omega2), 1e-6 * np.abs(omega2[-1])) * np.linalg.norm(MX, axis=0)
         open_ = np.linalg.norm(R, axis=0) > RESIDUAL * inertia
         count = wanted.among(omega2)
-        if count + _GUARDS > X.shape[1] and X.shape[1] < X.shape[0]:
+        if count + _GUARDS // 2 > X.shape[1] and X.shape[1] < X.shape[0]:
             fresh = random.standard_normal((len(X), min(max(count // 2, _GUARDS), len(X) - X.shape[1])))
             omega2, X = _ritz(pencil, np.hstack([X, _beside(pencil.M, X, fresh)]))
             P = np.zeros_like(X)
             continue
         if not open_[:count].any() and (wanted.count is not None or _settled(R, inertia, count)):
             return omega2, X
-        D = _beside(pencil.M, X, np.hstack([pencil.inverse(R[:, open_]), P[:, open_]]), MX)
-        del MX, R
+        R = R[:, open_]  # here and below: no block of vectors is kept longer than it is needed
+        R = pencil.inverse(R)
+        D = np.hstack([R, P[:, open_]])
+        del R
+        D = _beside(pencil.M, X, D, MX)
+        del MX
         omega2, X, P = _combine(pencil, omega2, X, D)
     raise ReductionError(
         f"LOBPCG: {_MOST} iterations on {pencil.K.shape[0]} unknowns leave {int(open_[:count].sum())} of "
