@@ -221,11 +221,23 @@ def study(
 
 
 @app.command(epilog=EXIT_CODES)
-def info(result: ResultFile) -> None:
-    """Tell what a result is, its peaks, and its error where it has been measured."""
+def info(
+    result: Annotated[
+        Path,
+        typer.Argument(
+            help="NetCDF file that `romdam run` wrote, or .h5 file of reduced blocks.", metavar="RESULT"
+        ),
+    ],
+) -> None:
+    """Tell what a result is, its peaks and error where measured; or what a file of reduced blocks holds."""
     from romdam.terminal import info_lines, peaks_table
 
     _, say = _terminal(quiet=False, verbose=False)
+    if result.suffix == ".h5":
+        from romdam.outputs.model_info import model_lines
+
+        say(*model_lines(result))
+        return
     with romdam.open_result(result) as opened:
         say(*info_lines(opened.dataset))
         say(peaks_table({str(opened.dataset.attrs["record"]): opened.dataset}))

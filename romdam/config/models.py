@@ -21,6 +21,7 @@ from romdam.config.quantities import (
     Force,
     Frequency,
     Length,
+    Memory,
     Pressure,
     TemperatureChange,
     Time,
@@ -191,12 +192,16 @@ class ModelConfig(Model):
 
     `modes: auto` takes as many as `transient.accuracy` needs on the strongest record.
     `corrections` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
+    `solver` and `memory` (such as 8 GB) say what large blocks are reduced with: "auto" takes the quickest
+    that is installed and fits, in four fifths of the machine's memory if none is given.
     """
 
     order: Literal["reduced", "full"] = "reduced"
     modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
     corrections: Annotated[int, Field(ge=0, le=1000)] = 0
+    solver: Literal["auto", "superlu", "pardiso", "multigrid"] = "auto"
+    memory: Annotated[Memory, Positive] | None = None
 
     @model_validator(mode="after")
     def _basis(self) -> Self:

@@ -26,7 +26,8 @@ from scipy.sparse import csr_matrix
 
 from romdam.errors import ConfigError, ReductionError
 from romdam.linalg.eigen import dense_modes, modes_below
-from romdam.linalg.factor import Factor
+from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -34,6 +35,7 @@ Bools = NDArray[np.bool_]
 FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
 _DEPENDENT = 1e-8  # eigenvalue of the corrections' Gram matrix, relative, below which one is dropped
 _ALL = 2**62
+_SOME = 30  # modes below a frequency, before they are counted
 
 
 @dataclass(frozen=True)
@@ -41,17 +43,33 @@ class ModeChoice:
     """Which fixed-interface modes to keep: a count, or all below a frequency [Hz]; how many corrections.
 
     A capped count takes what there is in a block with fewer interior DOFs; another one is refused there.
+    `solving` says by which solver, and moves no digit that matters.
     """
 
     count: int | None = None
     cutoff: float | None = None
     corrections: int = 0
     capped: bool = False
+    solving: Solving = AUTO
 
     @property
     def keeps_all(self) -> bool:
         """Whether every mode is asked for."""
         return self.count == _ALL
+
+    @property
+    def columns(self) -> int:
+        """About how many solves the modes and corrections take."""
+        return 4 * (_SOME if self.count is None else self.count) + self.corrections
+
+    def report(self) -> dict[str, object]:
+        """What was asked for, as plain values."""
+        return {} if self.cutoff is None else {"cutoff_hz": self.cutoff}
+
+    @property
+    def basis(self) -> ModeChoice:
+        """What decides the basis, without how it is computed."""
+        return replace(self, solving=AUTO)
 
 
 ALL_MODES = ModeChoice(count=_ALL)
@@ -94,7 +112,13 @@ class Substructure:
 
 
 def reduce_block(
-    K: csr_matrix, M: csr_matrix, retained: Bools, held: bool, choice: ModeChoice, place: str
+    K: csr_matrix,
+    M: csr_matrix,
+    retained: Bools,
+    held: bool,
+    choice: ModeChoice,
+    place: str,
+    motions: Motions,
 ) -> Substructure:
     """Reduce a block and diagonalise it with its joints open.
 
@@ -105,6 +129,7 @@ def reduce_block(
     held : whether supports and retained DOFs, if held, stop every rigid motion
     choice : the modes to keep
     place : what to call the block in messages
+    motions : of the free DOFs
 
     Raises
     ------
@@ -127,14 +152,16 @@ def reduce_block(
         return Substructure(
             without_roundoff(omega2), basis, len(retained) - interior, interior, highest, 0.0, 0.0
         )
-    (Psi, Phi, omega2_fixed, residual), factor = _ritz_vectors(K, M, retained, held, choice)
+    (Psi, Phi, omega2_fixed, residual), solver = _ritz_vectors(
+        (K, M), retained, held, choice, (place, motions)
+    )
     T = _assemble_basis(Psi, Phi, retained)
     K_r, M_r = T.T @ (K @ T), T.T @ (M @ T)
-    omega2, V = _diagonalise(K_r, M_r, place)
+    omega2, V = diagonalise(K_r, M_r, place)
     basis, added = T @ V, 0
     if choice.corrections:
         omega2, basis, added = _corrected(
-            K, M, (omega2, basis), (~retained, factor, choice.corrections), place
+            K, M, (omega2, basis), (~retained, solver, choice.corrections), place
         )
     gram = Phi.T @ (M[~retained][:, ~retained] @ Phi)
     return Substructure(
@@ -150,17 +177,24 @@ def reduce_block(
 
 
 def _ritz_vectors(
-    K: csr_matrix, M: csr_matrix, retained: Bools, held: bool, choice: ModeChoice
-) -> tuple[tuple[Floats, Floats, Floats, float], Factor]:
-    """Constraint modes, fixed-interface modes, their omega^2 and largest residual; the interior's factors."""
+    matrices: tuple[csr_matrix, csr_matrix],
+    retained: Bools,
+    held: bool,
+    choice: ModeChoice,
+    named: tuple[str, Motions],
+) -> tuple[tuple[Floats, Floats, Floats, float], Solver]:
+    """Constraint modes, fixed-interface modes, their omega^2 and largest residual; the interior's solver."""
+    (K, M), (place, motions) = matrices, named
     shift = 0.0 if held else -FREE_SHIFT
     K_i, M_i = K[~retained], M[~retained]
     K_ii, M_ii = csr_matrix(K_i[:, ~retained]), csr_matrix(M_i[:, ~retained])
-    factor = Factor(K_ii - shift * M_ii)
+    columns = int(retained.sum()) + choice.columns
+    shifted = K_ii - shift * M_ii if shift else K_ii
+    solver = make_solver(shifted, motions.of(~retained), columns, choice.solving, place)
     coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
-    Psi = -factor.solve(coupling) if coupling.shape[1] else coupling
-    omega2, Phi = modes_below(K_ii, M_ii, choice.count, choice.cutoff, factor, shift)
-    return (Psi, Phi, omega2, eigen_residual(K_ii, M_ii, omega2, Phi)), factor
+    Psi = -solver.solve(coupling) if coupling.shape[1] else coupling
+    omega2, Phi = modes_below(K_ii, M_ii, choice.count, choice.cutoff, solver, shift)
+    return (Psi, Phi, omega2, eigen_residual(K_ii, M_ii, omega2, Phi)), solver
 
 
 def eigen_residual(K: csr_matrix, M: csr_matrix, omega2: Floats, Phi: Floats) -> float:
@@ -182,7 +216,8 @@ def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
     return T
 
 
-def _diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
+def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
+    """All modes of reduced matrices."""
     from scipy.linalg import LinAlgError, eigh
 
     try:
@@ -195,22 +230,26 @@ def _corrected(
     K: csr_matrix,
     M: csr_matrix,
     modes: tuple[Floats, Floats],
-    interior: tuple[Bools, Factor, int],
+    interior: tuple[Bools, Solver, int],
     place: str,
 ) -> tuple[Floats, Floats, int]:
     """Open-joint modes with the interior's answer to the lowest ones' residuals; how many were added."""
-    (omega2, X), (inside, factor, count) = modes, interior
+    (omega2, X), (inside, solver, count) = modes, interior
     low = X[:, :count]
     residual = K @ low - (M @ low) * omega2[:count]
     D = np.zeros_like(low)
-    D[inside] = factor.solve(residual[inside])
-    D = D - X @ (X.T @ (M @ D))
+    D[inside] = solver.solve(residual[inside])
+    D = independent(D - X @ (X.T @ (M @ D)), M)
+    Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
+    omega2, V = diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), place)
+    return omega2, Y @ V, D.shape[1]
+
+
+def independent(D: Floats, M: csr_matrix) -> Floats:
+    """M-orthonormal vectors that span D's, without directions that are round-off."""
     size, U = np.linalg.eigh(_unit_diagonal(D.T @ (M @ D)))
     keep = size > _DEPENDENT * size[-1]
-    D = (D / _norms(D, M)) @ (U[:, keep] / np.sqrt(size[keep]))
-    Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
-    omega2, V = _diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), place)
-    return omega2, Y @ V, int(keep.sum())
+    return np.asarray((D / _norms(D, M)) @ (U[:, keep] / np.sqrt(size[keep])))
 
 
 def _norms(D: Floats, M: csr_matrix) -> Floats:

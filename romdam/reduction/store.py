@@ -21,8 +21,10 @@ from __future__ import annotations
 
 import json
 import logging
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import h5py
 import numpy as np
@@ -41,6 +43,7 @@ log = logging.getLogger(__name__)
 LAYOUT = "romdam-block-1"
 Floats = NDArray[np.float64]
 _CHUNK_BYTES = 1 << 20
+_MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
 @dataclass(frozen=True)
@@ -68,18 +71,23 @@ def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoi
     elastic = (block.material.E, block.material.nu, block.material.rho)
     mesh = (block.element, block.points, block.cells, elastic)
     outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
-    return fingerprint((LAYOUT, romdam.__version__, *outside, interface, choice))
+    return fingerprint((LAYOUT, romdam.__version__, *outside, interface, choice.basis))
 
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file."""
     matrix = basis.matrix.reshape(len(block.points), 3, -1)
+    rows = max(1, min(len(matrix), _CHUNK_BYTES // max(1, 3 * 8 * matrix.shape[2])))
+    chunks = (rows, *matrix.shape[1:]) if 0 < matrix.nbytes < _MAPPED else None
+    group.create_dataset("basis", data=matrix, chunks=chunks)
+    _write_beside(group, block, basis)
+
+
+def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
+    """What stands beside the basis."""
     group["points"] = block.points
     group["cells"] = block.cells
     group["cells"].attrs["element"] = block.element
-    rows = max(1, min(len(matrix), _CHUNK_BYTES // max(1, 3 * 8 * matrix.shape[2])))
-    chunks = (rows, *matrix.shape[1:]) if matrix.size else None
-    group.create_dataset("basis", data=matrix, chunks=chunks)
     group["basis"].attrs["first"] = basis.columns.start
     group["omega2"] = basis.omega2
     group["participation"] = basis.participation
@@ -96,7 +104,7 @@ def read_block(group: h5py.Group) -> BlockBasis:
     """
     if group.attrs.get("layout") != LAYOUT:
         raise ResultError(f"layout {group.attrs.get('layout')!r}, expected {LAYOUT!r}")
-    matrix, first = group["basis"][()], int(group["basis"].attrs["first"])
+    matrix, first = _array(group["basis"]), int(group["basis"].attrs["first"])
     basis = BlockBasis(
         matrix=np.ascontiguousarray(matrix.reshape(3 * matrix.shape[0], -1)),
         columns=slice(first, first + matrix.shape[2]),
@@ -109,6 +117,20 @@ def read_block(group: h5py.Group) -> BlockBasis:
     return basis
 
 
+def read_block_file(path: Path) -> BlockBasis:
+    """Read the block of a cache file; see `read_block`."""
+    with h5py.File(path, "r") as file:
+        return read_block(file)
+
+
+def _array(data: h5py.Dataset) -> Floats:
+    """The array of a dataset; a large one in one piece is mapped, so that only rows in use are read."""
+    offset = data.id.get_offset()
+    if data.nbytes < _MAPPED or offset is None:
+        return np.asarray(data[()])
+    return np.memmap(data.file.filename, dtype=data.dtype, mode="r", offset=offset, shape=data.shape)
+
+
 class BlockStore:
     """A folder of reduced blocks.
 
@@ -119,6 +141,26 @@ class BlockStore:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._folder: TemporaryDirectory[str] | None = None
+
+    @classmethod
+    def passing(cls) -> BlockStore:
+        """A store that goes with the last reference to it; what is mapped from it stays readable."""
+        folder = TemporaryDirectory(prefix="romdam-")
+        store = cls(Path(folder.name))
+        store._folder = folder
+        return store
+
+    def scratch(self, key: str) -> Path:
+        """Where the unfinished block of a key grows.
+
+        Raises
+        ------
+        ResultError
+            where the folder cannot be made.
+        """
+        self._prepare()
+        return self.folder / f".block-{key[:16]}.columns"
 
     def path(self, key: str) -> Path:
         """Where the block of a key is."""
@@ -138,21 +180,63 @@ class BlockStore:
             log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
             return None
 
-    def write(self, key: str, block: Block, basis: BlockBasis) -> None:
-        """Keep a block under its key.
+    def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
+        """Keep a block under its key; the same block, mapped from its file where it is large.
 
         Raises
         ------
         ResultError
             where the folder or the disk refuses it.
         """
+        self._prepare()
+        with replacing(self.path(key), basis.matrix.nbytes) as part, h5py.File(part, "w") as file:
+            file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
+            write_block(file, block, basis)
+        if basis.matrix.nbytes < _MAPPED:
+            return basis
+        return replace(basis, matrix=read_block_file(self.path(key)).matrix)
+
+    def write_streamed(
+        self,
+        key: str,
+        block: Block,
+        omega2: Floats,
+        rows: tuple[Iterator[Floats], Floats],
+        report: dict[str, object],
+    ) -> BlockBasis:
+        """Keep a block whose basis comes some rows at a time, and map it.
+
+        Parameters
+        ----------
+        rows : the basis (3 nodes, m) from the first node to the last, and M r (3 n, 3)
+
+        Raises
+        ------
+        ResultError
+            where the folder or the disk refuses it.
+        """
+        pieces, inertia = rows
+        size = (len(block.points), 3, len(omega2))
+        participation, first = np.zeros((len(omega2), 3)), 0
+        with replacing(self.path(key), 8 * int(np.prod(size))) as part, h5py.File(part, "w") as file:
+            data = file.create_dataset("basis", shape=size, dtype="f8")
+            for piece in pieces:
+                last = first + len(piece) // 3
+                data[first:last] = piece.reshape(-1, 3, size[2])
+                participation += piece.T @ inertia[3 * first : 3 * last]
+                first = last
+            file.flush()
+            whole = _array(data).reshape(3 * size[0], -1)
+            basis = BlockBasis(whole, slice(0, size[2]), omega2, participation, report)
+            file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
+            _write_beside(file, block, basis)
+        return replace(basis, matrix=read_block_file(self.path(key)).matrix)
+
+    def _prepare(self) -> None:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ResultError(f"{self.folder}: the cache folder cannot be made ({error})") from error
-        with replacing(self.path(key), basis.matrix.nbytes) as part, h5py.File(part, "w") as file:
-            file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
-            write_block(file, block, basis)
 
 
 def _checksum(basis: BlockBasis) -> str:

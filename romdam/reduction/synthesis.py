@@ -23,13 +23,17 @@ from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.loads import surface_force
 from romdam.fem.water import AddedMass, added_mass
+from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
+from romdam.reduction.large import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.store import BlockBasis, BlockStore, block_key
 from romdam.reduction.tied import tied_bases
 from romdam.reduction.water import with_water
-from romdam.scene.held import held_rigidly
+from romdam.scene.held import held_rigidly, rigid_motions
 from romdam.scene.model import Block, Scene
+from romdam.scene.quality import refuse_loose_nodes
 from romdam.scene.ties import Part, scene_parts
 
 log = logging.getLogger(__name__)
@@ -79,6 +83,7 @@ def reduce_scene(
     operators = gap_operators(scene, law.directions)
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     found, parts, first = dict[str, BlockBasis](), dict[str, slice](), 0
+    _refuse_large(scene, choice)
     for part in scene_parts(scene).values():
         one = _reduced_part(part, scene, operators, choice, store)
         parts[part.name] = slice(first, first + len(one[part.blocks[0]].omega2))
@@ -121,6 +126,15 @@ def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -
     return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
 
+def _refuse_large(scene: Scene, choice: ModeChoice) -> None:
+    """Raise before anything is computed if a part does not fit in memory with any solver."""
+    if choice.keeps_all:
+        return
+    for part in scene_parts(scene).values():
+        unknowns = int((~part.fixed(scene.fixed)).sum())
+        candidates(unknowns, choice.columns, choice.solving, part.name)
+
+
 def _reduced_part(
     part: Part,
     scene: Scene,
@@ -156,18 +170,25 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
         return ALL_MODES
     if model.modes == "auto":
         raise ReductionError("model.modes is auto, and no motion has settled it yet; give a number or all")
-    return ModeChoice(count=model.modes, cutoff=model.cutoff, corrections=model.corrections)
+    solving = Solving(model.solver, model.memory)
+    return ModeChoice(model.modes, model.cutoff, model.corrections, solving=solving)
 
 
 def _reduced_block(
     block: Block, operator: csr_matrix, fixed: NDArray[np.bool_], choice: ModeChoice, store: BlockStore | None
 ) -> BlockBasis:
     """The basis of one block over all its DOFs in global axes: from the store, or made and kept there."""
+    refuse_loose_nodes(block, "reduction")
     interface = joint_interface(operator, fixed)
-    if store is None:
+    large = is_large(interface, choice)
+    if store is None and not large:
         return _reduce(block, interface, fixed, choice)
+    store = store or BlockStore.passing()
     key = block_key(block, fixed, interface, choice)
     found = store.read(key)
+    if found is None and large:
+        held = _held_interior(block, fixed, interface)
+        return reduce_large(LargeBlock(block, fixed, interface, held), choice, store, key)
     if found is None:
         found = _reduce(block, interface, fixed, choice)
         store.write(key, block, found)
@@ -178,33 +199,39 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     log.info("block %s: reducing", block.name)
     stiffness, mass = assemble(block)
     turn, free = interface.turn, ~fixed.ravel()
-    K = csr_matrix(turn @ stiffness @ turn.T)[free][:, free]
-    M = csr_matrix(turn @ mass @ turn.T)[free][:, free]
-    held = _held_interior(block, fixed, interface.retained.reshape(-1, 3), turn)
-    sub = reduce_block(K, M, interface.retained[free], held, choice, f"block {block.name!r}")
+    K, M = (turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
+    held = _held_interior(block, fixed, interface)
+    motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
+    sub = reduce_block(K, M, interface.retained[free], held, choice, f"block {block.name!r}", motions)
     whole = np.zeros((len(free), len(sub.omega2)))
     whole[free] = sub.basis
     matrix = np.asarray(turn.T @ whole)
     rigid = np.tile(np.eye(3), (len(block.points), 1))
-    return BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, matrix.T @ (mass @ rigid), sub.report())
+    return BlockBasis(
+        matrix,
+        slice(0, len(sub.omega2)),
+        sub.omega2,
+        matrix.T @ (mass @ rigid),
+        sub.report() | choice.report(),
+    )
 
 
 def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:
     """Modal static force on the joints' structure; weight follows from the participation."""
-    surface = part.matrix.T @ surface_force(scene, name).ravel()
+    forces = surface_force(scene, name).ravel()
+    loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
+    surface = part.matrix[loaded].T @ forces[loaded]
     if scene.staged_weight or name in scene.settled:
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)
 
 
-def _held_interior(
-    block: Block, fixed: NDArray[np.bool_], retained: NDArray[np.bool_], turn: csr_matrix
-) -> bool:
+def _held_interior(block: Block, fixed: NDArray[np.bool_], interface: Interface) -> bool:
     """Whether supports and retained DOFs, held, stop every rigid motion.
 
     Retained DOFs in turned frames are not counted: at worst the shift is used where none is needed.
     """
-    held = fixed.copy()
+    held, turn, retained = fixed.copy(), interface.turn, interface.retained.reshape(-1, 3)
     for node in np.flatnonzero(retained.any(axis=1)):
         frame = turn[3 * node : 3 * node + 3, 3 * node : 3 * node + 3].toarray()
         if np.array_equal(frame, np.eye(3)):

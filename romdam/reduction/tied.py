@@ -23,12 +23,13 @@ Rubin, AIAA Journal 13 (1975) 995; Hintz, AIAA Journal 13 (1975) 1007 (free mode
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
 import romdam
 from romdam.fem.absorbing import boundary_dashpots
@@ -37,7 +38,8 @@ from romdam.fem.loads import surface_force
 from romdam.fem.parts import assemble_part, gather, part_inertia, part_operator
 from romdam.fingerprint import fingerprint
 from romdam.linalg.eigen import dense_modes, modes_below
-from romdam.linalg.factor import Factor
+from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.craig_bampton import (
     FREE_SHIFT,
     ModeChoice,
@@ -45,8 +47,9 @@ from romdam.reduction.craig_bampton import (
     eigen_residual,
     without_roundoff,
 )
+from romdam.reduction.large import LARGE
 from romdam.reduction.store import LAYOUT, BlockBasis, BlockStore
-from romdam.scene.held import held_rigidly
+from romdam.scene.held import held_rigidly, rigid_motions
 from romdam.scene.model import Scene
 from romdam.scene.ties import Part
 
@@ -55,6 +58,8 @@ log = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
+_WIDTH = 64  # right-hand sides at a time
+_ROWS = 65_536  # of the basis at a time
 _STIFF = 1e-9  # least 1/omega2 of an attachment mode relative to their largest: it is a spring beyond that
 
 
@@ -94,16 +99,17 @@ def tied_bases(
     """
     operator = part_operator(part, operators)
     static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
-    keys = _keys(part, scene, operator, static, choice) if store is not None else {}
-    found = {name: store.read(key) for name, key in keys.items()} if store is not None else {}
+    if 24.0 * part.nodes * (operator.shape[0] + choice.columns // 4) > LARGE and not choice.keeps_all:
+        store = store or BlockStore.passing()
+    if store is None:
+        return dict(_bases(part, scene, (operator, static), choice))
+    keys = _keys(part, scene, operator, static, choice)
+    found = {name: store.read(key) for name, key in keys.items()}
     kept = {name: basis for name, basis in found.items() if basis is not None}
-    if len(kept) == len(part.blocks):
-        return kept
-    made = _bases(part, scene, (operator, static), choice)
-    for name, key in keys.items():
-        assert store is not None
-        store.write(key, scene.blocks[name], made[name])
-    return made
+    if len(kept) < len(part.blocks):
+        for name, basis in _bases(part, scene, (operator, static), choice):
+            kept[name] = store.write(keys[name], scene.blocks[name], basis)
+    return kept
 
 
 def _keys(
@@ -116,13 +122,14 @@ def _keys(
         for name in part.blocks
     ]  # fmt: skip
     kinds = [sorted(names & set(part.blocks)) for names in (scene.settled, scene.radiating)]
-    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, kinds, operator, static, choice))
+    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, kinds, operator, static, choice.basis))
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 
 def _bases(
     part: Part, scene: Scene, given: tuple[csr_matrix, Floats], choice: ModeChoice
-) -> dict[str, BlockBasis]:
+) -> Iterator[tuple[str, BlockBasis]]:
+    """The blocks' bases one after the other, so that only one is held beside the part's."""
     operator, static = given
     K, M = assemble_part(part, scene.blocks)
     fixed = part.fixed(scene.fixed)
@@ -130,19 +137,21 @@ def _bases(
     inertia = part_inertia(part, scene, M)
     static = np.column_stack([static, _inertia_with_weight(part, scene), _boundary_tractions(part, scene)])
     loads = Loads(csr_matrix(operator[:, free]), inertia[free], static[free])
-    held = held_rigidly(part.mesh(scene.blocks), fixed)
+    mesh = part.mesh(scene.blocks)
+    held = held_rigidly(mesh, fixed)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
-    sub = reduce_part(K, M, loads, held, choice, f"part {part.name}")
-    whole = np.zeros((part.nodes, 3, len(sub.omega2)))
-    whole.reshape(len(free), -1)[free] = sub.basis
-    report = sub.report() | {"part": part.name}
-    found = {}
+    motions = Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free])
+    sub = reduce_part(K, M, loads, held, choice, f"part {part.name}", motions)
+    del K, M, inertia, loads
+    row = np.cumsum(free) - 1
+    report = sub.report() | choice.report() | {"part": part.name}
     for name in part.blocks:
-        matrix = whole[part.number[name]].reshape(-1, len(sub.omega2))
+        dofs = (3 * part.number[name][:, None] + np.arange(3)).ravel()
+        matrix = np.zeros((len(dofs), len(sub.omega2)))
+        matrix[free[dofs]] = sub.basis[row[dofs[free[dofs]]]]
         rigid = np.tile(np.eye(3), (len(part.number[name]), 1))
         moved = matrix.T @ (assemble(scene.blocks[name])[1] @ rigid)
-        found[name] = BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, moved, report)
-    return found
+        yield name, BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, moved, report)
 
 
 def _inertia_with_weight(part: Part, scene: Scene) -> Floats:
@@ -172,7 +181,13 @@ def _boundary_tractions(part: Part, scene: Scene) -> Floats:
 
 
 def reduce_part(
-    K: csr_matrix, M: csr_matrix, loads: Loads, held: bool, choice: ModeChoice, place: str
+    K: csr_matrix,
+    M: csr_matrix,
+    loads: Loads,
+    held: bool,
+    choice: ModeChoice,
+    place: str,
+    motions: Motions,
 ) -> Substructure:
     """Reduce a part in free-interface form.
 
@@ -182,6 +197,7 @@ def reduce_part(
     held : whether supports stop every rigid motion
     choice : the modes to keep; a count is of the whole part, corrections are not needed
     place : what to call the part in messages
+    motions : of the free DOFs
 
     Raises
     ------
@@ -194,15 +210,12 @@ def reduce_part(
         highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi))
         return Substructure(without_roundoff(omega2), basis, 0, len(omega2), highest, 0.0, 0.0)
     shift = 0.0 if held else -FREE_SHIFT
-    factor = Factor(K - shift * M if shift else K)
-    log.info("%s: factored, %d unknowns", place, K.shape[0])
-    omega2, Phi = modes_below(K, M, K.shape[0] if every else choice.count, choice.cutoff, factor, shift)
+    shifted = K - shift * M if shift else K
+    solver = make_solver(shifted, motions, loads.B.shape[0] + choice.columns, choice.solving, place)
+    omega2, Phi = modes_below(K, M, K.shape[0] if every else choice.count, choice.cutoff, solver, shift)
     log.info("%s: %d modes", place, len(omega2))
-    right = np.hstack([loads.B.T.toarray(), loads.inertia, loads.force])
-    stiff, A = _attachment_modes(K - shift * M if shift else K, M, right, factor, Phi)
+    stiff, basis = _with_attachment_modes(M, _unit_columns(loads), solver, Phi)
     log.info("%s: %d attachment modes", place, len(stiff))
-    basis = np.hstack([Phi, A])
-    del A
     low = Phi.T @ (M @ Phi)
     return Substructure(
         omega2=without_roundoff(np.concatenate([omega2, stiff + shift])),
@@ -215,27 +228,56 @@ def reduce_part(
     )
 
 
-def _attachment_modes(
-    K: csr_matrix, M: csr_matrix, right: Floats, factor: Factor, Phi: Floats
+def _with_attachment_modes(
+    M: csr_matrix, right: csc_matrix, solver: Solver, Phi: Floats
 ) -> tuple[Floats, Floats]:
-    """Static answers to the columns of `right` without their part in Phi, M-orthonormal and diagonal in K.
+    """Phi and beside it the static answers to the columns of `right` without their part in Phi.
 
-    With A = K^-1 R the energies are A^T K A = R^T A, and what Phi takes of it follows from Phi^T R, so K is
-    not needed again. Directions are those of the flexibility; the ones that are springs beyond all the
-    motion of interest keep their flexibility with a mass that is not above theirs.
+    These are M-orthonormal and diagonal in K. With A = K^-1 R the energies are A^T K A = R^T A, and what Phi
+    takes of it follows from Phi^T R, so K is not needed again. Directions are those of the flexibility; the
+    ones that are springs beyond all the motion of interest keep their flexibility with a mass that is not
+    above theirs. All is done in place, some columns or rows at a time.
+
+    Returns
+    -------
+    stiff : (a,) omega^2 of the static answers
+    basis : (n, k + a)
     """
-    right = right[:, np.abs(right).max(axis=0) > 0.0]
-    if not right.shape[1]:
-        return np.zeros(0), np.zeros((K.shape[0], 0))
-    right = right / np.sqrt(np.einsum("ij,ij->j", right, right))
-    A = factor.solve(right)
-    A -= Phi @ (Phi.T @ (M @ A))
-    flexibility = right.T @ A
+    first, columns = Phi.shape[1], right.shape[1]
+    basis = np.empty((M.shape[0], first + columns))
+    basis[:, :first] = Phi
+    A, M_Phi, blocks = basis[:, first:], M @ Phi, _blocks(columns, _WIDTH)
+    flexibility, mass = np.empty((columns, columns)), np.empty((columns, columns))
+    for some in blocks:
+        answer = solver.solve(right[:, some].toarray())
+        answer -= Phi @ (M_Phi.T @ answer)
+        flexibility[:, some] = right.T @ answer
+        A[:, some] = answer
+    if not columns:
+        return np.zeros(0), basis
+    del M_Phi
     scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
     size, U = np.linalg.eigh(0.5 * (flexibility + flexibility.T) * scale * scale[:, None])
     keep = size > _DEPENDENT * size[-1]
     mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
-    mass = mix.T @ (A.T @ (M @ A)) @ mix
+    for some in blocks:
+        mass[:, some] = A.T @ (M @ A[:, some])
+    mass = mix.T @ mass @ mix
     slow, V = eigh(0.5 * (mass + mass.T))
     slow = np.maximum(slow[::-1], _STIFF * slow[-1])
-    return 1.0 / slow, A @ (mix @ V[:, ::-1] / np.sqrt(slow))
+    mix = mix @ V[:, ::-1] / np.sqrt(slow)
+    for rows in _blocks(len(A), _ROWS):
+        A[rows, : len(slow)] = A[rows] @ mix
+    return 1.0 / slow, basis[:, : first + len(slow)]
+
+
+def _blocks(count: int, size: int) -> list[slice]:
+    return [slice(k, min(k + size, count)) for k in range(0, count, size)]
+
+
+def _unit_columns(loads: Loads) -> csc_matrix:
+    """The loads that are not zero, each of unit length."""
+    right = csc_matrix(hstack([loads.B.T, csc_matrix(loads.inertia), csc_matrix(loads.force)]))
+    length = np.sqrt(np.asarray(right.multiply(right).sum(axis=0)).ravel())
+    some = np.flatnonzero(length > 0.0)
+    return csc_matrix(right[:, some] @ diags_array(1.0 / length[some]))

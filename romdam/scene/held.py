@@ -68,14 +68,15 @@ def _pieces(block: Block) -> tuple[int, Ints]:
     return int(count), piece.astype(np.int64)
 
 
-def rigid_motions(block: Block, nodes: Ints) -> Floats:
-    """Displacement of nodes in the six rigid motions of a block, (n, 3, 6).
+def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
+    """Displacement of nodes (all, if not given) in the six rigid motions of a block, (n, 3, 6).
 
     Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
     of order one.
     """
     low, high = block.points.min(axis=0), block.points.max(axis=0)
-    arm = (block.points[nodes] - (low + high) / 2) / (np.linalg.norm(high - low) / 2)
+    points = block.points if nodes is None else block.points[nodes]
+    arm = (points - (low + high) / 2) / (np.linalg.norm(high - low) / 2)
     turns = np.cross(np.eye(3)[None], arm[:, None, :]).transpose(0, 2, 1)
     return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
 

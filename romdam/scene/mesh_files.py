@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from romdam.scene.facets import boundary_facets
 from romdam.scene.mesh_groups import MeshFile, read_mesh_file
 from romdam.scene.model import Block, Ints, Material
 from romdam.scene.quality import refuse_bad_cells
+
+log = logging.getLogger(__name__)
 
 SOLIDS = {"tetra": "tet4", "tetra10": "tet10", "hexahedron": "hex8", "hexahedron20": "hex20"}
 _FACET_CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
@@ -43,6 +46,7 @@ def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folde
     file = read_mesh_file(path, f"{place}.file")
     members = _members(file, config.group, path, place)
     element, cells = _cells(file, members, path, place)
+    _name_loose_nodes(file, path, place)
     used, local = np.unique(cells, return_inverse=True)
     points = np.asarray(file.mesh.points, dtype=float)[used] * scale
     cells = local.reshape(cells.shape)
@@ -52,6 +56,21 @@ def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folde
     block = Block(name, element, points, cells, material, faces)
     refuse_bad_cells(block, f"{place}.file: {path}")
     return block
+
+
+def _name_loose_nodes(file: MeshFile, path: Path, place: str) -> None:
+    """Log which nodes of a file no element uses: they are left out."""
+    taken = np.zeros(len(file.mesh.points), dtype=bool)
+    for block in file.mesh.cells:
+        taken[np.asarray(block.data)] = True
+    loose = np.flatnonzero(~taken)
+    if len(loose):
+        at = ", ".join(f"{x:.6g}" for x in file.mesh.points[loose[0]])
+        log.warning(
+            "%s.file: %s: node %d (counted from 0, at (%s) in the file's unit) belongs to no element and is "
+            "left out (%d such nodes)",
+            place, path, loose[0], at, len(loose),
+        )  # fmt: skip
 
 
 def _metres(unit: str, place: str) -> float:

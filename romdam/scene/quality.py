@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from romdam.errors import MeshError
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
 from romdam.scene.model import Block
 
 _CHUNK = 4096  # cells at a time
+_COINCIDENT = 1e-6  # distance of two nodes relative to the block's diagonal
 
 
 def refuse_bad_cells(block: Block, place: str) -> None:
@@ -28,11 +30,46 @@ def refuse_bad_cells(block: Block, place: str) -> None:
             f"{place}: {len(block.cells) - len(unique)} of {len(block.cells)} elements of block "
             f"{block.name!r} occur twice, limit 0; remove duplicates, or select one `group` of the file"
         )
+    refuse_loose_nodes(block, place)
+    _refuse_coincident_nodes(block, place)
     _refuse_stray_midsides(block, place)
     element = ELEMENTS[block.element]
     for first in range(0, len(block.cells), _CHUNK):
         jacobian = jacobians(block.points, block.cells[first : first + _CHUNK], element, element.rule[0])
         refuse_inverted(block, np.linalg.det(jacobian), first, place)
+
+
+def refuse_loose_nodes(block: Block, place: str = "mesh") -> None:
+    """Raise if a node belongs to no element: nothing holds it, and no matrix has its row.
+
+    Raises
+    ------
+    MeshError
+        naming the first.
+    """
+    loose = np.flatnonzero(np.bincount(block.cells.ravel(), minlength=len(block.points)) == 0)
+    if len(loose):
+        raise MeshError(
+            f"{place}: node {_node(block, loose[0])} of block {block.name!r} belongs to no element "
+            f"({len(loose)} such nodes, limit 0): remove it, or mesh what it was meant for"
+        )
+
+
+def _refuse_coincident_nodes(block: Block, place: str) -> None:
+    """Two nodes at one place are a crack that no joint knows of."""
+    reach = _COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0)))
+    pairs = cKDTree(block.points).query_pairs(reach, output_type="ndarray")
+    if len(pairs):
+        first, second = pairs[np.lexsort(pairs.T[::-1])][0]
+        raise MeshError(
+            f"{place}: {len(pairs)} pairs of nodes of block {block.name!r} coincide (nodes {first} and "
+            f"{_node(block, second)} are the first, counted from 0; within {reach:.1g} m), limit 0: the "
+            "block is cut there; merge duplicate nodes, or make it two blocks with a joint or a tie"
+        )
+
+
+def _node(block: Block, node: int) -> str:
+    return f"{node} at ({', '.join(f'{x:.6g}' for x in block.points[node])})"
 
 
 def _refuse_stray_midsides(block: Block, place: str) -> None:

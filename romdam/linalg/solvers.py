@@ -1,0 +1,222 @@
+"""Which solver takes a matrix: estimates beforehand, a choice that is logged, the next one where it fails.
+
+All solvers have one interface, made once and solved with many times:
+
+| name | what it is | from |
+|---|---|---|
+| superlu | LU with an ordering for symmetric patterns | SciPy |
+| pardiso | L D L^T of the Intel MKL | pypardiso (extra `large`) |
+| multigrid | conjugate gradients under smoothed aggregation, no factors | pyamg (extra `large`) |
+
+MUMPS is left out: the one wheel of python-mumps (0.0.2) needs NumPy 1, and needs a compiler otherwise.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from romdam.errors import ReductionError
+from romdam.linalg.factor import Factor
+from romdam.linalg.multigrid import Motions, Multigrid
+from romdam.linalg.pardiso import PardisoFactor
+
+log = logging.getLogger(__name__)
+
+Floats = NDArray[np.float64]
+
+SMALL = 20_000  # unknowns up to which SuperLU is taken, so that a small job gives the same with any extra
+_SHARE = 0.8  # of the machine's memory, where no limit is given
+_WRONG = 1e-3  # error of a trial solve, relative to the answer: a matrix that spans 13 decades or more
+_MODULE = {"superlu": "scipy", "pardiso": "pypardiso", "multigrid": "pyamg"}
+
+
+class Solver(Protocol):
+    """Solves with one matrix as often as asked."""
+
+    size: int
+
+    def solve(self, right: Floats) -> Floats:
+        """Solve for one (n,) or several (n, k) right-hand sides."""
+        ...
+
+
+@dataclass(frozen=True)
+class Solving:
+    """Which solver, and the bytes it may take: None for four fifths of the machine's."""
+
+    solver: str = "auto"
+    memory: float | None = None
+
+    @property
+    def limit(self) -> float:
+        """Bytes that may be taken."""
+        return _SHARE * _machine() if self.memory is None else self.memory
+
+
+AUTO = Solving()
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a reduction with a solver would take: seconds on one core, bytes with the matrices and modes."""
+
+    solver: str
+    seconds: float
+    memory: float
+
+
+@dataclass(frozen=True)
+class _Growth:
+    """Fitted on tet10 cubes and cantilevers on one core: value = at_million * (unknowns / 1e6)^exponent."""
+
+    at_million: float
+    exponent: float
+
+    def __call__(self, unknowns: int) -> float:
+        return self.at_million * (unknowns / 1e6) ** self.exponent
+
+
+# name -> seconds to make, seconds for a column, bytes
+_FITS = {
+    "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
+    "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.35)),
+    "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(8e9, 1.0)),
+}
+
+
+def estimates(unknowns: int, columns: int) -> list[Estimate]:
+    """What every solver that is installed would take for so many right-hand sides, the quickest first.
+
+    Good to a factor of two for solid elements: the fits are of tet10 blocks on this package's benchmark.
+    """
+    found = [
+        Estimate(name, make(unknowns) + columns * column(unknowns), memory(unknowns))
+        for name, (make, column, memory) in _FITS.items()
+        if find_spec(_MODULE[name]) is not None
+    ]
+    return sorted(found, key=lambda e: (e.solver != "superlu" if unknowns <= SMALL else 0, e.seconds))
+
+
+def candidates(unknowns: int, columns: int, solving: Solving, place: str) -> list[Estimate]:
+    """The solvers that fit in memory, the one to be tried first in front.
+
+    Raises
+    ------
+    ReductionError
+        where none fits, or the one that is asked for is not installed or does not fit.
+    """
+    found = estimates(unknowns, columns)
+    wanted = [e for e in found if solving.solver in ("auto", e.solver)]
+    if not wanted:
+        raise ReductionError(
+            f"{place}: model.solver: {solving.solver} needs {_MODULE[solving.solver]}, which is not "
+            "installed; pip install 'romdam[large]', or set model.solver: auto"
+        )
+    fit = [e for e in wanted if e.memory <= solving.limit]
+    if not fit:
+        raise ReductionError(_refusal(unknowns, wanted, found, solving, place))
+    others = [e for e in found if e.memory <= solving.limit and e not in fit]
+    return fit + others
+
+
+def _refusal(
+    unknowns: int, wanted: list[Estimate], found: list[Estimate], solving: Solving, place: str
+) -> str:
+    limit = solving.limit
+    named = "model.memory" if solving.memory is not None else "four fifths of this machine's memory"
+    needs = ", ".join(f"{e.solver} {_size(e.memory)}" for e in wanted)
+    least = min(found, key=lambda e: e.memory)
+    most = max(
+        1e6 * (limit / bytes_.at_million) ** (1.0 / bytes_.exponent)
+        for bytes_ in (_FITS[e.solver][2] for e in wanted)
+    )
+    other = (
+        f"model.solver: {least.solver}, which needs {_size(least.memory)}; " if least not in wanted else ""
+    )
+    return (
+        f"{place}: {unknowns} unknowns need more than {named} = {_size(limit)} (estimated: {needs}); {other}"
+        f"give at least {_size(1.05 * least.memory)}, or a mesh of at most about {_round(most)} unknowns"
+    )
+
+
+def make_solver(matrix: csr_matrix, motions: Motions, columns: int, solving: Solving, place: str) -> Solver:
+    """Make the best solver for a symmetric positive definite matrix and so many right-hand sides.
+
+    Parameters
+    ----------
+    motions : of the matrix' rows, for multigrid
+    place : what to call the matrix in messages
+
+    Raises
+    ------
+    ReductionError
+        where none fits, or all fail; the message is the last one's.
+    """
+    if not matrix.shape[0]:
+        return Factor(matrix)
+    makers: dict[str, Callable[[], Solver]] = {
+        "superlu": lambda: Factor(matrix),
+        "pardiso": lambda: PardisoFactor(matrix, solving.limit),
+        "multigrid": lambda: Multigrid(matrix, motions),
+    }
+    tried = candidates(matrix.shape[0], columns, solving, place)
+    for k, estimate in enumerate(tried):
+        log.info(
+            "%s: %s for %d unknowns and %d right-hand sides (estimated %.0f s, %s%s)",
+            place, estimate.solver, matrix.shape[0], columns, estimate.seconds, _size(estimate.memory),
+            "".join(f"; {e.solver}: {e.seconds:.0f} s, {_size(e.memory)}" for e in tried[k + 1 :]),
+        )  # fmt: skip
+        try:
+            solver = makers[estimate.solver]()
+            _prove(solver, matrix)
+            return solver
+        except (ReductionError, MemoryError) as error:
+            if k == len(tried) - 1:
+                raise ReductionError(f"{place}: {error or 'out of memory'}") from error
+            log.warning("%s: %s gives way to %s: %s", place, estimate.solver, tried[k + 1].solver, error)
+    raise AssertionError("unreachable")
+
+
+def _prove(solver: Solver, matrix: csr_matrix) -> None:
+    """Solve for forces whose answer is known.
+
+    Raises
+    ------
+    ReductionError
+        where the answer is not theirs: the matrix is singular, or nearly so.
+    """
+    known = np.random.default_rng(0).standard_normal(solver.size)
+    off = float(np.linalg.norm(solver.solve(matrix @ known) - known) / np.linalg.norm(known))
+    if not off < _WRONG:
+        raise ReductionError(
+            f"a stiffness matrix of {solver.size} unknowns is singular or nearly so (a trial solve is "
+            f"{off:.2g} of the answer off, limit {_WRONG:g}); look for nodes that no element uses, for "
+            "missing supports and for elements that hang loose"
+        )
+
+
+def _machine() -> float:
+    """Bytes of memory of the machine."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):
+        return float("inf")
+
+
+def _size(bytes_: float) -> str:
+    return f"{bytes_ / 1e9:.1f} GB" if bytes_ >= 1e8 else f"{bytes_ / 1e6:.0f} MB"
+
+
+def _round(number: float) -> int:
+    """Two digits."""
+    scale = 10 ** max(int(np.log10(max(number, 1.0))) - 1, 0)
+    return int(number / scale) * scale

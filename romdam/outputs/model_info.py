@@ -1,0 +1,58 @@
+"""What a file of reduced blocks holds: a block of the cache, or the basis file beside results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+
+from romdam.errors import ResultError
+from romdam.reduction.store import LAYOUT, read_block
+
+
+def model_lines(path: str | Path) -> list[str]:
+    """Sizes, cut-off, library version and hash of every reduced block in a file, each checked as it is read.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, or it is not one of reduced blocks.
+    """
+    path = Path(path)
+    try:
+        with h5py.File(path, "r") as file:
+            blocks = dict(file["blocks"]) if "blocks" in file else {"(cache)": file}
+            if any(group.attrs.get("layout") != LAYOUT for group in blocks.values()):
+                raise ResultError(f"{path}: is not a file of reduced blocks of this version ({LAYOUT})")
+            digest = file.attrs.get("key", file.attrs.get("content_sha256", "none"))
+            lines = [f"{path.name}: {len(blocks)} reduced block{'s' * (len(blocks) > 1)}"]
+            lines += [f"layout         {LAYOUT}, written by {file.attrs.get('source', 'an unknown version')}"]
+            lines += [f"SHA-256        {digest}"]
+            return lines + [line for name, group in blocks.items() for line in _block_lines(name, group)]
+    except (OSError, KeyError) as error:
+        raise ResultError(
+            f"{path}: is not a file of reduced blocks ({error}); give a .h5 of romdam"
+        ) from error
+
+
+def _block_lines(name: str, group: h5py.Group) -> list[str]:
+    try:
+        block = read_block(group)
+        state = "whole: matches its checksum"
+    except ResultError as error:
+        return [f"block {name}: damaged, {error}"]
+    report = block.report
+    frequencies = report.get("frequencies_hz")
+    lowest = ", ".join(f"{f:.3g}" for f in frequencies[:4]) if isinstance(frequencies, list) else "none"
+    asked = f"below {report['cutoff_hz']:g} Hz" if "cutoff_hz" in report else "by count"
+    cells, nodes = group["cells"], len(group["points"])
+    return [
+        f"block {name}",
+        f"  mesh         {len(cells)} {cells.attrs['element']}, {nodes} nodes, {3 * nodes} DOFs",
+        f"  coordinates  {block.matrix.shape[1]}: {report.get('retained_dofs')} retained, "
+        f"{report.get('fixed_interface_modes')} fixed-interface modes ({asked}), "
+        f"{report.get('corrections')} corrections",
+        f"  frequencies  {lowest} Hz with the joints open; fixed interface up to "
+        f"{report.get('highest_fixed_interface_hz', 0.0):.4g} Hz",
+        f"  basis        {block.matrix.nbytes / 1e6:.1f} MB, {state}",
+    ]

@@ -1,0 +1,163 @@
+"""Solvers against known answers and each other; which one is taken, and what is said where none can be."""
+
+import logging
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from romdam.config.models import BoxConfig
+from romdam.errors import ReductionError
+from romdam.fem.assembly import assemble
+from romdam.linalg import multigrid, solvers
+from romdam.linalg.eigen import modes_below
+from romdam.linalg.factor import Factor
+from romdam.linalg.lobpcg import Pencil, Wanted, block_modes, missed
+from romdam.linalg.multigrid import Motions, Multigrid
+from romdam.linalg.solvers import Solving, candidates, make_solver
+from romdam.scene.boxes import box_block
+from romdam.scene.held import rigid_motions
+from romdam.scene.model import Material
+
+pytest.importorskip("pyamg")
+NAMES = ["superlu", "multigrid", "pardiso"]
+CUTOFF = 100.0
+
+
+@pytest.fixture(scope="module")
+def block():
+    """K, M and motions of a 10 x 10 x 30 m tet10 cantilever, its front held in y alone: half-held nodes."""
+    box = BoxConfig(
+        origin=(0.0,) * 3, size=(10.0, 10.0, 30.0), element_size=(3.333333, 3.333333, 3.75), element="tet10"
+    )
+    made = box_block("b", box, Material(30e9, 0.2, 2400.0), "b")
+    K, M = assemble(made)
+    free = np.ones((len(made.points), 3), dtype=bool)
+    free[made.points[:, 2] == 0.0] = False
+    free[made.points[:, 1] == 0.0, 1] = False
+    free = free.ravel()
+    motions = Motions(np.flatnonzero(free), rigid_motions(made).reshape(-1, 6)[free])
+    return K[free][:, free], M[free][:, free], motions
+
+
+def made(name, block):
+    if name == "pardiso":
+        pytest.importorskip("pypardiso")
+    return make_solver(block[0], block[2], 10, Solving(name), "b")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_solver_finds_a_known_answer(name, block):
+    K = block[0]
+    known = np.random.default_rng(1).standard_normal((K.shape[0], 19))
+    known[:, 4] = 0.0
+    solver = made(name, block)
+    assert np.abs(solver.solve(K @ known) - known).max() < 1e-7
+    assert np.abs(solver.solve(K @ known[:, 0]) - known[:, 0]).max() < 1e-7
+    assert not solver.solve(np.zeros((K.shape[0], 2))).any()
+
+
+def test_pardiso_counts_negative_eigenvalues(block):
+    pytest.importorskip("pypardiso")
+    from romdam.linalg.pardiso import PardisoFactor
+
+    shifted = block[0] - (2.0 * np.pi * CUTOFF) ** 2 * block[1]
+    assert PardisoFactor(shifted).negative() == Factor(shifted).negative() > 5
+
+
+def reference(block):
+    """Modes below the cut-off by ARPACK on SuperLU, their number by Sylvester's inertia."""
+    K, M, _ = block
+    limit = (2.0 * np.pi * CUTOFF) ** 2
+    count = Factor(K - limit * M).negative()
+    operator = LinearOperator(K.shape, matvec=Factor(K).solve, dtype=float)
+    omega2, modes = eigsh(K, k=count, M=M, sigma=0.0, OPinv=operator, tol=0.0)
+    return omega2, modes
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_modes_below_a_frequency_are_those_of_a_sturm_count(name, block, monkeypatch):
+    K, M, _ = block
+    monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)  # the way of large blocks: no count beforehand
+    omega2, modes = modes_below(K, M, None, CUTOFF, made(name, block))
+    known, known_modes = reference(block)
+    assert len(omega2) == len(known)
+    assert np.abs(omega2 / known - 1.0).max() < 1e-9
+    overlap = np.linalg.svd(known_modes.T @ (M @ modes), compute_uv=False)
+    assert 1.0 - overlap.min() < 1e-12  # of the subspaces: 1e-6 of an angle, squared
+    assert np.abs(modes.T @ (M @ modes) - np.eye(len(omega2))).max() < 1e-10
+
+
+@pytest.mark.parametrize("lost", [0, 3, -1])
+def test_a_mode_that_was_missed_is_noticed(lost, block):
+    K, M, _ = block
+    pencil = Pencil(K, M, Multigrid(K, block[2]).precondition)
+    omega2, modes = block_modes(pencil, Wanted(8))
+    everything = Wanted(None, omega2[-1] * (1.0 + 1e-6))
+    assert missed(pencil, (omega2, modes), everything) is None
+    seen = missed(pencil, (np.delete(omega2, lost), np.delete(modes, lost, axis=1)), everything)
+    assert seen is not None and seen >= omega2[lost] * (1.0 - 1e-9)
+
+
+def test_a_small_matrix_is_superlu_s_whatever_is_installed():
+    assert candidates(solvers.SMALL, 400, Solving(), "b")[0].solver == "superlu"
+    assert candidates(solvers.SMALL + 1, 400, Solving(memory=8e9), "b")[0].seconds < 60.0
+
+
+def test_the_choice_and_its_reasons_are_logged(block, caplog):
+    with caplog.at_level(logging.INFO, logger="romdam.linalg.solvers"):
+        make_solver(block[0], block[2], 10, Solving(), "block 'b'")
+    (line,) = [r.getMessage() for r in caplog.records]
+    assert line.startswith(f"block 'b': superlu for {block[0].shape[0]} unknowns and 10 right-hand sides")
+    assert "estimated" in line and "multigrid" in line
+
+
+def test_a_solver_that_does_not_converge_gives_way(block, monkeypatch, caplog):
+    monkeypatch.setattr(multigrid, "_MOST", 2)
+    with caplog.at_level(logging.WARNING, logger="romdam.linalg.solvers"):
+        solver = make_solver(block[0], block[2], 10, Solving("multigrid"), "b")
+    assert not isinstance(solver, Multigrid)
+    assert "b: multigrid gives way to superlu: multigrid: 2 iterations" in caplog.text
+
+
+def test_a_solver_without_memory_gives_way(block, monkeypatch, caplog):
+    def full(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(solvers, "Factor", full)
+    make_solver(block[0], block[2], 10, Solving("superlu"), "b")
+    assert "superlu gives way to" in caplog.text
+
+
+def test_a_solver_that_is_missing_is_named(monkeypatch):
+    monkeypatch.setattr(solvers, "find_spec", lambda name: None if name == "pypardiso" else name)
+    with pytest.raises(
+        ReductionError, match=r"b: model.solver: pardiso needs pypardiso, which is not installed"
+    ):
+        candidates(100_000, 10, Solving("pardiso"), "b")
+    assert "pardiso" not in [e.solver for e in candidates(100_000, 10, Solving(), "b")]
+
+
+def test_too_little_memory_is_refused_with_what_would_fit():
+    with pytest.raises(ReductionError) as refused:
+        candidates(400_000, 300, Solving(memory=1e9), "dam")
+    text = str(refused.value)
+    assert "dam: 400000 unknowns need more than model.memory = 1.0 GB" in text
+    assert "multigrid" in text and "give at least" in text and "unknowns" in text.split("at most about")[1]
+    enough = float(text.split("give at least ")[1].split(" GB")[0]) * 1e9
+    assert candidates(400_000, 300, Solving(memory=enough), "dam")
+    fits = int(text.split("at most about ")[1].split(" ")[0])
+    assert candidates(fits, 300, Solving(memory=1e9), "dam")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_singular_matrix_is_refused_by_every_solver(name, block):
+    """Without its supports the block floats; a nearly singular factorisation would give noise."""
+    if name == "pardiso":
+        pytest.importorskip("pypardiso")
+    box = BoxConfig(origin=(0.0,) * 3, size=(4.0, 4.0, 4.0), element_size=2.0, element="tet10")
+    loose = box_block("b", box, Material(30e9, 0.2, 2400.0), "b")
+    motions = Motions(np.arange(3 * len(loose.points)), rigid_motions(loose).reshape(-1, 6))
+    with pytest.raises(ReductionError, match=r"singular|cannot be factored|gives way|iterations"):
+        make_solver(csr_matrix(assemble(loose)[0]), motions, 1, Solving(name), "b")

@@ -1,0 +1,62 @@
+"""`romdam info` on files of reduced blocks."""
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from romdam.cli import app
+from romdam.config.models import BoxConfig, DampingConfig
+from romdam.errors import ResultError
+from romdam.outputs.fields import write_model
+from romdam.outputs.model_info import model_lines
+from romdam.reduction.craig_bampton import ModeChoice
+from romdam.reduction.store import BlockStore
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.boxes import box_block
+from romdam.scene.model import Material, Scene
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """A scene of one held box, its block in the cache and its basis file."""
+    folder = tmp_path_factory.mktemp("info")
+    box = BoxConfig(origin=(0.0,) * 3, size=(2.0, 2.0, 6.0), element_size=1.0)
+    block = box_block("tower", box, Material(30e9, 0.2, 2400.0), "s")
+    fixed = {"tower": np.repeat((block.points[:, 2] == 0.0)[:, None], 3, axis=1)}
+    scene = Scene({"tower": block}, {}, fixed, (), (), np.zeros(3), ())
+    made = reduce_scene(scene, ModeChoice(cutoff=200.0), DampingConfig(), BlockStore(folder))
+    return folder / write_model(folder, scene, made.basis), next(folder.glob("block-*.h5")), made
+
+
+def test_it_tells_sizes_cutoff_version_and_hash(stored):
+    model, cached, made = stored
+    for path in (model, cached):
+        text = CliRunner().invoke(app, ["info", str(path)]).output
+        assert "48 hex8" not in text and "24 hex8, 63 nodes, 189 DOFs" in text
+        assert (
+            f"{made.system.size}: 0 retained, {made.system.size} fixed-interface modes (below 200 Hz)" in text
+        )
+        assert "written by romdam 0" in text and "whole: matches its checksum" in text
+    with h5py.File(cached) as file:
+        assert f"SHA-256        {file.attrs['key']}" in model_lines(cached)
+
+
+def test_a_damaged_block_is_told(stored, tmp_path):
+    copy = tmp_path / "block.h5"
+    copy.write_bytes(stored[1].read_bytes())
+    with h5py.File(copy, "r+") as file:
+        file["omega2"][0] *= 1.5
+    assert any("damaged, the arrays do not match their checksum" in line for line in model_lines(copy))
+
+
+def test_another_file_is_refused(tmp_path):
+    path = tmp_path / "x.h5"
+    with pytest.raises(ResultError, match="is not a file of reduced blocks"):
+        model_lines(path)
+    with h5py.File(path, "w") as file:
+        file["a"] = 1.0
+    with pytest.raises(
+        ResultError, match=r"is not a file of reduced blocks of this version \(romdam-block-1\)"
+    ):
+        model_lines(path)

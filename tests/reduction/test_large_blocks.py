@@ -1,0 +1,122 @@
+"""Large blocks reduced through the disk: the same basis, stopped and gone on with, mapped from its file."""
+
+import dataclasses
+
+import h5py
+import numpy as np
+import pytest
+from small_scenes import DAMPING, raw, scene
+
+from romdam.config.models import ModelConfig
+from romdam.errors import ReductionError
+from romdam.reduction import columns, large, store
+from romdam.reduction.store import BlockStore
+from romdam.reduction.synthesis import reduce_scene
+
+
+def built(friction=0.0, height=8.0):
+    config = raw(height=height, friction_coefficient=friction) if friction else raw(height=height)
+    for block in config["blocks"].values():
+        block["box"]["element"] = "tet10"
+    return scene(config)
+
+
+def reduced(where, into=None, **model):
+    return reduce_scene(where, ModelConfig(**({"cutoff": 400.0} | model)), DAMPING, into)
+
+
+@pytest.fixture
+def through_the_disk(monkeypatch):
+    monkeypatch.setattr(large, "LARGE", 0.0)
+    monkeypatch.setattr(store, "_MAPPED", 0.0)
+    monkeypatch.setattr(columns, "WIDTH", 7)
+    monkeypatch.setattr(columns, "_TOGETHER", 10)
+    monkeypatch.setattr(columns, "_ROWS", 50)
+    monkeypatch.setattr(large, "_NODES", 20)
+
+
+def flexibility(system):
+    """Of the gaps at 20 Hz."""
+    B = system.B.toarray()
+    return (B / (system.K.diagonal() + (2.0 * np.pi * 20.0) ** 2)) @ B.T
+
+
+@pytest.mark.parametrize("solver", ["superlu", "multigrid", "pardiso"])
+@pytest.mark.parametrize("free, corrections", [(False, 0), (True, 0), (False, 6)])
+def test_a_basis_from_the_disk_is_the_one_from_memory(
+    solver, free, corrections, monkeypatch, through_the_disk, tmp_path
+):
+    pytest.importorskip({"superlu": "scipy", "multigrid": "pyamg", "pardiso": "pypardiso"}[solver])
+    where = built()
+    if free:  # nothing but the gaps holds the right block
+        where = dataclasses.replace(where, fixed=where.fixed | {"right": np.zeros_like(where.fixed["right"])})
+    made = reduced(where, BlockStore(tmp_path), solver=solver, corrections=corrections)
+    monkeypatch.setattr(large, "LARGE", 1e12)
+    known = reduced(where, solver="superlu", corrections=corrections)
+    assert not made.basis["left"].matrix.flags.writeable  # mapped from its file
+    assert made.system.size == known.system.size
+    off = np.abs(made.system.K.diagonal() - known.system.K.diagonal())
+    assert off.max() < 1e-7 * known.system.K.diagonal().max()
+    a, b = flexibility(made.system), flexibility(known.system)
+    assert np.abs(a - b).max() < 1e-6 * np.abs(b).max()
+    for name in where.blocks:
+        x, y = (np.asarray(m.basis[name].matrix) for m in (made, known))
+        k = known.basis[name].omega2 < (2.0 * np.pi * 300.0) ** 2
+        projected = y[:, k] @ np.linalg.lstsq(y[:, k], x[:, k], rcond=None)[0]
+        assert np.abs(projected - x[:, k]).max() < 1e-6 * np.abs(x[:, k]).max()
+    assert np.abs(made.system.load.T @ made.system.load - known.system.load.T @ known.system.load).max() < (
+        1e-6 * np.abs(known.system.load.T @ known.system.load).max()
+    )
+
+
+def test_a_reduction_that_was_stopped_goes_on(monkeypatch, through_the_disk, tmp_path):
+    where, cache = built(), BlockStore(tmp_path)
+    known, solve = reduced(where, cache), large._constraint_modes
+    for path in tmp_path.glob("block-*"):
+        path.unlink()
+    made = []
+
+    def stops(*arguments):
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(arguments[-2])
+        return solve(*arguments)
+
+    monkeypatch.setattr(large, "_constraint_modes", stops)
+    with pytest.raises(KeyboardInterrupt):
+        reduced(where, cache)
+    assert len(list(tmp_path.glob(".block-*.columns"))) == 1 and not list(tmp_path.glob("block-*"))
+    again = []
+    monkeypatch.setattr(large, "_constraint_modes", lambda *a: again.append(a[-2]) or solve(*a))
+    found = reduced(where, cache)
+    assert made == [0, 7] and again[0] == 14
+    assert np.array_equal(found.system.K.diagonal(), known.system.K.diagonal())
+    assert not list(tmp_path.glob(".block-*"))
+
+
+def test_a_damaged_scratch_file_is_not_gone_on_with(through_the_disk, tmp_path):
+    where, cache = built(), BlockStore(tmp_path / "cache")
+    reduced(where, cache)
+    keys = [h5py.File(path)["/"].attrs["key"] for path in cache.folder.glob("block-*")]
+    for path in cache.folder.glob("block-*"):
+        path.unlink()
+    for key in keys:
+        cache.scratch(key).write_bytes(b"no HDF5")
+    assert reduced(where, cache).system.size > 0
+
+
+def test_a_mapped_basis_that_was_changed_is_made_again(through_the_disk, tmp_path, caplog):
+    where, cache = built(), BlockStore(tmp_path)
+    known = reduced(where, cache)
+    path = next(iter(tmp_path.glob("block-*")))
+    with h5py.File(path, "r+") as file:
+        file["basis"][5, 1, 2] += 1e-9
+    found = reduced(where, cache)
+    assert "do not match their checksum" in caplog.text
+    assert np.array_equal(found.system.K.diagonal(), known.system.K.diagonal())
+
+
+def test_memory_that_is_too_small_is_refused_before_anything_is_assembled(monkeypatch):
+    monkeypatch.setattr("romdam.reduction.synthesis.assemble", None)
+    with pytest.raises(ReductionError, match=r"left: \d+ unknowns need more than model.memory = 0 MB"):
+        reduced(built(), memory=100.0)
