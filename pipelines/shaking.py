@@ -110,7 +110,7 @@ def transient_options(job: Job, system: System, motion: GroundMotion) -> Transie
         where `outputs.every` is no whole multiple of `transient.dt`.
     """
     transient, integrator = job.config.transient, choose_integrator(job, system)
-    base, levels, stride = _steps(job, motion, integrator)
+    base, cuts, stride = _steps(job, motion, integrator)
     return TransientOptions(
         dt=base,
         stride=stride,
@@ -118,7 +118,7 @@ def transient_options(job: Job, system: System, motion: GroundMotion) -> Transie
         rho_inf=transient.rho_inf,
         tolerance=transient.tolerance,
         initial_state=job.config.loads.initial_state,
-        levels=levels,
+        cuts=cuts,
         force_change=transient.accuracy or TransientOptions.force_change,
     )
 
@@ -130,20 +130,20 @@ def options_at(job: Job, system: System, motion: GroundMotion, finest: float) ->
         return options
     every = options.dt * options.stride
     adaptive = options.integrator == "adaptive"
-    base, levels = refined_step(finest, options.dt, every) if adaptive else (finest, 0)
-    return replace(options, dt=base, levels=levels, stride=round(every / base))
+    base, cuts = refined_step(finest, options.dt, every) if adaptive else (finest, ())
+    return replace(options, dt=base, cuts=cuts, stride=round(every / base))
 
 
-def _steps(job: Job, motion: GroundMotion, integrator: str) -> tuple[float, int, int]:
-    """Base step, levels below it, base steps per written row."""
+def _steps(job: Job, motion: GroundMotion, integrator: str) -> tuple[float, tuple[int, ...], int]:
+    """Base step, how it is cut, base steps per written row."""
     dt, every = job.config.transient.dt, job.config.outputs.every
     if dt is None:  # an accuracy is given: start from the record's step, or what fits the rows
         interval = every or motion.dt
         parts = math.ceil(interval / motion.dt * (1.0 - 1e-9))
-        return interval / parts, 0, parts
+        return interval / parts, (), parts
     check_interval(job)
-    base, levels = refined_step(dt, motion.dt, every) if integrator == "adaptive" else (dt, 0)
-    return base, levels, 1 if every is None else round(every / base)
+    base, cuts = refined_step(dt, motion.dt, every) if integrator == "adaptive" else (dt, ())
+    return base, cuts, 1 if every is None else round(every / base)
 
 
 def check_interval(job: Job) -> None:
@@ -168,7 +168,7 @@ def check_interval(job: Job) -> None:
 
 def fixed_step(options: TransientOptions, dt: float, every: float, integrator: str) -> TransientOptions:
     """The same settings at a fixed step of another integrator."""
-    return replace(options, dt=dt, levels=0, stride=round(every / dt), integrator=integrator)
+    return replace(options, dt=dt, cuts=(), stride=round(every / dt), integrator=integrator)
 
 
 def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> Floats:

@@ -174,13 +174,13 @@ def _stepped(setup: _Setup, system: System, integrator: str, dt: float) -> Trans
     options, step = _options(setup, system), _divide(setup.every, dt)
     if integrator != "adaptive":
         return fixed_step(options, step, setup.every, integrator)
-    base, levels = refined_step(step, setup.motion.dt, setup.every)
-    return replace(options, dt=base, levels=levels, stride=round(setup.every / base), integrator=integrator)
+    base, cuts = refined_step(step, setup.motion.dt, setup.every)
+    return replace(options, dt=base, cuts=cuts, stride=round(setup.every / base), integrator=integrator)
 
 
 def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
     options = case.options
-    finest = options.dt / 4.0**options.levels
+    finest = options.dt / math.prod(options.cuts)
     ground = ground_at_steps(setup.motion, options.dt, setup.duration)
     text = f"{options.integrator}, {case.modes}, {case.corrections} corrections, finest step {finest:g} s"
     runs: list[History] = []

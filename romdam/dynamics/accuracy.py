@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.dynamics.arrays import RATIO
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.runs import Case, Progress
 from romdam.dynamics.system import History, System
@@ -24,8 +23,11 @@ _SHRINK = (0.3, 0.7)  # believed range of the ratio of two successive difference
 _NEGLIGIBLE = 1e-12
 
 
-def refined_step(finest: float, coarse: float, every: float | None) -> tuple[float, int]:
-    """Base step and levels below it for a finest step.
+def refined_step(finest: float, coarse: float, every: float | None) -> tuple[float, tuple[int, ...]]:
+    """Base step and how it is cut down to a finest step.
+
+    A cut into 2 refuses more steps than one into 4, one into 8 takes more small ones; both cost more, so only
+    the base step is cut into 2, where that brings it nearer to the coarse one.
 
     Parameters
     ----------
@@ -35,15 +37,17 @@ def refined_step(finest: float, coarse: float, every: float | None) -> tuple[flo
 
     Returns
     -------
-    (base step, levels) with finest = base / RATIO^levels
+    (base step, cuts), see `romdam.dynamics.options.TransientOptions`
     """
-    levels = 0
-    while finest * RATIO ** (levels + 1) <= coarse * (1.0 + 1e-9):
-        rows = 1.0 if every is None else every / (finest * RATIO ** (levels + 1))
-        if rows < 1.0 - 1e-6 or abs(rows - round(rows)) > 1e-6 * rows:
-            break
-        levels += 1
-    return finest * RATIO**levels, levels
+
+    def fits(step: float) -> bool:
+        rows = 1.0 if every is None else every / step
+        return step <= coarse * (1.0 + 1e-9) and rows > 1.0 - 1e-6 and abs(rows - round(rows)) <= 1e-6 * rows
+
+    base, cuts = finest, tuple[int, ...]()
+    while fits(4.0 * base):
+        base, cuts = 4.0 * base, (4, *cuts)
+    return (2.0 * base, (2, *cuts)) if fits(2.0 * base) else (base, cuts)
 
 
 def integrate_to(
@@ -102,8 +106,8 @@ def integrate_cases_to(
     outcomes: dict[int, Outcome] = {}
     trials = {i: _Trial() for i in range(len(systems))}
     for halvings in range(_FIRST_HALVINGS, _MOST_HALVINGS + 1):
-        base, levels = _step_of(options.integrator, coarse / 2.0**halvings, coarse, every)
-        trial = replace(options, dt=base, levels=levels, stride=round(every / base))
+        base, cuts = _step_of(options.integrator, coarse / 2.0**halvings, coarse, every)
+        trial = replace(options, dt=base, cuts=cuts, stride=round(every / base))
         cases = [Case(systems[i], grounds[i](base)) for i in trials]
         for i, found in zip(list(trials), integrate_cases(cases, trial, progress), strict=True):
             if isinstance(found, ConvergenceError):
@@ -157,5 +161,5 @@ def _measured(history: History) -> Floats:
     return history.jump[..., 0].copy() if history.jump.size else history.disp
 
 
-def _step_of(integrator: str, finest: float, coarse: float, every: float) -> tuple[float, int]:
-    return refined_step(finest, coarse, every) if integrator == "adaptive" else (finest, 0)
+def _step_of(integrator: str, finest: float, coarse: float, every: float) -> tuple[float, tuple[int, ...]]:
+    return refined_step(finest, coarse, every) if integrator == "adaptive" else (finest, ())

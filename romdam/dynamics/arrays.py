@@ -16,8 +16,6 @@ from romdam.joints.problem import GapMemory, GapProblem
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-RATIO = 4  # between the steps of two levels: 2 refuses more steps, 8 takes more small ones; both cost more
-
 
 class ModalModel(NamedTuple):
     """A diagonal system in arrays for the loop: what all runs share.
@@ -45,18 +43,20 @@ class ModalModel(NamedTuple):
 class Levels(NamedTuple):
     """Step coefficients and gap-space problems of every step size, the base step first.
 
-    Level l has the step dt / RATIO^l. Every array of `step` and `problem` has a leading axis of variants
+    Every array of `step` and `problem` has a leading axis of variants
     (runs may differ in damping and in the joints' parameters), then, unless it is the same at every step,
     one of levels.
 
     Attributes
     ----------
+    size : (levels,) finest steps in a step
     step : stacked Propagator
     problem : stacked GapProblem
     decay : (variants, levels) exp(-step / tau), tau the relaxation time of R
     half : (variants, levels, N, N) half the states' flexibility over a step (conserving), else empty [m/N]
     """
 
+    size: Ints
     step: Propagator
     problem: GapProblem
     decay: Floats

@@ -6,10 +6,10 @@ the gap-space solve and G^T p, beside the modes' own few flops.
 
 The error of this scheme is made where contact changes: a gap that closes within a step is pushed over
 the whole of it. So a step in which the closed set, or a joint force, changes much is accepted at the
-finest level only; steps are cut by `RATIO` and grow again when contact has rested. They sit on a grid below
-the base step, so the propagators and flexibilities of every level exist before the march. One level is the
-fixed-step scheme. On the two-cantilever model the finest step sets the error (0.4 % at 0.000625 s, as for a
-fixed step of that size) at a third of the steps and of the cost.
+finest level only; steps are cut, level by level, and grow again when contact has rested. They sit on a grid
+below the base step, so the propagators and flexibilities of every level exist before the march. One level is
+the fixed-step scheme. On the two-cantilever model the finest step sets the error (0.4 % at 0.000625 s, as for
+a fixed step of that size) at a third of the steps and of the cost.
 
 Strongly damped modes are not states. They answer the joint force as a flexibility R that relaxes with their
 common time tau = c/k (stiffness-proportional damping gives beta to all): tau s' + s = p, u_r = R s.
@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from romdam.dynamics.arrays import RATIO, Levels, ModalModel, ModalState, Runs, Track, Work
+from romdam.dynamics.arrays import Levels, ModalModel, ModalState, Runs, Track, Work
 from romdam.dynamics.conserving import try_conserving
 from romdam.dynamics.modes import (
     advance,
@@ -132,8 +132,7 @@ def _open_base_step(model: ModalModel, runs: Runs, work: Work, run: int) -> None
 @njit(cache=True, inline="always")
 def _head_for(levels: Levels, runs: Runs, states: ModalState, work: Work, run: int) -> None:
     """Free motion of a run over its next step, to work.f_1 and work.q_free."""
-    finest = levels.decay.shape[1] - 1
-    share = _reach(runs, run, finest)
+    share = _reach(levels, runs, run)
     f_0, f_end, f_1 = work.f_0[run], work.f_end[run], work.f_1[run]
     for j in range(len(f_1)):
         f_1[j] = f_0[j] + share * (f_end[j] - f_0[j])
@@ -141,9 +140,9 @@ def _head_for(levels: Levels, runs: Runs, states: ModalState, work: Work, run: i
 
 
 @njit(cache=True, inline="always")
-def _reach(runs: Runs, run: int, finest: int) -> float:
+def _reach(levels: Levels, runs: Runs, run: int) -> float:
     """Where a run's next step ends within its base step, from 0 to 1."""
-    return (runs.clock[run, 1] + RATIO ** (finest - runs.clock[run, 2])) / RATIO**finest
+    return (runs.clock[run, 1] + levels.size[runs.clock[run, 2]]) / levels.size[0]
 
 
 @njit(cache=True, inline="always")
@@ -160,7 +159,7 @@ def _try_step(
     l, finest = runs.clock[run, 2], levels.decay.shape[1] - 1
     problem, memory = _gaps_of(levels, runs, run)
     w, y, shift, old_force = work.w[run], work.y[run], work.shift[run], work.old_force[run]
-    share, ends, variant = _reach(runs, run, finest), work.ends[run], runs.variant[0, run]
+    share, ends, variant = _reach(levels, runs, run), work.ends[run], runs.variant[0, run]
     for i in range(len(shift)):
         shift[i] = ends[0, i] + share * (ends[1, i] - ends[0, i])
     copy(memory.force, old_force)
@@ -229,23 +228,21 @@ def _move(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work
     for i in range(len(state.impulse)):
         for a in range(d):
             state.impulse[i, a] += dt * state.mean[d * i + a]
-    finest = levels.decay.shape[1] - 1
-    _peak(state, levels.step.dt[variant, 0] * (runs.clock[run, 0] + _reach(runs, run, finest)))
+    _peak(state, levels.step.dt[variant, 0] * (runs.clock[run, 0] + _reach(levels, runs, run)))
 
 
 @njit(cache=True, inline="always")
 def _tick(
-    model: ModalModel, runs: Runs, state: ModalState, work: Work, track: Track, run: int, finest: int
+    model: ModalModel, levels: Levels, runs: Runs, state: ModalState, work: Work, track: Track, run: int
 ) -> None:
     """Move a run's clock over its accepted step; write a row, choose the next level, open a base step."""
-    clock = runs.clock[run]
-    size = RATIO ** (finest - clock[2])
-    clock[1] += size
+    clock, size = runs.clock[run], levels.size
+    clock[1] += size[clock[2]]
     state.counts[0] += 1
-    if clock[2] > 0 and clock[3] >= _CALM and clock[1] % (RATIO * size) == 0:
+    if clock[2] > 0 and clock[3] >= _CALM and clock[1] % size[clock[2] - 1] == 0:
         clock[2] -= 1
         clock[3] = 0
-    if clock[1] < RATIO**finest:
+    if clock[1] < size[0]:
         return
     clock[0] += 1
     if clock[0] % track.stride == 0:
@@ -298,7 +295,7 @@ def _round(
     for a in range(accepted):
         state = _state_of(states, moved[a])
         _move(model, levels, runs, state, work, moved[a])
-        _tick(model, runs, state, work, track, moved[a], finest)
+        _tick(model, levels, runs, state, work, track, moved[a])
 
 
 @njit(**VIEWS)

@@ -40,7 +40,7 @@ class TransientOptions:
     rho_inf : spectral radius at infinite frequency (generalized_alpha only)
     tolerance : allowed relative residual of the gap-space problem of a step
     initial_state : "static" (equilibrium under the static loads) or "from_start" (at rest, undeformed)
-    levels : step sizes below the base step, each a quarter of the one before (adaptive only)
+    cuts : into how many a step is cut at each level below the base step (adaptive only)
     force_change : what the change of a joint force over a step may do before the step is cut, as a gap
         velocity relative to the peak ground velocity (adaptive only)
     flexible_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility and are
@@ -55,7 +55,7 @@ class TransientOptions:
     rho_inf: float = 0.9
     tolerance: float = 1e-8
     initial_state: str = "static"
-    levels: int = 2
+    cuts: tuple[int, ...] = (4, 4)
     force_change: float = 0.01
     flexible_ratio: float = 0.7
     start: Start | None = None

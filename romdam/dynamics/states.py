@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.dynamics.arrays import RATIO, Levels, ModalModel, Track
+from romdam.dynamics.arrays import Levels, ModalModel, Track
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.propagator import Propagator, modal_propagator, stacked
 from romdam.dynamics.static import system_gap_problem
@@ -199,6 +200,7 @@ def step_levels(
     ]
     halves = [motion.half for motion in motions if model.conserving]
     levels = Levels(
+        size=np.array([math.prod(options.cuts[level:]) for level in range(len(options.cuts) + 1)]),
         step=stacked([motion.step for motion in motions]),
         problem=_stacked_problems(problems),
         decay=np.stack([motion.decay for motion in motions]),
@@ -219,7 +221,7 @@ class _Motion:
 
 def _motion(system: System, model: ModalModel, split: StateSplit, options: TransientOptions) -> _Motion:
     k, c = system.K.diagonal(), system.C.diagonal()
-    sizes = [options.dt / float(RATIO) ** level for level in range(options.levels + 1)]
+    sizes = [options.dt / math.prod(options.cuts[:level]) for level in range(len(options.cuts) + 1)]
     tau = _relaxation_time(k[split.rest], c[split.rest], split.G_rest)
     decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
     step = stacked([modal_propagator(k[split.states], c[split.states], dt) for dt in sizes])

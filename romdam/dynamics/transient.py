@@ -82,7 +82,7 @@ def modal(cases: Sequence[Case], options: TransientOptions, progress: Progress) 
     ConfigError
         for a system that is not diagonal.
     """
-    return adaptive(cases, replace(options, levels=0, flexible_ratio=math.inf), progress)
+    return adaptive(cases, replace(options, cuts=(), flexible_ratio=math.inf), progress)
 
 
 def adaptive(cases: Sequence[Case], options: TransientOptions, progress: Progress) -> list[Outcome]:
@@ -114,7 +114,7 @@ def conserving(cases: Sequence[Case], options: TransientOptions, progress: Progr
             f"transient.integrator: conserving knows no {', '.join(laws)}; "
             "use adaptive, or leave these keys out of the joints"
         )
-    fixed = replace(options, levels=0)
+    fixed = replace(options, cuts=())
     return _march_alike(
         cases, fixed, progress, lambda system: split_conserving(system, options.dt), conserving=True
     )

@@ -90,9 +90,9 @@ def reduced(
 ) -> tuple[Outcome, dict[str, float]]:
     motion = load_motions(job.config.records, job.folder)[0]
     model = reduce_scene(scene, ModeChoice(cutoff=cutoff), job.config.damping)
-    base, levels = refined_step(step, motion.dt, EVERY)
+    base, cuts = refined_step(step, motion.dt, EVERY)
     options = replace(
-        transient_options(job, model.system, motion), dt=base, levels=levels, stride=round(EVERY / base)
+        transient_options(job, model.system, motion), dt=base, cuts=cuts, stride=round(EVERY / base)
     )
     integrate(model.system, ground_at_steps(motion, base, 20 * base), options)  # compiled, not timed
     history = integrate(model.system, ground_at_steps(motion, base, seconds), options)

@@ -85,8 +85,8 @@ def at_finest(dt: float, **options: object) -> dict[str, object]:
     """Options of a run whose finest step is dt: the adaptive one starts from the record's or half of it."""
     if options.get("integrator") != "adaptive":
         return {"dt": dt, **options}
-    base, levels = refined_step(dt, RECORD_STEP, RECORD_STEP)
-    return {"dt": base, "levels": levels, **options}
+    base, cuts = refined_step(dt, RECORD_STEP, RECORD_STEP)
+    return {"dt": base, "cuts": cuts, **options}
 
 
 def row(runs: list[History], dt: float, seconds: float | None) -> Row:

@@ -64,10 +64,10 @@ def window(motion: GroundMotion, seconds: float) -> float:
 def march(case: str, motion: GroundMotion, integrator: str, finest: float, end: float) -> History:
     """One run from rest with rows every 0.01 s."""
     coarse = min(motion.dt, EVERY)
-    base, levels = refined_step(finest, coarse, EVERY) if integrator == "adaptive" else (finest, 0)
+    base, cuts = refined_step(finest, coarse, EVERY) if integrator == "adaptive" else (finest, ())
     options = TransientOptions(
         dt=base,
-        levels=levels,
+        cuts=cuts,
         stride=round(EVERY / base),
         integrator=integrator,
         initial_state="from_start",

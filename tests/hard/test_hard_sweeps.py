@@ -53,7 +53,7 @@ def _shake(system, dt=0.0025, seconds=1.5, g=1.0, **options):
     """A pulse of two half sines at 2 Hz along y, two thirds of it along x."""
     t = np.arange(round(seconds / dt) + 1) * dt
     acc = 9.81 * g * np.sin(4.0 * np.pi * t) * (t < 0.5)
-    options = {"initial_state": "from_start", "integrator": "adaptive", "levels": 1} | options
+    options = {"initial_state": "from_start", "integrator": "adaptive", "cuts": (4,)} | options
     return integrate(system, np.stack([acc / 1.5, acc, 0 * acc]), TransientOptions(dt=dt, **options))
 
 
