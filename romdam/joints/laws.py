@@ -85,7 +85,9 @@ def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tup
     Equal limits bound the resultant (a disc), unequal limits each direction (a rectangle).
     """
     if limit_j == limit_k:
-        size = math.sqrt(t_j * t_j + t_k * t_k)  # hypot is a call, a tenth of a march with friction
+        large, small = max(abs(t_j), abs(t_k)), min(abs(t_j), abs(t_k))
+        # no hypot: it is a call, a tenth of a march with friction
+        size = large * math.sqrt(1.0 + (small / large) ** 2) if large > 0.0 else 0.0
         if size <= limit_j:
             return t_j, t_k, False
         return t_j * (limit_j / size), t_k * (limit_j / size), True
