@@ -72,12 +72,20 @@ def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemor
     x = p.strength
     strength = Strength(x.tension[i], x.cohesion[i], x.mu_static[i], x.key[i], x.dash[i, l])
     problem = GapProblem(
-        p.W[i, l], p.Z[i, l], p.lift[i, l], p.tension[i], p.compliance[i, l], p.mu[i], p.gap[i], strength
+        p.W[i, l],
+        p.Z[i, l],
+        p.lift[i, l],
+        p.tension[i],
+        p.compliance[i, l],
+        p.lag[i, l],
+        p.mu[i],
+        p.gap[i],
+        strength,
     )
     limits = Limits(m.limits.cohesion[run], m.limits.mu[run], m.limits.tension[run])
     memory = GapMemory(
         m.force[run], m.anchor[run], m.active[run, l], m.inverse[run, l], m.order[run, l], m.counts[run, l],
-        m.work, limits, m.weak[run], m.trial[run], m.overlap[run], m.worst[run],
+        m.work, limits, m.weak[run], m.trial[run], m.spring[run], m.worst[run],
     )  # fmt: skip
     return problem, memory
 
@@ -187,15 +195,16 @@ def _accept(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, wo
     """Commit the gaps of a solved step."""
     problem, memory = _gaps_of(levels, runs, run)
     stored, friction = commit_gaps(problem, memory, work.y[run], state.jump, state.force, state.state)
-    changed = False
+    changed, d = False, state.force.shape[1]
     for i in range(len(state.closed)):
-        closed = state.state[i] > 0
+        closed = memory.force[d * i] > -memory.limits.tension[i]
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
     if not model.conserving:
-        for i in range(len(state.force)):
-            for a in range(state.force.shape[1]):
-                state.mean[state.force.shape[1] * i + a] = state.force[i, a]
+        for b in range(len(state.mean)):
+            state.mean[b] = memory.force[b]
+        for i in range(len(problem.tension)):
+            state.mean[d * i] -= problem.tension[i] * state.jump[i, 0]
     runs.clock[run, 3] = 0 if changed else runs.clock[run, 3] + 1
     state.works[3] += friction
     state.stored[0] = stored
@@ -291,7 +300,8 @@ def _round(
     moved = work.accepted[:accepted]
     modal_forces(model, moved, states.mean, work.r, work)
     if len(model.R):
-        residual_jumps(model.R, moved, states.force, work.w, work)
+        acted = states.force.reshape(states.mean.shape) if model.conserving else states.mean
+        residual_jumps(model.R, moved, acted, work.w, work)
     for a in range(accepted):
         state = _state_of(states, moved[a])
         _move(model, levels, runs, state, work, moved[a])

@@ -96,9 +96,8 @@ def modal_forces(model: ModalModel, rows: Ints, p: Floats, r: Floats, work: Work
 
 
 @njit(**ARRAYS)
-def residual_jumps(R: Floats, rows: Ints, force: Floats, goal: Floats, work: Work) -> None:
+def residual_jumps(R: Floats, rows: Ints, p: Floats, goal: Floats, work: Work) -> None:
     """goal = R p of some runs: what the modes that are no states tend to."""
-    p = force.reshape(goal.shape)
     if len(rows) <= _FEW:
         for a in range(len(rows)):
             goal[rows[a]] = 0.0
@@ -174,9 +173,10 @@ def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> t
     Parameters
     ----------
     decay : exp(-step / tau)
-    goal : (N,) R p, p the joint force at the step's end
+    goal : (N,) R p, p the joint force of the step
     """
-    s, u_r, p, N = state.s, state.u_r, state.force.ravel(), len(goal)
+    s, u_r, N = state.s, state.u_r, len(goal)
+    p = state.force.ravel() if model.conserving else state.mean
     work, loss, size = 0.0, 0.0, 0.0
     for i in range(N):
         new = decay * u_r[i] + (1.0 - decay) * goal[i]

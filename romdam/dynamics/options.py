@@ -43,6 +43,8 @@ class TransientOptions:
     cuts : into how many a step is cut at each level below the base step (adaptive only)
     force_change : what the change of a joint force over a step may do before the step is cut, as a gap
         velocity relative to the peak ground velocity (adaptive only)
+    midpoint : whether joint forces follow their springs at a point within the step, see
+        `romdam.joints.problem` (adaptive only)
     flexible_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility and are
         no states (adaptive only)
     start : state to go on from, instead of `initial_state` (diagonal systems)
@@ -57,6 +59,7 @@ class TransientOptions:
     initial_state: str = "static"
     cuts: tuple[int, ...] = (4, 4)
     force_change: float = 0.01
+    midpoint: bool = True
     flexible_ratio: float = 0.7
     start: Start | None = None
     shift: Floats | None = None

@@ -155,7 +155,7 @@ def _external_force(model: ModalModel, acc: Floats) -> Floats:
 def _memory_of(memory: GapMemory, run: int) -> GapMemory:
     """What `take_over` sets, of one run."""
     return memory._replace(
-        force=memory.force[run], anchor=memory.anchor[run], weak=memory.weak[run], overlap=memory.overlap[run]
+        force=memory.force[run], anchor=memory.anchor[run], weak=memory.weak[run], spring=memory.spring[run]
     )
 
 

@@ -193,7 +193,7 @@ def step_levels(
     motions = [_motion(variants[dampings.index(key)], model, split, options) for key in distinct]
     problems = [
         [
-            _offset_problem(system, split, H, dt)
+            _offset_problem(system, split, (H, dt), options.midpoint and not model.conserving)
             for H, dt in zip(motions[i].H, motions[i].step.dt, strict=True)
         ]
         for system, i in zip(variants, index, strict=True)
@@ -232,10 +232,12 @@ def _motion(system: System, model: ModalModel, split: StateSplit, options: Trans
     return _Motion(step, decay, H, half)
 
 
-def _offset_problem(system: System, split: StateSplit, H: Floats, dt: float) -> GapProblem:
+def _offset_problem(
+    system: System, split: StateSplit, step: tuple[Floats, float], midpoint: bool
+) -> GapProblem:
     """The gap-space problem of a step, its gaps as the static load leaves the modes that are no states."""
     offset = split.G_rest @ (system.force[split.rest] / system.K.diagonal()[split.rest])
-    problem = system_gap_problem(system, H, float(dt))
+    problem = system_gap_problem(system, step[0], float(step[1]), midpoint)
     return problem._replace(gap=problem.gap + offset[:: system.law.directions])
 
 
@@ -256,6 +258,7 @@ def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
         lift=by_level("lift"),
         tension=np.stack([problem.tension for problem in firsts]),
         compliance=by_level("compliance"),
+        lag=by_level("lag"),
         mu=np.stack([problem.mu for problem in firsts]),
         gap=np.stack([problem.gap for problem in firsts]),
         strength=Strength(*(np.stack(values) for values in strengths))._replace(dash=dash),
@@ -292,7 +295,7 @@ def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
         limits=Limits(*(np.stack(values) for values in limits)),
         weak=by_run("weak"),
         trial=by_run("trial"),
-        overlap=by_run("overlap"),
+        spring=by_run("spring"),
         worst=by_run("worst"),
     )
 
@@ -301,7 +304,7 @@ def _first_level(problem: GapProblem, variant: int) -> GapProblem:
     """The base step's problem of one variant."""
     strength = Strength(*(values[variant] for values in problem.strength))
     parts = {name: getattr(problem, name)[variant] for name in ("tension", "mu", "gap")}
-    arrays = {name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance")}
+    arrays = {name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance", "lag")}
     return GapProblem(**arrays, **parts, strength=strength._replace(dash=strength.dash[0]))
 
 

@@ -51,19 +51,21 @@ class GapState:
     weak: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.bool_))
 
 
-def system_gap_problem(system: System, H: Floats, dt: float = np.inf) -> GapProblem:
+def system_gap_problem(system: System, H: Floats, dt: float = np.inf, midpoint: bool = False) -> GapProblem:
     """The gap-space problem of a system for one flexibility H over a step dt (inf in statics)."""
     law = system.law
-    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, dt)
+    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, (dt, midpoint))
 
 
 def take_over(memory: GapMemory, gaps: GapState) -> None:
     """Give a solver's memory the gaps of a state to start from."""
     memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
-    if len(memory.weak):
-        memory.overlap[:] = np.minimum(gaps.jump[:, 0], 0.0)
-        if len(gaps.weak):
-            memory.weak[:] = gaps.weak
+    spring = memory.spring.reshape(gaps.jump.shape)
+    spring[:, 0] = np.minimum(gaps.jump[:, 0], 0.0)
+    if len(gaps.anchor):
+        spring[:, 1:] = gaps.jump[:, 1:] - gaps.anchor
+    if len(memory.weak) and len(gaps.weak):
+        memory.weak[:] = gaps.weak
 
 
 def undeformed(system: System) -> tuple[Floats, GapState]:

@@ -75,14 +75,14 @@ def integrate_cases(
 
 
 def modal(cases: Sequence[Case], options: TransientOptions, progress: Progress) -> list[Outcome]:
-    """Exact modal propagation at a fixed step, every mode a state: the baseline.
+    """Exact modal propagation at a fixed step, every mode a state, force and spring at its end: the baseline.
 
     Raises
     ------
     ConfigError
         for a system that is not diagonal.
     """
-    return adaptive(cases, replace(options, cuts=(), flexible_ratio=math.inf), progress)
+    return adaptive(cases, replace(options, cuts=(), midpoint=False, flexible_ratio=math.inf), progress)
 
 
 def adaptive(cases: Sequence[Case], options: TransientOptions, progress: Progress) -> list[Outcome]:

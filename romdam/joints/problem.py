@@ -12,6 +12,22 @@ with D = diag(K_nz) on the normal directions, and the initial gap and the slip a
     y_n >= 0,  p_n >= 0,  y_n p_n = 0;   |t| <= mu' p_n,  y_t = -lambda t/|t|,  lambda >= 0 where sliding.
 
 W is symmetric and positive definite; K_n = infinity is the same problem with a zero on the diagonal.
+
+A force that is constant over the step and follows the springs at the step's end takes energy out of them like
+a damper. So it may follow them at a point within the step, 1 - theta of the way before its end (a generalised
+midpoint rule): p = -k (theta e_1 + (1 - theta) e_0), e the deformation of the spring, at most zero along
+the normal. With lag = (1 - theta) / theta this is the same problem with (1 + lag) / k as the compliance and
+lag e_0 added to y_free. For theta of 1/2 or more no gap ever gives back more than it took: along the normal
+-p (w_1 - w_0) is at least the change of k e^2 / 2 whether the gap stays closed, closes or opens, and in
+shear too, where the deformation left at the step's end is cut to the limit. With H what the step lets a jump
+move, theta follows z = k H,
+
+    theta = 1/2 + z / (z + z_0) / 2,
+
+so that the deformation of a stiff spring, which alternates about its mean with the factor -lag, comes to
+rest. Against theta = 1 the error of the openings falls to 0.3 where z is about 25 (the two-cantilever model
+at 0.0025 s), to a twentieth at 3, and stays where gaps are stiff; the largest joint force is 4 to 8 % short,
+not 30 to 44 %.
 """
 
 from __future__ import annotations
@@ -25,6 +41,10 @@ from numpy.typing import NDArray
 from romdam.errors import ConfigError
 
 Floats = NDArray[np.float64]
+
+_HALF_WAY = (
+    70.0  # z_0: from 40 on the openings no longer gain; from 150 on the forces of stiff gaps alternate
+)
 
 
 class Strength(NamedTuple):
@@ -54,7 +74,8 @@ class GapProblem(NamedTuple):
     Z : (n, n) its inverse (frictionless, where W is well conditioned), else (0, 0) [N/m]
     lift : (N, N) or (0, 0), the factor (I + H D)^-1 where there is tension stiffness
     tension : (n,) K_nz [N/m]
-    compliance : (N,) of the gaps [m/N]
+    compliance : (N,) of the gaps over the step, with (1 + lag) [m/N]
+    lag : (N,) (1 - theta) / theta; zero where the force follows the spring at the step's end
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
     gap : (n,) initial gap [m]
     strength : see `Strength`
@@ -65,6 +86,7 @@ class GapProblem(NamedTuple):
     lift: Floats
     tension: Floats
     compliance: Floats
+    lag: Floats
     mu: Floats
     gap: Floats
     strength: Strength
@@ -119,7 +141,8 @@ class GapMemory(NamedTuple):
     weak : (n, 3) whether a gap's bond is lost, it slides, its key is out; moved by accepted steps only;
         empty without `Strength`
     trial : (n, 3) the same within a step
-    overlap : (n,) opening of the closed gaps at the last accepted step, at most zero [m]
+    spring : (N,) deformation of the gaps' springs at the last accepted step: the opening where it is
+        below zero, and the jump from the slip anchor [m]
     worst : (1,) the gap farthest from a solution, where the last step did not converge
     """
 
@@ -133,7 +156,7 @@ class GapMemory(NamedTuple):
     limits: Limits
     weak: NDArray[np.bool_]
     trial: NDArray[np.bool_]
-    overlap: Floats
+    spring: Floats
     worst: NDArray[np.int64]
 
 
@@ -143,7 +166,7 @@ def gap_problem(
     mu: Floats,
     gap: Floats,
     laws: Mapping[str, Floats] | None = None,
-    dt: float = np.inf,
+    step: tuple[float, bool] = (np.inf, False),
 ) -> GapProblem:
     """Set up the gap-space problem of one time step.
 
@@ -154,14 +177,15 @@ def gap_problem(
     mu : (n, 2)
     gap : (n,) [m]
     laws : further laws by name, see `gap_strength`
-    dt : the step, for dashpots; inf in statics [s]
+    step : its length, for dashpots, inf in statics [s]; whether forces follow the springs at a point within
+        it, which gaps with further laws never do
 
     Raises
     ------
     ConfigError
         where K_nz exceeds K_n, or equals it at a gap with friction; for a dashpot on a rigid gap.
     """
-    K_n, K_nz, K_s = stiffness
+    (K_n, K_nz, K_s), (dt, midpoint) = stiffness, step
     n = len(gap)
     d = max(1, len(H) // max(n, 1))
     _check_tension(K_n, K_nz, mu)
@@ -183,17 +207,29 @@ def gap_problem(
         D[:, 0] = K_nz
         lift = np.asarray(np.linalg.inv(np.eye(n * d) + H * D.ravel()), dtype=float)
         W = np.asarray(lift @ H)
-    W = 0.5 * (W + W.T) + np.diag(compliance.ravel())
+    W = 0.5 * (W + W.T)
+    lag = _lag(W.diagonal().reshape(n, d), compliance) if midpoint and not laws else np.zeros((n, d))
+    compliance *= 1.0 + lag
+    W = W + np.diag(compliance.ravel())
     return GapProblem(
         W=np.ascontiguousarray(W),
         Z=_dual(W) if d == 1 else np.zeros((0, 0)),
         lift=np.ascontiguousarray(lift),
         tension=np.ascontiguousarray(K_nz, dtype=float),
         compliance=compliance.ravel(),
+        lag=lag.ravel(),
         mu=np.ascontiguousarray(mu * whole[:, None]),
         gap=np.ascontiguousarray(gap, dtype=float),
         strength=strength,
     )
+
+
+def _lag(flexibility: Floats, compliance: Floats) -> Floats:
+    """(1 - theta) / theta of every spring, (n, d); the same for both directions of the shear."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lag = np.where(compliance > 0.0, 1.0 / (1.0 + 2.0 / _HALF_WAY * flexibility / compliance), 0.0)
+    lag[:, 1:] = lag[:, 1:].min(axis=1, initial=1.0, keepdims=True)
+    return lag
 
 
 def gap_strength(laws: Mapping[str, Floats], stiffness: Floats, whole: Floats, dt: float) -> Strength:
@@ -272,6 +308,6 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         limits=Limits(np.zeros((n, 2)), problem.mu.copy(), np.zeros(n)),
         weak=weak,
         trial=weak.copy(),
-        overlap=np.zeros(len(weak)),
+        spring=np.zeros(N),
         worst=np.zeros(1, dtype=np.int64),
     )

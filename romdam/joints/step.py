@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from romdam.jit import ARRAYS
 from romdam.joints.frictional import solve_frictional
-from romdam.joints.laws import OPEN, SLIP, STICK, slides
+from romdam.joints.laws import OPEN, SLIP, STICK, project_shear, slides
 from romdam.joints.problem import GapMemory, GapProblem
 from romdam.joints.unilateral import solve_unilateral
 from romdam.joints.weakening import bond_forces, set_limits, settle, weaken
@@ -55,10 +55,12 @@ def solve_gaps(
     for i in range(n if d == 3 else 0):
         w_free[3 * i + 1] -= memory.anchor[i, 0]
         w_free[3 * i + 2] -= memory.anchor[i, 1]
+    for b in range(len(w_free)):
+        w_free[b] += problem.lag[b] * memory.spring[b]
     if len(memory.trial):
         memory.trial[:] = memory.weak
         for i in range(n):
-            w_free[d * i] -= problem.strength.dash[i] * memory.overlap[i]
+            w_free[d * i] -= problem.strength.dash[i] * memory.spring[d * i]
     while True:  # once, unless gaps lose strength
         set_limits(problem, memory)
         bond_forces(problem, memory, w_free, 1.0)
@@ -115,15 +117,16 @@ def commit_gaps(
     force: Floats,
     state: NDArray[np.uint8],
 ) -> tuple[float, float]:
-    """Accept a step: jumps, whole joint forces and states from the solution; move the anchors.
+    """Accept a step: jumps, whole joint forces and states at its end from the solution; move the anchors.
 
     The anchor of a gap moves by y_t, whatever its state: nothing while it sticks, the slip while it
-    slides, and to the present jump while it is open.
+    slides, and to the present jump while it is open. Where forces follow the springs within the step, it
+    moves as far as leaves a deformation within the limit.
 
     Parameters
     ----------
     jump : (n, d) receives opening (with the initial gap) and slip [m]
-    force : (n, d) receives compression and shear on side J [N]
+    force : (n, d) receives compression and shear on side J at the step's end [N]
     state : (n,) receives OPEN, STICK or SLIP
 
     Returns
@@ -136,7 +139,7 @@ def commit_gaps(
         return _move(problem, memory, y, jump, force, state)
     before, old = _energies(problem, jump, force), jump.copy()
     for i in range(n):
-        y[len(y) // n * i] += problem.strength.dash[i] * memory.overlap[i]
+        y[len(y) // n * i] += problem.strength.dash[i] * memory.spring[len(y) // n * i]
     lost = _move(problem, memory, y, jump, force, state)[1]
     after = _energies(problem, jump, force)
     for i in range(n):
@@ -158,29 +161,61 @@ def _move(
     force: Floats,
     state: NDArray[np.uint8],
 ) -> tuple[float, float]:
-    """Jumps, forces, states and anchors; energy in the springs, and taken by sliding."""
+    """Jumps, forces, states, springs and anchors; energy in the springs, and taken by sliding."""
     n = len(problem.gap)
     d = len(y) // max(n, 1)
     stored, lost = 0.0, 0.0
-    limits = memory.limits
     for i in range(n):
         b = d * i
-        p_c = memory.force[b]
-        jump[i, 0] = y[b] - problem.compliance[b] * p_c
+        p_c, lag, compliance = memory.force[b], problem.lag[b], problem.compliance[b]
+        jump[i, 0] = y[b] - compliance * p_c - lag * memory.spring[b]
+        memory.spring[b] = min(jump[i, 0], 0.0)
+        if lag > 0.0:
+            compliance /= 1.0 + lag
+            p_c = -memory.spring[b] / compliance
         force[i, 0] = p_c - problem.tension[i] * jump[i, 0]
-        stored += 0.5 * problem.compliance[b] * p_c**2 + 0.5 * problem.tension[i] * jump[i, 0] ** 2
+        stored += 0.5 * compliance * p_c**2 + 0.5 * problem.tension[i] * jump[i, 0] ** 2
         state[i] = STICK if p_c > 0.0 else OPEN
-        for a in range(1, d):
-            t, y_t = memory.force[b + a], y[b + a]
-            jump[i, a] = y_t + memory.anchor[i, a - 1] - problem.compliance[b + a] * t
-            force[i, a] = t
-            stored += 0.5 * problem.compliance[b + a] * t**2
-            lost -= t * y_t
-            memory.anchor[i, a - 1] += y_t
-        p = p_c + limits.tension[i]
-        if d == 3 and p > 0.0:
-            limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * p
-            limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * p
-            if slides(limit_j, limit_k, force[i, 1], force[i, 2]):
+        if d == 3:
+            p = min(p_c, memory.force[b]) + memory.limits.tension[i]
+            limit_j = memory.limits.cohesion[i, 0] + memory.limits.mu[i, 0] * p
+            limit_k = memory.limits.cohesion[i, 1] + memory.limits.mu[i, 1] * p
+            held, slid = _shear(problem, memory, (y, jump, force), (limit_j, limit_k), i)
+            stored += held
+            lost += slid
+            if p > 0.0 and slides(limit_j, limit_k, force[i, 1], force[i, 2]):
                 state[i] = SLIP
     return stored, lost
+
+
+@njit(cache=True, inline="always")
+def _shear(
+    problem: GapProblem,
+    memory: GapMemory,
+    vectors: tuple[Floats, Floats, Floats],
+    limits: tuple[float, float],
+    i: int,
+) -> tuple[float, float]:
+    """Slip, shear, springs and anchor of gap i; energy in its shear springs, and taken by sliding."""
+    y, jump, force = vectors
+    stored, slid, taken, lag = 0.0, 0.0, 0.0, problem.lag[3 * i + 1]
+    compliance = problem.compliance[3 * i + 1] / (1.0 + lag)
+    for a in range(2):
+        b = 3 * i + 1 + a
+        t, anchor, old = memory.force[b], memory.anchor[i, a], jump[i, 1 + a]
+        jump[i, 1 + a] = y[b] + anchor - problem.compliance[b] * t - lag * memory.spring[b]
+        force[i, 1 + a] = t
+        if lag > 0.0:
+            force[i, 1 + a] = (anchor - jump[i, 1 + a]) / compliance
+            taken += 0.5 * memory.spring[b] ** 2 / compliance - t * (jump[i, 1 + a] - old)
+    if lag > 0.0:
+        force[i, 1], force[i, 2], _ = project_shear(force[i, 1], force[i, 2], limits[0], limits[1])
+    for a in range(2):
+        b = 3 * i + 1 + a
+        strain = -compliance * force[i, 1 + a]
+        moved = y[b] if lag == 0.0 else jump[i, 1 + a] - strain - memory.anchor[i, a]
+        memory.spring[b] = strain
+        memory.anchor[i, a] += moved
+        stored += 0.5 * compliance * force[i, 1 + a] ** 2
+        slid -= memory.force[b] * moved
+    return stored, slid if lag == 0.0 else min(max(slid, 0.0), taken - stored)

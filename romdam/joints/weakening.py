@@ -48,7 +48,7 @@ def bond_forces(problem: GapProblem, memory: GapMemory, y_free: Floats, sign: fl
 @njit(cache=True)
 def opening(problem: GapProblem, memory: GapMemory, y: Floats, i: int, d: int) -> float:
     """Opening of gap i (with the initial gap) in a solution [m]."""
-    shift = problem.strength.dash[i] * memory.overlap[i] if len(memory.overlap) else 0.0
+    shift = problem.strength.dash[i] * memory.spring[d * i]
     return y[d * i] - problem.compliance[d * i] * memory.force[d * i] + shift
 
 
@@ -90,5 +90,4 @@ def settle(problem: GapProblem, memory: GapMemory, i: int, state: int, opening: 
     weak[BOND] = trial[BOND]
     weak[SLIDES] = state == SLIP
     weak[KEY] = trial[KEY] and opening > problem.strength.key[i, 0]
-    memory.overlap[i] = min(opening, 0.0)
     return weakened

@@ -165,7 +165,7 @@ def test_one_gap_chatters_to_rest(K_n, dt, integrator):
     h = run(_ball(**law), still(20.0, dt), dt, integrator=integrator, stride=round(0.05 / dt))
     found = assert_sound(gap_law(1, gap=0.05, **law), h)
     assert found["contact_increment"] >= -1e-12
-    assert h.mean_traction[-20:, 0, 0].mean() == pytest.approx(100.0 * 9.81, rel=0.05)
+    assert h.mean_traction[-100:, 0, 0].mean() == pytest.approx(100.0 * 9.81, rel=0.05)  # of many hops
     assert h.disp[:, 0].max() <= 1e-9
     held = h.energy["kinetic"] + h.energy["strain"] + h.energy["joint_stored"] - h.energy["input"]
     assert held.max() <= 1e-9 * 50.0

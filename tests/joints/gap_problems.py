@@ -26,7 +26,7 @@ class Case:
 
     @property
     def problem(self):
-        return gap_problem(self.H, self.stiffness, self.mu, self.gap, self.laws, dt=STEP)
+        return gap_problem(self.H, self.stiffness, self.mu, self.gap, self.laws, (STEP, False))
 
     def parameters(self, i):
         """One gap's, for the point laws."""
