@@ -32,18 +32,18 @@ def settled(one):
 
 
 def test_a_smaller_error_asks_for_more_modes():
-    rough, fine = settled(job("10 %")), settled(job("2 %"))
+    rough, fine = settled(job("20 %")), settled(job("2 %"))
     assert rough == FIRST
     assert fine == "all" or fine > rough
 
 
 def test_the_result_says_how_many_and_states_an_error_below_the_accuracy(tmp_path):
-    one = job("10 %")
+    one = job("20 %")
     path = romdam.run(one, tmp_path).paths[0]
     with romdam.open_result(path) as result:
         attrs = result.dataset.attrs
     assert json.loads(attrs["configuration"])["model"]["modes"] == FIRST
-    assert 0.0 < attrs["error_estimate_opening_l2"] <= 0.1
+    assert 0.0 < attrs["error_estimate_opening_l2"] <= 0.2
 
 
 def test_without_damping_no_error_is_estimated_and_none_can_be_met():

@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 _FIRST_HALVINGS = 2  # of the coarse step in the first trial
 _MOST_HALVINGS = 9
 _SHRINK = (0.3, 0.7)  # believed range of the ratio of two successive differences (order 1.7 to 0.5)
+_USUAL_SHRINK = 0.4  # of five records, penalty and stiff joints
 _NEGLIGIBLE = 1e-12
 
 
@@ -141,7 +142,7 @@ class _Trial:
             return _Trial(measured, runs=1, cpu=cpu)
         size = float(np.linalg.norm(measured))
         difference = float(np.linalg.norm(measured - self.measured)) / max(size, _NEGLIGIBLE)
-        shrink = np.clip(difference / self.difference, *_SHRINK) if self.difference > 0.0 else 0.5
+        shrink = np.clip(difference / self.difference, *_SHRINK) if self.difference > 0.0 else _USUAL_SHRINK
         return _Trial(measured, difference, float(difference * shrink / (1.0 - shrink)), self.runs + 1, cpu)
 
     def stats(self, accuracy: float) -> dict[str, float]:

@@ -58,7 +58,7 @@ class TransientOptions:
     tolerance: float = 1e-8
     initial_state: str = "static"
     cuts: tuple[int, ...] = (4, 4)
-    force_change: float = 0.01
+    force_change: float = 0.003
     midpoint: bool = True
     flexible_ratio: float = 0.7
     start: Start | None = None
