@@ -102,6 +102,44 @@ def test_the_solution_satisfies_every_law(law, seed, n, mu):
     check(case, jump, force, state, left)
 
 
+@pytest.mark.parametrize("mu", [(0.0, 0.0), (0.6, 0.6), (0.3, 0.8)], ids=str)
+@pytest.mark.parametrize("K_n", [1e7, 1e9, 1e12, np.inf])
+def test_within_the_step_no_gap_gives_more_than_it_took(K_n, mu):
+    """Work done on the gaps in every step: at least what they store more, and what sliding takes."""
+    for seed in range(20):
+        case, rng = random_case(seed, 6, mu, K_n=K_n, K_s=min(K_n, 1e9) / 2), np.random.default_rng(seed)
+        stiffness, gap = case.stiffness, np.abs(case.gap)
+        problem = gap_problem(case.H, stiffness, case.mu, gap, step=(1e-3, True))
+        assert (problem.lag[:: len(problem.lag) // 6] > 0.0).all() == np.isfinite(K_n)
+        memory, d = gap_memory(problem), len(case.w_free) // 6
+        old, before = np.zeros((6, d)), 0.0
+        old[:, 0] = gap
+        jump, force, state = old.copy(), np.zeros((6, d)), np.zeros(6, dtype=np.uint8)
+        for _ in range(30):
+            y, residual = solve_step(problem, memory, 1e-3 * rng.standard_normal(6 * d))
+            assert residual <= TOLERANCE
+            stored, slid = commit_gaps(problem, memory, y, jump, force, state)
+            taken = -(memory.force * (jump - old).ravel()).sum()
+            size = np.abs(memory.force).max() * np.abs(jump - old).max() + stored
+            assert slid >= -1e-7 * size
+            assert taken - (stored - before) - slid >= -1e-7 * size
+            springs = np.minimum(jump[:, 0], 0.0)
+            if np.isfinite(K_n):
+                assert np.abs(force[:, 0] + K_n * springs).max() <= 1e-9 * max(force[:, 0].max(), 1.0)
+            if d == 3:
+                check_limits(case.mu, force)
+            old[:], before = jump, stored
+
+
+def check_limits(mu, force):
+    """No shear beyond friction: of the resultant where it is the same along both directions."""
+    limit = mu * force[:, :1]
+    shear = np.abs(force[:, 1:])
+    if (mu[:, 0] == mu[:, 1]).all():
+        shear = np.hypot(force[:, 1], force[:, 2])[:, None]
+    assert (shear <= limit + 1e-9 * np.abs(force).max()).all()
+
+
 @pytest.mark.parametrize("mu", [(1.0, 1.0), (2.0, 2.0), (0.3, 2.0)])
 def test_large_friction_on_compliant_gaps(mu):
     for seed in range(40):
