@@ -33,8 +33,8 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 _SWEEPS = 64  # about the cost of one dense Newton iteration
-_WINDOW = 8  # sweeps between two looks at the contraction
-_GAIN = 0.1  # the change of the force must fall to this over a window, or Newton is the shorter way
+_WINDOW = 4  # sweeps between two looks at the contraction
+_GAIN = 0.3  # the change of the force must fall to this over a window, or Newton is the shorter way
 _SINGLE = 1e-4  # of the force's move, where sweeps in single precision begin anew from the exact response
 _REST = 0.5  # of the tolerance, relative to the forces alone
 _IDLE = 0.25  # gathered gaps without force per gap with
@@ -91,18 +91,6 @@ def _add_gap(W: Floats, order: NDArray[np.int64], block: Singles) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _products(A: Singles, row: int, x: Singles) -> tuple[float, float, float]:
-    """Products of x with three rows of A, in one pass."""
-    first, second, third = A[row], A[row + 1], A[row + 2]
-    n, j, k = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-    for b in range(len(x)):
-        n += first[b] * x[b]
-        j += second[b] * x[b]
-        k += third[b] * x[b]
-    return float(n), float(j), float(k)
-
-
-@njit(cache=True, error_model="numpy")
 def _sweep(
     A: Singles,
     limits: Limits,
@@ -126,10 +114,15 @@ def _sweep(
     worst, size, far = 0.0, 1e-300, 1e-300
     for a in range(len(order)):
         b, k, i = 3 * a, 3 * order[a], order[a]
-        y_n, y_j, y_k = _products(A, b, moved)
-        p_n = max(x[b] - (y_n + y[k]) / A[b, b], 0.0)
-        y_j += y[k + 1] + A[b + 1, b] * (p_n - x[b])
-        y_k += y[k + 2] + A[b + 2, b] * (p_n - x[b])
+        row_n, row_j, row_k = A[b], A[b + 1], A[b + 2]
+        sum_n, sum_j, sum_k = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        for c in range(len(moved)):
+            sum_n += row_n[c] * moved[c]
+            sum_j += row_j[c] * moved[c]
+            sum_k += row_k[c] * moved[c]
+        p_n = max(x[b] - (sum_n + y[k]) / A[b, b], 0.0)
+        y_j = sum_j + y[k + 1] + A[b + 1, b] * (p_n - x[b])
+        y_k = sum_k + y[k + 2] + A[b + 2, b] * (p_n - x[b])
         limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * p_n
         limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * p_n
         scale = 1.0 / max(A[b + 1, b + 1], A[b + 2, b + 2])  # one for both, or the disc would turn the shear

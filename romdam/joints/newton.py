@@ -115,9 +115,12 @@ def natural_residuals(W: Floats, limits: Limits, p: Floats, y: Floats) -> tuple[
     worst, closing, opening = 0.0, 1e-300, 0.0
     for i in range(len(limits.mu)):
         b = 3 * i
-        worst = max(worst, _change(W, limits, p, y, i))
-        closing = max(closing, abs(p[b]), abs(p[b + 1]), abs(p[b + 2]))
         opening = max(opening, abs(y[b]) / W[b, b])
+        size = max(abs(p[b]), abs(p[b + 1]), abs(p[b + 2]))
+        if size == 0.0 and y[b] >= 0.0 and limits.cohesion[i, 0] == 0.0 and limits.cohesion[i, 1] == 0.0:
+            continue  # an open gap
+        worst = max(worst, _change(W, limits, p, y, i))
+        closing = max(closing, size)
     return (worst / max(closing, opening), worst / closing) if math.isfinite(worst) else (np.inf, np.inf)
 
 
