@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from romdam.dynamics.arrays import Ints, ModalModel, ModalState, Work
 from romdam.dynamics.propagator import Propagator
 from romdam.jit import ARRAYS
+from romdam.joints.newton import add_product
 
 Floats = NDArray[np.float64]
 
@@ -101,7 +102,7 @@ def residual_jumps(R: Floats, rows: Ints, p: Floats, goal: Floats, work: Work) -
     if len(rows) <= _FEW:
         for a in range(len(rows)):
             goal[rows[a]] = 0.0
-            add_rows(R, p[rows[a]], 1.0, goal[rows[a]])
+            add_product(R, p[rows[a]], goal[rows[a]])
         return
     product = _together(work.left, R, rows, (0, len(R)), p, work.out)
     for a in range(len(rows)):

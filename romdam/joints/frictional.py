@@ -25,15 +25,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from romdam.joints.laws import project_shear
-from romdam.joints.newton import add_row, natural_residual, newton, response, worst_gap
+from romdam.joints.newton import add_row, natural_residual, natural_residuals, newton, response, worst_gap
 from romdam.joints.one_gap import solve_gap
 from romdam.joints.problem import GapMemory, Limits
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 _SWEEPS = 64  # about the cost of one dense Newton iteration
-_WINDOW = 8  # sweeps between two looks at the contraction
-_GAIN = 0.1  # the change of the force must fall to this over a window, or Newton is the shorter way
+_WINDOW = 4  # sweeps between two looks at the contraction
+_GAIN = 0.3  # the change of the force must fall to this over a window, or Newton is the shorter way
+_SINGLE = 1e-4  # of the force's move, where sweeps in single precision begin anew from the exact response
+_REST = 0.5  # of the tolerance, relative to the forces alone
+_IDLE = 0.25  # gathered gaps without force per gap with
 _EXACT_SWEEPS = 200
 _FIRST_SHARE, _LONGER, _LEAST_SHARE = 0.1, 1.5, 1e-4  # of the friction, in a continuation
 
@@ -46,57 +50,90 @@ def _wanted(limits: Limits, p: Floats, y: Floats, i: int) -> bool:
 
 @njit(cache=True)
 def _gather(W: Floats, limits: Limits, memory: GapMemory, p: Floats, y: Floats) -> int:
-    """Bring W on the gaps that may carry force to memory.inverse[0]; how many these are."""
-    order, block, n = memory.order[0], memory.inverse[0], len(limits.mu)
-    count, same = 0, True
-    for i in range(n):
+    """Bring W on the gaps that may carry force to the block of the sweeps; how many gaps it has.
+
+    Gaps are added as they come. Those that no longer may carry force stay, until they are too many.
+    """
+    order, block, gathered = memory.order[0], _block(memory), memory.active[0]
+    wanted, idle = 0, 0
+    for i in range(len(gathered)):
         if _wanted(limits, p, y, i):
-            same = same and order[count] == i
-            order[count] = i
-            count += 1
-    if same and count == memory.counts[0, 0]:
-        return count
-    memory.counts[0, 0] = count
-    for a in range(count):
+            wanted += 1
+        else:
+            idle += int(gathered[i])
+    if idle > _IDLE * wanted:
+        memory.counts[0, 0] = 0
+        gathered[:] = False
+    for i in range(len(gathered)):
+        if not gathered[i] and _wanted(limits, p, y, i):
+            order[memory.counts[0, 0]] = i
+            memory.counts[0, 0] += 1
+            gathered[i] = True
+            _add_gap(W, order[: memory.counts[0, 0]], block)
+    return memory.counts[0, 0]
+
+
+@njit(cache=True, inline="always")
+def _block(memory: GapMemory) -> Singles:
+    """The block of the sweeps, in single precision."""
+    return memory.inverse[0].view(np.float32)
+
+
+@njit(cache=True)
+def _add_gap(W: Floats, order: NDArray[np.int64], block: Singles) -> None:
+    """Bring the last gap's rows and columns of W to the block."""
+    last, i = 3 * (len(order) - 1), 3 * order[-1]
+    for b in range(len(order)):
+        k = 3 * order[b]
         for r in range(3):
-            source, target = W[3 * order[a] + r], block[3 * a + r]
-            for b in range(count):
-                k = 3 * order[b]
-                target[3 * b], target[3 * b + 1], target[3 * b + 2] = source[k], source[k + 1], source[k + 2]
-    return count
+            for c in range(3):
+                block[last + r, 3 * b + c] = block[3 * b + c, last + r] = W[i + r, k + c]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _products(A: Floats, row: int, x: Floats, m: int) -> tuple[float, float, float]:
-    """Products of x with three rows of A, in one pass."""
-    first, second, third = A[row], A[row + 1], A[row + 2]
-    n, j, k = 0.0, 0.0, 0.0
-    for b in range(m):
-        n += first[b] * x[b]
-        j += second[b] * x[b]
-        k += third[b] * x[b]
-    return n, j, k
+def _sweep(
+    A: Singles,
+    limits: Limits,
+    order: NDArray[np.int64],
+    start: tuple[Floats, Floats],
+    x: Floats,
+    moved: Singles,
+) -> tuple[float, float]:
+    """One projected Gauss-Seidel sweep over the gathered gaps.
 
+    Parameters
+    ----------
+    start : force and response of all gaps, from which the force has moved
+    x, moved : (3 gathered,) force, and how far it has moved; changed in place
 
-@njit(cache=True, error_model="numpy")
-def _sweep(A: Floats, limits: Limits, order: NDArray[np.int64], x: Floats, y_free: Floats) -> float:
-    """One projected Gauss-Seidel sweep over the gathered gaps; its largest change, relative to x."""
-    worst, size, m = 0.0, 1e-300, len(x)
-    for a in range(m // 3):
-        b, i = 3 * a, order[a]
-        y_n, y_j, y_k = _products(A, b, x, m)
-        p_n = max(x[b] - (y_n + y_free[3 * i]) / A[b, b], 0.0)
-        moved = p_n - x[b]
-        y_j += y_free[3 * i + 1] + A[b + 1, b] * moved
-        y_k += y_free[3 * i + 2] + A[b + 2, b] * moved
+    Returns
+    -------
+    (change, share) : the largest change of a force, relative to the largest force and to the largest move
+    """
+    p, y = start
+    worst, size, far = 0.0, 1e-300, 1e-300
+    for a in range(len(order)):
+        b, k, i = 3 * a, 3 * order[a], order[a]
+        row_n, row_j, row_k = A[b], A[b + 1], A[b + 2]
+        sum_n, sum_j, sum_k = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        for c in range(len(moved)):
+            sum_n += row_n[c] * moved[c]
+            sum_j += row_j[c] * moved[c]
+            sum_k += row_k[c] * moved[c]
+        p_n = max(x[b] - (sum_n + y[k]) / A[b, b], 0.0)
+        y_j = sum_j + y[k + 1] + A[b + 1, b] * (p_n - x[b])
+        y_k = sum_k + y[k + 2] + A[b + 2, b] * (p_n - x[b])
         limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * p_n
         limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * p_n
         scale = 1.0 / max(A[b + 1, b + 1], A[b + 2, b + 2])  # one for both, or the disc would turn the shear
         t_j, t_k, _ = project_shear(x[b + 1] - scale * y_j, x[b + 2] - scale * y_k, limit_j, limit_k)
-        worst = max(worst, abs(moved), abs(t_j - x[b + 1]), abs(t_k - x[b + 2]))
+        worst = max(worst, abs(p_n - x[b]), abs(t_j - x[b + 1]), abs(t_k - x[b + 2]))
         size = max(size, p_n, abs(t_j), abs(t_k))
         x[b], x[b + 1], x[b + 2] = p_n, t_j, t_k
-    return worst / size
+        for r in range(3):
+            moved[b + r] = x[b + r] - p[k + r]
+            far = max(far, abs(x[b + r] - p[k + r]))
+    return worst / size, worst / far
 
 
 @njit(cache=True)
@@ -128,18 +165,27 @@ def _sweeps(
     control : see `solve_frictional`
     """
     tolerance, kept = control
-    p, x_all = memory.force, memory.work[0]
-    residual, done = np.inf, 0
+    goal, p, done, change, residual = _REST * tolerance, memory.force, 0, 1.0, np.inf
+    base = memory.work[1]  # force of which y is the response
+    base[:] = 0.0
     while done < _SWEEPS:
         count = _gather(W, limits, memory, p, y)
-        order, x = memory.order[0], x_all[: 3 * count]
+        order, x, moved = (
+            memory.order[0, :count],
+            memory.work[0, : 3 * count],
+            np.empty(3 * count, dtype=np.float32),
+        )
         for a in range(count):
             for r in range(3):
-                x[3 * a + r] = p[3 * order[a] + r]
-        change, before = np.inf, np.inf
-        slow = False
-        while done < _SWEEPS and not slow and change > 0.5 * tolerance:
-            change = _sweep(memory.inverse[0], limits, order, x, y_free)
+                b, k = 3 * a + r, 3 * order[a] + r
+                x[b], moved[b] = p[k], p[k] - base[k]
+        before = np.inf
+        rests = slow = spent = False
+        while done < _SWEEPS and not (rests or slow or spent):
+            last = change
+            change, share = _sweep(_block(memory), limits, order, (base, y), x, moved)
+            rests = change * min(change, last) <= 0.5 * goal * last  # what the next sweep would change
+            spent = share <= _SINGLE
             done += 1
             if done % _WINDOW == 0:
                 slow = not change <= _GAIN * before
@@ -149,9 +195,10 @@ def _sweeps(
         for a in range(count):
             for r in range(3):
                 p[3 * order[a] + r] = x[3 * a + r]
+        base[:] = p
         response(W, p, y_free, y)
-        residual = natural_residual(W, limits, p, y)
-        if residual <= tolerance or slow or not math.isfinite(residual):
+        residual, of_forces = natural_residuals(W, limits, p, y)
+        if of_forces <= goal or slow or not math.isfinite(residual):
             break
     memory.counts[0, 2] += done
     memory.counts[0, 3] = max(memory.counts[0, 3], done)
@@ -248,13 +295,13 @@ def solve_frictional(
     float, the relative residual reached; above the tolerance means no convergence, inf a change given up on
     """
     tolerance, kept = control
-    y[:] = y_free
     for i in range(len(limits.mu)):
-        if not _wanted(limits, memory.force, y, i):
+        if not _wanted(limits, memory.force, y_free, i):
             memory.force[3 * i + 1], memory.force[3 * i + 2] = 0.0, 0.0
+    y[:] = y_free
     residual = _sweeps(W, limits, memory, y_free, y, control)
-    if residual == np.inf and len(kept):
-        return residual
+    if len(kept) and not residual <= tolerance:
+        return np.inf
     if not residual <= tolerance:
         memory.counts[0, 1] += 1
         residual = _rescue(W, limits, memory, y_free, y, control)

@@ -35,13 +35,51 @@ def add_row(row: Floats, factor: float, y: Floats) -> None:
         y[j] += factor * row[j]
 
 
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _add_dense(W: Floats, p: Floats, y: Floats) -> None:
+    """y += W p, from the lower triangle of the symmetric W, four rows in one pass."""
+    first = len(p) % 4
+    for i in range(first):
+        for j in range(first):
+            y[i] += W[i, j] * p[j]
+    for i in range(first, len(p), 4):
+        row_0, row_1, row_2, row_3 = W[i], W[i + 1], W[i + 2], W[i + 3]
+        p_0, p_1, p_2, p_3 = p[i], p[i + 1], p[i + 2], p[i + 3]
+        y_0, y_1, y_2, y_3 = 0.0, 0.0, 0.0, 0.0
+        for j in range(i):
+            y_0 += row_0[j] * p[j]
+            y_1 += row_1[j] * p[j]
+            y_2 += row_2[j] * p[j]
+            y_3 += row_3[j] * p[j]
+            y[j] += row_0[j] * p_0 + row_1[j] * p_1 + row_2[j] * p_2 + row_3[j] * p_3
+        y[i] += y_0
+        y[i + 1] += y_1
+        y[i + 2] += y_2
+        y[i + 3] += y_3
+        for r in range(i, i + 4):
+            for j in range(i, i + 4):
+                y[r] += W[r, j] * p[j]
+
+
 @njit(cache=True)
-def response(W: Floats, p: Floats, y_free: Floats, y: Floats) -> None:
-    """y = W p + y_free, skipping unloaded components (W is symmetric: rows serve as columns)."""
-    y[:] = y_free
+def add_product(W: Floats, p: Floats, y: Floats) -> None:
+    """y += W p, W symmetric; where few components are loaded, the others are skipped."""
+    loaded = 0
+    for a in range(len(p)):
+        loaded += int(p[a] != 0.0)
+    if 2 * loaded > len(p):
+        _add_dense(W, p, y)
+        return
     for a in range(len(p)):
         if p[a] != 0.0:
             add_row(W[a], p[a], y)
+
+
+@njit(cache=True)
+def response(W: Floats, p: Floats, y_free: Floats, y: Floats) -> None:
+    """y = W p + y_free."""
+    y[:] = y_free
+    add_product(W, p, y)
 
 
 @njit(cache=True)
@@ -70,14 +108,26 @@ def _change(W: Floats, limits: Limits, p: Floats, y: Floats, i: int) -> float:
 
 
 @njit(cache=True)
-def natural_residual(W: Floats, limits: Limits, p: Floats, y: Floats) -> float:
-    """Largest change of a force by its natural map, relative to the largest force."""
-    worst, size = 0.0, 1e-300
+def natural_residuals(W: Floats, limits: Limits, p: Floats, y: Floats) -> tuple[float, float]:
+    """Largest change of a force by its natural map, relative to the largest force or what would close a gap,
+    and to the largest force alone.
+    """
+    worst, closing, opening = 0.0, 1e-300, 0.0
     for i in range(len(limits.mu)):
         b = 3 * i
+        opening = max(opening, abs(y[b]) / W[b, b])
+        size = max(abs(p[b]), abs(p[b + 1]), abs(p[b + 2]))
+        if size == 0.0 and y[b] >= 0.0 and limits.cohesion[i, 0] == 0.0 and limits.cohesion[i, 1] == 0.0:
+            continue  # an open gap
         worst = max(worst, _change(W, limits, p, y, i))
-        size = max(size, abs(p[b]), abs(p[b + 1]), abs(p[b + 2]), abs(y[b]) / W[b, b])
-    return worst / size if math.isfinite(worst) else np.inf
+        closing = max(closing, size)
+    return (worst / max(closing, opening), worst / closing) if math.isfinite(worst) else (np.inf, np.inf)
+
+
+@njit(cache=True)
+def natural_residual(W: Floats, limits: Limits, p: Floats, y: Floats) -> float:
+    """Largest change of a force by its natural map, relative to the largest force."""
+    return natural_residuals(W, limits, p, y)[0]
 
 
 @njit(cache=True)

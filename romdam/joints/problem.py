@@ -134,7 +134,8 @@ class GapMemory(NamedTuple):
     force : (N,) p_c of the last step, the warm start [N]
     anchor : (n, 2) slip anchors [m], moved by accepted steps only; empty without friction
     active, inverse, order, counts : two of each of `ActiveSet`'s: closed gaps with W, open gaps with Z.
-        With friction inverse[0] is W on the gaps of order[0], counts[0, 0] their number, and
+        With friction inverse[0] holds W on the gaps of order[0] in single precision, active[0] says which
+        these are, counts[0, 0] is their number, and
         counts[0, 1:] are the steps that needed Newton, the iterations in all and the most in a step
     work : (3, N) scratch
     limits : in force now
@@ -301,7 +302,7 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         force=np.zeros(N),
         anchor=np.zeros((0 if n == N else n, 2)),
         active=np.zeros((2, n), dtype=np.bool_),
-        inverse=np.zeros((2 if n == N else 1, N, N)),
+        inverse=np.zeros((2, N, N) if n == N else (1, N, (N + 1) // 2)),
         order=np.zeros((2, n), dtype=np.int64),
         counts=np.zeros((2, 4), dtype=np.int64),
         work=np.zeros((3, N)),

@@ -240,8 +240,9 @@ def test_a_solution_is_a_fixed_point_of_the_gauss_seidel_sweep(mu):
         case = random_case(seed, 8, mu, coupling=0.3)
         problem = case.problem
         force = solve(case, problem=problem)[1].ravel()
-        swept, limits = force.copy(), gap_memory(problem).limits
-        frictional._sweep(problem.W, limits, np.arange(8), swept, _free_response(case))
+        swept, limits, moved = force.copy(), gap_memory(problem).limits, np.zeros(24, dtype=np.float32)
+        start = force, problem.W @ force + _free_response(case)
+        frictional._sweep(problem.W.astype(np.float32), limits, np.arange(8), start, swept, moved)
         assert np.abs(swept - force).max() <= 1e-6 * force.max()
 
 
