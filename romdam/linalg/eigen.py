@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
@@ -9,8 +11,9 @@ from scipy.sparse import csr_matrix, spmatrix
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from romdam.errors import ReductionError
+from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.factor import Factor
-from romdam.linalg.krylov import krylov_modes
+from romdam.linalg.krylov import krylov_modes, ritz_vectors
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
 from romdam.linalg.multigrid import Multigrid
 from romdam.linalg.solvers import SMALL, Solver
@@ -100,7 +103,32 @@ def _large_modes(
 ) -> tuple[Floats, Floats]:
     if isinstance(solver, Multigrid):
         return block_modes(Pencil(K, M, solver.precondition), wanted)
-    return krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
+    count, make = krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
+    modes = np.empty((K.shape[0], count))
+    for first in range(0, count, WIDTH):
+        modes[:, first : first + WIDTH] = make(first, min(first + WIDTH, count))
+    return ritz_vectors(K, M, modes)
+
+
+def span_of_modes(
+    K: spmatrix, M: spmatrix, choice: tuple[int | None, float | None], solver: Solver, shift: float
+) -> tuple[int, Callable[[int, int], Floats]]:
+    """Vectors that span the modes of `modes_below`, some at a time; choice is its count and cutoff.
+
+    A large part's own modes would take as much memory as its stiffness, while the factors are there too.
+
+    Returns
+    -------
+    count : how many
+    make : make(first, last) gives that many, (n, last - first)
+    """
+    count, cutoff = choice
+    large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
+    if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
+        limit = np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2
+        return krylov_modes(csr_matrix(M), Wanted(count, limit), solver.solve, shift)
+    omega2, modes = modes_below(K, M, count, cutoff, solver, shift)
+    return len(omega2), lambda first, last: modes[:, first:last]
 
 
 def _finite_modes(

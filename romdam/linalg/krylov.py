@@ -1,10 +1,10 @@
 """Lowest eigenpairs of K x = omega^2 M x from the inverse of K - s M, sixteen right-hand sides at a time.
 
 Block Lanczos on D M with D = (K - s M)^-1 on the unknowns that have mass: an unknown without any follows from
-the others, and on a dam on light rock those with mass are few. One vector at a time reads the factors for every
-solution; sixteen at once read them once. Every vector is kept M-orthogonal to all before it, so that no mode
-comes twice, and the last solution takes the modes found to all unknowns. For the 128 modes below 50 Hz of an
-arch dam with 66,390 unknowns this takes 16 s, where ARPACK takes 80 s with the same factors.
+the others, and on a dam on light rock those with mass are few. One vector at a time reads the factors for
+every solution; sixteen at once read them once. Every vector is kept M-orthogonal to all before it, so that
+no mode comes twice, and the last solution takes the modes found to all unknowns. For the 128 modes below
+50 Hz of an arch dam with 66,390 unknowns this takes 16 s, where ARPACK takes 80 s with the same factors.
 
 References
 ----------
@@ -15,12 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, spmatrix
 
 from romdam.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH
@@ -55,7 +56,9 @@ class _Ritz:
         )
 
 
-def krylov_modes(M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float) -> tuple[Floats, Floats]:
+def krylov_modes(
+    M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float
+) -> tuple[int, Callable[[int, int], Floats]]:
     """Lowest modes, and a second space of random vectors beside them that looks for one that was missed.
 
     Parameters
@@ -66,8 +69,9 @@ def krylov_modes(M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float) ->
 
     Returns
     -------
-    omega2 : (k,) ascending [1/s2]
-    modes : (n, k), M-orthonormal
+    count : how many
+    make : make(first, last) gives that many vectors over all unknowns, (n, last - first), a solution for
+        each. The modes are their Ritz vectors (see `ritz_vectors`), nearly themselves
 
     Raises
     ------
@@ -76,7 +80,7 @@ def krylov_modes(M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float) ->
     """
     moving = np.flatnonzero(M.diagonal() > 0.0)
     if not len(moving):
-        return np.zeros(0), np.zeros((M.shape[0], 0))
+        return 0, lambda first, last: np.zeros((M.shape[0], last - first))
     own = csr_matrix(M[moving][:, moving]) if len(moving) < M.shape[0] else M
 
     def lifted(forces: Floats) -> Floats:
@@ -91,16 +95,19 @@ def krylov_modes(M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float) ->
             count = _among(ritz.mu, wanted, limit)
             if _settled(ritz, count, len(moving)):
                 break
-        X = ritz.first(count)
-        lowest = limit if wanted.count is None else float(ritz.mu[count - 1]) * (1.0 + 1e-6)
+        X, mu = ritz.first(count), ritz.mu[:count]
+        lowest = limit if wanted.count is None else float(mu[-1]) * (1.0 + 1e-6)
         if not _missed(own, lambda f: lifted(f)[moving], X, lowest):
-            lifts, modes = _over_all(lifted, own @ X, moving, own)
-            return lifts + shift, modes
+            return count, partial(_columns, lifted, (own @ X) / mu)
         width *= 2
     raise ReductionError(
         f"Lanczos on {M.shape[0]} unknowns misses modes from {_WIDEST} random vectors; use another "
         "`model.solver`, or fewer modes"
     )
+
+
+def _columns(lifted: Apply, forces: Floats, first: int, last: int) -> Floats:
+    return lifted(forces[:, first:last])
 
 
 def _among(mu: Floats, wanted: Wanted, limit: float) -> int:
@@ -162,16 +169,14 @@ def _missed(own: csr_matrix, flexibility: Apply, X: Floats, lowest: float) -> bo
     return any(ritz.mu[0] > lowest for ritz in islice(_grown(own, flexibility, start, X), _PROBE))
 
 
-def _over_all(
-    lifted: Apply, forces: Floats, moving: NDArray[np.int64], own: csr_matrix
-) -> tuple[Floats, Floats]:
-    """1 / mu and modes over all unknowns, from the inertia forces M x of vectors x in their span."""
-    pieces = [lifted(forces[:, k : k + WIDTH]) for k in range(0, forces.shape[1], WIDTH)]
-    modes = np.hstack(pieces) if pieces else np.zeros((0, 0))
-    del pieces
-    inside = modes[moving]
-    energy, mass = inside.T @ forces, inside.T @ (own @ inside)
-    lifts, C = eigh(0.5 * (energy + energy.T), 0.5 * (mass + mass.T))
-    for first in range(0, len(modes), _ROWS):
-        modes[first : first + _ROWS] = modes[first : first + _ROWS] @ C
-    return lifts, modes
+def ritz_vectors(K: spmatrix, M: spmatrix, X: Floats) -> tuple[Floats, Floats]:
+    """Values and M-orthonormal vectors of K x = omega^2 M x in the span of X, in X's place."""
+    energy, mass = (np.hstack([X.T @ (A @ X[:, s]) for s in _slices(X.shape[1], WIDTH)]) for A in (K, M))
+    omega2, C = eigh(0.5 * (energy + energy.T), 0.5 * (mass + mass.T))
+    for rows in _slices(len(X), _ROWS):
+        X[rows] = X[rows] @ C
+    return omega2, X
+
+
+def _slices(count: int, size: int) -> list[slice]:
+    return [slice(k, min(k + size, count)) for k in range(0, count, size)]
