@@ -36,8 +36,14 @@ class Preconditioned(Protocol):
         ...
 
 
-def conjugate_gradients(A: csr_matrix, R: Floats, inverse: Callable[[Floats], Floats], name: str) -> Floats:
-    """Solve A X = R, until no column's residual is above 1e-10 of its right-hand side.
+def conjugate_gradients(
+    A: csr_matrix,
+    R: Floats,
+    inverse: Callable[[Floats], Floats],
+    name: str,
+    tolerance: float = TOLERANCE,
+) -> Floats:
+    """Solve A X = R, until no column's residual is above so much of its right-hand side.
 
     Parameters
     ----------
@@ -51,9 +57,9 @@ def conjugate_gradients(A: csr_matrix, R: Floats, inverse: Callable[[Floats], Fl
     ReductionError
         where the residuals do not fall so far.
     """
-    found = np.zeros_like(R, order="C")
-    limit = TOLERANCE * np.linalg.norm(R, axis=0)
+    limit = tolerance * np.linalg.norm(R, axis=0)
     open_ = np.flatnonzero(limit > 0.0)
+    found = np.zeros_like(R)
     if not len(open_):
         return found
     R = np.ascontiguousarray(R[:, open_])
@@ -67,6 +73,8 @@ def conjugate_gradients(A: csr_matrix, R: Floats, inverse: Callable[[Floats], Fl
         del Q
         done = np.linalg.norm(R, axis=0) <= limit[open_]
         if done.any():
+            if done.all() and len(open_) == found.shape[1]:
+                return X
             found[:, open_[done]] = X[:, done]
             if done.all():
                 return found
@@ -76,10 +84,10 @@ def conjugate_gradients(A: csr_matrix, R: Floats, inverse: Callable[[Floats], Fl
         before, energy = energy, _dots(R, Z)
         P *= energy / before
         P += Z
-    left = float((np.linalg.norm(R, axis=0) / limit[open_]).max() * TOLERANCE)
+    left = float((np.linalg.norm(R, axis=0) / limit[open_]).max() * tolerance)
     raise ReductionError(
         f"{name}: {MOST} iterations on {len(R)} unknowns leave {left:.2g} of the right-hand side, "
-        f"limit {TOLERANCE:g}; use another `model.solver`"
+        f"limit {tolerance:g}; use another `model.solver`"
     )
 
 

@@ -30,7 +30,7 @@ from romdam.linalg.lobpcg import Wanted, independent
 Floats = NDArray[np.float64]
 Apply = Callable[[Floats], Floats]
 
-RESIDUAL = 1e-8  # of a mode found: |D M x - mu x| relative to mu, in the norm of M
+RESIDUAL = 1e-7  # of a mode found: |D M x - mu x| relative to mu, in the norm of M
 _NEAR = 1e-2  # the same of the modes next to them
 _BESIDE = 2  # so many of those
 _NONE = 1e-12  # length of a new direction, relative to the largest mu, below which it is round-off

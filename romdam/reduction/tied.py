@@ -118,8 +118,7 @@ def tied_bases(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    operator = part_operator(part, operators)
-    static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
+    operator, static = _given(part, scene, operators)
     store = store or BlockStore.passing()
     keys = _keys(part, scene, operator, static, choice)
     found = {name: store.read(key) for name, key in keys.items()}
@@ -128,6 +127,19 @@ def tied_bases(
         return kept
     tied = _tied(part, scene, operator, static)
     return _reduced(tied, scene, choice, store, keys)
+
+
+def tied_keys(
+    part: Part, scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice
+) -> dict[str, str]:
+    """Block name -> what its basis is stored under; see `tied_bases`."""
+    return _keys(part, scene, *_given(part, scene, operators), choice)
+
+
+def _given(part: Part, scene: Scene, operators: dict[str, csr_matrix]) -> tuple[csr_matrix, Floats]:
+    """The part's gap operator, and its surface forces."""
+    static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
+    return part_operator(part, operators), static
 
 
 def _keys(
