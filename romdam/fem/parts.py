@@ -113,6 +113,6 @@ def basis_over_unknowns(scene: Scene, basis: Mapping[str, Basis], size: int) -> 
         own = [basis[name] for name in part.blocks]
         whole = np.zeros((3 * part.nodes, own[0].matrix.shape[1]))
         for name, block in zip(part.blocks, own, strict=True):
-            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.matrix
+            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.matrix[:]
         total[numbered.parts[key], own[0].columns] = whole[numbered.free[key]]
     return total

@@ -77,11 +77,16 @@ def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoi
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file."""
-    matrix = basis.matrix.reshape(len(block.points), 3, -1)
-    rows = max(1, min(len(matrix), _CHUNK_BYTES // max(1, 3 * 8 * matrix.shape[2])))
-    chunks = (rows, *matrix.shape[1:]) if 0 < matrix.nbytes < _MAPPED else None
-    group.create_dataset("basis", data=matrix, chunks=chunks)
-    _write_beside(group, block, basis)
+    nodes, columns = len(block.points), basis.matrix.shape[1]
+    step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * 8 * columns)))
+    small = basis.matrix.nbytes < _MAPPED
+    chunks = (step, 3, columns) if small and basis.matrix.nbytes else None
+    data = group.create_dataset("basis", shape=(nodes, 3, columns), dtype="f8", chunks=chunks)
+    for first in range(0, nodes if columns else 0, step):
+        data[first : first + step] = basis.matrix[3 * first : 3 * (first + step)].reshape(-1, 3, columns)
+    group.file.flush()
+    whole = basis.matrix if small else _array(data).reshape(3 * nodes, columns)
+    _write_beside(group, block, replace(basis, matrix=whole))
 
 
 def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
