@@ -58,7 +58,9 @@ log = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
-_STIFF = 1e-9  # least 1/omega2 of an attachment mode relative to the last mode's: it is a spring beyond that
+# least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from 1e-13
+# on the first mode would count as its round-off
+_STIFF = 1e-12
 _NODES = 4096  # of a block's basis at a time
 
 
@@ -299,7 +301,7 @@ def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats,
     mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
     mass = mix.T @ mass @ mix
     slow, W = eigh(0.5 * (mass + mass.T))
-    slow = np.maximum(slow[::-1], _STIFF * (1.0 / low[-1] if len(low) else slow[-1]))
+    slow = np.maximum(slow[::-1], _STIFF * (1.0 / low[0] if len(low) else slow[-1]))
     return mix @ W[:, ::-1] / np.sqrt(slow), slow
 
 
