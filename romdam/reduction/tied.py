@@ -58,8 +58,8 @@ log = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
-# least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from 1e-13
-# on the first mode would count as its round-off
+# least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
+# 1e-13 on the first mode would count as its round-off
 _STIFF = 1e-12
 _NODES = 4096  # of a block's basis at a time
 
