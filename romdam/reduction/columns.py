@@ -71,13 +71,14 @@ class Columns:
         with h5py.File(self.path, "r+") as file:
             file["columns"].resize(self.shape)
 
-    def fill(self, until: int, make: Callable[[int, int], Floats]) -> None:
+    def fill(self, until: int, make: Callable[[int, int], Floats], width: int | None = None) -> None:
         """Make the columns from the last finished one to `until`; make(first, last) gives (n, last - first).
 
-        Each block of columns is on disk before the next one is made.
+        Each block of columns is on disk before the next one is made; fewer than usual take less memory.
         """
-        for first in range(self.done, until, WIDTH):
-            last = min(first + WIDTH, until)
+        width = width or WIDTH
+        for first in range(self.done, until, width):
+            last = min(first + width, until)
             values = make(first, last)
             with h5py.File(self.path, "r+") as file:
                 file["columns"][:, first:last] = values

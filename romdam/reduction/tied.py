@@ -244,12 +244,12 @@ def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tu
     shifted = tied.K - tied.shift * tied.M if tied.shift else tied.K
     solver = make_solver(shifted, tied.motions, right.shape[1] + choice.columns, choice.solving, tied.place)
     T = Columns(*file, (len(tied.row), right.shape[1]))
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())))
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), WIDTH)
     log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
     count, make = span_of_modes(tied.K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
     static = T.shape[1]
     T.widen(count)
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)))
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), WIDTH)
     return T, count
 
 
