@@ -200,7 +200,7 @@ class ModelConfig(Model):
     modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
     corrections: Annotated[int, Field(ge=0, le=1000)] = 0
-    solver: Literal["auto", "superlu", "pardiso", "multigrid"] = "auto"
+    solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
     memory: Annotated[Memory, Positive] | None = None
 
     @model_validator(mode="after")

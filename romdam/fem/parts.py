@@ -26,13 +26,19 @@ class Basis(Protocol):
 
 def assemble_part(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr_matrix]:
     """Stiffness and mass over the part's DOFs, (3 nodes, 3 nodes) each; supports not applied."""
+    return part_matrices(part, blocks)[:2]
+
+
+def part_matrices(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr_matrix, dict[str, Floats]]:
+    """`assemble_part`, and M r of every block for unit translations r, (3 n, 3) over its own DOFs [kg]."""
     size = 3 * part.nodes
-    K, M = csr_matrix((size, size)), csr_matrix((size, size))
+    K, M, inertia = csr_matrix((size, size)), csr_matrix((size, size)), {}
     for name in part.blocks:
         spread = part.spread(name)
         stiffness, mass = assemble(blocks[name])
         K, M = K + spread.T @ stiffness @ spread, M + spread.T @ mass @ spread
-    return csr_matrix(K), csr_matrix(M)
+        inertia[name] = np.asarray(mass @ np.tile(np.eye(3), (len(blocks[name].points), 1)))
+    return csr_matrix(K), csr_matrix(M), inertia
 
 
 def part_inertia(part: Part, scene: Scene, M: csr_matrix) -> Floats:
@@ -107,6 +113,6 @@ def basis_over_unknowns(scene: Scene, basis: Mapping[str, Basis], size: int) -> 
         own = [basis[name] for name in part.blocks]
         whole = np.zeros((3 * part.nodes, own[0].matrix.shape[1]))
         for name, block in zip(part.blocks, own, strict=True):
-            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.matrix
+            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.matrix[:]
         total[numbered.parts[key], own[0].columns] = whole[numbered.free[key]]
     return total

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
@@ -9,8 +11,10 @@ from scipy.sparse import csr_matrix, spmatrix
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from romdam.errors import ReductionError
+from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.factor import Factor
-from romdam.linalg.lobpcg import Pencil, Wanted, block_modes, missed
+from romdam.linalg.krylov import krylov_modes, ritz_vectors
+from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
 from romdam.linalg.multigrid import Multigrid
 from romdam.linalg.solvers import SMALL, Solver
 
@@ -18,10 +22,7 @@ Floats = NDArray[np.float64]
 
 _DENSE_SHARE = 0.4  # of all pairs, above which a dense solve is quicker than Lanczos
 _DENSE_SIZE = 300  # unknowns, below which it always is
-_TOLERANCE = 1e-8  # of Lanczos on a large matrix: relative residuals of 2e-9, and a quarter fewer solves
-_PROBE = 5  # iterations that look for a missed mode where the inverse is exact
 _MASSLESS = 1e-13  # 1/omega2 relative to the lowest mode's, below which it is round-off of none
-_FIRST = 24  # modes asked for at first where they are not counted
 _SPARE = 2  # modes asked for beyond those counted below a frequency, so that the next one is seen
 _DENSE_LIMIT = 12_000  # unknowns of a dense solve: 2.3 GB for the two matrices
 
@@ -30,6 +31,8 @@ def lowest_modes(
     K: spmatrix, M: spmatrix, count: int, solver: Solver, shift: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Lowest modes: by shift-invert Lanczos on a factorisation that exists, or by LOBPCG under multigrid.
+
+    Above 20,000 unknowns Lanczos takes sixteen vectors at once.
 
     Parameters
     ----------
@@ -57,13 +60,12 @@ def lowest_modes(
         complete = len(moving) == n
         omega2, modes = dense_modes(K, M) if complete else _finite_modes(M, moving, solver, shift)
         return omega2[:count], modes[:, :count]
-    if isinstance(solver, Multigrid):
-        return block_modes(Pencil(K, M, solver.precondition), Wanted(count))
+    if n > SMALL or isinstance(solver, Multigrid):
+        return _large_modes(K, M, Wanted(count), solver, shift)
     operator = LinearOperator((n, n), matvec=solver.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # seeded: the same scene gives the same basis
-    tolerance = 0.0 if n <= SMALL else _TOLERANCE
     try:
-        omega2, modes = eigsh(K, k=count, M=M, sigma=shift, OPinv=operator, v0=start, tol=tolerance)
+        omega2, modes = eigsh(K, k=count, M=M, sigma=shift, OPinv=operator, v0=start, tol=0.0)
     except ArpackNoConvergence as error:
         raise ReductionError(
             f"Lanczos found {len(error.eigenvalues)} of {count} modes of {n} unknowns; ask for fewer modes"
@@ -78,26 +80,55 @@ def modes_below(
     """Lowest modes: so many, or all below a frequency [Hz]; see `lowest_modes`.
 
     Those below a frequency are counted first, as the negative pivots of K - omega^2 M (Sylvester's inertia).
-    Above 20,000 unknowns, where that factorisation would cost as much as all the rest, Lanczos goes on until
-    it is past the frequency, and random vectors beside what it found look for a mode that it missed.
+    Above 20,000 unknowns, where that factorisation would cost as much as all the rest, the iteration goes on
+    until it is past the frequency, and random vectors beside what it found look for a mode that it missed.
     """
     if count is not None or K.shape[0] == 0:
         return lowest_modes(K, M, count or 0, solver, shift)
     assert cutoff is not None
     limit = (2.0 * np.pi * cutoff) ** 2
-    if isinstance(solver, Multigrid):
-        return block_modes(Pencil(K, M, solver.precondition), Wanted(None, limit))
-    large = K.shape[0] > SMALL
-    count = min(_FIRST if large else _SPARE + Factor(K - limit * M).negative(), K.shape[0])
+    if K.shape[0] > SMALL or isinstance(solver, Multigrid):
+        return _large_modes(K, M, Wanted(None, limit), solver, shift)
+    count = min(_SPARE + Factor(K - limit * M).negative(), K.shape[0])
     while True:
         omega2, modes = lowest_modes(K, M, count, solver, shift)
         if len(omega2) < count or omega2[-1] > limit or count == K.shape[0]:
             keep = omega2 <= limit
-            found = omega2[keep], modes[:, keep]
-            pencil = Pencil(K, M, solver.solve, _PROBE)
-            if not large or missed(pencil, found, Wanted(None, limit)) is None:
-                return found
+            return omega2[keep], modes[:, keep]
         count = min(2 * count, K.shape[0])  # round-off in the pivots of a mode at the limit itself
+
+
+def _large_modes(
+    K: spmatrix, M: spmatrix, wanted: Wanted, solver: Solver, shift: float
+) -> tuple[Floats, Floats]:
+    if isinstance(solver, Multigrid):
+        return block_modes(Pencil(K, M, solver.precondition), wanted)
+    count, make = krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
+    modes = np.empty((K.shape[0], count))
+    for first in range(0, count, WIDTH):
+        modes[:, first : first + WIDTH] = make(first, min(first + WIDTH, count))
+    return ritz_vectors(K, M, modes)
+
+
+def span_of_modes(
+    K: spmatrix, M: spmatrix, choice: tuple[int | None, float | None], solver: Solver, shift: float
+) -> tuple[int, Callable[[int, int], Floats]]:
+    """Vectors that span the modes of `modes_below`, some at a time; choice is its count and cutoff.
+
+    A large part's own modes would take as much memory as its stiffness, while the factors are there too.
+
+    Returns
+    -------
+    count : how many
+    make : make(first, last) gives that many, (n, last - first)
+    """
+    count, cutoff = choice
+    large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
+    if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
+        limit = np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2
+        return krylov_modes(csr_matrix(M), Wanted(count, limit), solver.solve, shift)
+    omega2, modes = modes_below(K, M, count, cutoff, solver, shift)
+    return len(omega2), lambda first, last: modes[:, first:last]
 
 
 def _finite_modes(

@@ -81,14 +81,14 @@ def block_modes(pencil: Pencil, wanted: Wanted) -> tuple[Floats, Floats]:
     size = pencil.K.shape[0]
     random = np.random.default_rng(0)
     width = (_FIRST if wanted.count is None else wanted.count) + _GUARDS
-    omega2, X = _ritz(pencil, _independent(pencil.M, random.standard_normal((size, min(width, size)))))
+    omega2, X = _ritz(pencil, independent(pencil.M, random.standard_normal((size, min(width, size)))))
     while True:
         omega2, X = _iterate(pencil, (omega2, X), wanted, random)
         count = wanted.among(omega2)
         if missed(pencil, (omega2[:count], X[:, :count]), wanted, random) is None:
             return omega2[:count], X[:, :count]
         X = np.hstack([X, random.standard_normal((size, _GUARDS))])
-        omega2, X = _ritz(pencil, _independent(pencil.M, X))
+        omega2, X = _ritz(pencil, independent(pencil.M, X))
 
 
 def missed(
@@ -176,13 +176,13 @@ def _ritz(pencil: Pencil, X: Floats) -> tuple[Floats, Floats]:
 
 
 def _beside(M: spmatrix, X: Floats, D: Floats, MX: Floats | None = None) -> Floats:
-    """D made M-orthonormal, in place, and orthogonal to the M-orthonormal X; see `_independent`."""
+    """D made M-orthonormal, in place, and orthogonal to the M-orthonormal X; see `independent`."""
     MX = M @ X if MX is None else MX
     for _ in range(2):
         for first in range(0, D.shape[1], _WIDTH):
             some = slice(first, first + _WIDTH)
             D[:, some] -= X @ (MX.T @ D[:, some])
-        D = _independent(M, D)
+        D = independent(M, D)
     return D
 
 
@@ -197,7 +197,7 @@ def _forms(left: tuple[Floats, ...], A: spmatrix, D: Floats) -> list[Floats]:
     return found
 
 
-def _independent(M: spmatrix, D: Floats) -> Floats:
+def independent(M: spmatrix, D: Floats) -> Floats:
     """M-orthonormal vectors that span D's, in D's place; directions that depend on others are dropped."""
     (gram,) = _forms((D,), M, D)
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))

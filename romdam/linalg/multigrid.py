@@ -22,13 +22,11 @@ from scipy.linalg import pinvh
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.errors import ReductionError
+from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-WIDTH = 16  # columns at a time: wider ones gain nothing and take memory
-TOLERANCE = 1e-10  # of a column's residual, relative to its right-hand side
-_MOST = 400  # iterations; 30 to 60 are usual
 _STRENGTH = 0.08  # couplings weaker than that do not aggregate
 _DEGREE = 2  # of the smoother
 _RANGE = 10.0  # of the spectrum that it damps
@@ -102,7 +100,8 @@ class Multigrid:
         found = np.empty_like(columns, order="C")
         for first in range(0, columns.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
-            found[:, some] = self._off(self._iterate(self._on(columns[:, some])))
+            answer = conjugate_gradients(self._matrix, self._on(columns[:, some]), self._cycle, "multigrid")
+            found[:, some] = self._off(answer)
         return found.reshape(np.shape(right))
 
     def precondition(self, right: Floats) -> Floats:
@@ -124,35 +123,6 @@ class Multigrid:
     def _off(self, found: Floats) -> Floats:
         return found if self._whole is None else found[self._row]
 
-    def _iterate(self, R: Floats) -> Floats:
-        """Conjugate gradients for every column; R is used up."""
-        A, found = self._matrix, np.zeros_like(R)
-        limit = TOLERANCE * np.linalg.norm(R, axis=0)
-        open_ = np.flatnonzero(limit > 0.0)
-        R, X = R[:, open_], np.zeros((len(R), len(open_)))
-        P = Z = self._cycle(R)
-        energy = _dots(R, Z)
-        for _ in range(_MOST):
-            if not len(open_):
-                return found
-            Q = A @ P
-            step = energy / _dots(P, Q)
-            X += step * P
-            R -= step * Q
-            done = np.linalg.norm(R, axis=0) <= limit[open_]
-            if done.any():
-                found[:, open_[done]] = X[:, done]
-                open_, energy = open_[~done], energy[~done]
-                X, R, P = (np.ascontiguousarray(a[:, ~done]) for a in (X, R, P))
-            Z = self._cycle(R)
-            before, energy = energy, _dots(R, Z)
-            P = Z + (energy / before) * P
-        left = float((np.linalg.norm(R, axis=0) / limit[open_]).max() * TOLERANCE)
-        raise ReductionError(
-            f"multigrid: {_MOST} iterations on {self.size} unknowns leave {left:.2g} of the right-hand side, "
-            f"limit {TOLERANCE:g}; use another `model.solver`"
-        )
-
     def _cycle(self, right: Floats, depth: int = 0) -> Floats:
         """One V-cycle from zero, symmetric."""
         if depth == len(self._levels):
@@ -161,10 +131,6 @@ class Multigrid:
         X = _smooth(level, right, None)
         X += level.P @ self._cycle(level.R @ (right - level.A @ X), depth + 1)
         return _smooth(level, right, X)
-
-
-def _dots(a: Floats, b: Floats) -> Floats:
-    return np.asarray(np.einsum("ij,ij->j", a, b))
 
 
 def _smooth(level: _Level, right: Floats, X: Floats | None) -> Floats:

@@ -6,6 +6,7 @@ All solvers have one interface, made once and solved with many times:
 |---|---|---|
 | superlu | LU with an ordering for symmetric patterns | SciPy |
 | pardiso | L D L^T of the Intel MKL | pypardiso (extra `large`) |
+| pardiso_single | L L^T in single precision under conjugate gradients in double: half the memory | the same |
 | multigrid | conjugate gradients under smoothed aggregation, no factors | pyamg (extra `large`) |
 
 MUMPS is left out: the one wheel of python-mumps (0.0.2) needs NumPy 1, and needs a compiler otherwise.
@@ -27,7 +28,7 @@ from scipy.sparse import csr_matrix
 from romdam.errors import ReductionError
 from romdam.linalg.factor import Factor
 from romdam.linalg.multigrid import Motions, Multigrid
-from romdam.linalg.pardiso import PardisoFactor
+from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +37,7 @@ Floats = NDArray[np.float64]
 SMALL = 20_000  # unknowns up to which SuperLU is taken, so that a small job gives the same with any extra
 _SHARE = 0.8  # of the machine's memory, where no limit is given
 _WRONG = 1e-3  # error of a trial solve, relative to the answer: a matrix that spans 13 decades or more
-_MODULE = {"superlu": "scipy", "pardiso": "pypardiso", "multigrid": "pyamg"}
+_MODULE = {"superlu": "scipy", "pardiso": "pypardiso", "pardiso_single": "pypardiso", "multigrid": "pyamg"}
 
 
 class Solver(Protocol):
@@ -76,7 +77,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class _Growth:
-    """Fitted on tet10 cubes and cantilevers on one core: value = at_million * (unknowns / 1e6)^exponent."""
+    """Fitted on tet10 cubes, cantilevers and an arch dam: value = at_million * (unknowns / 1e6)^exponent."""
 
     at_million: float
     exponent: float
@@ -89,6 +90,7 @@ class _Growth:
 _FITS = {
     "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
     "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.35)),
+    "pardiso_single": (_Growth(500.0, 2.1), _Growth(1.3, 1.5), _Growth(11.9e9, 1.35)),
     "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(8e9, 1.0)),
 }
 
@@ -166,6 +168,7 @@ def make_solver(matrix: csr_matrix, motions: Motions, columns: int, solving: Sol
     makers: dict[str, Callable[[], Solver]] = {
         "superlu": lambda: Factor(matrix),
         "pardiso": lambda: PardisoFactor(matrix, solving.limit),
+        "pardiso_single": lambda: PardisoSingle(matrix, solving.limit),
         "multigrid": lambda: Multigrid(matrix, motions),
     }
     tried = candidates(matrix.shape[0], columns, solving, place)

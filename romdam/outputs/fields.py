@@ -29,6 +29,7 @@ from romdam.reduction.store import BlockBasis, write_block
 from romdam.scene.model import Scene
 
 FORMAT = "romdam-model-1"
+_ROWS = 4096  # of an array at a time
 Floats = NDArray[np.float64]
 
 
@@ -56,7 +57,8 @@ def _digest(scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
         part = basis[name]
         content.update(f"{name} {block.element} {part.columns.start} {part.matrix.shape}".encode())
         for array in (block.points, block.cells, part.matrix):
-            content.update(np.ascontiguousarray(array).data)
+            for first in range(0, array.shape[0], _ROWS):
+                content.update(np.ascontiguousarray(array[first : first + _ROWS]).data)
     return content.hexdigest()
 
 

@@ -20,9 +20,11 @@ from scipy.sparse import csr_matrix
 log = logging.getLogger(__name__)
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 WIDTH = 32  # columns made at a time
 _ROWS = 8192  # of a chunk of the file: 2 MB
+_HELD = 1e9  # bytes of some rows that are kept between products
 _TOGETHER = 128  # columns of a product at a time: 400 MB at 400,000 unknowns
 
 
@@ -69,13 +71,14 @@ class Columns:
         with h5py.File(self.path, "r+") as file:
             file["columns"].resize(self.shape)
 
-    def fill(self, until: int, make: Callable[[int, int], Floats]) -> None:
+    def fill(self, until: int, make: Callable[[int, int], Floats], width: int | None = None) -> None:
         """Make the columns from the last finished one to `until`; make(first, last) gives (n, last - first).
 
-        Each block of columns is on disk before the next one is made.
+        Each block of columns is on disk before the next one is made; fewer than usual take less memory.
         """
-        for first in range(self.done, until, WIDTH):
-            last = min(first + WIDTH, until)
+        width = width or WIDTH
+        for first in range(self.done, until, width):
+            last = min(first + width, until)
             values = make(first, last)
             with h5py.File(self.path, "r+") as file:
                 file["columns"][:, first:last] = values
@@ -99,19 +102,45 @@ class Columns:
         found = np.zeros((self.shape[0], V.shape[1]))
         with h5py.File(self.path, "r") as file:
             for some in self._blocks():
-                found += file["columns"][:, some] @ V[some]
+                if V[some].any():
+                    found += file["columns"][:, some] @ V[some]
         return found
 
-    def gram(self, M: csr_matrix) -> Floats:
-        """T^T M T, (m, m), M symmetric."""
-        total = np.zeros((self.shape[1],) * 2)
+    def gram(
+        self,
+        M: csr_matrix,
+        rows: Ints | None = None,
+        first: int = 0,
+        less: tuple[Floats, Floats] | None = None,
+    ) -> Floats:
+        """T^T M T, M symmetric, of the columns from `first` on.
+
+        Parameters
+        ----------
+        rows : of T that M is of, None for all
+        less : (rows, k) and (k, m) whose product T is first made less by, there
+        """
+        total, held = np.zeros((self.shape[1],) * 2), dict[int, Floats]()
+        few = 8 * M.shape[0] * self.shape[1] <= _HELD
         with h5py.File(self.path, "r") as file:
-            for k, right in enumerate(self._blocks()):
-                product = M @ file["columns"][:, right]
-                for left in self._blocks()[: k + 1]:
-                    total[left, right] = file["columns"][:, left].T @ product
+
+            def columns(some: slice) -> Floats:
+                if some.start in held:
+                    return held[some.start]
+                X = file["columns"][:, some]
+                X = X if rows is None else X[rows]
+                if less is not None:
+                    X -= less[0] @ less[1][:, some]
+                if few:
+                    held[some.start] = X
+                return np.asarray(X)
+
+            for k, right in enumerate(self._blocks(first)):
+                product = M @ columns(right)
+                for left in self._blocks(first)[: k + 1]:
+                    total[left, right] = columns(left).T @ product
                     total[right, left] = total[left, right].T
-        return total
+        return total[first:, first:]
 
     def times(self, V: Floats, ends: list[int]) -> Iterator[Floats]:
         """T @ V, rows ends[k] to ends[k + 1] at a time."""
@@ -119,6 +148,6 @@ class Columns:
             for first, last in pairwise(ends):
                 yield file["columns"][first:last] @ V
 
-    def _blocks(self) -> list[slice]:
+    def _blocks(self, first: int = 0) -> list[slice]:
         width = self.shape[1]
-        return [slice(k, min(k + _TOGETHER, width)) for k in range(0, width, _TOGETHER)]
+        return [slice(k, min(k + _TOGETHER, width)) for k in range(first, width, _TOGETHER)]

@@ -139,13 +139,7 @@ def reduce_block(
         where a factorisation or an eigenproblem fails.
     """
     interior = int((~retained).sum())
-    if choice.capped and choice.count is not None:
-        choice = replace(choice, count=min(choice.count, interior))
-    if not choice.keeps_all and choice.count is not None and choice.count > interior:
-        raise ConfigError(
-            f"{place}: model.modes asks for {choice.count} fixed-interface modes, the block has {interior} "
-            "interior DOFs; ask for fewer, or for `modes: all`"
-        )
+    choice = _within(choice, interior, place)
     if choice.keeps_all or choice.count == interior:
         omega2, basis = dense_modes(K, M)
         highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0
@@ -174,6 +168,18 @@ def reduce_block(
         residual=residual,
         corrections=added,
     )
+
+
+def _within(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
+    """The choice, capped at the interior DOFs that there are if it may be."""
+    if choice.capped and choice.count is not None:
+        choice = replace(choice, count=min(choice.count, interior))
+    if not choice.keeps_all and choice.count is not None and choice.count > interior:
+        raise ConfigError(
+            f"{place}: model.modes asks for {choice.count} fixed-interface modes, the block has {interior} "
+            "interior DOFs; ask for fewer, or for `modes: all`"
+        )
+    return choice
 
 
 def _ritz_vectors(

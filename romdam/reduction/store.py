@@ -9,7 +9,8 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
                     attribute first: the block's first column of the reduced coordinates (0 in a cache file)
     omega2          (m,) [1/s2]
     participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
-    attributes      layout, key, content_sha256 (of the three arrays and the report), report (JSON)
+    attributes      layout, key, content_sha256 (of the three arrays and the report), report (JSON);
+                    a basis of 64 MB or more counts by `folded`, which a million unknowns take a second for
 
 The key is the SHA-256 of everything the basis depends on: mesh, element, material, supports, the DOFs that
 the joints retain (with their turned frames), the choice of modes, the versions of romdam and of this layout.
@@ -40,7 +41,7 @@ from romdam.scene.model import Block, Bools
 
 log = logging.getLogger(__name__)
 
-LAYOUT = "romdam-block-1"
+LAYOUT = "romdam-block-2"
 Floats = NDArray[np.float64]
 _CHUNK_BYTES = 1 << 20
 _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
@@ -76,11 +77,16 @@ def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoi
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file."""
-    matrix = basis.matrix.reshape(len(block.points), 3, -1)
-    rows = max(1, min(len(matrix), _CHUNK_BYTES // max(1, 3 * 8 * matrix.shape[2])))
-    chunks = (rows, *matrix.shape[1:]) if 0 < matrix.nbytes < _MAPPED else None
-    group.create_dataset("basis", data=matrix, chunks=chunks)
-    _write_beside(group, block, basis)
+    nodes, columns = len(block.points), basis.matrix.shape[1]
+    step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * 8 * columns)))
+    small = basis.matrix.nbytes < _MAPPED
+    chunks = (step, 3, columns) if small and basis.matrix.nbytes else None
+    data = group.create_dataset("basis", shape=(nodes, 3, columns), dtype="f8", chunks=chunks)
+    for first in range(0, nodes if columns else 0, step):
+        data[first : first + step] = basis.matrix[3 * first : 3 * (first + step)].reshape(-1, 3, columns)
+    group.file.flush()
+    whole = basis.matrix if small else _array(data).reshape(3 * nodes, columns)
+    _write_beside(group, block, replace(basis, matrix=whole))
 
 
 def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
@@ -240,4 +246,16 @@ class BlockStore:
 
 
 def _checksum(basis: BlockBasis) -> str:
-    return fingerprint((json.dumps(basis.report), basis.matrix, basis.omega2, basis.participation))
+    matrix = basis.matrix if basis.matrix.nbytes < _MAPPED else folded(basis.matrix)
+    return fingerprint((json.dumps(basis.report), matrix, basis.omega2, basis.participation))
+
+
+def folded(matrix: Floats) -> NDArray[np.int64]:
+    """Exclusive or and sum of every megabyte of an array, (pieces, 2) 64-bit words.
+
+    Any word that changes changes them; SHA-256 would take eight times as long as reading does.
+    """
+    words = matrix.reshape(-1).view(np.int64)
+    step = _CHUNK_BYTES // 8
+    pieces = (words[k : k + step] for k in range(0, len(words), step))
+    return np.array([(np.bitwise_xor.reduce(p), np.add.reduce(p)) for p in pieces], dtype=np.int64)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.config.models import DampingConfig, ModelConfig
-from romdam.dynamics.system import System
+from romdam.dynamics.system import GapLaw, System
 from romdam.errors import ReductionError
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
@@ -29,7 +29,7 @@ from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
 from romdam.reduction.large import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.store import BlockBasis, BlockStore, block_key
-from romdam.reduction.tied import tied_bases
+from romdam.reduction.tied import tied_bases, tied_keys
 from romdam.reduction.water import with_water
 from romdam.scene.held import held_rigidly, rigid_motions
 from romdam.scene.model import Block, Scene
@@ -83,7 +83,7 @@ def reduce_scene(
     operators = gap_operators(scene, law.directions)
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     found, parts, first = dict[str, BlockBasis](), dict[str, slice](), 0
-    _refuse_large(scene, choice)
+    _refuse_large(scene, operators, choice, store)
     for part in scene_parts(scene).values():
         one = _reduced_part(part, scene, operators, choice, store)
         parts[part.name] = slice(first, first + len(one[part.blocks[0]].omega2))
@@ -91,27 +91,39 @@ def reduce_scene(
         first = parts[part.name].stop
     basis = {name: found[name] for name in scene.blocks}
     report: dict[str, object] = {name: block.report for name, block in basis.items()}
-    omega2, load, force, B = _reduced_matrices(scene, basis, operators, first)
-    system = System(
-        M=csr_matrix(eye_array(first)),
-        C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
-        K=csr_matrix(diags_array(omega2)),
-        B=csr_matrix(B),
-        load=load,
-        force=force,
-        observe=_observe(scene, basis, first),
-        law=law,
-        parts=parts,
-        diagonal=True,
-        floating=bool((omega2 == 0.0).any()),
-        reduced=True,
-    )
+    system = _system(scene, basis, (operators, law), damping, parts)
     water = added_mass(scene)
     if water is not None:
         system, basis = with_water(system, basis, water, damping)
     system = _with_dashpots(system, scene, basis)
     report["cpu_seconds"] = time.process_time() - start
     return ReducedModel(system=system, basis=basis, report=report, water=water)
+
+
+def _system(
+    scene: Scene,
+    basis: dict[str, BlockBasis],
+    gaps: tuple[dict[str, csr_matrix], GapLaw],
+    damping: DampingConfig,
+    parts: dict[str, slice],
+) -> System:
+    """The parts side by side, with their joints open."""
+    (operators, law), size = gaps, max(part.stop for part in parts.values())
+    omega2, load, force, B = _reduced_matrices(scene, basis, operators, size)
+    return System(
+        M=csr_matrix(eye_array(size)),
+        C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
+        K=csr_matrix(diags_array(omega2)),
+        B=csr_matrix(B),
+        load=load,
+        force=force,
+        observe=_observe(scene, basis, size),
+        law=law,
+        parts=parts,
+        diagonal=True,
+        floating=bool((omega2 == 0.0).any()),
+        reduced=True,
+    )
 
 
 def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -> System:
@@ -126,13 +138,29 @@ def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -
     return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
 
-def _refuse_large(scene: Scene, choice: ModeChoice) -> None:
-    """Raise before anything is computed if a part does not fit in memory with any solver."""
+def _refuse_large(
+    scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice, store: BlockStore | None
+) -> None:
+    """Raise before anything is computed if a part is not in the store and fits in memory with no solver."""
     if choice.keeps_all:
         return
     for part in scene_parts(scene).values():
         unknowns = int((~part.fixed(scene.fixed)).sum())
-        candidates(unknowns, choice.columns, choice.solving, part.name)
+        try:
+            candidates(unknowns, choice.columns, choice.solving, part.name)
+        except ReductionError:
+            keys = _keys(part, scene, operators, choice)
+            if store is None or not all(store.path(key).is_file() for key in keys.values()):
+                raise
+
+
+def _keys(part: Part, scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice) -> dict[str, str]:
+    """Block name -> what its basis is stored under."""
+    if len(part.blocks) > 1:
+        return tied_keys(part, scene, operators, choice)
+    (name,) = part.blocks
+    interface = joint_interface(operators[name], scene.fixed[name])
+    return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice)}
 
 
 def _reduced_part(

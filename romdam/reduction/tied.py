@@ -23,8 +23,8 @@ Rubin, AIAA Journal 13 (1975) 995; Hintz, AIAA Journal 13 (1975) 1007 (free mode
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,14 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
 import romdam
 from romdam.fem.absorbing import boundary_dashpots
-from romdam.fem.assembly import assemble
 from romdam.fem.loads import surface_force
-from romdam.fem.parts import assemble_part, gather, part_inertia, part_operator
+from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.fingerprint import fingerprint
-from romdam.linalg.eigen import dense_modes, modes_below
+from romdam.linalg.conjugate import WIDTH
+from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
-from romdam.linalg.solvers import Solver, make_solver
+from romdam.linalg.solvers import make_solver
+from romdam.reduction.columns import Columns
 from romdam.reduction.craig_bampton import (
     FREE_SHIFT,
     ModeChoice,
@@ -47,10 +48,9 @@ from romdam.reduction.craig_bampton import (
     eigen_residual,
     without_roundoff,
 )
-from romdam.reduction.large import LARGE
 from romdam.reduction.store import LAYOUT, BlockBasis, BlockStore
 from romdam.scene.held import held_rigidly, rigid_motions
-from romdam.scene.model import Scene
+from romdam.scene.model import Ints, Scene
 from romdam.scene.ties import Part
 
 log = logging.getLogger(__name__)
@@ -58,25 +58,48 @@ log = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
-_WIDTH = 64  # right-hand sides at a time
-_ROWS = 65_536  # of the basis at a time
-_STIFF = 1e-9  # least 1/omega2 of an attachment mode relative to their largest: it is a spring beyond that
+# least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
+# 1e-13 on the first mode would count as its round-off
+_STIFF = 1e-12
+_NODES = 4096  # of a block's basis at a time
 
 
 @dataclass(frozen=True)
-class Loads:
-    """What the basis answers statically right, over the free DOFs.
+class _Tied:
+    """A part over its free DOFs.
 
     Attributes
     ----------
-    B : (rows, n) sparse gap operator
-    inertia : (n, 3) M r of the ground's directions
-    force : (n, k) static loads
+    K, M : (n, n) sparse
+    right : (n, a) sparse, of unit length: what the basis answers statically right
+    held : whether supports stop every rigid motion
+    motions : of the free DOFs
+    row : (N,) number of every DOF of every block among the free ones, block after block; -1 where held
+    inertia : block name -> (3 nodes, 3) M r of its own
+    place : what to call the part in messages
     """
 
-    B: csr_matrix
-    inertia: Floats
-    force: Floats
+    K: csr_matrix
+    M: csr_matrix
+    right: csc_matrix
+    held: bool
+    motions: Motions
+    row: Ints
+    inertia: dict[str, Floats]
+    place: str
+
+    @property
+    def shift(self) -> float:
+        """K less it times M is positive definite."""
+        return 0.0 if self.held else -FREE_SHIFT
+
+    @property
+    def first(self) -> Ints:
+        """(n,) where every free DOF stands among the blocks' for the first time."""
+        found = np.empty(self.K.shape[0], dtype=np.int64)
+        here = np.flatnonzero(self.row >= 0)[::-1]
+        found[self.row[here]] = here
+        return found
 
 
 def tied_bases(
@@ -97,19 +120,28 @@ def tied_bases(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    operator = part_operator(part, operators)
-    static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
-    if 24.0 * part.nodes * (operator.shape[0] + choice.columns // 4) > LARGE and not choice.keeps_all:
-        store = store or BlockStore.passing()
-    if store is None:
-        return dict(_bases(part, scene, (operator, static), choice))
+    operator, static = _given(part, scene, operators)
+    store = store or BlockStore.passing()
     keys = _keys(part, scene, operator, static, choice)
     found = {name: store.read(key) for name, key in keys.items()}
     kept = {name: basis for name, basis in found.items() if basis is not None}
-    if len(kept) < len(part.blocks):
-        for name, basis in _bases(part, scene, (operator, static), choice):
-            kept[name] = store.write(keys[name], scene.blocks[name], basis)
-    return kept
+    if len(kept) == len(part.blocks):
+        return kept
+    tied = _tied(part, scene, operator, static)
+    return _reduced(tied, scene, choice, store, keys)
+
+
+def tied_keys(
+    part: Part, scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice
+) -> dict[str, str]:
+    """Block name -> what its basis is stored under; see `tied_bases`."""
+    return _keys(part, scene, *_given(part, scene, operators), choice)
+
+
+def _given(part: Part, scene: Scene, operators: dict[str, csr_matrix]) -> tuple[csr_matrix, Floats]:
+    """The part's gap operator, and its surface forces."""
+    static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
+    return part_operator(part, operators), static
 
 
 def _keys(
@@ -126,44 +158,37 @@ def _keys(
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 
-def _bases(
-    part: Part, scene: Scene, given: tuple[csr_matrix, Floats], choice: ModeChoice
-) -> Iterator[tuple[str, BlockBasis]]:
-    """The blocks' bases one after the other, so that only one is held beside the part's."""
-    operator, static = given
-    K, M = assemble_part(part, scene.blocks)
+def _tied(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _Tied:
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
-    inertia = part_inertia(part, scene, M)
-    static = np.column_stack([static, _inertia_with_weight(part, scene), _boundary_tractions(part, scene)])
-    loads = Loads(csr_matrix(operator[:, free]), inertia[free], static[free])
-    mesh = part.mesh(scene.blocks)
-    held = held_rigidly(mesh, fixed)
+    K, M, inertia = part_matrices(part, scene.blocks)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
-    motions = Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free])
-    sub = reduce_part(K, M, loads, held, choice, f"part {part.name}", motions)
-    del K, M, inertia, loads
-    row = np.cumsum(free) - 1
-    report = sub.report() | choice.report() | {"part": part.name}
-    for name in part.blocks:
-        dofs = (3 * part.number[name][:, None] + np.arange(3)).ravel()
-        matrix = np.zeros((len(dofs), len(sub.omega2)))
-        matrix[free[dofs]] = sub.basis[row[dofs[free[dofs]]]]
-        rigid = np.tile(np.eye(3), (len(part.number[name]), 1))
-        moved = matrix.T @ (assemble(scene.blocks[name])[1] @ rigid)
-        yield name, BlockBasis(matrix, slice(0, len(sub.omega2)), sub.omega2, moved, report)
-
-
-def _inertia_with_weight(part: Part, scene: Scene) -> Floats:
-    """M r of the blocks that gravity acts on, where they are not all; (3 nodes, 3 or 0)."""
+    shaken = [name for name in part.blocks if name not in scene.radiating]
     heavy = [name for name in part.blocks if name not in scene.settled]
-    if len(heavy) in (0, len(part.blocks)):
-        return np.zeros((3 * part.nodes, 0))
-    total = np.zeros((3 * part.nodes, 3))
-    for name in heavy:
-        rigid = np.tile(np.eye(3), (len(part.number[name]), 1))
-        total += part.spread(name).T @ (assemble(scene.blocks[name])[1] @ rigid)
-    return total
+    loads = [
+        _sum(part, inertia, shaken),
+        static[:, None],
+        _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
+        _boundary_tractions(part, scene),
+    ]
+    mesh = part.mesh(scene.blocks)
+    dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
+    return _Tied(
+        K=K,
+        M=M,
+        right=_unit_columns([operator[:, free].T, *(load[free] for load in loads)]),
+        held=held_rigidly(mesh, fixed),
+        motions=Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free]),
+        row=np.where(free, np.cumsum(free) - 1, -1)[np.concatenate(dofs)],
+        inertia=inertia,
+        place=f"part {part.name}",
+    )
+
+
+def _sum(part: Part, inertia: dict[str, Floats], blocks: list[str]) -> Floats:
+    """M r of some of the blocks, (3 nodes, 3)."""
+    some = {name: values if name in blocks else np.zeros_like(values) for name, values in inertia.items()}
+    return gather(part, some)
 
 
 def _boundary_tractions(part: Part, scene: Scene) -> Floats:
@@ -180,104 +205,134 @@ def _boundary_tractions(part: Part, scene: Scene) -> Floats:
     return np.hstack(columns)
 
 
-def reduce_part(
-    K: csr_matrix,
-    M: csr_matrix,
-    loads: Loads,
-    held: bool,
-    choice: ModeChoice,
-    place: str,
-    motions: Motions,
-) -> Substructure:
-    """Reduce a part in free-interface form.
-
-    Parameters
-    ----------
-    K, M : (n, n) sparse, over the free DOFs
-    held : whether supports stop every rigid motion
-    choice : the modes to keep; a count is of the whole part, corrections are not needed
-    place : what to call the part in messages
-    motions : of the free DOFs
+def _reduced(
+    tied: _Tied, scene: Scene, choice: ModeChoice, store: BlockStore, keys: dict[str, str]
+) -> dict[str, BlockBasis]:
+    """Reduce a part in free-interface form, its basis in the store from the first column on.
 
     Raises
     ------
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    every = choice.keeps_all or (choice.count is not None and choice.count >= K.shape[0])
-    if every and (M.diagonal() > 0.0).all():
-        omega2, basis = dense_modes(K, M)
-        highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi))
-        return Substructure(without_roundoff(omega2), basis, 0, len(omega2), highest, 0.0, 0.0)
-    shift = 0.0 if held else -FREE_SHIFT
-    shifted = K - shift * M if shift else K
-    solver = make_solver(shifted, motions, loads.B.shape[0] + choice.columns, choice.solving, place)
-    omega2, Phi = modes_below(K, M, K.shape[0] if every else choice.count, choice.cutoff, solver, shift)
-    log.info("%s: %d modes", place, len(omega2))
-    stiff, basis = _with_attachment_modes(M, _unit_columns(loads), solver, Phi)
-    log.info("%s: %d attachment modes", place, len(stiff))
-    low = Phi.T @ (M @ Phi)
-    return Substructure(
-        omega2=without_roundoff(np.concatenate([omega2, stiff + shift])),
-        basis=basis,
-        retained=basis.shape[1] - len(omega2),
-        fixed_interface=len(omega2),
-        highest=float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0,
-        orthonormality=float(np.abs(low - np.eye(len(low))).max(initial=0.0)),
-        residual=eigen_residual(K, M, omega2, Phi),
-    )
+    key = fingerprint(keys)
+    size, file = tied.K.shape[0], (store.scratch(key), key)
+    every = choice.keeps_all or (choice.count is not None and choice.count >= size)
+    if every and (tied.M.diagonal() > 0.0).all():
+        modes, (omega2, Phi), V = size, dense_modes(tied.K, tied.M), np.eye(size)
+        T = Columns(*file, (len(tied.row), size))
+        T.fill(size, lambda first, last: _over_blocks(tied, Phi[:, first:last]))
+    else:
+        T, modes = _ritz_vectors(tied, replace(choice, count=size if every else choice.count), file)
+        omega2, V = _diagonalised(tied, T, modes)
+    log.info("%s: %d modes, %d attachment modes", tied.place, modes, len(omega2) - modes)
+    report = _report(tied, T, omega2, V, modes) | choice.report()
+    kept, first = {}, 0
+    for name in keys:
+        last = first + 3 * len(scene.blocks[name].points)
+        ends = [*range(first, last, 3 * _NODES), last]
+        rows = T.times(V, ends), tied.inertia[name]
+        kept[name] = store.write_streamed(keys[name], scene.blocks[name], omega2, rows, report)
+        first = last
+    T.remove()
+    return kept
 
 
-def _with_attachment_modes(
-    M: csr_matrix, right: csc_matrix, solver: Solver, Phi: Floats
-) -> tuple[Floats, Floats]:
-    """Phi and beside it the static answers to the columns of `right` without their part in Phi.
+def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tuple[Columns, int]:
+    """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
+    right = tied.right
+    shifted = tied.K - tied.shift * tied.M if tied.shift else tied.K
+    solver = make_solver(shifted, tied.motions, right.shape[1] + choice.columns, choice.solving, tied.place)
+    T = Columns(*file, (len(tied.row), right.shape[1]))
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), WIDTH)
+    log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
+    count, make = span_of_modes(tied.K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
+    static = T.shape[1]
+    T.widen(count)
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), WIDTH)
+    return T, count
 
-    These are M-orthonormal and diagonal in K. With A = K^-1 R the energies are A^T K A = R^T A, and what Phi
-    takes of it follows from Phi^T R, so K is not needed again. Directions are those of the flexibility; the
-    ones that are springs beyond all the motion of interest keep their flexibility with a mass that is not
-    above theirs. All is done in place, some columns or rows at a time.
 
-    Returns
-    -------
-    stiff : (a,) omega^2 of the static answers
-    basis : (n, k + a)
+def _over_blocks(tied: _Tied, values: Floats) -> Floats:
+    """Values of the free DOFs over those of every block, zero where held."""
+    found = values[tied.row]
+    found[tied.row < 0] = 0.0
+    return found
+
+
+def _diagonalised(tied: _Tied, T: Columns, modes: int) -> tuple[Floats, Floats]:
+    """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
+
+    The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
+    Their energies are R^T A, so that K is asked for its forms on the modes alone. Directions are those of the
+    flexibility; the ones that are springs beyond all the motion of interest keep their flexibility with a
+    mass that is not above theirs.
     """
-    first, columns = Phi.shape[1], right.shape[1]
-    basis = np.empty((M.shape[0], first + columns))
-    basis[:, :first] = Phi
-    A, M_Phi, blocks = basis[:, first:], M @ Phi, _blocks(columns, _WIDTH)
-    flexibility, mass = np.empty((columns, columns)), np.empty((columns, columns))
-    for some in blocks:
-        answer = solver.solve(right[:, some].toarray())
-        answer -= Phi @ (M_Phi.T @ answer)
-        flexibility[:, some] = right.T @ answer
-        A[:, some] = answer
-    if not columns:
-        return np.zeros(0), basis
-    del M_Phi
+    rows, a = tied.first, T.shape[1] - modes
+    moving = tied.M.diagonal() > 0.0
+    own, there = csr_matrix(tied.M[moving][:, moving]), rows[moving]
+    M_m = T.gram(own, there, a)
+    K_m = T.gram(tied.K, rows, a) - tied.shift * M_m
+    low, C = eigh(0.5 * (K_m + K_m.T), M_m)
+    if not a:
+        return without_roundoff(low + tied.shift), C
+    over = T.before(_spread(tied.right, rows, T.shape[0]))  # R^T [A, Phi]
+    part = (over[:, a:] @ C / low).T  # of the modes in A, as far as they are modes: C^T Phi^T M A
+    Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[there]
+    M_T = T.gram(own, there, less=(Phi, np.hstack([part, np.zeros((modes, modes))])))
+    rest = C.T @ M_T[a:, :a]
+    part = part + rest
+    twice = over[:, a:] @ C @ part
+    flexibility = over[:, :a] - twice - twice.T + part.T @ (low[:, None] * part)
+    flexibility = 0.5 * (flexibility + flexibility.T)
+    mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low)
+    V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
+    return np.concatenate([without_roundoff(low + tied.shift), 1.0 / slow + tied.shift]), V
+
+
+def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats, Floats]:
+    """The combinations of static answers that are M-orthonormal and diagonal in K, and their 1 / omega^2.
+
+    `low` are the omega^2 of the modes.
+    """
     scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
-    size, U = np.linalg.eigh(0.5 * (flexibility + flexibility.T) * scale * scale[:, None])
+    size, U = np.linalg.eigh(flexibility * scale * scale[:, None])
     keep = size > _DEPENDENT * size[-1]
     mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
-    for some in blocks:
-        mass[:, some] = A.T @ (M @ A[:, some])
     mass = mix.T @ mass @ mix
-    slow, V = eigh(0.5 * (mass + mass.T))
-    slow = np.maximum(slow[::-1], _STIFF * slow[-1])
-    mix = mix @ V[:, ::-1] / np.sqrt(slow)
-    for rows in _blocks(len(A), _ROWS):
-        A[rows, : len(slow)] = A[rows] @ mix
-    return 1.0 / slow, basis[:, : first + len(slow)]
+    slow, W = eigh(0.5 * (mass + mass.T))
+    slow = np.maximum(slow[::-1], _STIFF * (1.0 / low[0] if len(low) else slow[-1]))
+    return mix @ W[:, ::-1] / np.sqrt(slow), slow
 
 
-def _blocks(count: int, size: int) -> list[slice]:
-    return [slice(k, min(k + size, count)) for k in range(0, count, size)]
+def _spread(right: csc_matrix, rows: Ints, size: int) -> csr_matrix:
+    """R^T over the DOFs of every block, each free DOF counted once."""
+    across = csr_matrix(right.T)
+    return csr_matrix((across.data, rows[across.indices], across.indptr), shape=(right.shape[1], size))
 
 
-def _unit_columns(loads: Loads) -> csc_matrix:
+def _report(tied: _Tied, T: Columns, omega2: Floats, V: Floats, modes: int) -> dict[str, object]:
+    """The numbers on the reduction, as plain values."""
+    low, residual, rows = omega2[:modes], 0.0, tied.first
+    for first in range(0, modes, WIDTH):
+        some = slice(first, min(first + WIDTH, modes))
+        Phi = T.combined(V[:, some])[rows]
+        residual = max(residual, eigen_residual(tied.K, tied.M, low[some], Phi))
+    sub = Substructure(
+        omega2=omega2,
+        basis=np.zeros((0, 0)),
+        retained=len(omega2) - modes,
+        fixed_interface=modes,
+        highest=float(np.sqrt(max(low[-1], 0.0)) / (2.0 * np.pi)) if modes else 0.0,
+        orthonormality=0.0,
+        residual=residual,
+    )
+    return sub.report() | {"part": tied.place.removeprefix("part ")}
+
+
+def _unit_columns(loads: list[csr_matrix | Floats]) -> csc_matrix:
     """The loads that are not zero, each of unit length."""
-    right = csc_matrix(hstack([loads.B.T, csc_matrix(loads.inertia), csc_matrix(loads.force)]))
+    right = csc_matrix(hstack([csc_matrix(load) for load in loads]))
     length = np.sqrt(np.asarray(right.multiply(right).sum(axis=0)).ravel())
     some = np.flatnonzero(length > 0.0)
     return csc_matrix(right[:, some] @ diags_array(1.0 / length[some]))

@@ -9,6 +9,7 @@ combinations of those without.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,9 @@ from romdam.dynamics.system import System
 from romdam.errors import ReductionError
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.water import AddedMass
+from romdam.linalg.product import Product
 from romdam.reduction.craig_bampton import without_roundoff
+from romdam.reduction.large import LARGE
 from romdam.reduction.store import BlockBasis
 
 Floats = NDArray[np.float64]
@@ -128,9 +131,10 @@ def _changed(part: BlockBasis, change: _Change, omega2: Floats) -> BlockBasis:
     V = np.zeros((len(own), columns.stop))
     V[change.wet[wet] - first, :shift] = change.V[wet]
     V[change.dry[dry] - first, shift + dry] = 1.0
+    large = part.matrix.nbytes > LARGE
     return replace(
         part,
-        matrix=part.matrix @ V,
+        matrix=cast("Floats", Product(part.matrix, V)) if large else part.matrix @ V,
         columns=columns,
         omega2=omega2[columns],
         participation=V.T @ part.participation,

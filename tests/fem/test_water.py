@@ -4,11 +4,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 
+import romdam.reduction.store
 import romdam.reduction.water
 from romdam.config import parse_config
 from romdam.dynamics.options import TransientOptions
@@ -17,8 +19,11 @@ from romdam.errors import ConfigError, ReductionError
 from romdam.fem.unreduced import assemble_full
 from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.fem.wet_mesh import wet_mesh
+from romdam.linalg.product import Product
+from romdam.outputs.fields import write_model
 from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
+from romdam.reduction.store import read_block
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.model import Material
@@ -250,6 +255,23 @@ def test_modes_left_dry_cost_little(monkeypatch):
     assert set(half.system.parts) == {"water", "a", "b"}
     k, k_half = (np.sqrt(np.sort(m.system.K.diagonal())[:6]) for m in (whole, half))
     assert (np.abs(k_half / k - 1) < 2e-3).all()
+
+
+def test_large_bases_are_turned_row_by_row(monkeypatch, tmp_path):
+    """A mapped basis takes the water where its rows are read; what is stored is the same."""
+    scene, config = two_blocks()
+    known = reduce_scene(scene, ModeChoice(count=12), config.damping)
+    monkeypatch.setattr(romdam.reduction.water, "LARGE", 0.0)
+    monkeypatch.setattr(romdam.reduction.store, "_MAPPED", 0.0)
+    made = reduce_scene(scene, ModeChoice(count=12), config.damping)
+    path = tmp_path / write_model(tmp_path, scene, made.basis)
+    for name in scene.blocks:
+        size = np.abs(known.basis[name].matrix).max()
+        assert isinstance(made.basis[name].matrix, Product)
+        np.testing.assert_allclose(made.basis[name].matrix[:], known.basis[name].matrix, atol=1e-9 * size)
+        with h5py.File(path) as file:
+            stored = read_block(file[f"blocks/{name}"]).matrix
+        np.testing.assert_allclose(stored, made.basis[name].matrix[:], atol=1e-13 * size)
 
 
 def test_motion_of_one_wet_basis_is_written_in_another():

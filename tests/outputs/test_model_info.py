@@ -57,6 +57,6 @@ def test_another_file_is_refused(tmp_path):
     with h5py.File(path, "w") as file:
         file["a"] = 1.0
     with pytest.raises(
-        ResultError, match=r"is not a file of reduced blocks of this version \(romdam-block-1\)"
+        ResultError, match=r"is not a file of reduced blocks of this version \(romdam-block-2\)"
     ):
         model_lines(path)

@@ -120,3 +120,13 @@ def test_memory_that_is_too_small_is_refused_before_anything_is_assembled(monkey
     monkeypatch.setattr("romdam.reduction.synthesis.assemble", None)
     with pytest.raises(ReductionError, match=r"left: \d+ unknowns need more than model.memory = 0 MB"):
         reduced(built(), memory=100.0)
+
+
+def test_a_stored_model_is_read_whatever_memory_its_reduction_would_take(tmp_path):
+    where, cache = built(), BlockStore(tmp_path)
+    known = reduced(where, cache)
+    found = reduced(where, cache, memory=100.0)
+    assert np.array_equal(found.system.K.diagonal(), known.system.K.diagonal())
+    next(iter(tmp_path.glob("block-*"))).unlink()
+    with pytest.raises(ReductionError, match=r"unknowns need more than model.memory = 0 MB"):
+        reduced(where, cache, memory=100.0)
