@@ -288,7 +288,7 @@ def solve_frictional(
 
     Returns
     -------
-    float, the relative residual reached; above the tolerance means no convergence, inf that a step is given up
+    float, the relative residual reached; above the tolerance means no convergence, inf a step given up
     """
     tolerance, kept = control
     for i in range(len(limits.mu)):
