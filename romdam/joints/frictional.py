@@ -5,9 +5,11 @@
 Over a step that resolves the contact W is far from singular (its condition is 5 at 0.0025 s and 2 at
 0.000625 s on the two-cantilever model: inertia, not the structure, answers a force within the step), so
 projected Gauss-Seidel over the loaded gaps gains a digit per sweep and a half and needs no states, no
-factorisation and no line search: a step costs about 10 sweeps of (3 closed)^2 products. W on the loaded gaps
-is gathered once and kept while these stay the same. Where the sweeps do not contract (statics, rigid joints
-of stiff blocks, long steps) Newton takes over from where they stand (`romdam.joints.newton`). Where that
+factorisation and no line search: a step costs about 10 sweeps of (3 closed)^2 products. They wait for memory,
+so W on the loaded gaps is kept in single precision, gaps are added to it as they close, and the sweeps move
+the force from one whose exact response is known; every four digits they begin anew from there. Where they do
+not contract, a step that can be cut is given up, for its parts are cheaper than Newton on the whole; else
+(statics, rigid joints of stiff blocks) Newton takes over (`romdam.joints.newton`). Where that
 fails too, sweeps solve each gap exactly for the forces of the others (`romdam.joints.one_gap`), and at last
 the solution is followed from no friction, where it is unique, to all of it.
 
@@ -36,7 +38,7 @@ _SWEEPS = 64  # about the cost of one dense Newton iteration
 _WINDOW = 4  # sweeps between two looks at the contraction
 _GAIN = 0.3  # the change of the force must fall to this over a window, or Newton is the shorter way
 _SINGLE = 1e-4  # of the force's move, where sweeps in single precision begin anew from the exact response
-_REST = 0.5  # of the tolerance, relative to the forces alone
+_REST = 0.1  # of the tolerance
 _IDLE = 0.25  # gathered gaps without force per gap with
 _EXACT_SWEEPS = 200
 _FIRST_SHARE, _LONGER, _LEAST_SHARE = 0.1, 1.5, 1e-4  # of the friction, in a continuation
@@ -155,36 +157,30 @@ def _sweeps(
     y: Floats,
     control: tuple[float, NDArray[np.bool_]],
 ) -> float:
-    """Sweep until the force rests, on a set of gaps that grows as they close; natural residual reached.
+    """Sweep until the force rests, on a set of gaps that grows as they close; natural residual of the forces.
 
-    They stop early where they contract slowly, and return inf where a gap opens or closes that must not.
+    It is inf where they contract slowly and where a gap opens or closes that must not.
 
     Parameters
     ----------
-    y : gaps that overlap in it are taken in; receives the response [m]
-    control : see `solve_frictional`
+    y, control : response of the force at hand, changed in place [m]; see `solve_frictional`
     """
-    tolerance, kept = control
-    goal, p, done, change, residual = _REST * tolerance, memory.force, 0, 1.0, np.inf
+    goal, kept, p = _REST * control[0], control[1], memory.force
+    good, done, change, residual = False, 0, 1.0, np.inf
     base = memory.work[1]  # force of which y is the response
-    base[:] = 0.0
+    base[:] = p
     while done < _SWEEPS:
         count = _gather(W, limits, memory, p, y)
-        order, x, moved = (
-            memory.order[0, :count],
-            memory.work[0, : 3 * count],
-            np.empty(3 * count, dtype=np.float32),
-        )
-        for a in range(count):
-            for r in range(3):
-                b, k = 3 * a + r, 3 * order[a] + r
-                x[b], moved[b] = p[k], p[k] - base[k]
-        before = np.inf
-        rests = slow = spent = False
+        order, x = memory.order[0, :count], memory.work[0, : 3 * count]
+        moved = np.empty(len(x), dtype=np.float32)
+        for b in range(3 * count):
+            k = 3 * order[b // 3] + b % 3
+            x[b], moved[b] = p[k], p[k] - base[k]
+        before, rests, slow, spent = np.inf, False, False, False
         while done < _SWEEPS and not (rests or slow or spent):
             last = change
             change, share = _sweep(_block(memory), limits, order, (base, y), x, moved)
-            rests = change * min(change, last) <= 0.5 * goal * last  # what the next sweep would change
+            rests = change * change <= 0.5 * goal * (last - change)  # what all further sweeps would change
             spent = share <= _SINGLE
             done += 1
             if done % _WINDOW == 0:
@@ -192,17 +188,17 @@ def _sweeps(
                 before = change
                 if _changed(order, x, kept):
                     return np.inf
-        for a in range(count):
-            for r in range(3):
-                p[3 * order[a] + r] = x[3 * a + r]
+        for b in range(3 * count):
+            p[3 * order[b // 3] + b % 3] = x[b]
         base[:] = p
         response(W, p, y_free, y)
-        residual, of_forces = natural_residuals(W, limits, p, y)
-        if of_forces <= goal or slow or not math.isfinite(residual):
+        residual = natural_residuals(W, limits, p, y)[1]
+        good = rests and residual <= goal
+        if good or slow or not math.isfinite(residual):
             break
     memory.counts[0, 2] += done
     memory.counts[0, 3] = max(memory.counts[0, 3], done)
-    return residual
+    return residual if good else np.inf
 
 
 @njit(cache=True)
@@ -292,13 +288,13 @@ def solve_frictional(
 
     Returns
     -------
-    float, the relative residual reached; above the tolerance means no convergence, inf a change given up on
+    float, the relative residual reached; above the tolerance means no convergence, inf a step given up
     """
     tolerance, kept = control
     for i in range(len(limits.mu)):
         if not _wanted(limits, memory.force, y_free, i):
             memory.force[3 * i + 1], memory.force[3 * i + 2] = 0.0, 0.0
-    y[:] = y_free
+    response(W, memory.force, y_free, y)
     residual = _sweeps(W, limits, memory, y_free, y, control)
     if len(kept) and not residual <= tolerance:
         return np.inf
