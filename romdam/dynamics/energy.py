@@ -4,7 +4,8 @@
 
 `input` is the work of the inertia forces and static loads, `contact` what the implicit joint force
 takes away at closure and opening (numerical, never negative: the force times the jump's change is at least
-the change of the stored energy, see `romdam.joints.problem`), `friction` the work done in sliding. With the exact modal scheme the residual is round-off.
+the change of the stored energy, see `romdam.joints.problem`), `friction` the work done in sliding. With the
+exact modal scheme the residual is round-off.
 """
 
 from __future__ import annotations
