@@ -90,7 +90,7 @@ class _Growth:
 _FITS = {
     "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
     "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.35)),
-    "pardiso_single": (_Growth(500.0, 2.1), _Growth(1.3, 1.5), _Growth(11.9e9, 1.35)),
+    "pardiso_single": (_Growth(500.0, 2.1), _Growth(2.7, 1.5), _Growth(12.5e9, 1.0)),
     "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(8e9, 1.0)),
 }
 
