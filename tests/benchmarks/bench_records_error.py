@@ -6,9 +6,9 @@
 Three strong, different components of FEMA P-695 along y on the two cantilevers, with penalty, ten times
 softer, a thousand times stiffer, rigid and rough joints. Errors are of the first `--seconds` after shaking
 begins to count (5 % of the Arias intensity), in L2 over all openings, in the peak opening and in the
-largest compression, against the same reduced model with an even step taken to its limit. "end" is the adaptive
-step with joint forces that follow their springs at its end. Times are CPU seconds of the time loop over
-those runs on one core. Nothing here passes or fails.
+largest compression, against the same reduced model with an even step taken to its limit. "end" is the
+adaptive step with joint forces that follow their springs at its end. Times are CPU seconds of the time loop
+over those runs on one core. Nothing here passes or fails.
 """
 
 from __future__ import annotations
