@@ -27,7 +27,8 @@ class ModalModel(NamedTuple):
     tiles : (nt, 5) row start and end, column start and end of each non-zero block of G, offset of its values
     values : G's blocks, row-major, one after another
     R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
-    conserving : whether the joint force acts with its mean over the step, so that no energy is lost
+    conserving : True where the joint force acts with its mean over the step, so that no energy is lost, else
+        None (see `GapProblem.frictional`)
     shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
     """
 
@@ -36,7 +37,7 @@ class ModalModel(NamedTuple):
     tiles: Ints
     values: Floats
     R: Floats
-    conserving: bool
+    conserving: bool | None
     shift: Floats
 
 

@@ -69,6 +69,7 @@ def _correction(missing: float, moved: Floats) -> Floats:
 
 @njit(**ARRAYS)
 def try_conserving(
+    conserving: bool | None,
     model: ModalModel,
     half: Floats,
     gaps: tuple[GapProblem, GapMemory],
@@ -91,6 +92,8 @@ def try_conserving(
     -------
     float, the relative residual of the gap-space problem; above the tolerance means no convergence
     """
+    if conserving is None:
+        return np.inf
     (problem, memory), (w_free, shift, y) = gaps, jumps
     p_0 = state.force.ravel()
     before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())

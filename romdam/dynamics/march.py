@@ -29,7 +29,6 @@ from romdam.dynamics.arrays import Levels, ModalModel, ModalState, Runs, Track, 
 from romdam.dynamics.conserving import try_conserving
 from romdam.dynamics.modes import (
     advance,
-    copy,
     external_force,
     free_motion,
     gap_jumps,
@@ -38,7 +37,7 @@ from romdam.dynamics.modes import (
     residual_jumps,
 )
 from romdam.dynamics.propagator import Propagator
-from romdam.jit import ARRAYS, VIEWS
+from romdam.jit import ARRAYS, VIEWS, copy
 from romdam.joints.problem import GapMemory, GapProblem, Limits, Strength
 from romdam.joints.step import commit_gaps, solve_gaps
 
@@ -82,6 +81,7 @@ def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemor
         p.mu[i],
         p.gap[i],
         strength,
+        p.frictional,
     )
     limits = Limits(m.limits.cohesion[run], m.limits.mu[run], m.limits.tension[run])
     memory = GapMemory(
@@ -107,11 +107,16 @@ def _peak(state: ModalState, time: float) -> None:
 @njit(**ARRAYS)
 def _record(track: Track, state: ModalState, row: int) -> None:
     """Copy the state into a row of the track, and begin a new impulse."""
-    track.q[row], track.v[row], track.s[row] = state.q, state.v, state.s
-    track.jump[row], track.force[row], track.state[row] = state.jump, state.force, state.state
-    track.impulse[row] = state.impulse
+    copy(state.q, track.q[row])
+    copy(state.v, track.v[row])
+    copy(state.s, track.s[row])
+    copy(state.jump.ravel(), track.jump[row].ravel())
+    copy(state.force.ravel(), track.force[row].ravel())
+    copy(state.state, track.state[row])
+    copy(state.impulse.ravel(), track.impulse[row].ravel())
+    copy(state.works, track.works[row])
     state.impulse[:] = 0.0
-    track.works[row], track.stored[row] = state.works, state.stored[0]
+    track.stored[row] = state.stored[0]
 
 
 @njit(cache=True, inline="always")
@@ -131,10 +136,11 @@ def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: floa
 def _open_base_step(model: ModalModel, runs: Runs, work: Work, run: int) -> None:
     """Bring the external force, and the added jumps, of both ends of a run's next base step."""
     n = runs.clock[run, 0]
-    work.f_0[run] = work.f_end[run]
+    copy(work.f_end[run], work.f_0[run])
     external_force(model, runs.acc[:, runs.samples[run] + n + 1], work.f_end[run])
     if len(model.shift):
-        work.ends[run] = model.shift[n : n + 2]
+        copy(model.shift[n], work.ends[run, 0])
+        copy(model.shift[n + 1], work.ends[run, 1])
     runs.clock[run, 1], runs.clock[run, 3] = 0, 0
 
 
@@ -173,9 +179,11 @@ def _try_step(
         shift[i] = ends[0, i] + share * (ends[1, i] - ends[0, i])
     copy(memory.force, old_force)
     control = (tolerance, l < finest)
-    if model.conserving:
+    if model.conserving is not None:
         half = levels.half[variant, l]
-        residual = try_conserving(model, half, (problem, memory), state, (w, shift, y), control)
+        residual = try_conserving(
+            model.conserving, model, half, (problem, memory), state, (w, shift, y), control
+        )
     else:
         if len(model.R):
             for i in range(len(w)):
@@ -201,7 +209,7 @@ def _accept(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, wo
         closed = memory.force[d * i] > -memory.limits.tension[i]
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
-    if not model.conserving:
+    if model.conserving is None:
         for b in range(len(state.mean)):
             state.mean[b] = memory.force[b]
         for i in range(len(problem.tension)):
@@ -301,7 +309,7 @@ def _round(
     moved = work.accepted[:accepted]
     modal_forces(model, moved, states.mean, work.r, work)
     if len(model.R):
-        acted = states.force.reshape(states.mean.shape) if model.conserving else states.mean
+        acted = states.force.reshape(states.mean.shape) if model.conserving is not None else states.mean
         residual_jumps(model.R, moved, acted, work.w, work)
     for a in range(accepted):
         state = _state_of(states, moved[a])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import Ints, ModalModel, ModalState, Work
 from romdam.dynamics.propagator import Propagator
-from romdam.jit import ARRAYS
+from romdam.jit import ARRAYS, copy
 from romdam.joints.newton import add_product
 
 Floats = NDArray[np.float64]
@@ -43,10 +43,10 @@ def add_rows(A: Floats, p: Floats, scale: float, out: Floats) -> None:
 
 
 @njit(cache=True)
-def copy(source: Floats, target: Floats) -> None:
-    """target = source."""
+def _add(source: Floats, target: Floats) -> None:
+    """target += source."""
     for i in range(len(target)):
-        target[i] = source[i]
+        target[i] += source[i]
 
 
 @njit(cache=True)
@@ -58,7 +58,7 @@ def _together(
     A = left[: len(rows) * (last - first)].reshape(len(rows), last - first)
     C = out[: len(rows) * right.shape[1]].reshape(len(rows), right.shape[1])
     for a in range(len(rows)):
-        A[a] = x[rows[a], first:last]
+        copy(x[rows[a], first:last], A[a])
     return np.dot(A, right, C)
 
 
@@ -76,7 +76,7 @@ def gap_jumps(model: ModalModel, rows: Ints, q: Floats, w: Floats, work: Work) -
             continue
         product = _together(work.left, G.T, rows, (c0, c1), q, work.out)
         for a in range(len(rows)):
-            w[rows[a], r0:r1] += product[a]
+            _add(product[a], w[rows[a], r0:r1])
 
 
 @njit(**ARRAYS)
@@ -93,7 +93,7 @@ def modal_forces(model: ModalModel, rows: Ints, p: Floats, r: Floats, work: Work
             continue
         product = _together(work.left, G, rows, (r0, r1), p, work.out)
         for a in range(len(rows)):
-            r[rows[a], c0:c1] += product[a]
+            _add(product[a], r[rows[a], c0:c1])
 
 
 @njit(**ARRAYS)
@@ -106,13 +106,13 @@ def residual_jumps(R: Floats, rows: Ints, p: Floats, goal: Floats, work: Work) -
         return
     product = _together(work.left, R, rows, (0, len(R)), p, work.out)
     for a in range(len(rows)):
-        goal[rows[a]] = product[a]
+        copy(product[a], goal[rows[a]])
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def external_force(model: ModalModel, acc: Floats, f: Floats) -> None:
     """External modal force at one instant."""
-    f[:] = model.static
+    copy(model.static, f)
     for a in range(len(acc)):
         for j in range(len(f)):
             f[j] += model.load[a, j] * acc[a]
@@ -177,11 +177,12 @@ def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> t
     goal : (N,) R p, p the joint force of the step
     """
     s, u_r, N = state.s, state.u_r, len(goal)
-    p = state.force.ravel() if model.conserving else state.mean
+    conserving = model.conserving is not None
+    p = state.force.ravel() if conserving else state.mean
     work, loss, size = 0.0, 0.0, 0.0
     for i in range(N):
         new = decay * u_r[i] + (1.0 - decay) * goal[i]
-        if model.conserving:
+        if conserving:
             work += 0.5 * (p[i] * new - s[i] * u_r[i])
         else:
             work += p[i] * (new - u_r[i])

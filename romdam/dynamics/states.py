@@ -144,7 +144,7 @@ def modal_model(
         tiles=tiles,
         values=values,
         R=np.ascontiguousarray(R),
-        conserving=conserving,
+        conserving=True if conserving else None,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
     )
 
@@ -262,6 +262,7 @@ def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
         mu=np.stack([problem.mu for problem in firsts]),
         gap=np.stack([problem.gap for problem in firsts]),
         strength=Strength(*(np.stack(values) for values in strengths))._replace(dash=dash),
+        frictional=firsts[0].frictional,
     )
 
 
@@ -305,7 +306,8 @@ def _first_level(problem: GapProblem, variant: int) -> GapProblem:
     strength = Strength(*(values[variant] for values in problem.strength))
     parts = {name: getattr(problem, name)[variant] for name in ("tension", "mu", "gap")}
     arrays = {name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance", "lag")}
-    return GapProblem(**arrays, **parts, strength=strength._replace(dash=strength.dash[0]))
+    strength = strength._replace(dash=strength.dash[0])
+    return GapProblem(**arrays, **parts, strength=strength, frictional=problem.frictional)
 
 
 def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:

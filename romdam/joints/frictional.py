@@ -26,6 +26,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from romdam.jit import copy
 from romdam.joints.laws import project_shear
 from romdam.joints.newton import add_row, natural_residual, natural_residuals, newton, response, worst_gap
 from romdam.joints.one_gap import solve_gap
@@ -168,7 +169,7 @@ def _sweeps(
     goal, kept, p = _REST * control[0], control[1], memory.force
     good, done, change, residual = False, 0, 1.0, np.inf
     base = memory.work[1]  # force of which y is the response
-    base[:] = p
+    copy(p, base)
     while done < _SWEEPS:
         count = _gather(W, limits, memory, p, y)
         order, x = memory.order[0, :count], memory.work[0, : 3 * count]
@@ -190,7 +191,7 @@ def _sweeps(
                     return np.inf
         for b in range(3 * count):
             p[3 * order[b // 3] + b % 3] = x[b]
-        base[:] = p
+        copy(p, base)
         response(W, p, y_free, y)
         residual = natural_residuals(W, limits, p, y)[1]
         good = rests and residual <= goal
@@ -261,7 +262,7 @@ def _rescue(
         if step < _LEAST_SHARE:
             return residual
         part = min(share + step, 1.0)
-        memory.force[:] = found
+        copy(found, memory.force)
         response(W, found, y_free, y)
 
 

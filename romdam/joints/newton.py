@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from romdam.jit import copy
 from romdam.joints.laws import project_shear
 from romdam.joints.problem import GapMemory, Limits
 
@@ -78,7 +79,7 @@ def add_product(W: Floats, p: Floats, y: Floats) -> None:
 @njit(cache=True)
 def response(W: Floats, p: Floats, y_free: Floats, y: Floats) -> None:
     """y = W p + y_free."""
-    y[:] = y_free
+    copy(y_free, y)
     add_product(W, p, y)
 
 

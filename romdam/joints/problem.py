@@ -79,6 +79,8 @@ class GapProblem(NamedTuple):
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
     gap : (n,) initial gap [m]
     strength : see `Strength`
+    frictional : True where gaps have shear, else None, which is a type of its own to numba: what is not
+        called is not compiled either
     """
 
     W: Floats
@@ -90,6 +92,7 @@ class GapProblem(NamedTuple):
     mu: Floats
     gap: Floats
     strength: Strength
+    frictional: bool | None
 
 
 class Limits(NamedTuple):
@@ -222,6 +225,7 @@ def gap_problem(
         mu=np.ascontiguousarray(mu * whole[:, None]),
         gap=np.ascontiguousarray(gap, dtype=float),
         strength=strength,
+        frictional=True if d == 3 else None,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from romdam.jit import ARRAYS
+from romdam.jit import ARRAYS, copy
 from romdam.joints.frictional import solve_frictional
 from romdam.joints.laws import OPEN, SLIP, STICK, project_shear, slides
 from romdam.joints.problem import GapMemory, GapProblem
@@ -51,20 +51,20 @@ def solve_gaps(
     for i in range(n):
         w_free[d * i] += problem.gap[i]
     if len(problem.lift):
-        w_free[:] = problem.lift @ w_free
+        copy(problem.lift @ w_free, w_free)
     for i in range(n if d == 3 else 0):
         w_free[3 * i + 1] -= memory.anchor[i, 0]
         w_free[3 * i + 2] -= memory.anchor[i, 1]
     for b in range(len(w_free)):
         w_free[b] += problem.lag[b] * memory.spring[b]
     if len(memory.trial):
-        memory.trial[:] = memory.weak
+        copy(memory.weak.ravel(), memory.trial.ravel())
         for i in range(n):
             w_free[d * i] -= problem.strength.dash[i] * memory.spring[d * i]
     while True:  # once, unless gaps lose strength
         set_limits(problem, memory)
         bond_forces(problem, memory, w_free, 1.0)
-        residual = _solve(problem, memory, closed, w_free, y, control)
+        residual = _solve(problem.frictional, problem, memory, closed, w_free, y, control)
         bond_forces(problem, memory, w_free, -1.0)
         if not residual <= control[0] or weaken(problem, memory, y) == 0:
             return residual
@@ -72,8 +72,9 @@ def solve_gaps(
             return np.inf
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _solve(
+    frictional: bool | None,
     problem: GapProblem,
     memory: GapMemory,
     closed: NDArray[np.bool_],
@@ -83,7 +84,7 @@ def _solve(
 ) -> float:
     """Solve for the present limits."""
     tolerance, steady = control
-    if len(y) == len(problem.gap):
+    if frictional is None:
         found = solve_unilateral(problem, memory, closed, y_free, y, control)
         if not found <= tolerance:
             memory.worst[0] = memory.work[2].argmin()

@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from romdam.jit import copy
 from romdam.joints.problem import ActiveSet, GapMemory, GapProblem
 
 Floats = NDArray[np.float64]
@@ -123,7 +124,7 @@ def _evaluate(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> None:
         for j in range(n):
             total -= row[j] * right[j]
         force[i] = total
-    out[:] = y_free
+    copy(y_free, out)
     if n < len(out):
         for a in range(n):
             f, row = force[a], W[order[a]]
