@@ -44,7 +44,7 @@ class TransientOptions:
     force_change : what the change of a joint force over a step may do before the step is cut, as a gap
         velocity relative to the peak ground velocity (adaptive only)
     midpoint : whether joint forces follow their springs at a point within the step, see
-        `romdam.joints.problem` (adaptive only)
+        `romdam.joints.problem` (adaptive and generalized_alpha)
     flexible_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility and are
         no states (adaptive only)
     start : state to go on from, instead of `initial_state` (diagonal systems)

@@ -159,8 +159,9 @@ def test_bar_against_a_wall(integrator, K_n):
     acc = pulse(v, 1.2, round(0.01 / dt), dt)
     reached = 0.01 + 0.5 / v  # the pulse moves it like v from its middle on
     h = run(bar, acc, dt, integrator=integrator)
-    # a rigid gap at a step that varies: the force at an instant depends on the step, its mean does not
-    p = (h.mean_traction if integrator == "adaptive" else h.traction)[:, 0, 0]
+    # the undamped end rings in a stiff spring (modal damps it), and the force at an instant in a rigid gap
+    # depends on the step where that varies: the mean of neither does
+    p = (h.traction if integrator == "modal" else h.mean_traction)[:, 0, 0]
     assert h.time[np.argmax(p > 0.0)] == pytest.approx(reached, abs=2 * dt)
     loaded = h.time[p > 0.05 * 60.0]
     assert loaded[-1] - loaded[0] == pytest.approx(2.0 / 3.0, rel=0.02)
