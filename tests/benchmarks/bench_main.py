@@ -44,6 +44,8 @@ Row = dict[str, object]
 STEPS = (0.01, 0.005, 0.0025, 0.00125, 0.000625, 0.0003125, 0.00015625)
 FULL_STEPS = (0.0025, 0.000625)
 ROUGH = {"friction": 0.6, "shear_stiffness": 8e9}
+REDUCED = ("reduced, adaptive", "reduced, modal", "reduced, modal, 60")
+COMPARED = (0.01, 0.004)  # L2 errors at which costs are compared
 RECORD_STEP = 0.01  # [s], and the interval of the rows
 LIMIT = 0.01 / 128  # [s] step of the run with friction that the others are compared with
 
@@ -232,6 +234,7 @@ def table(report: dict[str, object]) -> str:
             f"{friction['cost_against_frictionless']:.1f} times the frictionless run, "
             f"largest residual {friction['largest_residual']:.1e}"
         )
+    lines += [_costs(report, error) for error in COMPARED]
     bare = dict(report["products"])  # type: ignore[call-overload]
     step = next(r for r in report["reduced, modal"] if r["dt"] == 0.0025)  # type: ignore[attr-defined]
     lines.append(
@@ -243,6 +246,25 @@ def table(report: dict[str, object]) -> str:
             f"full order at dt {full['dt']:g}: {full['times_the_reduced']:.0f} times the reduced CPU"
         )
     return "\n".join(lines)
+
+
+def _costs(report: dict[str, object], error: float) -> str:
+    """CPU of every scheme at one L2 error, and with friction relative to without."""
+    costs = {}
+    for name in (*REDUCED, "friction"):
+        rows = [r for r in report[name] if r.get("integrator", "adaptive") == "adaptive"]  # type: ignore
+        key = "time_error_L2" if name == "friction" else "L2_error"
+        costs[name] = _cost_at(error, [r[key] for r in rows], [r["cpu_seconds"] for r in rows])
+    best = costs["reduced, adaptive"]
+    found = ", ".join(f"{name} {cost:.3f} s ({cost / best:.2f})" for name, cost in costs.items())
+    return f"CPU at an L2 error of {100 * error:g} % (relative to adaptive): {found}"
+
+
+def _cost_at(error: float, errors: list[float], costs: list[float]) -> float:
+    """CPU at an error, between the two rows around it on logarithmic axes; nan outside of them."""
+    order = np.argsort(errors)
+    x, y = np.log(np.asarray(errors)[order]), np.log(np.asarray(costs)[order])
+    return float(np.exp(np.interp(np.log(error), x, y, left=np.nan, right=np.nan)))
 
 
 def _line(name: str, row: Row) -> str:
