@@ -1,9 +1,9 @@
 """Generalised-alpha integration of a sparse system, the gaps condensed: what error is measured against.
 
 The effective matrix is factored once, the gaps' flexibility H = B A^-1 B^T is made once, and a step is one
-back-substitution. The joint force follows the gaps' springs within the step (`romdam.joints.problem`) and acts
-over the whole of it, not averaged as in textbooks: averaged, it is wrong by 2.4 times at the record's own step
-(DESIGN, section 2).
+back-substitution. The joint force follows the gaps' springs within the step (`romdam.joints.problem`) and
+acts over the whole of it, not averaged as in textbooks: averaged, it is wrong by 2.4 times at the record's
+own step (DESIGN, section 2).
 
 References
 ----------

@@ -310,7 +310,8 @@ def _outcomes(
 
 def _stats(runs: Runs, states: ModalState, run: int) -> dict[str, float]:
     """Counts of one run."""
-    counts = runs.memory.counts[run]
+    counts, tries = runs.memory.counts[run], max(states.counts[run, :2].sum(), 1.0)
+    held = counts[:, 1, 1].sum() / tries if runs.memory.anchor.shape[1] else 0.0
     return {
         "base_steps": float(runs.last[run]),
         "steps": states.counts[run, 0],
@@ -318,6 +319,7 @@ def _stats(runs: Runs, states: ModalState, run: int) -> dict[str, float]:
         "solver_iterations": float(counts[..., 2].sum()),
         "largest_iterations": float(counts[..., 3].max(initial=0)),
         "largest_residual": states.counts[run, 2],
+        "held_gaps": float(held),
     }
 
 

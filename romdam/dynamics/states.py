@@ -278,7 +278,7 @@ def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
     memories = [firsts[i] for i in variant]
 
     def by_level(array: NDArray[Any]) -> NDArray[Any]:
-        return np.zeros((runs, levels, *array.shape), dtype=array.dtype)
+        return np.broadcast_to(array, (runs, levels, *array.shape)).copy()
 
     def by_run(name: str) -> NDArray[Any]:
         return np.stack([getattr(memory, name) for memory in memories])

@@ -7,11 +7,12 @@ Over a step that resolves the contact W is far from singular (its condition is 5
 projected Gauss-Seidel over the loaded gaps gains a digit per sweep and a half and needs no states, no
 factorisation and no line search: a step costs about 10 sweeps of (3 closed)^2 products. They wait for memory,
 so W on the loaded gaps is kept in single precision, gaps are added to it as they close, and the sweeps move
-the force from one whose exact response is known; every four digits they begin anew from there. Where they do
-not contract, a step that can be cut is given up, for its parts are cheaper than Newton on the whole; else
-(statics, rigid joints of stiff blocks) Newton takes over (`romdam.joints.newton`). Where that
-fails too, sweeps solve each gap exactly for the forces of the others (`romdam.joints.one_gap`), and at last
-the solution is followed from no friction, where it is unique, to all of it.
+the force from one whose exact response is known; every four digits they begin anew from there. Gaps that have
+long been stuck are eliminated (`romdam.joints.held`). Where sweeps do not contract, a step that can be cut is
+given up, for its parts are cheaper than Newton on the whole; else (statics, rigid joints of stiff blocks)
+Newton takes over (`romdam.joints.newton`). Where that fails too, sweeps solve each gap exactly for the forces
+of the others (`romdam.joints.one_gap`), and at last the solution is followed from no friction, where it is
+unique, to all of it.
 
 References
 ----------
@@ -27,6 +28,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from romdam.jit import copy
+from romdam.joints.held import let_all_go, let_go_where_not_stuck, multiply, note_stuck, tableau
 from romdam.joints.laws import project_shear
 from romdam.joints.newton import add_row, natural_residual, natural_residuals, newton, response, worst_gap
 from romdam.joints.one_gap import solve_gap
@@ -39,8 +41,10 @@ _SWEEPS = 64  # about the cost of one dense Newton iteration
 _WINDOW = 4  # sweeps between two looks at the contraction
 _GAIN = 0.3  # the change of the force must fall to this over a window, or Newton is the shorter way
 _SINGLE = 1e-4  # of the force's move, where sweeps in single precision begin anew from the exact response
+_STALLED = 0.1  # of the residual before: single precision does not hold the held gaps
 _REST = 0.1  # of the tolerance
 _IDLE = 0.25  # gathered gaps without force per gap with
+_SPENT, _RESTS, _SLOW, _CHANGED = 0, 1, 2, 3  # how a row of sweeps ends
 _EXACT_SWEEPS = 200
 _FIRST_SHARE, _LONGER, _LEAST_SHARE = 0.1, 1.5, 1e-4  # of the friction, in a continuation
 
@@ -58,9 +62,9 @@ def _gather(W: Floats, limits: Limits, memory: GapMemory, p: Floats, y: Floats) 
     Gaps are added as they come. Those that no longer may carry force stay, until they are too many.
     """
     order, block, gathered = memory.order[0], _block(memory), memory.active[0]
-    wanted, idle = 0, 0
+    held, wanted, idle = memory.active[1], 0, 0
     for i in range(len(gathered)):
-        if _wanted(limits, p, y, i):
+        if not held[i] and _wanted(limits, p, y, i):
             wanted += 1
         else:
             idle += int(gathered[i])
@@ -68,11 +72,14 @@ def _gather(W: Floats, limits: Limits, memory: GapMemory, p: Floats, y: Floats) 
         memory.counts[0, 0] = 0
         gathered[:] = False
     for i in range(len(gathered)):
-        if not gathered[i] and _wanted(limits, p, y, i):
+        if not gathered[i] and not held[i] and _wanted(limits, p, y, i):
             order[memory.counts[0, 0]] = i
             memory.counts[0, 0] += 1
             gathered[i] = True
-            _add_gap(W, order[: memory.counts[0, 0]], block)
+            if memory.counts[1, 0] > 0:
+                _add_gap(tableau(memory), order[: memory.counts[0, 0]], block)
+            else:
+                _add_gap(W, order[: memory.counts[0, 0]], block)
     return memory.counts[0, 0]
 
 
@@ -83,8 +90,8 @@ def _block(memory: GapMemory) -> Singles:
 
 
 @njit(cache=True)
-def _add_gap(W: Floats, order: NDArray[np.int64], block: Singles) -> None:
-    """Bring the last gap's rows and columns of W to the block."""
+def _add_gap(W: Floats | Singles, order: NDArray[np.int64], block: Singles) -> None:
+    """Bring the last gap's rows and columns of W, or of the held gaps' tableau, to the block."""
     last, i = 3 * (len(order) - 1), 3 * order[-1]
     for b in range(len(order)):
         k = 3 * order[b]
@@ -150,6 +157,69 @@ def _changed(order: NDArray[np.int64], x: Floats, kept: NDArray[np.bool_]) -> bo
 
 
 @njit(cache=True)
+def _release(memory: GapMemory, y: Floats) -> Singles:
+    """Response of the gathered gaps with the held ones back in place, to work[2]; what brings them there."""
+    z, rest = np.zeros(len(y), dtype=np.float32), memory.work[2]
+    copy(y, rest)
+    if memory.counts[1, 0] > 0:
+        for b in range(len(y)):
+            if memory.active[1, b // 3]:
+                z[b] = -y[b]
+        multiply(tableau(memory), memory, False, z, rest)
+    return z
+
+
+@njit(cache=True)
+def _move(
+    W: Floats,
+    limits: Limits,
+    memory: GapMemory,
+    start: tuple[Floats, Floats],
+    so_far: tuple[int, float],
+    control: tuple[float, NDArray[np.bool_]],
+) -> tuple[int, float, int]:
+    """Move the force by sweeps from one whose response is known, as far as single precision goes.
+
+    Parameters
+    ----------
+    start : that force and its response
+    so_far : sweeps done, and the last one's change
+    control : (change that counts as rest, see `solve_frictional`)
+
+    Returns
+    -------
+    (fate, change, sweeps) : SPENT, RESTS, SLOW or CHANGED; the last sweep's change; sweeps done
+    """
+    (done, change), (goal, kept), p = so_far, control, memory.force
+    count = _gather(W, limits, memory, p, start[1])
+    order, x, moved = memory.order[0, :count], memory.work[0, : 3 * count], np.zeros(3 * count, np.float32)
+    for b in range(3 * count):
+        x[b] = p[3 * order[b // 3] + b % 3]
+    z = _release(memory, start[1])
+    before, fate = np.inf, _SPENT
+    while done < _SWEEPS:
+        last = change
+        change, share = _sweep(_block(memory), limits, order, (start[0], memory.work[2]), x, moved)
+        done += 1
+        if done % _WINDOW == 0:
+            fate = _SPENT if change <= _GAIN * before else _SLOW
+            before = change
+            if _changed(order, x, kept):
+                return _CHANGED, change, done
+        if change * change <= 0.5 * goal * (last - change):  # what all further sweeps would change
+            fate = _RESTS
+        if fate != _SPENT or share <= _SINGLE:
+            break
+    for b in range(3 * count):
+        k = 3 * order[b // 3] + b % 3
+        p[k], z[k] = x[b], moved[b]
+    if memory.counts[1, 0] > 0:
+        multiply(tableau(memory), memory, True, z, p)
+        let_go_where_not_stuck(limits, memory)
+    return fate, change, done
+
+
+@njit(cache=True)
 def _sweeps(
     W: Floats,
     limits: Limits,
@@ -166,37 +236,21 @@ def _sweeps(
     ----------
     y, control : response of the force at hand, changed in place [m]; see `solve_frictional`
     """
-    goal, kept, p = _REST * control[0], control[1], memory.force
+    goal, p, base = _REST * control[0], memory.force, memory.work[1]
     good, done, change, residual = False, 0, 1.0, np.inf
-    base = memory.work[1]  # force of which y is the response
-    copy(p, base)
     while done < _SWEEPS:
-        count = _gather(W, limits, memory, p, y)
-        order, x = memory.order[0, :count], memory.work[0, : 3 * count]
-        moved = np.empty(len(x), dtype=np.float32)
-        for b in range(3 * count):
-            k = 3 * order[b // 3] + b % 3
-            x[b], moved[b] = p[k], p[k] - base[k]
-        before, rests, slow, spent = np.inf, False, False, False
-        while done < _SWEEPS and not (rests or slow or spent):
-            last = change
-            change, share = _sweep(_block(memory), limits, order, (base, y), x, moved)
-            rests = change * change <= 0.5 * goal * (last - change)  # what all further sweeps would change
-            spent = share <= _SINGLE
-            done += 1
-            if done % _WINDOW == 0:
-                slow = not change <= _GAIN * before
-                before = change
-                if _changed(order, x, kept):
-                    return np.inf
-        for b in range(3 * count):
-            p[3 * order[b // 3] + b % 3] = x[b]
         copy(p, base)
+        held, last = memory.counts[1, 0], residual
+        fate, change, done = _move(W, limits, memory, (base, y), (done, change), (goal, control[1]))
+        if fate == _CHANGED:
+            return np.inf
         response(W, p, y_free, y)
         residual = natural_residuals(W, limits, p, y)[1]
-        good = rests and residual <= goal
-        if good or slow or not math.isfinite(residual):
+        good = fate == _RESTS and residual <= goal
+        if good or fate == _SLOW or not math.isfinite(residual):
             break
+        if held > 0 and held == memory.counts[1, 0] and residual > _STALLED * last:
+            let_all_go(memory)
     memory.counts[0, 2] += done
     memory.counts[0, 3] = max(memory.counts[0, 3], done)
     return residual if good else np.inf
@@ -295,6 +349,8 @@ def solve_frictional(
     for i in range(len(limits.mu)):
         if not _wanted(limits, memory.force, y_free, i):
             memory.force[3 * i + 1], memory.force[3 * i + 2] = 0.0, 0.0
+    if memory.counts[1, 0] > 0:
+        let_go_where_not_stuck(limits, memory)
     response(W, memory.force, y_free, y)
     residual = _sweeps(W, limits, memory, y_free, y, control)
     if len(kept) and not residual <= tolerance:
@@ -302,7 +358,9 @@ def solve_frictional(
     if not residual <= tolerance:
         memory.counts[0, 1] += 1
         residual = _rescue(W, limits, memory, y_free, y, control)
-    if not residual <= tolerance:
+    if residual <= tolerance:
+        note_stuck(W, limits, memory)
+    else:
         memory.worst[0] = worst_gap(W, limits, memory.force, y)
     for i in range(len(kept)):
         if (memory.force[3 * i] > 0.0) != kept[i]:

@@ -139,7 +139,10 @@ class GapMemory(NamedTuple):
     active, inverse, order, counts : two of each of `ActiveSet`'s: closed gaps with W, open gaps with Z.
         With friction inverse[0] holds W on the gaps of order[0] in single precision, active[0] says which
         these are, counts[0, 0] is their number, and
-        counts[0, 1:] are the steps that needed Newton, the iterations in all and the most in a step
+        counts[0, 1:] are the steps that needed Newton, the iterations in all and the most in a step;
+        inverse[1] holds the principal pivot of W on the held gaps (`romdam.joints.held`), active[1] says
+        which these are, order[1] for how many solutions every gap has been stuck, counts[1, 0] is the held
+        gaps' number and counts[1, 1] its sum over the solutions
     work : (3, N) scratch
     limits : in force now
     weak : (n, 3) whether a gap's bond is lost, it slides, its key is out; moved by accepted steps only;
@@ -306,8 +309,8 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         force=np.zeros(N),
         anchor=np.zeros((0 if n == N else n, 2)),
         active=np.zeros((2, n), dtype=np.bool_),
-        inverse=np.zeros((2, N, N) if n == N else (1, N, (N + 1) // 2)),
-        order=np.zeros((2, n), dtype=np.int64),
+        inverse=np.zeros((2, N, N) if n == N else (2, N, (N + 1) // 2)),
+        order=np.full((2, n), N, dtype=np.int64),  # what is stuck at first counts as long stuck
         counts=np.zeros((2, 4), dtype=np.int64),
         work=np.zeros((3, N)),
         limits=Limits(np.zeros((n, 2)), problem.mu.copy(), np.zeros(n)),
