@@ -121,7 +121,7 @@ def integrate_cases_to(
             else:
                 trials[i] = trials[i].after(found)
         if halvings == first:
-            for i, found in cases.march(trials, first - 1):
+            for i, found in cases.march(trials, first - 1, coordinates=False):
                 trials[i] = trials[i].checked(found)
         for i, trial in list(trials.items()):
             if trial.estimate <= accuracy or halvings == _MOST_HALVINGS:
@@ -153,11 +153,14 @@ class _Cases:
     options: TransientOptions
     progress: Progress | None
 
-    def march(self, trials: Mapping[int, _Trial], halvings: int) -> list[tuple[int, Outcome]]:
+    def march(
+        self, trials: Mapping[int, _Trial], halvings: int, coordinates: bool = True
+    ) -> list[tuple[int, Outcome]]:
         """March some of them as far as their trials need; their numbers and outcomes."""
         coarse, every = self.options.dt, self.options.dt * self.options.stride
         base, cuts = _step_of(self.options.integrator, coarse / 2.0**halvings, coarse, every)
         step = replace(self.options, dt=base, cuts=cuts, stride=round(every / base))
+        step = replace(step, coordinates=coordinates and step.coordinates)
         cases = []
         for i, trial in trials.items():
             ground = self.grounds[i](base)

@@ -323,3 +323,16 @@ def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Float
         k = system.K.diagonal()[split.rest]
         q[:, split.rest] = (track.s @ split.G_rest + system.force[split.rest]) / k
     return q, v
+
+
+def observed_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:
+    """Displacements and velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
+    seen, k = system.observe.toarray().T, system.K.diagonal()
+    states, flexible = seen[split.states], seen[split.rest] / k[split.rest, None]
+    relaxed, taper = split.G_rest @ flexible, split.taper[:, None]
+    if (taper < 1.0).any():
+        relaxed += split.G @ ((1.0 / taper - taper) / k[split.states, None] * states)
+    disp = track.q @ (taper * states) + system.force[split.rest] @ flexible
+    if relaxed.any():
+        disp += track.s @ relaxed
+    return disp, track.v @ (taper * states)
