@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -67,10 +66,10 @@ def run(config: dict[str, object], folder: Path, cache: Path, workers: int) -> R
     path = folder / "suite.yaml"
     path.write_text(yaml.safe_dump(config), encoding="utf-8")
     options = ("--out", folder / "out", "--cache", cache, "--workers", workers, "--quiet")
-    before, start = _children(), time.perf_counter()
+    start = time.perf_counter()
     process = subprocess.Popen([sys.executable, "-c", CODE, "run", str(path), *map(str, options)])
-    memory, summary_cpu = _watch(process, folder / "out" / "summary.nc")
-    wall, cpu = time.perf_counter() - start, _children() - before
+    memory, summary_cpu, cpu = _watch(process, folder / "out" / "summary.nc")
+    wall = time.perf_counter() - start
     landed = (folder / "out" / "summary.nc").stat().st_mtime - path.stat().st_mtime
     with xr.open_dataset(folder / "out" / "summary.nc", engine="h5netcdf") as found:
         return {
@@ -89,32 +88,28 @@ def run(config: dict[str, object], folder: Path, cache: Path, workers: int) -> R
         }
 
 
-def _children() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-def _watch(process: subprocess.Popen[bytes], summary: Path) -> tuple[int, float]:
+def _watch(process: subprocess.Popen[bytes], summary: Path) -> tuple[int, float, float]:
     """Wait for a process.
 
     Returns
     -------
-    (memory, cpu) : the largest sum of the memory that it and its children had to themselves [bytes], and the
-        CPU time of all of them when the summary was there [s]
+    (memory, before, cpu) : the largest sum of the memory that it and its children had to themselves [bytes],
+        the CPU time of all of them when the summary was there, and at the end [s]
     """
-    largest, cpu, looks, root = 0, 0.0, 0, psutil.Process(process.pid)
+    largest, before, cpu, looks, root = 0, 0.0, 0.0, 0, psutil.Process(process.pid)
     while process.poll() is None:
         try:
             family = (root, *root.children(recursive=True))
-            if cpu == 0.0 and summary.exists():
-                cpu = sum(sum(one.cpu_times()[:4]) for one in family)  # with children that have ended
+            cpu = max(cpu, sum(sum(one.cpu_times()[:4]) for one in family))  # with children that have ended
             if looks % _LOOKS == 0:
                 largest = max(largest, sum(one.memory_full_info().uss for one in family))
         except psutil.Error:
-            pass  # it has ended between two looks
+            pass  # one has ended between two looks
+        if before == 0.0 and summary.exists():
+            before = cpu
         looks += 1
         time.sleep(_LOOK)
-    return largest, cpu
+    return largest, before, cpu
 
 
 def _arguments() -> argparse.Namespace:
