@@ -240,8 +240,6 @@ def _work(states: ModalState, shifted: bool) -> Work:
         shift=np.zeros((runs, N if shifted else 0)),
         underway=np.zeros(runs, dtype=np.int64),
         accepted=np.zeros(runs, dtype=np.int64),
-        left=np.zeros(runs * max(m, N)),
-        out=np.zeros(runs * max(m, N)),
     )
 
 

@@ -327,12 +327,13 @@ def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Float
 
 def observed_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:
     """Displacements and velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
-    seen, k = system.observe.toarray().T, system.K.diagonal()
-    states, flexible = seen[split.states], seen[split.rest] / k[split.rest, None]
-    relaxed, taper = split.G_rest @ flexible, split.taper[:, None]
-    if (taper < 1.0).any():
-        relaxed += split.G @ ((1.0 / taper - taper) / k[split.states, None] * states)
-    disp = track.q @ (taper * states) + system.force[split.rest] @ flexible
+    seen, k = system.observe, system.K.diagonal()
+    flexible = seen[:, split.rest].toarray().T / k[split.rest, None]
+    relaxed, states = split.G_rest @ flexible, seen[:, split.states]
+    if (split.taper < 1.0).any():
+        left = (1.0 / split.taper - split.taper) / k[split.states]
+        relaxed += split.G @ (left[:, None] * states.toarray().T)
+    disp = (track.q * split.taper) @ states.T + system.force[split.rest] @ flexible
     if relaxed.any():
         disp += track.s @ relaxed
-    return disp, track.v @ (taper * states)
+    return disp, (track.v * split.taper) @ states.T
