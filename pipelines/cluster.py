@@ -108,12 +108,18 @@ def open_pool(workers: int | None, scheduler: str | None, module: str) -> Iterat
         with _client(scheduler) as client:
             yield DaskPool(client)
         return
-    count = workers or len(os.sched_getaffinity(0))
-    if count == 1:
-        yield OneProcess()
-        return
-    prepare(module)
-    yield LocalPool(count)
+    prepare_pool(workers, scheduler, module)
+    yield LocalPool(_count(workers)) if _count(workers) > 1 else OneProcess()
+
+
+def prepare_pool(workers: int | None, scheduler: str | None, module: str) -> None:
+    """Let own worker processes load a module ahead of `open_pool`, which has the same parameters."""
+    if scheduler is None and _count(workers) > 1:
+        prepare(module)
+
+
+def _count(workers: int | None) -> int:
+    return workers or len(os.sched_getaffinity(0))
 
 
 def _client(scheduler: str) -> Client:
