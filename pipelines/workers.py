@@ -121,11 +121,16 @@ def _work(connection: Connection, function: Function, shared: object) -> None:
 def prepare(module: str) -> None:
     """Start the process that workers are forked from; it loads what they need while this one goes on."""
     if sys.platform != "win32":
-        from multiprocessing.forkserver import ensure_running
+        from multiprocessing import forkserver, resource_tracker
 
         _CONTEXT.set_forkserver_preload([module])
-        with _one_thread_each():
-            ensure_running()
+        resource_tracker.ensure_running()  # its own start unblocks signals, which the next lines block
+        masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the parent hears Ctrl-C
+        try:
+            with _one_thread_each():
+                forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, masked)
 
 
 @contextmanager
