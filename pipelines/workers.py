@@ -12,8 +12,11 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from romdam.errors import RomdamError
+
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _TRIES = 3  # of a task whose worker dies
+_RAISED = 1  # exit code of a Python process that an exception has ended
 if sys.platform == "win32":
     _CONTEXT = multiprocessing.get_context("spawn")
 else:
@@ -82,13 +85,18 @@ class _Worker:
 
         Raises
         ------
-        Exception
-            what the function raised.
+        RomdamError
+            that the function raised.
+        RuntimeError
+            where it raised anything else; the worker has ended with its traceback.
         """
         try:
             raised, result = self.connection.recv()
         except (EOFError, OSError):
-            self.end()
+            self._process.join()
+            self.connection.close()
+            if self._process.exitcode == _RAISED:
+                raise RuntimeError("a worker stopped with an error; its traceback stands above") from None
             return self._number, WorkerDied(f"exit code {self._process.exitcode}, {_TRIES} times")
         if raised:
             raise result
@@ -110,12 +118,11 @@ def _work(connection: Connection, function: Function, shared: object) -> None:
         except (EOFError, OSError):
             return
         try:
-            result = function(shared, task)
-        except Exception as error:
-            connection.send((True, error))
-            raise
+            answer = False, function(shared, task)
+        except RomdamError as error:
+            answer = True, error
         with suppress(OSError):  # nobody asks any more
-            connection.send((False, result))
+            connection.send(answer)
 
 
 def prepare(module: str) -> None:

@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+from romdam.errors import RecordError
 from romdam.pipelines.cluster import open_pool
 from romdam.pipelines.workers import LocalPool, WorkerDied
 
@@ -32,8 +33,8 @@ def die(shared: int, task: int) -> int:
     return task
 
 
-def refuse(shared: int, task: int) -> int:
-    raise ValueError(f"task {task}")
+def refuse(shared: type[Exception], task: int) -> int:
+    raise shared(f"task {task}")
 
 
 def sleep(shared: float, task: int) -> int:
@@ -59,8 +60,13 @@ def test_a_task_that_kills_every_worker_fails_alone():
 
 
 def test_what_the_function_raises_is_raised_here():
-    with pytest.raises(ValueError, match="task 0"):
-        list(LocalPool(1).map(refuse, 0, range(2)))
+    with pytest.raises(RecordError, match="task 0"):
+        list(LocalPool(1).map(refuse, RecordError, range(2)))
+
+
+def test_any_other_error_ends_the_worker_with_its_traceback():
+    with pytest.raises(RuntimeError, match="its traceback stands above"):
+        list(LocalPool(1).map(refuse, ValueError, range(2)))
 
 
 def test_workers_end_when_nobody_asks_for_more():
