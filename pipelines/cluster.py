@@ -6,20 +6,17 @@ import itertools
 import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from romdam.errors import ConfigError
+from romdam.pipelines.workers import LocalPool, prepare
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
 T = TypeVar("T")
 
-LOOPBACK = "127.0.0.1"
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C: this process ends the workers
 _AHEAD = 2  # tasks handed out for each worker beyond the one it is at
 
 
@@ -47,8 +44,8 @@ class OneProcess:
 class DaskPool:
     """Tasks on the workers of a dask cluster; the shared data travels to each worker once."""
 
-    def __init__(self, client: Callable[[], Client]) -> None:
-        self._connect = client
+    def __init__(self, client: Client) -> None:
+        self._client = client
 
     def map(
         self, function: Callable[[Any, Any], Any], shared: object, tasks: Sequence[Any]
@@ -59,7 +56,7 @@ class DaskPool:
 
         if not tasks:
             return
-        client = self._connect()
+        client = self._client
         everywhere = _shared(client, shared)
         waiting, numbers = iter(enumerate(tasks)), dict[Any, int]()
         running = as_completed(loop=client.loop)
@@ -98,38 +95,35 @@ def open_pool(workers: int | None, scheduler: str | None, module: str) -> Iterat
 
     Parameters
     ----------
-    workers : processes on this machine; as many as there are cores if not given. One runs here, without dask
+    workers : processes on this machine; as many as there are cores if not given. One runs here
     scheduler : address of an existing dask scheduler, instead
-    module : what the workers will need; new processes start and load it while the body goes on
+    module : what the workers will need; it is loaded for them while the body goes on
 
     Raises
     ------
     ConfigError
-        where dask is not installed, or the scheduler does not answer.
+        where a scheduler is given and dask is not installed, or the scheduler does not answer.
     """
-    count = workers or len(os.sched_getaffinity(0))
-    if scheduler is None and count == 1:
-        yield OneProcess()
-        return
-    distributed = _distributed()
     if scheduler is not None:
-        try:
-            client = distributed.Client(scheduler, timeout="10s", set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise ConfigError(f"--scheduler {scheduler}: no dask scheduler answers there ({error})") from None
-        with client:
-            yield DaskPool(lambda: client)
+        with _client(scheduler) as client:
+            yield DaskPool(client)
         return
-    with ThreadPoolExecutor(1) as starter, ExitStack() as stack:
-        starting = starter.submit(_start, count, module, stack)
-        try:
-            yield DaskPool(starting.result)
-        finally:
-            starting.exception()  # what was started is closed, however the body ends
+    prepare_pool(workers, scheduler, module)
+    yield LocalPool(_count(workers)) if _count(workers) > 1 else OneProcess()
 
 
-def _distributed() -> Any:
-    """dask.distributed, which tells of every worker that comes and goes unless told before its import."""
+def prepare_pool(workers: int | None, scheduler: str | None, module: str) -> None:
+    """Let own worker processes load a module ahead of `open_pool`, which has the same parameters."""
+    if scheduler is None and _count(workers) > 1:
+        prepare(module)
+
+
+def _count(workers: int | None) -> int:
+    return workers or len(os.sched_getaffinity(0))
+
+
+def _client(scheduler: str) -> Client:
+    """A client of dask.distributed, which tells of every worker that comes and goes unless told before."""
     try:
         import dask
 
@@ -137,28 +131,9 @@ def _distributed() -> Any:
             import distributed
     except ImportError:
         raise ConfigError(
-            "--workers, --scheduler: need dask.distributed; install romdam with the extra `cluster`, "
-            "or use --workers 1"
+            "--scheduler: needs dask.distributed; install romdam with the extra `cluster`, or use --workers"
         ) from None
-    return distributed
-
-
-def _start(count: int, module: str, stack: ExitStack) -> Client:
-    """Start worker processes on loopback, BLAS and all with one thread each."""
-    import logging
-
-    import dask
-    from distributed import Client, LocalCluster
-
-    environment = dict.fromkeys(_THREADS, "1") | {"DASK_LOGGING__DISTRIBUTED": "critical"}
-    with dask.config.set({"distributed.nanny.pre-spawn-environ": environment}):
-        cluster = LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            host=LOOPBACK,
-            dashboard_address=f"{LOOPBACK}:0",
-            silence_logs=logging.ERROR,
-            preload=[_DEAF, module],
-        )
-    return stack.enter_context(Client(stack.enter_context(cluster), set_as_default=False))
+    try:
+        return distributed.Client(scheduler, timeout="10s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--scheduler {scheduler}: no dask scheduler answers there ({error})") from None

@@ -120,7 +120,15 @@ def transient_options(job: Job, system: System, motion: GroundMotion) -> Transie
         initial_state=job.config.loads.initial_state,
         cuts=cuts,
         force_change=transient.accuracy or TransientOptions.force_change,
+        coordinates=_needs_coordinates(job),
     )
+
+
+def _needs_coordinates(job: Job) -> bool:
+    """Whether anything is made of the histories' coordinates; of a suite that keeps peaks, often not."""
+    outputs, suite = job.config.outputs, job.config.suite
+    peaks = job.config.pipeline == "suite" and suite is not None and suite.keep == "peaks"
+    return not peaks or outputs.error_estimate or outputs.stress is not None
 
 
 def options_at(job: Job, system: System, motion: GroundMotion, finest: float) -> TransientOptions:

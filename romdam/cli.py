@@ -100,6 +100,11 @@ def _run_suite(
     where: tuple[int | None, str | None, Path | None],
     terminal: tuple[Stages, Callable[..., None]],
 ) -> None:
+    from romdam.pipelines.cluster import prepare_pool
+
+    prepare_pool(
+        where[0], where[1], "romdam.pipelines.suite_runs"
+    )  # loads it while this process loads the rest
     from romdam.pipelines.report import report as write_report
     from romdam.pipelines.suite import SuiteOptions, run_suite
     from romdam.terminal import accuracy_lines, failure_lines, suite_table

@@ -142,7 +142,6 @@ class Work(NamedTuple):
     ends : (runs, 2, N) added jumps at both ends of the base step, (runs, 2, 0) where none are added
     shift : (runs, N) or (runs, 0) added jumps at the step's end
     underway, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
-    left, out : buffers of the matrix products
     """
 
     f_0: Floats
@@ -157,8 +156,6 @@ class Work(NamedTuple):
     shift: Floats
     underway: Ints
     accepted: Ints
-    left: Floats
-    out: Floats
 
 
 class Track(NamedTuple):

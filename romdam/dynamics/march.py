@@ -294,7 +294,7 @@ def _round(
     rows, finest, accepted = work.underway[: _under_way(runs, work)], levels.decay.shape[1] - 1, 0
     for a in range(len(rows)):
         _head_for(levels, runs, states, work, rows[a])
-    gap_jumps(model, rows, work.q_free, work.w, work)
+    gap_jumps(model, rows, work.q_free, work.w)
     for a in range(len(rows)):
         run = rows[a]
         state = _state_of(states, run)
@@ -307,10 +307,10 @@ def _round(
         work.accepted[accepted] = run
         accepted += 1
     moved = work.accepted[:accepted]
-    modal_forces(model, moved, states.mean, work.r, work)
+    modal_forces(model, moved, states.mean, work.r)
     if len(model.R):
         acted = states.force.reshape(states.mean.shape) if model.conserving is not None else states.mean
-        residual_jumps(model.R, moved, acted, work.w, work)
+        residual_jumps(model.R, moved, acted, work.w)
     for a in range(accepted):
         state = _state_of(states, moved[a])
         _move(model, levels, runs, state, work, moved[a])

@@ -1,8 +1,8 @@
 """What the march does with the modes: the products with them, for one run or many, and their motion.
 
-A lone run's products are matrix times vector and wait for memory; those of many runs are one product of
-matrices, several times as fast for each. Directions without force are skipped in the former, runs without
-in both.
+Four rows of a matrix are taken for all runs before the next four: they are read from memory once, and every
+run gets the sums that it gets alone, bit for bit. Rows without force are skipped. (Products of matrices by
+BLAS, which packs them anew at every step, take 1.1 times as long for 32 runs, 1.6 times for 8.)
 """
 
 from __future__ import annotations
@@ -11,20 +11,32 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from romdam.dynamics.arrays import Ints, ModalModel, ModalState, Work
+from romdam.dynamics.arrays import Ints, ModalModel, ModalState
 from romdam.dynamics.propagator import Propagator
-from romdam.jit import ARRAYS, copy
-from romdam.joints.newton import add_product
+from romdam.jit import ARRAYS, VIEWS, copy
 
 Floats = NDArray[np.float64]
 
-_FEW = 3  # runs up to which products with vectors are quicker
+_FOUR = 4  # rows at a time: as many sums as keep the processor busy
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _dot_rows(A: Floats, x: Floats, y: Floats) -> None:
-    """y += A x."""
-    for r in range(len(y)):
+    """y += A x, A of up to four rows."""
+    if len(A) == _FOUR:
+        a, b, c, d = A[0], A[1], A[2], A[3]
+        s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+        for j in range(len(x)):
+            s0 += a[j] * x[j]
+            s1 += b[j] * x[j]
+            s2 += c[j] * x[j]
+            s3 += d[j] * x[j]
+        y[0] += s0
+        y[1] += s1
+        y[2] += s2
+        y[3] += s3
+        return
+    for r in range(len(A)):
         row, total = A[r], 0.0
         for j in range(len(x)):
             total += row[j] * x[j]
@@ -33,8 +45,16 @@ def _dot_rows(A: Floats, x: Floats, y: Floats) -> None:
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def add_rows(A: Floats, p: Floats, scale: float, out: Floats) -> None:
-    """out += scale A^T p, skipping unloaded directions."""
-    for i in range(len(p)):
+    """out += scale A^T p, skipping unloaded rows."""
+    first = 0
+    while first + _FOUR <= len(p):
+        f0, f1, f2, f3 = scale * p[first], scale * p[first + 1], scale * p[first + 2], scale * p[first + 3]
+        if f0 != 0.0 or f1 != 0.0 or f2 != 0.0 or f3 != 0.0:
+            a, b, c, d = A[first], A[first + 1], A[first + 2], A[first + 3]
+            for j in range(len(out)):
+                out[j] += f0 * a[j] + f1 * b[j] + f2 * c[j] + f3 * d[j]
+        first += _FOUR
+    for i in range(first, len(p)):
         f = scale * p[i]
         if f != 0.0:
             row = A[i]
@@ -42,71 +62,43 @@ def add_rows(A: Floats, p: Floats, scale: float, out: Floats) -> None:
                 out[j] += row[j] * f
 
 
-@njit(cache=True)
-def _add(source: Floats, target: Floats) -> None:
-    """target += source."""
-    for i in range(len(target)):
-        target[i] += source[i]
-
-
-@njit(cache=True)
-def _together(
-    left: Floats, right: Floats, rows: Ints, columns: tuple[int, int], x: Floats, out: Floats
-) -> Floats:
-    """x[rows, columns] right, as one product of matrices."""
-    first, last = columns
-    A = left[: len(rows) * (last - first)].reshape(len(rows), last - first)
-    C = out[: len(rows) * right.shape[1]].reshape(len(rows), right.shape[1])
-    for a in range(len(rows)):
-        copy(x[rows[a], first:last], A[a])
-    return np.dot(A, right, C)
-
-
-@njit(**ARRAYS)
-def gap_jumps(model: ModalModel, rows: Ints, q: Floats, w: Floats, work: Work) -> None:
+@njit(**VIEWS)
+def gap_jumps(model: ModalModel, rows: Ints, q: Floats, w: Floats) -> None:
     """w = G q of some runs, block by block."""
     for a in range(len(rows)):
         w[rows[a]] = 0.0
     for t in range(len(model.tiles)):
         r0, r1, c0, c1, start = model.tiles[t]
         G = model.values[start : start + (r1 - r0) * (c1 - c0)].reshape(r1 - r0, c1 - c0)
-        if len(rows) <= _FEW:
+        for r in range(0, r1 - r0, _FOUR):
+            end = min(r + _FOUR, r1 - r0)
             for a in range(len(rows)):
-                _dot_rows(G, q[rows[a], c0:c1], w[rows[a], r0:r1])
-            continue
-        product = _together(work.left, G.T, rows, (c0, c1), q, work.out)
-        for a in range(len(rows)):
-            _add(product[a], w[rows[a], r0:r1])
+                _dot_rows(G[r:end], q[rows[a], c0:c1], w[rows[a], r0 + r : r0 + end])
 
 
-@njit(**ARRAYS)
-def modal_forces(model: ModalModel, rows: Ints, p: Floats, r: Floats, work: Work) -> None:
+@njit(**VIEWS)
+def modal_forces(model: ModalModel, rows: Ints, p: Floats, r: Floats) -> None:
     """r = G^T p of some runs, block by block."""
     for a in range(len(rows)):
         r[rows[a]] = 0.0
     for t in range(len(model.tiles)):
         r0, r1, c0, c1, start = model.tiles[t]
         G = model.values[start : start + (r1 - r0) * (c1 - c0)].reshape(r1 - r0, c1 - c0)
-        if len(rows) <= _FEW:
+        for i in range(0, r1 - r0, _FOUR):
+            end = min(i + _FOUR, r1 - r0)
             for a in range(len(rows)):
-                add_rows(G, p[rows[a], r0:r1], 1.0, r[rows[a], c0:c1])
-            continue
-        product = _together(work.left, G, rows, (r0, r1), p, work.out)
-        for a in range(len(rows)):
-            _add(product[a], r[rows[a], c0:c1])
+                add_rows(G[i:end], p[rows[a], r0 + i : r0 + end], 1.0, r[rows[a], c0:c1])
 
 
-@njit(**ARRAYS)
-def residual_jumps(R: Floats, rows: Ints, p: Floats, goal: Floats, work: Work) -> None:
-    """goal = R p of some runs: what the modes that are no states tend to."""
-    if len(rows) <= _FEW:
-        for a in range(len(rows)):
-            goal[rows[a]] = 0.0
-            add_product(R, p[rows[a]], goal[rows[a]])
-        return
-    product = _together(work.left, R, rows, (0, len(R)), p, work.out)
+@njit(**VIEWS)
+def residual_jumps(R: Floats, rows: Ints, p: Floats, goal: Floats) -> None:
+    """goal = R p of some runs, R symmetric: what the modes that are no states tend to."""
     for a in range(len(rows)):
-        copy(product[a], goal[rows[a]])
+        goal[rows[a]] = 0.0
+    for i in range(0, len(R), _FOUR):
+        end = min(i + _FOUR, len(R))
+        for a in range(len(rows)):
+            add_rows(R[i:end], p[rows[a], i:end], 1.0, goal[rows[a]])
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})

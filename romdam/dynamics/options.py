@@ -49,6 +49,8 @@ class TransientOptions:
         no states (adaptive only)
     start : state to go on from, instead of `initial_state` (diagonal systems)
     shift : (nt, directions * ng) jumps added at every base step, linear in between (diagonal systems) [m]
+    coordinates : whether histories carry the coordinates q and v, which take as long to make as a step for
+        every row (diagonal systems)
     """
 
     dt: float
@@ -63,3 +65,4 @@ class TransientOptions:
     flexible_ratio: float = 0.7
     start: Start | None = None
     shift: Floats | None = None
+    coordinates: bool = True

@@ -16,7 +16,14 @@ from romdam.dynamics.energy import ledger
 from romdam.dynamics.march import march
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.peaks import first_peaks, named_peaks
-from romdam.dynamics.states import StateSplit, modal_model, run_memory, step_levels, whole_motion
+from romdam.dynamics.states import (
+    StateSplit,
+    modal_model,
+    observed_motion,
+    run_memory,
+    step_levels,
+    whole_motion,
+)
 from romdam.dynamics.static import GapState, resumed, static_equilibrium, take_over, undeformed
 from romdam.dynamics.system import History, System
 from romdam.errors import ConvergenceError
@@ -233,8 +240,6 @@ def _work(states: ModalState, shifted: bool) -> Work:
         shift=np.zeros((runs, N if shifted else 0)),
         underway=np.zeros(runs, dtype=np.int64),
         accepted=np.zeros(runs, dtype=np.int64),
-        left=np.zeros(runs * max(m, N)),
-        out=np.zeros(runs * max(m, N)),
     )
 
 
@@ -332,23 +337,25 @@ def _history(
 ) -> History:
     """The written rows of one run, without peaks and stats."""
     model, split = arrays
-    q, v = whole_motion(system, split, track)
+    q, v = whole_motion(system, split, track) if options.coordinates else (None, None)
+    disp, vel = observed_motion(system, split, track)
     k, c = system.K.diagonal()[split.states], system.C.diagonal()[split.states]
-    traction = track.force.reshape(len(q), -1)
-    rate = np.zeros_like(q)
-    rate[:, split.states] = model.static + acc.T @ model.load + traction @ split.G - track.v * c - track.q * k
+    seen = system.observe.toarray().T[split.states]
+    rate = model.static @ seen + acc.T @ (model.load @ seen)
+    rate += track.force.reshape(len(disp), -1) @ (split.G @ seen)
+    rate -= track.v @ (c[:, None] * seen) + track.q @ (k[:, None] * seen)
     strain = 0.5 * (track.q**2) @ k
     if len(model.R):
         strain += 0.5 * np.einsum("ti,ij,tj->t", track.s, model.R, track.s, optimize=True)
     return History(
-        time=np.arange(len(q), dtype=np.float64) * (options.dt * options.stride),
+        time=np.arange(len(disp), dtype=np.float64) * (options.dt * options.stride),
         jump=track.jump,
         traction=track.force,
         mean_traction=track.impulse / (options.dt * options.stride),
         state=track.state,
-        disp=q @ system.observe.T,
-        vel=v @ system.observe.T,
-        acc=rate @ system.observe.T,
+        disp=disp,
+        vel=vel,
+        acc=rate,
         q=q,
         v=v,
         energy=ledger(track.works, 0.5 * (track.v**2).sum(axis=1), strain, track.stored),

@@ -323,3 +323,17 @@ def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Float
         k = system.K.diagonal()[split.rest]
         q[:, split.rest] = (track.s @ split.G_rest + system.force[split.rest]) / k
     return q, v
+
+
+def observed_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:
+    """Displacements and velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
+    seen, k = system.observe, system.K.diagonal()
+    flexible = seen[:, split.rest].toarray().T / k[split.rest, None]
+    relaxed, states = split.G_rest @ flexible, seen[:, split.states]
+    if (split.taper < 1.0).any():
+        left = (1.0 / split.taper - split.taper) / k[split.states]
+        relaxed += split.G @ (left[:, None] * states.toarray().T)
+    disp = (track.q * split.taper) @ states.T + system.force[split.rest] @ flexible
+    if relaxed.any():
+        disp += track.s @ relaxed
+    return disp, (track.v * split.taper) @ states.T

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq
 
 from romdam.config.arch_dam import ArchDamConfig, Polynomial, Profile
 from romdam.errors import ConfigError
@@ -41,6 +39,8 @@ def curve(profile: Profile, place: str) -> Curve:
         raise ConfigError(f"{place}: elevations must ascend, got {a:g} m then {b:g} m; put the lowest first")
     if len(points) == 1:
         return lambda z: np.full(np.shape(z), points[0, 1])
+    from scipy.interpolate import PchipInterpolator  # here: half a second that scenes of boxes do not need
+
     inner = PchipInterpolator(points[:, 0], points[:, 1], extrapolate=False)
     low, high = points[[0, -1], 0]
     return lambda z: inner(np.clip(z, low, high))
@@ -163,6 +163,8 @@ class ArchShape:
                 f"reaches {np.nanmax(reach):.4g} m only; narrow the valley or enlarge the radius"
             )
         low, high = angles[beyond[0] - 1], angles[beyond[0]]
+        from scipy.optimize import brentq
+
         return float(brentq(lambda t: float(self._middle(np.array(t), z, ends)) - half, low, high))
 
     def _foot(self, theta: float) -> float:
@@ -184,6 +186,8 @@ class ArchShape:
                 "towards the base"
             )
         last = int(np.flatnonzero(room < 0.0)[-1])
+        from scipy.optimize import brentq
+
         return float(brentq(lambda x: float(beyond(np.array(x))), z[last], z[last + 1]))
 
     def _refuse_crossing(self) -> None:

@@ -6,7 +6,6 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import cKDTree
 
 from romdam.errors import ConfigError
@@ -43,6 +42,8 @@ def table_gap(path: Path, position: Floats, place: str) -> Floats:
 
 
 def _linear(points: Floats, gap: Floats, at: Floats, nearest: Floats) -> Floats:
+    from scipy.interpolate import LinearNDInterpolator  # here: half a second that few scenes need
+
     interpolate = LinearNDInterpolator(points, gap)
     value = interpolate(at)
     # nodes on the table's rim may fall outside by rounding: look a millionth further in

@@ -75,6 +75,26 @@ def test_summary_is_what_single_runs_give(whole, tmp_path):
                 np.testing.assert_allclose(row.peak_displacement.values, peak, rtol=1e-9)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_a_run_of_a_suite_has_the_bits_of_a_single_one(tmp_path, friction):
+    """Though four march together, with a step for an accuracy, and only peaks are kept."""
+    joints = {"gap": BASE["joints"]["gap"] | {"friction": friction}}
+    config = write_job(tmp_path, records=4, joints=joints, transient={"accuracy": "1 %"})
+    found = made(config, tmp_path / "out").summary
+    raw = yaml.safe_load(config.read_text()) | {"pipeline": "run"}
+    del raw["suite"]
+    raw["outputs"] = raw["outputs"] | {"plots": False}
+    (tmp_path / "one.yaml").write_text(yaml.safe_dump(raw))
+    singles = romdam.run(romdam.load_config(tmp_path / "one.yaml"), tmp_path / "single").paths
+    assert [path.stem for path in singles] == list(found.record.values)
+    for path in singles:
+        row = found.isel(scale=0, sample=0).sel(record=path.stem)
+        with xr.open_dataset(path, engine="h5netcdf") as single:
+            assert np.array_equal(row.peak_opening, single.peak_opening)
+            assert np.array_equal(row.peak_displacement, np.abs(single.displacement).max("time"))
+            assert float(row.energy_damping) == float(single.energy_damping[-1])
+
+
 def test_frictionless_samples_have_no_slip_and_rough_ones_have(whole):
     found = whole[1].summary
     rough = found.mu.values > 0

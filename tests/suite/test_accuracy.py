@@ -1,0 +1,99 @@
+"""The step that an accuracy asks for, and the error that is stated with it."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from suite_jobs import write_job
+
+import romdam
+from romdam.dynamics.accuracy import integrate_cases_to
+from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.runs import Case
+from romdam.dynamics.transient import integrate, integrate_cases
+from romdam.pipelines.run import Clock, build_model, silent
+
+COARSE, EVERY, ACCURACY = 0.01, 0.02, 0.01
+
+
+@pytest.fixture(scope="module")
+def cantilevers(tmp_path_factory):
+    """The open-joint system of two cantilevers of 20 m with eight gaps, 5.5 Hz."""
+    joints = {"gap": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}}
+    job = romdam.load_config(write_job(tmp_path_factory.mktemp("job"), joints=joints))
+    return build_model(job, Clock(silent)).system
+
+
+def shaking(seed, dt, strong=3.0, duration=6.0):
+    """(3, nt) noise with corners every 0.02 s, which fades after the strong part [m/s2]."""
+    corners = np.arange(0.0, duration + 0.01, 0.02)
+    noise = 3.0 * np.random.default_rng(seed).standard_normal(len(corners))
+    noise *= np.where(corners < strong, 1.0, 1e-3)
+    time = np.arange(round(duration / dt) + 1) * dt
+    return np.stack([0.0 * time, np.interp(time, corners, noise), 0.0 * time])
+
+
+def options(coarse=COARSE, **other):
+    return TransientOptions(
+        dt=coarse,
+        stride=round(EVERY / coarse),
+        integrator="adaptive",
+        initial_state="from_start",
+        force_change=ACCURACY,
+        **other,
+    )
+
+
+def to_accuracy(system, seeds, coarse=COARSE, accuracy=ACCURACY, progress=None):
+    grounds = [partial(shaking, seed) for seed in seeds]
+    return integrate_cases_to([system] * len(seeds), grounds, options(coarse), accuracy, progress)
+
+
+def test_the_stated_error_is_at_least_the_true_one_and_within_the_accuracy(cantilevers):
+    """True means against a step 16 times finer."""
+    seeds = range(20)
+    honest = 0
+    for seed, found in zip(seeds, to_accuracy(cantilevers, seeds), strict=True):
+        step = found.stats["finest_step"]
+        true = integrate(cantilevers, shaking(seed, step), options(step, cuts=(4, 4)))
+        error = np.linalg.norm(found.jump - true.jump) / np.linalg.norm(true.jump)
+        honest += error <= found.stats["estimated_time_error"]
+        assert found.stats["estimated_time_error"] <= ACCURACY
+        assert error <= ACCURACY
+    assert honest >= 17  # of 20; 18 on the machine this was written on
+
+
+def test_the_step_follows_from_the_period_not_from_the_record(cantilevers):
+    steps = {c: to_accuracy(cantilevers, [1], c)[0].stats["finest_step"] for c in (0.02, 0.01, 0.005, 0.0025)}
+    assert len(set(steps.values())) == 1
+    assert to_accuracy(cantilevers, [1], accuracy=1e-3)[0].stats["finest_step"] < steps[0.01] / 4
+
+
+def test_the_check_ends_with_the_openings(cantilevers):
+    """Half of the motion is hardly any: the check is not made over it, the run is."""
+    told = []
+    found = to_accuracy(cantilevers, [1], progress=lambda done, total: told.append(total))[0]
+    run, check = dict.fromkeys(told)
+    assert run == 600 and 300 < check < 400
+    assert found.time[-1] == pytest.approx(6.0)
+
+
+def test_cases_together_have_the_bits_of_each_alone(cantilevers):
+    together = to_accuracy(cantilevers, range(9))
+    for seed, found in enumerate(together):
+        alone = to_accuracy(cantilevers, [seed])[0]
+        for name in ("jump", "traction", "mean_traction", "disp", "vel", "acc", "q", "v"):
+            assert np.array_equal(getattr(alone, name), getattr(found, name)), name
+        for name in ("steps", "estimated_time_error", "finest_step", "runs"):
+            assert alone.stats[name] == found.stats[name]
+
+
+def test_histories_without_coordinates_are_the_same_otherwise(cantilevers):
+    case = Case(cantilevers, shaking(0, COARSE))
+    whole, part = (integrate_cases([case], options(coordinates=wanted))[0] for wanted in (True, False))
+    assert part.q is None and part.v is None
+    for name in ("jump", "disp", "vel", "acc"):
+        assert np.array_equal(getattr(whole, name), getattr(part, name))
+    seen = cantilevers.observe.toarray()
+    assert whole.disp == pytest.approx(whole.q @ seen.T, rel=1e-12, abs=1e-15)
+    assert whole.vel == pytest.approx(whole.v @ seen.T, rel=1e-12, abs=1e-13)
