@@ -6,9 +6,9 @@ stiffness that is left of it where they meet,
     S = K_cc - K_ci K_ii^-1 K_ic,
 
 dense and of a few thousand unknowns. Its factors in single precision give S to five or six digits, and with
-it the rest (the dam) has factors in double that take seconds. Together they are the approximate inverse of
-conjugate gradients on the whole: a force on the dam needs the rock's backward substitution alone in the first
-iteration and all of it in the second, three halves where factors of the whole take four. Modes are looked for
+it the rest (the dam) has factors in double that take seconds. Together they answer to four digits, and what
+they leave is refined in double: a force on the dam needs the rock's backward substitution alone the first
+time and all of it the second, three halves where factors of the whole take four. Modes are looked for
 on the dam, where a solution costs a hundredth. They need S to more digits, and only on themselves: it is
 measured there (`CondensedSingle.sharpened`).
 """
@@ -24,8 +24,11 @@ from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 from romdam.linalg.pardiso import SINGLE_TOLERANCE, PardisoFactor, PardisoSchur
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
+_MOST = 6  # refinements; two are usual
+_ROWS = 65_536
 _MOST_CONTACT = 10_000  # unknowns of the dense matrix: 0.8 GB
 _SEEN = 1e-3  # share of the strongest direction, below which a direction of the traces is left as it is
 
@@ -42,7 +45,7 @@ def _contact(matrix: csr_matrix, inner: Bools) -> Bools:
 
 
 class CondensedSingle:
-    """Factors in single precision of the inner rows, in double of the others, under conjugate gradients.
+    """Factors in single precision of the inner rows, in double of the others; answers refined in double.
 
     Parameters
     ----------
@@ -81,8 +84,7 @@ class CondensedSingle:
         place[self._at] = np.arange(len(self._at))
         keep = (own.row <= own.col) & ((place[own.row] < 0) | (place[own.col] < 0))
         row, column = np.triu_indices(len(S))
-        parts = [(own.data, own.row, own.col, keep)]
-        data = np.concatenate([a[k] for a, _, _, k in parts] + [S[row, column]])
+        data = np.concatenate([own.data[keep], S[row, column]])
         rows = np.concatenate([own.row[keep], self._at[row]])
         columns = np.concatenate([own.col[keep], self._at[column]])
         return csr_matrix(coo_matrix((data, (rows, columns)), shape=own.shape))
@@ -96,28 +98,70 @@ class CondensedSingle:
             where the residual does not fall to 1e-7 of the right-hand side.
         """
         columns = np.asarray(right, dtype=float).reshape(self.size, -1)
-        found = np.empty_like(columns, order="C")
-        for first in range(0, columns.shape[1], WIDTH):
-            some = slice(first, first + WIDTH)
-            found[:, some] = conjugate_gradients(
-                self._matrix, columns[:, some], self.precondition, "pardiso_single", SINGLE_TOLERANCE
-            )
-        return found.reshape(np.shape(right))
+        found = [self._refined(columns[:, k : k + WIDTH]) for k in range(0, columns.shape[1], WIDTH)]
+        whole = found[0] if len(found) == 1 else np.hstack([columns[:, :0], *found])
+        return whole.reshape(np.shape(right))
+
+    def _refined(self, right: Floats) -> Floats:
+        """Iterative refinement: three blocks of columns in double where conjugate gradients hold six.
+
+        Where it does not do (with factors of two digits or fewer) those do it after all.
+        """
+        limit = SINGLE_TOLERANCE * np.sqrt(_squares(right))
+        found, left = np.zeros(right.shape), right
+        for _ in range(_MOST):
+            parts = self._parts(left)
+            del left  # before the product makes another
+            self._answer(parts, found)
+            left = self._matrix @ found
+            np.subtract(right, left, out=left)
+            open_ = np.sqrt(_squares(left)) > limit
+            if not open_.any():
+                return found
+        some = right[:, open_]
+        found[:, open_] = conjugate_gradients(
+            self._matrix, some, self.precondition, "pardiso_single", SINGLE_TOLERANCE
+        )
+        return found
 
     def precondition(self, right: Floats) -> Floats:
         """The factors' own answer, of five digits or so, for (n, k)."""
-        outer = right[self.outer]
-        carried = np.take(right, self._some, axis=0)  # a tenth of the time of right[some]
-        carried[self._apart] = 0.0
+        found = np.zeros(right.shape)
+        self._answer(self._parts(right), found)
+        return found
+
+    def _parts(self, right: Floats) -> tuple[Floats, Singles, Floats]:
+        """Outer and inner rows divided by the columns' sizes, and those."""
+        size = _lengths(right)
+        return right[self.outer] / size, self._onto_inner(right, size), size
+
+    def _answer(self, parts: tuple[Floats, Singles, Floats], found: Floats) -> None:
+        """Add the factors' answer to (n, k)."""
+        outer, carried, size = parts
         if carried.any():
             carried = self._inner.forward(carried)
             outer[self._at] += carried[self._apart]
         outer = self.near.solve(outer)
         carried[self._apart] = outer[self._at]
-        found = np.empty_like(right, order="C")
-        found[self._some] = self._inner.backward(carried)
-        found[self.outer] = outer
-        return found
+        carried = self._inner.backward(carried)
+        carried[self._apart] = 0.0
+        self._add(carried, size, found)
+        found[self.outer] += outer * size
+
+    def _onto_inner(self, right: Floats, size: Floats) -> Singles:
+        """The inner rows divided by the columns' sizes, zero at the contact."""
+        carried = np.empty((len(self._some), right.shape[1]), dtype=np.float32, order="F")
+        for first in range(0, len(carried), _ROWS):
+            rows = slice(first, first + _ROWS)
+            carried[rows] = np.take(right, self._some[rows], axis=0) / size  # a tenth of right[rows]'s time
+        carried[self._apart] = 0.0
+        return carried
+
+    def _add(self, inner: Singles, size: Floats, found: Floats) -> None:
+        """Add inner rows times the columns' sizes to (n, k)."""
+        for first in range(0, len(inner), _ROWS):
+            rows = self._some[first : first + _ROWS]
+            found[rows] = np.take(found, rows, axis=0) + inner[first : first + _ROWS] * size
 
     def sharpened(self, vectors: Floats) -> PardisoFactor:
         """Factors of the condensed matrix, S as good as in double on some vectors over the outer rows.
@@ -134,7 +178,7 @@ class CondensedSingle:
         ----------
         Dennis, Schnabel, SIAM Review 21 (1979) 443 (least-change symmetric secant updates).
         """
-        S = self._inner.schur
+        S = self._inner.schur.astype(float)
         U = vectors[self._at]
         change = np.empty_like(U)
         for first in range(0, U.shape[1], WIDTH):
@@ -153,12 +197,24 @@ class CondensedSingle:
 
     def _forces(self, U: Floats) -> Floats:
         """S U, to twice the digits of the factors."""
-        carried = np.zeros((len(self._some), U.shape[1]))
-        carried[self._apart] = U
+        carried = np.zeros((len(self._some), U.shape[1]), dtype=np.float32, order="F")
+        size = _lengths(U)
+        carried[self._apart] = U / size
         whole = np.zeros((self.size, U.shape[1]))
-        whole[self._some] = self._inner.backward(carried)
+        self._add(self._inner.backward(carried), size, whole)
         whole[self._contact] = U
         left = self._matrix @ whole
-        carried = np.take(left, self._some, axis=0)
-        carried[self._apart] = 0.0
-        return np.asarray(left[self._contact] + self._inner.forward(carried)[self._apart])
+        size = _lengths(left)
+        moved = self._inner.forward(self._onto_inner(left, size))[self._apart]
+        return np.asarray(left[self._contact] + moved * size)
+
+
+def _squares(columns: Floats) -> Floats:
+    return np.asarray(np.einsum("ij,ij->j", columns, columns))
+
+
+def _lengths(columns: Floats) -> Floats:
+    """What to divide columns by, so that single precision holds them: it ends at 1e-38 and 1e38."""
+    size = np.sqrt(_squares(columns))
+    size[size == 0.0] = 1.0
+    return size

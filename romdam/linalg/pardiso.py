@@ -20,6 +20,7 @@ from romdam.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
@@ -125,7 +126,7 @@ class PardisoSchur:
 
     Attributes
     ----------
-    schur : (m, m) S = K_cc - K_ci K_ii^-1 K_ic, the rows apart in their order
+    schur : (m, m) single, S = K_cc - K_ci K_ii^-1 K_ic, the rows apart in their order
 
     Raises
     ------
@@ -137,15 +138,15 @@ class PardisoSchur:
         upper = _Upper.of(matrix[some][:, some], np.dtype(np.float32))
         self._factors = _Factors(upper, _POSITIVE_DEFINITE, memory, apart)
         self.memory = self._factors.memory
-        self.schur = self._factors.schur.astype(float)
+        self.schur = self._factors.schur
 
-    def forward(self, right: Floats) -> Floats:
-        """L^-1 f_i, and f_c - K_ci K_ii^-1 f_i at the rows apart, for (n, k)."""
-        return self._factors.solve(right, _FORWARD)
+    def forward(self, right: Singles) -> Singles:
+        """L^-1 f_i, and f_c - K_ci K_ii^-1 f_i at the rows apart, for (n, k) in Fortran's order."""
+        return self._factors.substituted(_FORWARD, right)
 
-    def backward(self, right: Floats) -> Floats:
-        """u_i = L^-T (forward's rows - ...) from forward's answer with u_c at the rows apart, for (n, k)."""
-        return self._factors.solve(right, _BACKWARD)
+    def backward(self, right: Singles) -> Singles:
+        """u_i from `forward`'s answer with u_c put at the rows apart, for (n, k) in Fortran's order."""
+        return self._factors.substituted(_BACKWARD, right)
 
 
 @dataclass(frozen=True)
@@ -224,8 +225,8 @@ class _Factors:
         if kind == _POSITIVE_DEFINITE:  # no pivot was perturbed, so that no solve looks at the matrix again
             self._matrix = (nothing,) * 3
 
-    def solve(self, right: Floats, phase: int = _SOLVE) -> Floats:
-        """Solve for several (n, k) right-hand sides, in the precision of the factors; or half of that."""
+    def solve(self, right: Floats) -> Floats:
+        """Solve for several (n, k) right-hand sides, in the precision of the factors."""
         found = np.empty_like(right, order="C")
         for first in range(0, right.shape[1], _WIDTH):
             some = slice(first, first + _WIDTH)
@@ -233,10 +234,14 @@ class _Factors:
             size[size == 0.0] = 1.0
             columns = np.empty((len(right), len(size)), dtype=self._real, order="F")
             np.divide(right[:, some], size, out=columns, casting="same_kind")
-            answer = np.empty_like(columns)
-            self._run(phase, columns, answer)
-            np.multiply(answer, size, out=found[:, some])
+            np.multiply(self.substituted(_SOLVE, columns), size, out=found[:, some])
         return found
+
+    def substituted(self, phase: int, columns: NDArray[Any]) -> NDArray[Any]:
+        """What a phase of the solution makes of (n, k) in the library's precision and order."""
+        answer = np.empty_like(columns)
+        self._run(phase, columns, answer)
+        return answer
 
     def told(self, key: int) -> int:
         """A number that the library has put into iparm."""
