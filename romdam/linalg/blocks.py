@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse import bsr_matrix
 
 from romdam.jit import VIEWS
 from romdam.linalg.conjugate import WIDTH
@@ -38,10 +38,9 @@ class Blocks:
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, matrix: csr_matrix | bsr_matrix, size: tuple[int, int], real: type) -> Blocks:
-        """From a sparse matrix, in blocks of a size."""
-        made = matrix.tobsr(size)
-        return cls(made.indptr, made.indices, np.ascontiguousarray(made.data, dtype=real), made.shape)
+    def of(cls, matrix: bsr_matrix, real: type) -> Blocks:
+        """From SciPy's own."""
+        return cls(matrix.indptr, matrix.indices, np.ascontiguousarray(matrix.data, dtype=real), matrix.shape)
 
     def __matmul__(self, right: Reals) -> Reals:
         """The product with (n, k), in the matrix' precision."""

@@ -16,7 +16,7 @@ def test_product_is_that_of_the_dense_matrix(size, columns, real, limit):
     dense = random_array(shape, density=0.05, rng=rng).toarray()
     dense[: 2 * size[0]] = 0.0  # rows of blocks with nothing in them
     right = rng.standard_normal((shape[1], columns))
-    found = Blocks.of(csr_matrix(dense), size, real) @ right
+    found = Blocks.of(csr_matrix(dense).tobsr(size), real) @ right
     assert found.dtype == real and found.shape == (shape[0], columns)
     known = dense @ right
     assert np.abs(found - known).max() < limit * np.abs(known).max()
