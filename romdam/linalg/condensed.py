@@ -10,7 +10,7 @@ it the rest (the dam) has factors in double that take seconds. Together they ans
 they leave is refined in double: a force on the dam needs the rock's backward substitution alone the first
 time and all of it the second, three halves where factors of the whole take four. Modes are looked for
 on the dam, where a solution costs a hundredth. They need S to more digits, and only on themselves: it is
-measured there (`CondensedSingle.sharpened`).
+measured there (`CondensedSingle.sharpen`).
 """
 
 from __future__ import annotations
@@ -83,10 +83,10 @@ class CondensedSingle:
         place = np.full(own.shape[0], -1, dtype=np.int32)
         place[self._at] = np.arange(len(self._at))
         keep = (own.row <= own.col) & ((place[own.row] < 0) | (place[own.col] < 0))
-        row, column = np.triu_indices(len(S))
-        data = np.concatenate([own.data[keep], S[row, column]])
-        rows = np.concatenate([own.row[keep], self._at[row]])
-        columns = np.concatenate([own.col[keep], self._at[column]])
+        at, count = self._at.astype(np.int32), np.arange(len(S), 0, -1)
+        data = np.concatenate([own.data[keep], *(row[k:] for k, row in enumerate(S))])
+        rows = np.concatenate([own.row[keep], np.repeat(at, count)])
+        columns = np.concatenate([own.col[keep], *(at[k:] for k in range(len(at)))])
         return csr_matrix(coo_matrix((data, (rows, columns)), shape=own.shape))
 
     def solve(self, right: Floats) -> Floats:
@@ -163,8 +163,8 @@ class CondensedSingle:
             rows = self._some[first : first + _ROWS]
             found[rows] = np.take(found, rows, axis=0) + inner[first : first + _ROWS] * size
 
-    def sharpened(self, vectors: Floats) -> PardisoFactor:
-        """Factors of the condensed matrix, S as good as in double on some vectors over the outer rows.
+    def sharpen(self, vectors: Floats) -> None:
+        """Make S as good as in double on some vectors over the outer rows, and `near` with it.
 
         The inner answer Y to the traces U leaves forces r_i, of 1e-4 or so; what those do at the contact,
         -K_ci K_ii^-1 r_i, is known to 1e-4 of itself, so that S U is known to 1e-8 or better. The smallest
@@ -184,16 +184,20 @@ class CondensedSingle:
         for first in range(0, U.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
             change[:, some] = self._forces(U[:, some]) - S @ U[:, some]
-        L = cholesky(S, lower=True)
         size = np.sqrt((U * (S @ U)).sum(axis=0))
+        L = cholesky(S, lower=True)
         Q, strength, V = svd(L.T @ (U / size), full_matrices=False)
         keep = strength > _SEEN * strength[0]
-        Z = solve_triangular(L, change / size, lower=True) @ (V[keep].T / strength[keep])
         Q = Q[:, keep]
-        Q, Z = L @ Q, L @ Z  # back from the norm of S; Z Q^T + Q Z^T - Q (Q^T Z) Q^T with Q^T S^-1 Q = 1
-        inner = solve_triangular(L, Q, lower=True).T @ solve_triangular(L, Z, lower=True)
-        S = S + Z @ Q.T + Q @ Z.T - Q @ (0.5 * (inner + inner.T)) @ Q.T
-        return PardisoFactor(self._condensed(0.5 * (S + S.T)))
+        Z = solve_triangular(L, change / size, lower=True) @ (V[keep].T / strength[keep])
+        inner = Q.T @ Z
+        Z = L @ (Z - 0.25 * Q @ (inner + inner.T))
+        Q = L @ Q  # back from the norm of S
+        del L
+        S += Z @ Q.T
+        S += Q @ Z.T
+        del self.near  # half a gigabyte at a million unknowns
+        self.near = PardisoFactor(self._condensed(S))
 
     def _forces(self, U: Floats) -> Floats:
         """S U, to twice the digits of the factors."""

@@ -141,7 +141,8 @@ def _outer_modes(
     own = csr_matrix(M[solver.outer][:, solver.outer])
     count, make = krylov_modes(own, wanted, solver.near.solve, shift)
     if count:
-        count, make = krylov_modes(own, wanted, solver.sharpened(make(0, count)).solve, shift)
+        solver.sharpen(make(0, count))
+        count, make = krylov_modes(own, wanted, solver.near.solve, shift)
 
     def over_all(first: int, last: int) -> Floats:
         forces = np.zeros((M.shape[0], last - first))
