@@ -11,7 +11,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from romdam.errors import ReductionError
 
@@ -19,6 +18,7 @@ Floats = NDArray[np.float64]
 
 TOLERANCE = 1e-10  # of a column's residual, relative to its right-hand side
 WIDTH = 16  # columns at a time: wider ones gain little and take memory
+_ROWS = 2048
 MOST = 400  # iterations; 30 to 60 are usual with one cycle of multigrid, 3 with factors in single precision
 
 
@@ -36,8 +36,14 @@ class Preconditioned(Protocol):
         ...
 
 
+class Operator(Protocol):
+    """A matrix as far as it is multiplied with (n, k)."""
+
+    def __matmul__(self, right: Floats, /) -> Floats: ...
+
+
 def conjugate_gradients(
-    A: csr_matrix,
+    A: Operator,
     R: Floats,
     inverse: Callable[[Floats], Floats],
     name: str,
@@ -47,7 +53,7 @@ def conjugate_gradients(
 
     Parameters
     ----------
-    A : (n, n) sparse, symmetric positive definite
+    A : (n, n), symmetric positive definite
     R : (n, k)
     inverse : symmetric positive definite too, for (n, k)
     name : of the solver, for the message
@@ -68,10 +74,11 @@ def conjugate_gradients(
     for _ in range(MOST):
         Q = A @ P
         step = energy / _dots(P, Q)
-        X += step * P
-        R -= step * Q
+        for rows in _some_rows(len(R)):
+            X[rows] += step * P[rows]
+            R[rows] -= step * Q[rows]
         del Q
-        done = np.linalg.norm(R, axis=0) <= limit[open_]
+        done = np.sqrt(_dots(R, R)) <= limit[open_]
         if done.any():
             if done.all() and len(open_) == found.shape[1]:
                 return X
@@ -82,13 +89,18 @@ def conjugate_gradients(
             X, R, P = (np.ascontiguousarray(a[:, ~done]) for a in (X, R, P))
         Z = inverse(R)
         before, energy = energy, _dots(R, Z)
-        P *= energy / before
-        P += Z
+        for rows in _some_rows(len(R)):
+            P[rows] = P[rows] * (energy / before) + Z[rows]
     left = float((np.linalg.norm(R, axis=0) / limit[open_]).max() * tolerance)
     raise ReductionError(
         f"{name}: {MOST} iterations on {len(R)} unknowns leave {left:.2g} of the right-hand side, "
         f"limit {tolerance:g}; use another `model.solver`"
     )
+
+
+def _some_rows(count: int) -> list[slice]:
+    """Rows whose sums stay in the cache between two operations."""
+    return [slice(k, k + _ROWS) for k in range(0, count, _ROWS)]
 
 
 def _dots(a: Floats, b: Floats) -> Floats:

@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix, spmatrix
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from romdam.errors import ReductionError
+from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.factor import Factor
 from romdam.linalg.krylov import krylov_modes, ritz_vectors
@@ -125,10 +126,30 @@ def span_of_modes(
     count, cutoff = choice
     large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
     if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
-        limit = np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2
-        return krylov_modes(csr_matrix(M), Wanted(count, limit), solver.solve, shift)
+        wanted = Wanted(count, np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2)
+        if isinstance(solver, CondensedSingle):
+            return _outer_modes(csr_matrix(M), wanted, solver, shift)
+        return krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
     omega2, modes = modes_below(K, M, count, cutoff, solver, shift)
     return len(omega2), lambda first, last: modes[:, first:last]
+
+
+def _outer_modes(
+    M: csr_matrix, wanted: Wanted, solver: CondensedSingle, shift: float
+) -> tuple[int, Callable[[int, int], Floats]]:
+    """`span_of_modes` where all mass is on the solver's outer rows: found there, then carried inside."""
+    own = csr_matrix(M[solver.outer][:, solver.outer])
+    count, make = krylov_modes(own, wanted, solver.near.solve, shift)
+    if count:
+        solver.sharpen(make(0, count))
+        count, make = krylov_modes(own, wanted, solver.near.solve, shift)
+
+    def over_all(first: int, last: int) -> Floats:
+        forces = np.zeros((M.shape[0], last - first))
+        forces[solver.outer] = own @ make(first, last)
+        return solver.solve(forces)
+
+    return count, over_all
 
 
 def _finite_modes(

@@ -88,16 +88,19 @@ def krylov_modes(
         right[moving] = forces
         return inverse(right)
 
+    def on_moving(forces: Floats) -> Floats:
+        return np.asarray(np.take(lifted(forces), moving, axis=0))
+
     width, limit = WIDTH, 1.0 / (wanted.limit - shift)
     while width <= _WIDEST:
         start = np.random.default_rng(width).standard_normal((len(moving), min(width, len(moving))))
-        for ritz in _grown(own, lambda f: lifted(f)[moving], start):
+        for ritz in _grown(own, on_moving, start):
             count = _among(ritz.mu, wanted, limit)
             if _settled(ritz, count, len(moving)):
                 break
         X, mu = ritz.first(count), ritz.mu[:count]
         lowest = limit if wanted.count is None else float(mu[-1]) * (1.0 + 1e-6)
-        if not _missed(own, lambda f: lifted(f)[moving], X, lowest):
+        if not _missed(own, on_moving, X, lowest):
             return count, partial(_columns, lifted, (own @ X) / mu)
         width *= 2
     raise ReductionError(

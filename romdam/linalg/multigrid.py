@@ -3,9 +3,8 @@
 Smoothed aggregation on 3 by 3 blocks, with the rigid motions as what the coarse spaces must hold (pyamg makes
 the levels). Both the cycle and the iteration work on blocks of columns, so that the matrix is read once for
 all of them: the smoother is Chebyshev's polynomial, which is made of products alone, since Gauss-Seidel takes
-one vector at a time. On a tet10 block of 55,488 unknowns a column takes 0.27 s among 16, and 1.6 s alone
-under pyamg's symmetric block Gauss-Seidel. (Compiled products and cycles in single precision were tried: they
-gain nothing and 15 %.)
+one vector at a time. Nodes stand in an order of small bandwidth, so that what a product reads is still in the
+cache, and the cycle, which is only to be near, is in single precision (see `blocks.py`).
 
 References
 ----------
@@ -15,16 +14,22 @@ Vanek, Mandel, Brezina, Computing 56 (1996) 179; Adams et al., J. Comput. Phys. 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import pinvh
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import bsr_matrix, csr_matrix, diags_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from romdam.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 
+if TYPE_CHECKING:
+    from romdam.linalg.blocks import Blocks
+
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
 _STRENGTH = 0.08  # couplings weaker than that do not aggregate
@@ -56,11 +61,11 @@ class Motions:
 class _Level:
     """A matrix, the inverse of its diagonal, its largest eigenvalue relative to it, and the way down."""
 
-    A: csr_matrix
-    inverse: Floats
+    A: Blocks
+    inverse: Singles
     largest: float
-    P: csr_matrix
-    R: csr_matrix
+    P: Blocks
+    R: Blocks
 
 
 class Multigrid:
@@ -78,15 +83,25 @@ class Multigrid:
     """
 
     def __init__(self, matrix: csr_matrix, motions: Motions) -> None:
+        from romdam.linalg.blocks import Blocks
+
         self.size = matrix.shape[0]
         _, node = np.unique(motions.row // 3, return_inverse=True)
-        self._row = 3 * node + motions.row % 3
-        whole = 3 * (int(node[-1]) + 1)
-        self._whole = None if whole == self.size else whole
-        rigid = np.zeros((whole, 6))
-        rigid[self._row] = motions.rigid
-        self._matrix = matrix if self._whole is None else _padded(matrix, self._row, whole)
-        self._levels, self._coarsest = _levels(self._matrix, rigid)
+        row = 3 * node + motions.row % 3
+        self._whole = 3 * (int(node[-1]) + 1)
+        whole = matrix if self._whole == self.size else _padded(matrix, row, self._whole)
+        blocks = whole.tobsr((3, 3))
+        del whole
+        rigid = np.zeros((self._whole, 6))
+        rigid[row] = motions.rigid
+        order = _narrow(blocks)
+        self._row = 3 * np.argsort(order)[node] + motions.row % 3
+        prolongations, matrices = _aggregated(blocks, rigid)
+        matrices[0] = blocks = _ordered(blocks, order, order)
+        prolongations[:1] = [_ordered(P, order, None) for P in prolongations[:1]]
+        self._matrix = Blocks.of(blocks, np.float64)
+        self._coarsest = np.asarray(pinvh(matrices.pop().toarray()), dtype=np.float32)
+        self._levels = [_level(A, P) for A, P in zip(matrices, prolongations, strict=True)]
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides.
@@ -100,7 +115,7 @@ class Multigrid:
         found = np.empty_like(columns, order="C")
         for first in range(0, columns.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
-            answer = conjugate_gradients(self._matrix, self._on(columns[:, some]), self._cycle, "multigrid")
+            answer = conjugate_gradients(self._matrix, self._on(columns[:, some]), self._inverse, "multigrid")
             found[:, some] = self._off(answer)
         return found.reshape(np.shape(right))
 
@@ -109,21 +124,25 @@ class Multigrid:
         found = np.empty_like(right, order="C")
         for first in range(0, right.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
-            found[:, some] = self._off(self._cycle(self._on(right[:, some])))
+            found[:, some] = self._off(self._inverse(self._on(right[:, some])))
         return found
 
     def _on(self, right: Floats) -> Floats:
-        """Over whole nodes."""
-        if self._whole is None:
-            return np.ascontiguousarray(right)
-        padded = np.zeros((self._whole, right.shape[1]))
-        padded[self._row] = right
-        return padded
+        """Over whole nodes, in the solver's order."""
+        whole = np.zeros((self._whole, right.shape[1]))
+        whole[self._row] = right
+        return whole
 
     def _off(self, found: Floats) -> Floats:
-        return found if self._whole is None else found[self._row]
+        return np.asarray(np.take(found, self._row, axis=0))
 
-    def _cycle(self, right: Floats, depth: int = 0) -> Floats:
+    def _inverse(self, right: Floats) -> Floats:
+        """A cycle for columns of length one, which single precision holds."""
+        size = np.sqrt(np.einsum("ij,ij->j", right, right))
+        size[size == 0.0] = 1.0
+        return np.asarray(self._cycle((right / size).astype(np.float32)) * size)
+
+    def _cycle(self, right: Singles, depth: int = 0) -> Singles:
         """One V-cycle from zero, symmetric."""
         if depth == len(self._levels):
             return np.asarray(self._coarsest @ right)
@@ -133,10 +152,10 @@ class Multigrid:
         return _smooth(level, right, X)
 
 
-def _smooth(level: _Level, right: Floats, X: Floats | None) -> Floats:
+def _smooth(level: _Level, right: Singles, X: Singles | None) -> Singles:
     """Chebyshev's iteration on the upper part of the spectrum."""
     high, low = level.largest, level.largest / _RANGE
-    centre, half = (high + low) / 2, (high - low) / 2
+    centre, half = (high + low) / 2, (high - low) / 2  # Python's numbers: they leave the precision as it is
     weight = half / centre
     change = (right if X is None else right - level.A @ X) * (level.inverse / centre)
     X = change.copy() if X is None else X + change
@@ -161,8 +180,29 @@ def _padded(matrix: csr_matrix, row: Ints, whole: int) -> csr_matrix:
     return csr_matrix(moved + diags_array(alone * float(matrix.diagonal().mean())))
 
 
-def _levels(matrix: csr_matrix, rigid: Floats) -> tuple[list[_Level], Floats]:
-    """The levels but the coarsest, and the inverse of that one."""
+def _narrow(matrix: bsr_matrix) -> Ints:
+    """The nodes in an order of small bandwidth (Cuthill and McKee)."""
+    ones = np.ones(len(matrix.indices), dtype=np.int8)
+    nodes = matrix.shape[0] // 3
+    graph = csr_matrix((ones, matrix.indices, matrix.indptr), shape=(nodes, nodes))
+    return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.int64)
+
+
+def _ordered(matrix: bsr_matrix, rows: Ints, columns: Ints | None) -> bsr_matrix:
+    """The matrix with its rows (and columns) of blocks in another order."""
+    size = matrix.blocksize
+    shape = (matrix.shape[0] // size[0], matrix.shape[1] // size[1])
+    which = csr_matrix((np.arange(len(matrix.indices)), matrix.indices, matrix.indptr), shape=shape)[rows]
+    which = which if columns is None else which[:, columns]
+    return bsr_matrix((matrix.data[which.data], which.indices, which.indptr), shape=matrix.shape)
+
+
+def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], list[bsr_matrix]]:
+    """The prolongations from level to level, and the levels' matrices, the first one's own in front.
+
+    Nodes are aggregated in their own order: in one of small bandwidth aggregates are smaller, and a column of
+    a tet10 block of 26,264 unknowns takes 27 iterations instead of 19.
+    """
     try:
         from pyamg import smoothed_aggregation_solver
     except ImportError as error:
@@ -173,7 +213,7 @@ def _levels(matrix: csr_matrix, rigid: Floats) -> tuple[list[_Level], Floats]:
     np.random.seed(0)  # noqa: NPY002
     try:
         made = smoothed_aggregation_solver(
-            matrix.tobsr((3, 3)),
+            matrix,
             B=rigid,
             strength=("symmetric", {"theta": _STRENGTH}),
             improve_candidates=None,
@@ -183,12 +223,12 @@ def _levels(matrix: csr_matrix, rigid: Floats) -> tuple[list[_Level], Floats]:
         ).levels
     finally:
         np.random.set_state(state)  # noqa: NPY002
-    made[0].A = matrix
-    levels = [_level(csr_matrix(one.A), csr_matrix(one.P)) for one in made[:-1]]
-    return levels, np.asarray(pinvh(made[-1].A.toarray()))
+    return [one.P for one in made[:-1]], [matrix, *(one.A for one in made[1:])]
 
 
-def _level(A: csr_matrix, P: csr_matrix) -> _Level:
+def _level(A: bsr_matrix, P: bsr_matrix) -> _Level:
+    from romdam.linalg.blocks import Blocks
+
     diagonal = A.diagonal()
     inverse = np.where(diagonal > 0.0, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)[:, None]
     vector = np.random.default_rng(0).standard_normal((A.shape[0], 1))
@@ -197,4 +237,5 @@ def _level(A: csr_matrix, P: csr_matrix) -> _Level:
         vector = inverse * (A @ vector)
         largest = float(np.linalg.norm(vector))
         vector /= largest
-    return _Level(A, inverse, 1.1 * largest, P, csr_matrix(P.T))
+    A, P, R = (Blocks.of(matrix, np.float32) for matrix in (A, P, P.T))
+    return _Level(A, inverse.astype(np.float32), 1.1 * largest, P, R)

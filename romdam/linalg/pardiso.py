@@ -9,7 +9,8 @@ from __future__ import annotations
 import ctypes
 import weakref
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,20 @@ from romdam.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 _POSITIVE_DEFINITE, _SYMMETRIC = 2, -2  # kinds of matrix
-_ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1  # phases
+_ANALYSE, _FACTOR, _SOLVE, _FORWARD, _BACKWARD, _RELEASE = 11, 22, 33, 331, 333, -1  # phases
 # of iparm, from 1
 _OWN, _ORDERING, _PEAK, _PERMANENT, _FACTORS, _NEGATIVE, _SINGLE, _FROM_ZERO = 1, 2, 15, 16, 17, 23, 28, 35
+_SCHUR, _WITH_FACTORS = 36, 2
 _NESTED_DISSECTION = 2
-_TOLERANCE = 1e-7  # of a residual, relative to its right-hand side: two iterations as a rule
+SINGLE_TOLERANCE = 1e-7  # of a residual, relative to its right-hand side: two iterations as a rule
+# the same of what a stiffness is made of: with 1e-7 an open-joint omega^2 of a tet10 block of 77,976 unknowns
+# was 7e-5 off, the stiffness of its retained DOFs being small beside that of the mesh
+_TOLERANCE = 1e-10
 _WIDTH = 32  # right-hand sides at a time: PARDISO wants them in another order, which is a copy
 
 
@@ -49,7 +57,7 @@ class PardisoFactor:
 
     def __init__(self, matrix: spmatrix, memory: float | None = None) -> None:
         self.size = matrix.shape[0]
-        self._factors = _Factors(matrix, _SYMMETRIC, np.dtype(np.float64), memory)
+        self._factors = _Factors(_Upper.of(matrix, np.dtype(np.float64)), _SYMMETRIC, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -84,7 +92,7 @@ class PardisoSingle:
     def __init__(self, matrix: csr_matrix, memory: float | None = None) -> None:
         self.size = matrix.shape[0]
         self._matrix = matrix
-        self._factors = _Factors(matrix, _POSITIVE_DEFINITE, np.dtype(np.float32), memory)
+        self._factors = _Factors(_Upper.of(matrix, np.dtype(np.float32)), _POSITIVE_DEFINITE, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -93,7 +101,7 @@ class PardisoSingle:
         Raises
         ------
         ReductionError
-            where the residual does not fall to 1e-7 of the right-hand side.
+            where the residual does not fall to 1e-10 of the right-hand side.
         """
         columns = np.asarray(right, dtype=float).reshape(self.size, -1)
         found = np.empty_like(columns, order="C")
@@ -109,6 +117,41 @@ class PardisoSingle:
         return self._factors.solve(right)
 
 
+class PardisoSchur:
+    """Factors in single precision of some rows alone, and what is left of the matrix at the others.
+
+    Parameters
+    ----------
+    matrix : sparse, symmetric positive definite
+    some : (n,) numbers of its rows that count
+    apart : (n,) True for those of them that are left
+    memory : bytes that the factorisation may take, or None
+
+    Attributes
+    ----------
+    schur : (m, m) single, S = K_cc - K_ci K_ii^-1 K_ic, the rows apart in their order
+
+    Raises
+    ------
+    ReductionError
+        as `PardisoSingle`.
+    """
+
+    def __init__(self, matrix: csr_matrix, some: Ints, apart: Bools, memory: float | None = None) -> None:
+        upper = _Upper.of(matrix[some][:, some], np.dtype(np.float32))
+        self._factors = _Factors(upper, _POSITIVE_DEFINITE, memory, apart)
+        self.memory = self._factors.memory
+        self.schur = self._factors.schur
+
+    def forward(self, right: Singles) -> Singles:
+        """L^-1 f_i, and f_c - K_ci K_ii^-1 f_i at the rows apart, for (n, k) in Fortran's order."""
+        return self._factors.substituted(_FORWARD, right)
+
+    def backward(self, right: Singles) -> Singles:
+        """u_i from `forward`'s answer with u_c put at the rows apart, for (n, k) in Fortran's order."""
+        return self._factors.substituted(_BACKWARD, right)
+
+
 @dataclass(frozen=True)
 class _Held:
     """What the library holds of a matrix, and what tells it how."""
@@ -118,6 +161,7 @@ class _Held:
     iparm: NDArray[np.int32]
     kind: int
     size: int
+    marks: NDArray[np.int32]
 
     def call(
         self, phase: int, matrix: tuple[NDArray[Any], ...], right: NDArray[Any], answer: NDArray[Any]
@@ -130,27 +174,44 @@ class _Held:
             *(
                 ctypes.c_void_p(array.ctypes.data)
                 for array in (
-                    self.handle, one, one, kind, at, size, values, start, column, one, columns, self.iparm,
-                    quiet, right, answer, error,
+                    self.handle, one, one, kind, at, size, values, start, column, self.marks, columns,
+                    self.iparm, quiet, right, answer, error,
                 )
             )
         )  # fmt: skip
         return int(error[0])
 
 
-class _Factors:
-    """A matrix and its factors in the library, which Python does not own."""
+class _Upper(NamedTuple):
+    """The upper triangle of a symmetric matrix as the library reads it."""
 
-    def __init__(self, matrix: spmatrix, kind: int, real: np.dtype[Any], memory: float | None) -> None:
+    values: NDArray[Any]
+    start: NDArray[np.int32]
+    column: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, matrix: spmatrix, real: np.dtype[Any]) -> _Upper:
+        """That of a matrix, which is not kept: half a gigabyte at a million unknowns, while factors grow."""
         upper = csr_matrix(triu(matrix, format="csr"))
         upper.sort_indices()
-        start, column = upper.indptr.astype(np.int32), upper.indices.astype(np.int32)
-        self._matrix: tuple[NDArray[Any], ...] = (upper.data.astype(real), start, column)
-        del upper  # half a gigabyte at a million unknowns, while the factors grow
+        return cls(upper.data.astype(real), upper.indptr.astype(np.int32), upper.indices.astype(np.int32))
+
+
+class _Factors:
+    """A matrix and its factors in the library, which Python does not own.
+
+    With some rows kept apart the others alone are eliminated: `schur` is what is left of the matrix there.
+    """
+
+    def __init__(self, matrix: _Upper, kind: int, memory: float | None, apart: Bools | None = None) -> None:
+        size, real = len(matrix.start) - 1, matrix.values.dtype
+        self._matrix: tuple[NDArray[Any], ...] = matrix
         self._real = real
-        self._held = _Held(_library(), np.zeros(64, np.int64), np.zeros(64, np.int32), kind, matrix.shape[0])
+        marks = np.ones(1, np.int32) if apart is None else apart.astype(np.int32)
+        self._held = _Held(_library(), np.zeros(64, np.int64), np.zeros(64, np.int32), kind, size, marks)
         for key, value in (
             (_OWN, 1), (_ORDERING, _NESTED_DISSECTION), (_SINGLE, int(real.itemsize == 4)), (_FROM_ZERO, 1),
+            (_SCHUR, 0 if apart is None else _WITH_FACTORS),
         ):  # fmt: skip
             self._held.iparm[key - 1] = value
         nothing = np.zeros((1, 1), dtype=real)
@@ -159,10 +220,11 @@ class _Factors:
         self.memory = 1024.0 * max(self.told(_PEAK), self.told(_PERMANENT) + self.told(_FACTORS))
         if memory is not None and self.memory > memory:
             raise ReductionError(
-                f"pardiso: the factors of {matrix.shape[0]} unknowns need {self.memory / 1e9:.1f} GB, "
+                f"pardiso: the factors of {size} unknowns need {self.memory / 1e9:.1f} GB, "
                 f"{memory / 1e9:.1f} GB are allowed"
             )
-        self._run(_FACTOR, nothing, nothing)
+        self.schur = np.zeros((1 if apart is None else int(apart.sum()),) * 2, dtype=real)
+        self._run(_FACTOR, nothing, self.schur)
         if kind == _POSITIVE_DEFINITE:  # no pivot was perturbed, so that no solve looks at the matrix again
             self._matrix = (nothing,) * 3
 
@@ -175,10 +237,14 @@ class _Factors:
             size[size == 0.0] = 1.0
             columns = np.empty((len(right), len(size)), dtype=self._real, order="F")
             np.divide(right[:, some], size, out=columns, casting="same_kind")
-            answer = np.empty_like(columns)
-            self._run(_SOLVE, columns, answer)
-            np.multiply(answer, size, out=found[:, some])
+            np.multiply(self.substituted(_SOLVE, columns), size, out=found[:, some])
         return found
+
+    def substituted(self, phase: int, columns: NDArray[Any]) -> NDArray[Any]:
+        """What a phase of the solution makes of (n, k) in the library's precision and order."""
+        answer = np.empty_like(columns)
+        self._run(phase, columns, answer)
+        return answer
 
     def told(self, key: int) -> int:
         """A number that the library has put into iparm."""
@@ -193,6 +259,7 @@ class _Factors:
             )
 
 
+@cache  # it is looked for among all files of the environment
 def _library() -> ctypes.CDLL:
     try:
         from pypardiso import PyPardisoSolver

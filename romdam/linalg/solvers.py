@@ -7,6 +7,7 @@ All solvers have one interface, made once and solved with many times:
 | superlu | LU with an ordering for symmetric patterns | SciPy |
 | pardiso | L D L^T of the Intel MKL | pypardiso (extra `large`) |
 | pardiso_single | L L^T in single precision under conjugate gradients in double: half the memory | the same |
+| | where most rows have neither mass nor load, of those alone (see `condensed.py`) | |
 | multigrid | conjugate gradients under smoothed aggregation, no factors | pyamg (extra `large`) |
 
 MUMPS is left out: the one wheel of python-mumps (0.0.2) needs NumPy 1, and needs a compiler otherwise.
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from romdam.errors import ReductionError
+from romdam.linalg.condensed import CondensedSingle, is_condensable
 from romdam.linalg.factor import Factor
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
@@ -33,6 +35,7 @@ from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
 log = logging.getLogger(__name__)
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 SMALL = 20_000  # unknowns up to which SuperLU is taken, so that a small job gives the same with any extra
 _SHARE = 0.8  # of the machine's memory, where no limit is given
@@ -90,7 +93,7 @@ class _Growth:
 _FITS = {
     "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
     "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.35)),
-    "pardiso_single": (_Growth(500.0, 2.1), _Growth(2.7, 1.5), _Growth(12.5e9, 1.0)),
+    "pardiso_single": (_Growth(500.0, 2.1), _Growth(2.7, 1.5), _Growth(11.8e9, 0.94)),
     "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(8e9, 1.0)),
 }
 
@@ -150,13 +153,21 @@ def _refusal(
     )
 
 
-def make_solver(matrix: csr_matrix, motions: Motions, columns: int, solving: Solving, place: str) -> Solver:
+def make_solver(
+    matrix: csr_matrix,
+    motions: Motions,
+    columns: int,
+    solving: Solving,
+    place: str,
+    inner: Bools | None = None,
+) -> Solver:
     """Make the best solver for a symmetric positive definite matrix and so many right-hand sides.
 
     Parameters
     ----------
     motions : of the matrix' rows, for multigrid
     place : what to call the matrix in messages
+    inner : rows without mass and load, if any
 
     Raises
     ------
@@ -168,7 +179,7 @@ def make_solver(matrix: csr_matrix, motions: Motions, columns: int, solving: Sol
     makers: dict[str, Callable[[], Solver]] = {
         "superlu": lambda: Factor(matrix),
         "pardiso": lambda: PardisoFactor(matrix, solving.limit),
-        "pardiso_single": lambda: PardisoSingle(matrix, solving.limit),
+        "pardiso_single": lambda: _single(matrix, inner, solving.limit),
         "multigrid": lambda: Multigrid(matrix, motions),
     }
     tried = candidates(matrix.shape[0], columns, solving, place)
@@ -187,6 +198,12 @@ def make_solver(matrix: csr_matrix, motions: Motions, columns: int, solving: Sol
                 raise ReductionError(f"{place}: {error or 'out of memory'}") from error
             log.warning("%s: %s gives way to %s: %s", place, estimate.solver, tried[k + 1].solver, error)
     raise AssertionError("unreachable")
+
+
+def _single(matrix: csr_matrix, inner: Bools | None, limit: float) -> Solver:
+    if inner is None or not is_condensable(matrix, inner):
+        return PardisoSingle(matrix, limit)
+    return CondensedSingle(matrix, inner, limit)
 
 
 def _prove(solver: Solver, matrix: csr_matrix) -> None:

@@ -50,7 +50,7 @@ from romdam.reduction.craig_bampton import (
 )
 from romdam.reduction.store import LAYOUT, BlockBasis, BlockStore
 from romdam.scene.held import held_rigidly, rigid_motions
-from romdam.scene.model import Ints, Scene
+from romdam.scene.model import Bools, Ints, Scene
 from romdam.scene.ties import Part
 
 log = logging.getLogger(__name__)
@@ -62,6 +62,7 @@ _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attac
 # 1e-13 on the first mode would count as its round-off
 _STIFF = 1e-12
 _NODES = 4096  # of a block's basis at a time
+_TOGETHER = 64  # modes looked at: each time all of them are read
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,11 @@ class _Tied:
     def shift(self) -> float:
         """K less it times M is positive definite."""
         return 0.0 if self.held else -FREE_SHIFT
+
+    @property
+    def inner(self) -> Bools:
+        """(n,) where there is neither mass nor load: the inside of rock without mass."""
+        return np.asarray((self.M.diagonal() == 0.0) & (np.diff(csr_matrix(self.right).indptr) == 0))
 
     @property
     def first(self) -> Ints:
@@ -242,7 +248,8 @@ def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tu
     """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
     right = tied.right
     shifted = tied.K - tied.shift * tied.M if tied.shift else tied.K
-    solver = make_solver(shifted, tied.motions, right.shape[1] + choice.columns, choice.solving, tied.place)
+    columns = right.shape[1] + choice.columns
+    solver = make_solver(shifted, tied.motions, columns, choice.solving, tied.place, tied.inner)
     T = Columns(*file, (len(tied.row), right.shape[1]))
     T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), WIDTH)
     log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
@@ -255,7 +262,7 @@ def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tu
 
 def _over_blocks(tied: _Tied, values: Floats) -> Floats:
     """Values of the free DOFs over those of every block, zero where held."""
-    found = values[tied.row]
+    found = np.take(values, tied.row, axis=0, mode="wrap")  # a tenth of the time of values[row]
     found[tied.row < 0] = 0.0
     return found
 
@@ -314,8 +321,8 @@ def _spread(right: csc_matrix, rows: Ints, size: int) -> csr_matrix:
 def _report(tied: _Tied, T: Columns, omega2: Floats, V: Floats, modes: int) -> dict[str, object]:
     """The numbers on the reduction, as plain values."""
     low, residual, rows = omega2[:modes], 0.0, tied.first
-    for first in range(0, modes, WIDTH):
-        some = slice(first, min(first + WIDTH, modes))
+    for first in range(0, modes, _TOGETHER):
+        some = slice(first, min(first + _TOGETHER, modes))
         Phi = T.combined(V[:, some])[rows]
         residual = max(residual, eigen_residual(tied.K, tied.M, low[some], Phi))
     sub = Substructure(

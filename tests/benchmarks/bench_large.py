@@ -25,10 +25,10 @@ SIZE = (20.0, 20.0, 80.0)
 CUTOFF = 60.0
 # divisions along x, y, z of the growth against unknowns, with 100 gaps
 MESHES = [(4, 4, 18), (6, 6, 26), (9, 9, 36), (12, 12, 46), (16, 16, 60), (22, 22, 82)]
-MOST = {"superlu": 110_000, "pardiso": 450_000, "multigrid": 1_200_000}
+MOST = {"superlu": 110_000, "pardiso": 450_000, "pardiso_single": 450_000, "multigrid": 1_200_000}
 GAPS = [100, 300, 1000, 2000]
 GAPS_MESH = (16, 2, 32)  # a face with room for 2,000 gaps
-MOST_GAPS = {"pardiso": 2000, "multigrid": 1000}
+MOST_GAPS = {"pardiso": 2000, "pardiso_single": 2000, "multigrid": 1000}
 
 
 def block_of(divisions: tuple[int, ...]):
@@ -100,7 +100,7 @@ def in_a_process(case: tuple[int | str, ...], folder: Path) -> dict[str, object]
     if done.returncode:
         sys.exit(f"{case}: {done.stderr[-2000:]}")
     found = json.loads(done.stdout.splitlines()[-1])
-    print(f"{found['solver']:>10} {found['unknowns']:>9} unknowns {found['gaps']:>5} gaps "
+    print(f"{found['solver']:>14} {found['unknowns']:>9} unknowns {found['gaps']:>5} gaps "
           f"{found['modes']:>3} modes  {found['cpu_s']:7.1f} s CPU  {found['peak_gb']:5.2f} GB",
           flush=True)  # fmt: skip
     return dict(found)
@@ -148,9 +148,11 @@ def against_unknowns(out: Path, most: int) -> list[dict[str, object]]:
             if unknowns <= min(MOST[solver], most)
         ]
         if len(rows) > 1:
-            off = distance(divisions, Path(str(rows[-1]["file"])), Path(str(rows[-2]["file"])))
-            print(f"{'':>10} multigrid from direct: {off}", flush=True)
-            rows[-1] |= off
+            direct = next(row for row in reversed(rows) if row["solver"] in ("pardiso", "superlu"))
+            for row in rows[rows.index(direct) + 1 :]:
+                row |= distance(divisions, Path(str(row["file"])), Path(str(direct["file"])))
+                print(f"{row['solver']:>14} from {direct['solver']}: basis {row['basis']:.1e}, "
+                      f"omega2 {row['omega2']:.1e}", flush=True)  # fmt: skip
         found += rows
         remove(rows)
     return found

@@ -14,7 +14,9 @@ from romdam.config import parse_config
 from romdam.dynamics.static import static_equilibrium
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
+from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
+from romdam.linalg.solvers import Solving
 from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.store import BlockStore
 from romdam.reduction.synthesis import reduce_scene
@@ -121,10 +123,11 @@ def test_all_modes_march_as_the_full_order_does():
     assert error < 0.02
 
 
-def massless():
+def massless(**keys):
     """The small dam on rock without mass."""
     zones = {name: zone | {"mass": False} for name, zone in ROCK["zones"].items()}
-    return dam(rock=ROCK | {"zones": zones}, joints=JOINTS | {"friction": 0.0, "shear_stiffness": 0.0})
+    joints = JOINTS | {"friction": 0.0, "shear_stiffness": 0.0}
+    return dam(rock=ROCK | {"zones": zones}, joints=joints, **keys)
 
 
 def test_rock_without_mass_marches_as_the_full_order_does():
@@ -170,6 +173,42 @@ def test_all_modes_on_rock_without_mass_are_those_of_the_condensed_mesh():
     assert (found[len(exact) :] > exact[-1]).all()  # what is left of the joints' flexibility has no mass
     few = reduced(scene, cutoff=0.99 * np.sqrt(exact[40]) / 2 / np.pi).system.K.diagonal()
     assert np.abs(np.sqrt(few[:40] / exact[:40]) - 1).max() < 1e-8
+
+
+def test_rock_without_mass_is_condensed_to_the_same_model(monkeypatch):
+    """Single precision below the dam; omega^2, flexibility of the gaps and motion are those of SuperLU."""
+    pytest.importorskip("pypardiso")
+    made = []
+
+    class Noted(CondensedSingle):
+        def __init__(self, matrix, inner, memory):
+            made.append(int(inner.sum()))
+            super().__init__(matrix, inner, memory)
+
+    monkeypatch.setattr("romdam.linalg.solvers.CondensedSingle", Noted)
+    monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)
+    monkeypatch.setattr("romdam.linalg.eigen.CondensedSingle", Noted)
+    scene = massless(divisions=COARSE | {"rock": 3, "upstream": 3})
+    mine, known = (
+        reduce_scene(scene, ModeChoice(cutoff=30.0, solving=Solving(name)), DAMPING)
+        for name in ("pardiso_single", "superlu")
+    )
+    assert len(made) == 1 and made[0] > 500
+    modes = known.report["C1"]["fixed_interface_modes"]
+    assert modes == mine.report["C1"]["fixed_interface_modes"] > 10
+    squared, exact = (model.system.K.diagonal()[:modes] for model in (mine, known))
+    assert np.abs(squared / exact - 1.0).max() < 1e-9
+    flexible, exact = (
+        model.system.B @ (model.system.B.T.toarray() / model.system.K.diagonal()[:, None])
+        for model in (mine, known)
+    )
+    assert np.abs(flexible - exact).max() < 1e-7 * np.abs(exact).max()
+    for name in ("C1", "rock_centre"):
+        static, whole = (
+            model.basis[name].matrix @ (model.system.B.T.toarray() / model.system.K.diagonal()[:, None])
+            for model in (mine, known)
+        )
+        assert np.abs(static - whole).max() < 1e-7 * np.abs(whole).max()
 
 
 def test_bases_of_a_part_are_kept_and_found(tmp_path):
