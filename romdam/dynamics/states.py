@@ -330,9 +330,10 @@ def observed_motion(system: System, split: StateSplit, track: Track) -> tuple[Fl
     seen, k = system.observe, system.K.diagonal()
     flexible = seen[:, split.rest].toarray().T / k[split.rest, None]
     relaxed, states = split.G_rest @ flexible, seen[:, split.states]
-    if (split.taper < 1.0).any():
-        left = (1.0 / split.taper - split.taper) / k[split.states]
-        relaxed += split.G @ (left[:, None] * states.toarray().T)
+    tapered = np.flatnonzero(split.taper < 1.0)
+    if len(tapered):
+        left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.states[tapered]]
+        relaxed += (split.G[:, tapered] * left) @ states[:, tapered].toarray().T
     disp = (track.q * split.taper) @ states.T + system.force[split.rest] @ flexible
     if relaxed.any():
         disp += track.s @ relaxed
