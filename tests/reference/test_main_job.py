@@ -126,8 +126,8 @@ def test_full_order():
     assert full.size == 4200
     h = march(full, 0.000625, 10.0, integrator="generalized_alpha")
     peak, L2 = errors(job().scene, h)
-    assert abs(peak) <= 0.003
-    assert L2 <= 0.015
+    assert abs(peak) <= 0.001
+    assert L2 <= 0.004
 
 
 @pytest.mark.slow
