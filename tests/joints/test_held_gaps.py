@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gap_problems import TOLERANCE, random_case, solve_step
 
-from romdam.joints.held import let_go, note_stuck, tableau
+from romdam.joints.held import let_go, let_go_where_not_stuck, note_stuck, tableau
 from romdam.joints.problem import gap_memory
 from romdam.joints.step import commit_gaps
 
@@ -88,3 +88,20 @@ def test_gaps_that_determine_each_other_are_not_held(directions, moves):
     memory.force[0::3] = 1.0
     note_stuck(problem.W, memory.limits, memory)
     assert memory.counts[1, 0] == 0 and not memory.active[1].any()
+
+
+def test_what_passes_its_limit_is_let_go_and_nothing_else():
+    """Of four held gaps one slides, one is pulled, one is a hundredth below its limit of 0.6 N."""
+    case = random_case(3, 10, mu=(0.6, 0.6), coupling=0.5, floor=0.1)
+    problem, memory = case.problem, gap_memory(case.problem)
+    memory.force[0 : 3 * 4 : 3] = 1.0
+    note_stuck(problem.W, memory.limits, memory)
+    assert list(np.flatnonzero(memory.active[1])) == [0, 1, 2, 3]
+    memory.force[3:6] = 1.0, 0.48, 0.48
+    memory.force[6:9] = -0.5, 0.1, 0.0
+    memory.force[9:12] = 1.0, 0.0, 0.594
+    let_go_where_not_stuck(memory.limits, memory)
+    assert list(np.flatnonzero(memory.active[1])) == [0, 3] and memory.counts[1, 0] == 2
+    assert memory.force[3:6] == pytest.approx([1.0, 0.6 / np.sqrt(2.0), 0.6 / np.sqrt(2.0)])
+    assert not memory.force[6:9].any()
+    assert list(memory.force[9:12]) == [1.0, 0.0, 0.594]
