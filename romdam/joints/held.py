@@ -8,7 +8,8 @@ M is the principal pivot of W on the held gaps. Sweeps run on M_ff; the held gap
 and a gap that is not stuck in it is let go, by a rank-one update for each of its three directions. So a held
 gap costs a product, and every step proves it stuck. Of the 189 gaps of configs/arch_dam.yaml at a tenth of
 its shaking 122 never slide; 114 are held on average, and the march takes 0.66 of the time
-(`tests/benchmarks/bench_held_gaps.py`). M is in single precision, like the sweeps: the responses between them are exact.
+(`tests/benchmarks/bench_held_gaps.py`). M is in single precision, like the sweeps: the responses between them
+are exact.
 
 References
 ----------
