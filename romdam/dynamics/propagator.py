@@ -108,11 +108,10 @@ def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Flo
     Q = np.zeros((2, m, 4, 4))
     Q[0, :, 1, 2] = Q[0, :, 2, 1] = 0.5 * scale
     Q[1, :, 1, 1] = c * scale**2
-    E = _taylor(A, tau)
     X = np.zeros((2, m, 4, 4))
     nodes, weights = np.polynomial.legendre.leggauss(12)
-    for node, weight in zip(nodes, weights, strict=True):
-        part = _taylor(A, 0.5 * tau * (node + 1.0))
+    *parts, E = _exponentials(A * tau, np.append(0.5 * (nodes + 1.0), 1.0))
+    for part, weight in zip(parts, weights, strict=True):
         X += 0.5 * tau * weight * (part.transpose(0, 2, 1) @ Q @ part)
     for _ in range(doublings):
         X = X + E.transpose(0, 2, 1) @ X @ E
@@ -124,13 +123,14 @@ def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Flo
     return E, X[0], X[1]
 
 
-def _taylor(A: Floats, tau: float) -> Floats:
-    term = np.broadcast_to(np.eye(A.shape[-1]), A.shape).copy()
-    total = term.copy()
+def _exponentials(A: Floats, shares: Floats) -> Floats:
+    """exp(share A) for every share, (shares, *A.shape), from one Taylor series."""
+    terms = np.empty((_TAYLOR, *A.shape))
+    terms[0] = np.eye(A.shape[-1])
     for order in range(1, _TAYLOR):
-        term = term @ A * (tau / order)
-        total = total + term
-    return total
+        terms[order] = terms[order - 1] @ A / order
+    powers = shares[:, None] ** np.arange(_TAYLOR)
+    return np.asarray((powers @ terms.reshape(_TAYLOR, -1)).reshape(len(shares), *A.shape))
 
 
 def _moment(X: Floats, E: Floats) -> Floats:
