@@ -78,6 +78,7 @@ def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemor
         p.tension[i],
         p.compliance[i, l],
         p.lag[i, l],
+        p.own[i, l],
         p.mu[i],
         p.gap[i],
         strength,
@@ -127,8 +128,7 @@ def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: floa
     worst = 0.0
     for i in range(n):
         b = d * i
-        flexibility = problem.W[b, b] - problem.compliance[b]
-        worst = max(worst, flexibility * abs(memory.force[b] - old_force[b]))
+        worst = max(worst, problem.own[b] * abs(memory.force[b] - old_force[b]))
     return worst / dt
 
 

@@ -47,6 +47,7 @@ class TransientOptions:
         `romdam.joints.problem` (adaptive and generalized_alpha)
     flexible_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility and are
         no states (adaptive only)
+    alike : whether gaps that provably move alike are marched as one (adaptive only)
     start : state to go on from, instead of `initial_state` (diagonal systems)
     shift : (nt, directions * ng) jumps added at every base step, linear in between (diagonal systems) [m]
     coordinates : whether histories carry the coordinates q and v, which take as long to make as a step for
@@ -63,6 +64,7 @@ class TransientOptions:
     force_change: float = 0.003
     midpoint: bool = True
     flexible_ratio: float = 0.7
+    alike: bool = True
     start: Start | None = None
     shift: Floats | None = None
     coordinates: bool = True

@@ -301,6 +301,7 @@ def _outcomes(
             "finest_step": float(levels.step.dt[0, -1]),
             "state_modes": float(len(split.states)),
             "flexible_modes": float(len(split.rest)),
+            "marched_gaps": float(len(case.system.law)),
             "setup_cpu_seconds": share[0],
             "loop_cpu_seconds": share[1],
             "batch": float(len(cases)),

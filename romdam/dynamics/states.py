@@ -14,7 +14,7 @@ from romdam.dynamics.arrays import Levels, ModalModel, Track
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.propagator import Propagator, modal_propagator, stacked
 from romdam.dynamics.static import system_gap_problem
-from romdam.dynamics.system import System
+from romdam.dynamics.system import Alike, System
 from romdam.errors import ConfigError
 from romdam.joints.problem import GapMemory, GapProblem, Limits, Strength, gap_memory
 
@@ -165,11 +165,12 @@ def _tiles(system: System, split: StateSplit) -> tuple[NDArray[np.int64], Floats
     return np.array(tiles, dtype=np.int64).reshape(-1, 5), np.concatenate([np.zeros(0), *values])
 
 
-def _relaxation_time(k: Floats, c: Floats, G: Floats) -> float:
+def _relaxation_time(system: System, split: StateSplit) -> float:
     """Mean of c/k weighted by what each mode adds to the gaps' flexibility; 0 without such modes."""
+    k, c = system.K.diagonal()[split.rest], system.C.diagonal()[split.rest]
     if len(k) == 0:
         return 0.0
-    weight = (G**2).sum(axis=0) / k
+    weight = (split.G_rest**2).sum(axis=0) / k
     return float((weight * c / k).sum() / weight.sum()) if weight.sum() > 0.0 else 0.0
 
 
@@ -193,8 +194,8 @@ def step_levels(
     motions = [_motion(variants[dampings.index(key)], model, split, options) for key in distinct]
     problems = [
         [
-            _offset_problem(system, split, (H, dt), options.midpoint and not model.conserving)
-            for H, dt in zip(motions[i].H, motions[i].step.dt, strict=True)
+            _offset_problem(system, split, (H, dt, own), options.midpoint and not model.conserving)
+            for H, dt, own in zip(motions[i].H, motions[i].step.dt, motions[i].own, strict=True)
         ]
         for system, i in zip(variants, index, strict=True)
     ]
@@ -211,33 +212,53 @@ def step_levels(
 
 @dataclass(frozen=True)
 class _Motion:
-    """Step coefficients of one damping, and the flexibility of the gaps over a step, for every level."""
+    """Step coefficients of one damping, and the flexibility of the gaps over a step, for every level.
+
+    Attributes
+    ----------
+    own : (levels, N) flexibility of a single gap, per force of all that it stands for
+    """
 
     step: Propagator
     decay: Floats
     H: Floats
+    own: Floats
     half: Floats
 
 
 def _motion(system: System, model: ModalModel, split: StateSplit, options: TransientOptions) -> _Motion:
     k, c = system.K.diagonal(), system.C.diagonal()
     sizes = [options.dt / math.prod(options.cuts[:level]) for level in range(len(options.cuts) + 1)]
-    tau = _relaxation_time(k[split.rest], c[split.rest], split.G_rest)
+    whole = system if system.alike is None else system.alike.whole
+    all_ = split if system.alike is None else split_states(whole, options.flexible_ratio)
+    tau = _relaxation_time(whole, all_)
     decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
     step = stacked([modal_propagator(k[split.states], c[split.states], dt) for dt in sizes])
     half = 0.5 * np.stack([(split.G * q_p) @ split.G.T for q_p in step.q_p])
     H = half if model.conserving else 2.0 * half
     if len(model.R):
         H = H + (1.0 - decay)[:, None, None] * model.R
-    return _Motion(step, decay, H, half)
+    own = H.diagonal(axis1=1, axis2=2)
+    if system.alike is not None:
+        own = _single(system.alike, all_, sizes, decay)
+    return _Motion(step, decay, H, own, half)
+
+
+def _single(alike: Alike, split: StateSplit, sizes: Sequence[float], decay: Floats) -> Floats:
+    """Flexibility of one gap of every group over a step of each size, per force of the group."""
+    k, c = alike.whole.K.diagonal(), alike.whole.C.diagonal()
+    first = np.unique(alike.gaps, return_index=True)[1]
+    q_p = np.stack([modal_propagator(k[split.states], c[split.states], dt).q_p for dt in sizes])
+    relaxed = split.G_rest[first] ** 2 @ (1.0 / k[split.rest])
+    return (q_p @ split.G[first].T ** 2 + (1.0 - decay)[:, None] * relaxed) / alike.count
 
 
 def _offset_problem(
-    system: System, split: StateSplit, step: tuple[Floats, float], midpoint: bool
+    system: System, split: StateSplit, step: tuple[Floats, float, Floats], midpoint: bool
 ) -> GapProblem:
     """The gap-space problem of a step, its gaps as the static load leaves the modes that are no states."""
     offset = split.G_rest @ (system.force[split.rest] / system.K.diagonal()[split.rest])
-    problem = system_gap_problem(system, step[0], float(step[1]), midpoint)
+    problem = system_gap_problem(system, step[0], float(step[1]), midpoint, step[2])
     return problem._replace(gap=problem.gap + offset[:: system.law.directions])
 
 
@@ -259,6 +280,7 @@ def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
         tension=np.stack([problem.tension for problem in firsts]),
         compliance=by_level("compliance"),
         lag=by_level("lag"),
+        own=by_level("own"),
         mu=np.stack([problem.mu for problem in firsts]),
         gap=np.stack([problem.gap for problem in firsts]),
         strength=Strength(*(np.stack(values) for values in strengths))._replace(dash=dash),
@@ -305,7 +327,9 @@ def _first_level(problem: GapProblem, variant: int) -> GapProblem:
     """The base step's problem of one variant."""
     strength = Strength(*(values[variant] for values in problem.strength))
     parts = {name: getattr(problem, name)[variant] for name in ("tension", "mu", "gap")}
-    arrays = {name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance", "lag")}
+    arrays = {
+        name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance", "lag", "own")
+    }
     strength = strength._replace(dash=strength.dash[0])
     return GapProblem(**arrays, **parts, strength=strength, frictional=problem.frictional)
 

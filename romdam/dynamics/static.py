@@ -51,10 +51,12 @@ class GapState:
     weak: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.bool_))
 
 
-def system_gap_problem(system: System, H: Floats, dt: float = np.inf, midpoint: bool = False) -> GapProblem:
+def system_gap_problem(
+    system: System, H: Floats, dt: float = np.inf, midpoint: bool = False, own: Floats | None = None
+) -> GapProblem:
     """The gap-space problem of a system for one flexibility H over a step dt (inf in statics)."""
     law = system.law
-    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, (dt, midpoint))
+    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, (dt, midpoint), own)
 
 
 def take_over(memory: GapMemory, gaps: GapState) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,7 @@ class System:
     diagonal : whether M is the identity and C, K are diagonal
     floating : whether the system has motions that no support and no stiffness holds
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
+    alike : what the system stands for, where its gaps stand for several each
     """
 
     M: csr_matrix
@@ -85,11 +87,35 @@ class System:
     diagonal: bool
     floating: bool
     reduced: bool = False
+    alike: Alike | None = None
+
+    @cached_property
+    def folds(self) -> dict[bytes, System | None]:
+        """What `romdam.dynamics.alike.folded` found, by which components were shaken."""
+        return {}
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return self.M.shape[0]
+
+
+@dataclass(frozen=True)
+class Alike:
+    """How a system with fewer gaps and modes stands for a whole one, see `romdam.dynamics.alike`.
+
+    Attributes
+    ----------
+    whole : the system with all gaps and modes
+    gaps : (ng,) for every gap of the whole the one that stands for it
+    count : for how many each stands
+    modes : (n of the whole, n) its unknowns from those at hand, orthonormal columns
+    """
+
+    whole: System
+    gaps: NDArray[np.int64]
+    count: NDArray[np.int64]
+    modes: csr_matrix
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.dynamics.alike import folded, unfolded
 from romdam.dynamics.full_order import generalized_alpha
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.runs import Case, Progress, march_cases
@@ -82,7 +83,8 @@ def modal(cases: Sequence[Case], options: TransientOptions, progress: Progress) 
     ConfigError
         for a system that is not diagonal.
     """
-    return adaptive(cases, replace(options, cuts=(), midpoint=False, flexible_ratio=math.inf), progress)
+    plain = replace(options, cuts=(), midpoint=False, flexible_ratio=math.inf, alike=False)
+    return adaptive(cases, plain, progress)
 
 
 def adaptive(cases: Sequence[Case], options: TransientOptions, progress: Progress) -> list[Outcome]:
@@ -93,7 +95,30 @@ def adaptive(cases: Sequence[Case], options: TransientOptions, progress: Progres
     ConfigError
         for a system that is not diagonal.
     """
-    return _march_alike(cases, options, progress, lambda system: split_states(system, options.flexible_ratio))
+
+    def split(system: System) -> StateSplit:
+        return split_states(system, options.flexible_ratio)
+
+    marched = [Case(_folded(case, options), case.ground) for case in cases]
+    outcomes = _march_alike(marched, options, progress, split)
+    for i, case in enumerate(marched):
+        outcome, alike = outcomes[i], case.system.alike
+        if alike is not None and isinstance(outcome, History):
+            outcomes[i] = unfolded(outcome, alike)
+        elif alike is not None:  # the message has to name a gap of the whole
+            outcomes[i] = _march_alike([cases[i]], options, progress, split)[0]
+    return outcomes
+
+
+def _folded(case: Case, options: TransientOptions) -> System:
+    """The system to march: folded where some of its gaps move alike under the ground motion."""
+    if not options.alike or options.start is not None or options.shift is not None:
+        return case.system
+    shaken, folds = case.ground.any(axis=1), case.system.folds
+    key = shaken.tobytes()
+    if key not in folds:
+        folds[key] = folded(case.system, np.flatnonzero(shaken))
+    return folds[key] or case.system
 
 
 def conserving(cases: Sequence[Case], options: TransientOptions, progress: Progress) -> list[Outcome]:
@@ -156,7 +181,8 @@ def _march_alike(
             )
         if id(system) not in splits:
             splits[id(system)] = split_of(system)
-        kind = (law.directions, bool(law.laws), bool(law.K_nz.any()))
+        groups_of = b"" if system.alike is None else system.alike.gaps.tobytes()
+        kind = (law.directions, bool(law.laws), bool(law.K_nz.any()), groups_of)
         groups.setdefault((splits[id(system)].states.tobytes(), *kind), []).append(i)
     outcomes: dict[int, Outcome] = {}
     total = sum(case.ground.shape[1] - 1 for case in cases)

@@ -76,6 +76,7 @@ class GapProblem(NamedTuple):
     tension : (n,) K_nz [N/m]
     compliance : (N,) of the gaps over the step, with (1 + lag) [m/N]
     lag : (N,) (1 - theta) / theta; zero where the force follows the spring at the step's end
+    own : (N,) how far a force moves its own jump over the step, without compliance [m/N]
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
     gap : (n,) initial gap [m]
     strength : see `Strength`
@@ -89,6 +90,7 @@ class GapProblem(NamedTuple):
     tension: Floats
     compliance: Floats
     lag: Floats
+    own: Floats
     mu: Floats
     gap: Floats
     strength: Strength
@@ -174,6 +176,7 @@ def gap_problem(
     gap: Floats,
     laws: Mapping[str, Floats] | None = None,
     step: tuple[float, bool] = (np.inf, False),
+    own: Floats | None = None,
 ) -> GapProblem:
     """Set up the gap-space problem of one time step.
 
@@ -186,6 +189,8 @@ def gap_problem(
     laws : further laws by name, see `gap_strength`
     step : its length, for dashpots, inf in statics [s]; whether forces follow the springs at a point within
         it, which gaps with further laws never do
+    own : (N,) flexibility of a single gap per force of all those that a row stands for; H's where each
+        stands for itself [m/N]
 
     Raises
     ------
@@ -215,7 +220,8 @@ def gap_problem(
         lift = np.asarray(np.linalg.inv(np.eye(n * d) + H * D.ravel()), dtype=float)
         W = np.asarray(lift @ H)
     W = 0.5 * (W + W.T)
-    lag = _lag(W.diagonal().reshape(n, d), compliance) if midpoint and not laws else np.zeros((n, d))
+    own = W.diagonal() if own is None or len(lift) else own
+    lag = _lag(own.reshape(n, d), compliance) if midpoint and not laws else np.zeros((n, d))
     compliance *= 1.0 + lag
     W = W + np.diag(compliance.ravel())
     return GapProblem(
@@ -225,6 +231,7 @@ def gap_problem(
         tension=np.ascontiguousarray(K_nz, dtype=float),
         compliance=compliance.ravel(),
         lag=lag.ravel(),
+        own=np.ascontiguousarray(own),
         mu=np.ascontiguousarray(mu * whole[:, None]),
         gap=np.ascontiguousarray(gap, dtype=float),
         strength=strength,

@@ -10,6 +10,7 @@ import pytest
 from reference_run import RECORD, errors, job, march, reference, shaking
 
 from romdam.dynamics.accuracy import refined_step
+from romdam.dynamics.alike import folded
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 
@@ -52,6 +53,21 @@ def test_sizes_and_frequencies(plain):
 @pytest.mark.parametrize(("dt", "peak", "L2"), [(0.0025, 0.005, 0.03), (0.00125, 0.005, 0.012)])
 def test_baseline(plain, dt, peak, L2):
     _assert_close(march(plain.system, dt, integrator="modal"), peak, L2)
+
+
+def test_gaps_that_move_alike(model):
+    """100 gaps in five columns, two of which mirror two others; the left block's section is square."""
+    one, other = (
+        march(model.system, 0.01, 8.0, integrator="adaptive", alike=alike) for alike in (True, False)
+    )
+    assert (one.stats["marched_gaps"], other.stats["marched_gaps"]) == (60, 100)
+    assert one.stats["state_modes"] < 0.6 * other.stats["state_modes"]
+    assert one.stats["steps"] == other.stats["steps"]
+    for name in ("jump", "traction", "mean_traction", "disp", "vel", "q", "v"):
+        a, b = getattr(one, name), getattr(other, name)
+        assert np.abs(a - b).max() <= 1e-7 * np.abs(b).max(), name
+    assert np.abs(one.peaks["compression"] - other.peaks["compression"]).max() <= 1e-7 * other.traction.max()
+    assert folded(model.system, np.array([0, 1])) is None  # shaken across the mirror
 
 
 @pytest.mark.parametrize(("finest", "L2"), [(0.0025, 0.015), (0.00125, 0.009), (0.000625, 0.004)])

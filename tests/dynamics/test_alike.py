@@ -1,0 +1,121 @@
+"""Gaps that move alike: the folded march gives the histories of the whole one, and folds nothing else."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hand_systems import assert_ledger, gap_law, modal_twin, sparse_system
+from scipy.sparse import csr_matrix
+
+from romdam.dynamics.alike import folded
+from romdam.dynamics.options import TransientOptions
+from romdam.dynamics.system import GapLaw
+from romdam.dynamics.transient import integrate
+
+
+def mirrored(rows=4, K_n=4e4, uneven=0.0, stiffness=3e4):
+    """Two square frames of masses, one against the other, in x; each has its gaps left and right of a mirror.
+
+    Motions with and against the mirror have the same frequencies, so that eigenvectors mix them. A member
+    between the sides parts the frequencies of the right frame.
+    """
+    chain = 2.0 * np.eye(rows) - np.eye(rows, k=1) - np.eye(rows, k=-1)
+    side = stiffness * chain
+    K = np.zeros((4 * rows, 4 * rows))
+    for frame in range(2):
+        tie = 5e3 * frame * np.eye(rows)
+        block = np.block([[side + tie, -tie], [-tie, side + tie]])
+        K[2 * rows * frame : 2 * rows * (frame + 1), 2 * rows * frame : 2 * rows * (frame + 1)] = block
+    K[0, 0] += uneven
+    masses = np.tile(1.0 + 0.1 * np.arange(rows), 4) * np.repeat([1.0, 1.7], 2 * rows)
+    B = np.hstack([-np.eye(2 * rows), np.eye(2 * rows)])
+    C = 0.002 * K + 0.1 * np.diag(masses)
+    law = gap_law(2 * rows, K_n=K_n, gap=1e-3)
+    return sparse_system(np.diag(masses), K, B, law, C=C, load=masses)
+
+
+def in_modes(system):
+    """The modal twin, as one part; modes of one frequency turned into each other."""
+    twin = modal_twin(system)
+    k, Q = twin.K.diagonal(), np.eye(twin.size)
+    for i in np.flatnonzero(np.diff(k) < 1e-9 * k[1:]):
+        c, s = np.cos(0.7), np.sin(0.7)
+        Q[:, [i, i + 1]] = Q[:, [i, i + 1]] @ np.array([[c, -s], [s, c]])
+    return dataclasses.replace(
+        twin,
+        B=csr_matrix(twin.B @ Q),
+        load=Q.T @ twin.load,
+        force=Q.T @ twin.force,
+        observe=csr_matrix(twin.observe @ Q),
+    )
+
+
+def shaken(system, **options):
+    dt, t = 0.005, np.arange(401) * 0.005
+    acc = np.zeros((3, len(t)))
+    acc[0] = 8.0 * np.sin(9.0 * t) * np.sin(1.7 * t)
+    return integrate(system, acc, TransientOptions(dt=dt, integrator="adaptive", stride=2, **options))
+
+
+def assert_same(one, other, tolerance):
+    for name in ("jump", "traction", "mean_traction", "disp", "vel", "acc", "q", "v"):
+        a, b = getattr(one, name), getattr(other, name)
+        assert a.shape == b.shape
+        assert np.abs(a - b).max() <= tolerance * max(np.abs(b).max(), 1e-300), name
+    for name, values in other.peaks.items():
+        assert np.abs(one.peaks[name] - values).max() <= tolerance * max(np.abs(values).max(), 1e-300), name
+    for name, values in other.energy.items():
+        assert np.abs(one.energy[name] - values).max() <= tolerance * np.abs(other.energy["input"]).max()
+    assert np.array_equal(one.state, other.state)
+
+
+@pytest.mark.parametrize("K_n", [4e4, 1e7, np.inf])
+@pytest.mark.parametrize("initial_state", ["static", "from_start"])
+def test_the_same_histories(K_n, initial_state):
+    system = in_modes(mirrored(K_n=K_n))
+    system = dataclasses.replace(system, force=-3e-4 * system.K.diagonal() * system.B.toarray().sum(axis=0))
+    one, other = (shaken(system, initial_state=initial_state, alike=alike) for alike in (True, False))
+    assert (one.stats["marched_gaps"], other.stats["marched_gaps"]) == (4, 8)
+    assert one.stats["steps"] == other.stats["steps"]
+    assert other.jump.max() > 1.1e-3 and (other.traction > 0.0).any()
+    assert_same(one, other, 1e-7)
+    assert_ledger(one)
+
+
+def test_relaxing_modes_are_folded_too():
+    """A high ratio of damping leaves some modes no states."""
+    system = in_modes(mirrored(stiffness=3e5))
+    one, other = (shaken(system, alike=alike, flexible_ratio=0.05) for alike in (True, False))
+    assert one.stats["flexible_modes"] > 0 and one.stats["marched_gaps"] == 4
+    assert_same(one, other, 1e-7)
+
+
+def test_what_moves_differently_is_not_folded():
+    x = np.array([0])
+    assert len(folded(in_modes(mirrored()), x).law) == 4
+    assert folded(in_modes(mirrored(uneven=1.0)), x) is None
+    system = in_modes(mirrored())
+    for name, values in (("K_n", 4e4), ("gap", 1e-3)):
+        uneven = np.full(8, values)
+        uneven[1] *= 1.001
+        law = dataclasses.replace(system.law, **{name: uneven})
+        assert folded(dataclasses.replace(system, law=law), x) is None
+    pulled = dataclasses.replace(system, force=system.B.toarray()[0])
+    assert folded(pulled, x) is None
+    twisted = dataclasses.replace(system, load=np.tile(system.B.toarray()[0][:, None], (1, 3)))
+    assert folded(twisted, x) is None
+    rough = dataclasses.replace(system.law, mu=np.full((8, 2), 0.5))
+    assert folded(dataclasses.replace(system, law=rough), x) is None
+    assert folded(dataclasses.replace(system, diagonal=False), x) is None
+
+
+def test_a_law_uneven_in_one_joint_leaves_what_mirrors_it():
+    """Both gaps of one height softer than the others: still four groups, with their own stiffness."""
+    system = in_modes(mirrored())
+    K_n = np.full(8, 4e4)
+    K_n[[2, 6]] = 1e4
+    law = dataclasses.replace(system.law, K_n=K_n, joints={"low": slice(0, 5), "high": slice(5, 8)})
+    small = folded(dataclasses.replace(system, law=law), np.array([0]))
+    assert isinstance(small.law, GapLaw)
+    assert sorted(small.law.K_n) == [2e4, 8e4, 8e4, 8e4]
+    assert small.law.joints == {"low": slice(0, 4), "high": slice(4, 4)}
