@@ -1,13 +1,14 @@
 """Gaps that move alike are marched as one, and modes that nothing moves not at all.
 
 A scene that mirrors itself, shaken along its plane of symmetry, moves symmetrically: gaps side by side open
-alike, and its twisting modes stay at rest. No geometry is looked at. A partition of the gaps is sought such
-that forces equal within its groups, and the loads, give jumps that are,
+alike, slide alike or against each other, and the twisting modes stay at rest. No geometry is looked at. A
+partition of the gaps is sought, and signs (or none) for the directions of each gap, such that forces equal
+within its groups but for the signs, and the loads, give jumps that are,
 
     B (K + s)^-1 B^T p  and  B (K + s)^-1 load  constant in every group, for every s,
 
-with gaps of one law in a group. The problem of every step, y = W p + y_free >= 0, p >= 0, y p = 0, has one
-solution; that of the groups, spread evenly, is one. Friction may have several, so there nothing is folded.
+with gaps of one law in a group. What solves the problem of the groups, spread evenly, then solves that of the
+gaps, step by step. Without friction there is no other solution; with friction there may be, as in any step.
 
 The partition is the coarsest: from groups of equal law on, gaps whose jumps differ are told apart until none
 do. Eigenvectors of nearly equal frequencies mix what mirrors and what does not, so the modes of a
@@ -47,21 +48,28 @@ def folded(system: System, active: Ints) -> System | None:
     active : the shaken components
     """
     law = system.law
-    if len(law) < 2 or not system.diagonal or law.directions != 1 or law.laws or law.K_nz.any():
+    if len(law) < 2 or not system.diagonal or law.laws or law.K_nz.any():
         return None
-    gaps = _partition(system, active)
-    count = np.bincount(gaps)
-    if len(count) == len(law):
+    gaps, signs = _partition(system, active)
+    if gaps.max() + 1 == len(law) or (np.isinf(law.K_s) & (signs == 0.0).any(axis=1)).any():
         return None
-    mean = csr_matrix((1.0 / count[gaps], (gaps, np.arange(len(law)))))
+    spread = _spread(gaps, signs)
+    mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
     jumps = mean @ system.B.toarray()
-    small = _quotient(system, gaps, jumps, _modes(system, active, jumps))
+    small = _quotient(system, (gaps, signs), jumps, _modes(system, active, jumps))
     for s in _shifts(system):
         whole = _jumps(system, active, mean.T.toarray(), s)
-        left_out = np.abs(whole - _jumps(small, active, np.eye(len(count)), s)[gaps]).max(axis=0)
+        left_out = np.abs(whole - spread @ _jumps(small, active, np.eye(len(jumps)), s)).max(axis=0)
         if (left_out > _EXACT * np.abs(whole).max(axis=0)).any():
             return None
     return small
+
+
+def _spread(gaps: Ints, signs: Floats) -> csr_matrix:
+    """What the groups' jumps are at every gap, (d ng, d groups)."""
+    d = signs.shape[1]
+    rows, columns = np.arange(signs.size), (d * gaps[:, None] + np.arange(d)).ravel()
+    return csr_matrix((signs.ravel(), (rows, columns)), shape=(signs.size, d * (gaps.max() + 1)))
 
 
 def _shifts(system: System) -> Floats:
@@ -80,14 +88,15 @@ def _jumps(system: System, active: Ints, forces: Floats, s: float) -> Floats:
 
 def unfolded(history: History, alike: Alike) -> History:
     """The history of all gaps and modes."""
-    gaps, share = alike.gaps, 1.0 / alike.count[alike.gaps]
+    gaps = alike.gaps
+    share = alike.signs / alike.count[gaps, None]
     peaks = {name: values[gaps] for name, values in history.peaks.items()}
-    peaks["compression"] = peaks["compression"] * share
+    peaks["compression"] = peaks["compression"] * share[:, 0]
     return replace(
         history,
-        jump=history.jump[:, gaps],
-        traction=history.traction[:, gaps] * share[:, None],
-        mean_traction=history.mean_traction[:, gaps] * share[:, None],
+        jump=history.jump[:, gaps] * alike.signs,
+        traction=history.traction[:, gaps] * share,
+        mean_traction=history.mean_traction[:, gaps] * share,
         state=history.state[:, gaps],
         peaks=peaks,
         q=None if history.q is None else history.q @ alike.modes.T,
@@ -106,27 +115,36 @@ def _clusters(system: System) -> Ints:
     return number
 
 
-def _partition(system: System, active: Ints) -> Ints:
-    """The group of every gap, numbered as they come."""
-    law, random, before = system.law, np.random.default_rng(0), 0
-    rigid = np.isinf(law.K_n)
-    gaps = _told_apart(rigid.astype(np.int64), np.column_stack([np.where(rigid, 0.0, law.K_n), law.gap]))
-    while before < gaps.max(initial=-1) + 1 < len(law):
-        before = gaps.max() + 1
-        force = random.uniform(0.5, 1.5, before)[gaps]
+def _partition(system: System, active: Ints) -> tuple[Ints, Floats]:
+    """The group of every gap, numbered as they come, and the signs of its directions, (ng, d)."""
+    law, random, before = system.law, np.random.default_rng(0), (0, 0.0)
+    signs = np.zeros((len(law), law.directions))
+    signs[:, 0] = 1.0
+    rigid = [np.isinf(law.K_n), np.isinf(law.K_s)]
+    springs = [np.where(*each) for each in zip(rigid, (0.0, 0.0), (law.K_n, law.K_s), strict=True)]
+    values = np.column_stack([*rigid, *springs, law.mu, law.gap])
+    gaps = _told_apart(np.zeros(len(law), dtype=np.int64), values)
+    while before < (groups := gaps.max() + 1, np.abs(signs).sum()) and groups < len(law):
+        before = (groups, np.abs(signs).sum())
+        force = signs * random.uniform(0.5, 1.5, (groups, law.directions))[gaps]
         for s in _shifts(system):
-            gaps = _told_apart(gaps, _jumps(system, active, force, s))
+            for jump in _jumps(system, active, force.ravel(), s).T:
+                jump = jump.reshape(signs.shape)
+                moves = (signs == 0.0) & (np.abs(jump) > _TOLD * np.abs(jump).max())
+                signs[moves] = np.sign(jump[moves])
+                gaps = _told_apart(gaps, signs * jump, np.abs(jump).max())
     first = np.unique(gaps, return_index=True)[1]
-    return np.asarray(np.argsort(np.argsort(first))[gaps])
+    return np.asarray(np.argsort(np.argsort(first))[gaps]), signs
 
 
-def _told_apart(gaps: Ints, values: Floats) -> Ints:
-    """Finer groups: gaps that differ in any column are not in the same."""
+def _told_apart(gaps: Ints, values: Floats, size: float | None = None) -> Ints:
+    """Finer groups: gaps that differ in any column, by a share of its largest value or of a size."""
     labels = [gaps]
     for column in values.T:
         order = np.argsort(column)
+        further = np.diff(column[order]) > _TOLD * (np.abs(column).max() if size is None else size)
         label = np.zeros(len(gaps), dtype=np.int64)
-        label[order[1:]] = np.cumsum(np.diff(column[order]) > _TOLD * np.abs(column).max())
+        label[order[1:]] = np.cumsum(further)
         labels.append(label)
     return np.asarray(np.unique(np.column_stack(labels), axis=0, return_inverse=True)[1]).ravel()
 
@@ -146,9 +164,10 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
     return csr_matrix(turned.tocsc()[:, moves])
 
 
-def _quotient(system: System, gaps: Ints, jumps: Floats, Q: csr_matrix) -> System:
+def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr_matrix) -> System:
     """The system of the groups; a group's stiffness is that of all its gaps."""
-    count, law = np.bincount(gaps), system.law
+    (gaps, signs), law = groups, system.law
+    count = np.bincount(gaps)
     first = np.unique(gaps, return_index=True)[1]
     ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
     return replace(
@@ -170,7 +189,7 @@ def _quotient(system: System, gaps: Ints, jumps: Floats, Q: csr_matrix) -> Syste
             joints={name: slice(int(a), int(b)) for name, (a, b) in ends.items()},
         ),
         parts=_parts(system, Q),
-        alike=Alike(system, gaps, count, Q),
+        alike=Alike(system, gaps, count, signs, Q),
     )
 
 

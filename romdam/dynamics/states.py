@@ -247,10 +247,12 @@ def _motion(system: System, model: ModalModel, split: StateSplit, options: Trans
 def _single(alike: Alike, split: StateSplit, sizes: Sequence[float], decay: Floats) -> Floats:
     """Flexibility of one gap of every group over a step of each size, per force of the group."""
     k, c = alike.whole.K.diagonal(), alike.whole.C.diagonal()
-    first = np.unique(alike.gaps, return_index=True)[1]
+    d = alike.signs.shape[1]
+    rows = (d * np.unique(alike.gaps, return_index=True)[1][:, None] + np.arange(d)).ravel()
     q_p = np.stack([modal_propagator(k[split.states], c[split.states], dt).q_p for dt in sizes])
-    relaxed = split.G_rest[first] ** 2 @ (1.0 / k[split.rest])
-    return (q_p @ split.G[first].T ** 2 + (1.0 - decay)[:, None] * relaxed) / alike.count
+    relaxed = split.G_rest[rows] ** 2 @ (1.0 / k[split.rest])
+    own = q_p @ split.G[rows].T ** 2 + (1.0 - decay)[:, None] * relaxed
+    return np.asarray(own / np.repeat(alike.count, d))
 
 
 def _offset_problem(

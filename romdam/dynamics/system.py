@@ -109,12 +109,14 @@ class Alike:
     whole : the system with all gaps and modes
     gaps : (ng,) for every gap of the whole the one that stands for it
     count : for how many each stands
+    signs : (ng, directions) by which its jumps and forces are those of the whole; zero where there are none
     modes : (n of the whole, n) its unknowns from those at hand, orthonormal columns
     """
 
     whole: System
     gaps: NDArray[np.int64]
     count: NDArray[np.int64]
+    signs: Floats
     modes: csr_matrix
 
 

@@ -104,8 +104,6 @@ def test_what_moves_differently_is_not_folded():
     assert folded(pulled, x) is None
     twisted = dataclasses.replace(system, load=np.tile(system.B.toarray()[0][:, None], (1, 3)))
     assert folded(twisted, x) is None
-    rough = dataclasses.replace(system.law, mu=np.full((8, 2), 0.5))
-    assert folded(dataclasses.replace(system, law=rough), x) is None
     assert folded(dataclasses.replace(system, diagonal=False), x) is None
 
 
