@@ -71,8 +71,8 @@ def test_the_tableau_is_the_principal_pivot_and_is_undone_gap_by_gap():
         (M[np.ix_(f, f)], W[np.ix_(f, f)] - W[np.ix_(f, h)] @ X),
     ):
         assert np.abs(found - wanted).max() <= 1e-6 * np.abs(wanted).max()
-    for i in held:
-        let_go(memory, 30, i)
+    for some in ([0], [2, 7], [3]):
+        let_go(memory, 30, np.isin(np.arange(10), some))
     assert memory.counts[1, 0] == 0
     assert np.abs(M - W).max() <= 1e-5 * np.abs(W).max()
 
