@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -85,8 +85,7 @@ def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     for first in range(0, nodes if columns else 0, step):
         data[first : first + step] = basis.matrix[3 * first : 3 * (first + step)].reshape(-1, 3, columns)
     group.file.flush()
-    whole = basis.matrix if small else _array(data).reshape(3 * nodes, columns)
-    _write_beside(group, block, replace(basis, matrix=whole))
+    _write_beside(group, block, basis)
 
 
 def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
@@ -97,7 +96,8 @@ def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     group["basis"].attrs["first"] = basis.columns.start
     group["omega2"] = basis.omega2
     group["participation"] = basis.participation
-    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report), content_sha256=_checksum(basis))
+    checksum = _checksum(basis, group["basis"])
+    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report), content_sha256=checksum)
 
 
 def read_block(group: h5py.Group) -> BlockBasis:
@@ -118,7 +118,7 @@ def read_block(group: h5py.Group) -> BlockBasis:
         participation=group["participation"][()],
         report=json.loads(group.attrs["report"]),
     )
-    if group.attrs.get("content_sha256") != _checksum(basis):
+    if group.attrs.get("content_sha256") != _checksum(basis, group["basis"]):
         raise ResultError("the arrays do not match their checksum")
     return basis
 
@@ -245,17 +245,37 @@ class BlockStore:
             raise ResultError(f"{self.folder}: the cache folder cannot be made ({error})") from error
 
 
-def _checksum(basis: BlockBasis) -> str:
-    matrix = basis.matrix if basis.matrix.nbytes < _MAPPED else folded(basis.matrix)
+def _checksum(basis: BlockBasis, data: h5py.Dataset) -> str:
+    """SHA-256 of a block; of a large basis what stands in its dataset counts, by `folded`."""
+    small = basis.matrix.nbytes < _MAPPED
+    matrix = basis.matrix if small else folded(_words(basis.matrix, data))
     return fingerprint((json.dumps(basis.report), matrix, basis.omega2, basis.participation))
 
 
-def folded(matrix: Floats) -> NDArray[np.int64]:
-    """Exclusive or and sum of every megabyte of an array, (pieces, 2) 64-bit words.
+def folded(pieces: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Exclusive or and sum of every megabyte of an array's 64-bit words, (pieces, 2) words.
 
     Any word that changes changes them; SHA-256 would take eight times as long as reading does.
     """
-    words = matrix.reshape(-1).view(np.int64)
-    step = _CHUNK_BYTES // 8
-    pieces = (words[k : k + step] for k in range(0, len(words), step))
-    return np.array([(np.bitwise_xor.reduce(p), np.add.reduce(p)) for p in pieces], dtype=np.int64)
+    sums = [(np.bitwise_xor.reduce(words), np.add.reduce(words)) for words in pieces]
+    return np.array(sums, dtype=np.int64)
+
+
+def _words(matrix: Floats, data: h5py.Dataset) -> Iterator[NDArray[np.int64]]:
+    """The words of an array, a megabyte at a time; of a mapped one by reading its file.
+
+    Pages of a map come in at half the speed, and would count as this process' memory.
+    """
+    offset = data.id.get_offset()
+    if offset is None:  # in chunks, and so in memory
+        words, step = matrix[:].reshape(-1).view(np.int64), _CHUNK_BYTES // 8
+        yield from (words[k : k + step] for k in range(0, len(words), step))
+        return
+    buffer, size = np.empty(_CHUNK_BYTES // 8, dtype=np.int64), data.nbytes
+    with open(data.file.filename, "rb", buffering=0) as file:
+        file.seek(offset)
+        for first in range(0, size, _CHUNK_BYTES):
+            words = buffer[: (size - first) // 8]
+            if file.readinto(words.data) < words.nbytes:
+                raise ResultError("the file ends early")
+            yield words

@@ -33,7 +33,6 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
 import romdam
 from romdam.fem.absorbing import boundary_dashpots
-from romdam.fem.loads import surface_force
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.fingerprint import fingerprint
 from romdam.linalg.conjugate import WIDTH
@@ -63,6 +62,20 @@ _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attac
 _STIFF = 1e-12
 _NODES = 4096  # of a block's basis at a time
 _TOGETHER = 64  # modes looked at: each time all of them are read
+
+
+@dataclass(frozen=True)
+class Acting:
+    """What acts on blocks beside their inertia.
+
+    Attributes
+    ----------
+    operators : block name -> its gap operator, (rows, 3 nodes)
+    forces : block name -> (3 nodes,) static forces but its weight [N]
+    """
+
+    operators: dict[str, csr_matrix]
+    forces: dict[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -111,22 +124,18 @@ class _Tied:
 def tied_bases(
     part: Part,
     scene: Scene,
-    operators: dict[str, csr_matrix],
+    acting: Acting,
     choice: ModeChoice,
     store: BlockStore | None = None,
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates: from the store, or made and kept there.
-
-    Parameters
-    ----------
-    operators : block name -> its gap operator
 
     Raises
     ------
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    operator, static = _given(part, scene, operators)
+    operator, static = _given(part, acting)
     store = store or BlockStore.passing()
     keys = _keys(part, scene, operator, static, choice)
     found = {name: store.read(key) for name, key in keys.items()}
@@ -137,17 +146,14 @@ def tied_bases(
     return _reduced(tied, scene, choice, store, keys)
 
 
-def tied_keys(
-    part: Part, scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice
-) -> dict[str, str]:
+def tied_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under; see `tied_bases`."""
-    return _keys(part, scene, *_given(part, scene, operators), choice)
+    return _keys(part, scene, *_given(part, acting), choice)
 
 
-def _given(part: Part, scene: Scene, operators: dict[str, csr_matrix]) -> tuple[csr_matrix, Floats]:
-    """The part's gap operator, and its surface forces."""
-    static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
-    return part_operator(part, operators), static
+def _given(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
+    """The part's gap operator, and its static forces."""
+    return part_operator(part, acting.operators), gather(part, acting.forces)
 
 
 def _keys(
