@@ -22,10 +22,12 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import h5py
 import numpy as np
@@ -44,6 +46,7 @@ log = logging.getLogger(__name__)
 LAYOUT = "romdam-block-2"
 Floats = NDArray[np.float64]
 _CHUNK_BYTES = 1 << 20
+_SPAN = 32 * _CHUNK_BYTES  # read by one thread at a time
 _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
@@ -247,35 +250,41 @@ class BlockStore:
 
 def _checksum(basis: BlockBasis, data: h5py.Dataset) -> str:
     """SHA-256 of a block; of a large basis what stands in its dataset counts, by `folded`."""
-    small = basis.matrix.nbytes < _MAPPED
-    matrix = basis.matrix if small else folded(_words(basis.matrix, data))
-    return fingerprint((json.dumps(basis.report), matrix, basis.omega2, basis.participation))
+    content: NDArray[Any] = basis.matrix
+    offset = data.id.get_offset()
+    if basis.matrix.nbytes >= _MAPPED:
+        in_memory = offset is None  # it stands in chunks
+        content = folded(content[:]) if in_memory else _folded_file(data.file.filename, offset, data.nbytes)
+    return fingerprint((json.dumps(basis.report), content, basis.omega2, basis.participation))
 
 
-def folded(pieces: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Exclusive or and sum of every megabyte of an array's 64-bit words, (pieces, 2) words.
+def folded(matrix: Floats) -> NDArray[np.int64]:
+    """Exclusive or and sum of every megabyte of an array, (pieces, 2) 64-bit words.
 
     Any word that changes changes them; SHA-256 would take eight times as long as reading does.
     """
-    sums = [(np.bitwise_xor.reduce(words), np.add.reduce(words)) for words in pieces]
-    return np.array(sums, dtype=np.int64)
+    words, step = matrix.reshape(-1).view(np.int64), _CHUNK_BYTES // 8
+    pieces = (words[k : k + step] for k in range(0, len(words), step))
+    sums = [(np.bitwise_xor.reduce(piece), np.add.reduce(piece)) for piece in pieces]
+    return np.array(sums, dtype=np.int64).reshape(-1, 2)
 
 
-def _words(matrix: Floats, data: h5py.Dataset) -> Iterator[NDArray[np.int64]]:
-    """The words of an array, a megabyte at a time; of a mapped one by reading its file.
+def _folded_file(path: str, offset: int, size: int) -> NDArray[np.int64]:
+    """`folded` of an array in a file, read through a small buffer in each of two threads.
 
     Pages of a map come in at half the speed, and would count as this process' memory.
     """
-    offset = data.id.get_offset()
-    if offset is None:  # in chunks, and so in memory
-        words, step = matrix[:].reshape(-1).view(np.int64), _CHUNK_BYTES // 8
-        yield from (words[k : k + step] for k in range(0, len(words), step))
-        return
-    buffer, size = np.empty(_CHUNK_BYTES // 8, dtype=np.int64), data.nbytes
-    with open(data.file.filename, "rb", buffering=0) as file:
-        file.seek(offset)
-        for first in range(0, size, _CHUNK_BYTES):
-            words = buffer[: (size - first) // 8]
-            if file.readinto(words.data) < words.nbytes:
-                raise ResultError("the file ends early")
-            yield words
+
+    def of(first: int) -> NDArray[np.int64]:
+        last, buffer, found = min(first + _SPAN, size), bytearray(_CHUNK_BYTES), []
+        with open(path, "rb", buffering=0) as file:
+            file.seek(offset + first)
+            for at in range(first, last, _CHUNK_BYTES):
+                piece = memoryview(buffer)[: last - at]
+                if file.readinto(piece) < len(piece):
+                    raise ResultError("the file ends early")
+                found.append(folded(np.frombuffer(piece)))
+        return np.concatenate(found)
+
+    with ThreadPoolExecutor(2) as threads:
+        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *threads.map(of, range(0, size, _SPAN))])

@@ -247,7 +247,8 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
 def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> Floats:
     """Modal static force on the joints' structure; weight follows from the participation."""
     loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
-    surface = part.matrix[loaded].T @ forces[loaded]
+    rows = slice(None) if 2 * len(loaded) > len(forces) else loaded  # most of them are not copied
+    surface = part.matrix[rows].T @ forces[rows]
     if scene.staged_weight or name in scene.settled:
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)
