@@ -21,7 +21,7 @@ from scipy.linalg import cholesky, solve_triangular, svd
 from scipy.sparse import coo_matrix, csr_matrix
 
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
-from romdam.linalg.pardiso import SINGLE_TOLERANCE, PardisoFactor, PardisoSchur
+from romdam.linalg.pardiso import SINGLE_TOLERANCE, PardisoFactor, PardisoSchur, Upper
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -77,7 +77,7 @@ class CondensedSingle:
         self.memory = self._inner.memory
         self.near = PardisoFactor(self._condensed(self._inner.schur))
 
-    def _condensed(self, S: Floats) -> csr_matrix:
+    def _condensed(self, S: Floats | Singles) -> Upper:
         """The upper triangle of the matrix over the outer rows, with S where they meet the inner ones."""
         own = csr_matrix(self._matrix[self.outer][:, self.outer]).tocoo()
         place = np.full(own.shape[0], -1, dtype=np.int32)
@@ -87,7 +87,9 @@ class CondensedSingle:
         data = np.concatenate([own.data[keep], *(row[k:] for k, row in enumerate(S))])
         rows = np.concatenate([own.row[keep], np.repeat(at, count)])
         columns = np.concatenate([own.col[keep], *(at[k:] for k in range(len(at)))])
-        return csr_matrix(coo_matrix((data, (rows, columns)), shape=own.shape))
+        return Upper.of(
+            csr_matrix(coo_matrix((data, (rows, columns)), shape=own.shape)), np.dtype(np.float64)
+        )
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides.
@@ -196,8 +198,10 @@ class CondensedSingle:
         del L
         S += Z @ Q.T
         S += Q @ Z.T
-        del self.near  # half a gigabyte at a million unknowns
-        self.near = PardisoFactor(self._condensed(S))
+        del self.near, Q, Z  # nothing that is done with, while new factors grow
+        matrix = self._condensed(S)
+        del S
+        self.near = PardisoFactor(matrix)
 
     def _forces(self, U: Floats) -> Floats:
         """S U, to twice the digits of the factors."""

@@ -141,7 +141,9 @@ def _outer_modes(
     own = csr_matrix(M[solver.outer][:, solver.outer])
     count, make = krylov_modes(own, wanted, solver.near.solve, shift)
     if count:
-        solver.sharpen(make(0, count))
+        vectors = make(0, count)
+        del make  # it holds the factors that are to go
+        solver.sharpen(vectors)
         count, make = krylov_modes(own, wanted, solver.near.solve, shift)
 
     def over_all(first: int, last: int) -> Floats:

@@ -46,7 +46,7 @@ class PardisoFactor:
 
     Parameters
     ----------
-    matrix : (n, n) sparse, symmetric
+    matrix : (n, n) sparse, symmetric; or its upper triangle alone, which is not copied
     memory : bytes that the factorisation may take, or None
 
     Raises
@@ -55,9 +55,10 @@ class PardisoFactor:
         where pypardiso is missing, the factors do not fit in `memory`, or the matrix is singular.
     """
 
-    def __init__(self, matrix: spmatrix, memory: float | None = None) -> None:
-        self.size = matrix.shape[0]
-        self._factors = _Factors(_Upper.of(matrix, np.dtype(np.float64)), _SYMMETRIC, memory)
+    def __init__(self, matrix: spmatrix | Upper, memory: float | None = None) -> None:
+        upper = matrix if isinstance(matrix, Upper) else Upper.of(matrix, np.dtype(np.float64))
+        self.size = len(upper.start) - 1
+        self._factors = _Factors(upper, _SYMMETRIC, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -92,7 +93,7 @@ class PardisoSingle:
     def __init__(self, matrix: csr_matrix, memory: float | None = None) -> None:
         self.size = matrix.shape[0]
         self._matrix = matrix
-        self._factors = _Factors(_Upper.of(matrix, np.dtype(np.float32)), _POSITIVE_DEFINITE, memory)
+        self._factors = _Factors(Upper.of(matrix, np.dtype(np.float32)), _POSITIVE_DEFINITE, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -138,7 +139,7 @@ class PardisoSchur:
     """
 
     def __init__(self, matrix: csr_matrix, some: Ints, apart: Bools, memory: float | None = None) -> None:
-        upper = _Upper.of(matrix[some][:, some], np.dtype(np.float32))
+        upper = Upper.of(matrix[some][:, some], np.dtype(np.float32))
         self._factors = _Factors(upper, _POSITIVE_DEFINITE, memory, apart)
         self.memory = self._factors.memory
         self.schur = self._factors.schur
@@ -182,7 +183,7 @@ class _Held:
         return int(error[0])
 
 
-class _Upper(NamedTuple):
+class Upper(NamedTuple):
     """The upper triangle of a symmetric matrix as the library reads it."""
 
     values: NDArray[Any]
@@ -190,11 +191,12 @@ class _Upper(NamedTuple):
     column: NDArray[np.int32]
 
     @classmethod
-    def of(cls, matrix: spmatrix, real: np.dtype[Any]) -> _Upper:
+    def of(cls, matrix: spmatrix, real: np.dtype[Any]) -> Upper:
         """That of a matrix, which is not kept: half a gigabyte at a million unknowns, while factors grow."""
         upper = csr_matrix(triu(matrix, format="csr"))
         upper.sort_indices()
-        return cls(upper.data.astype(real), upper.indptr.astype(np.int32), upper.indices.astype(np.int32))
+        start, column = (a.astype(np.int32, copy=False) for a in (upper.indptr, upper.indices))
+        return cls(upper.data.astype(real, copy=False), start, column)
 
 
 class _Factors:
@@ -203,7 +205,7 @@ class _Factors:
     With some rows kept apart the others alone are eliminated: `schur` is what is left of the matrix there.
     """
 
-    def __init__(self, matrix: _Upper, kind: int, memory: float | None, apart: Bools | None = None) -> None:
+    def __init__(self, matrix: Upper, kind: int, memory: float | None, apart: Bools | None = None) -> None:
         size, real = len(matrix.start) - 1, matrix.values.dtype
         self._matrix: tuple[NDArray[Any], ...] = matrix
         self._real = real
