@@ -27,8 +27,8 @@ Ints = NDArray[np.int64]
 _POSITIVE_DEFINITE, _SYMMETRIC = 2, -2  # kinds of matrix
 _ANALYSE, _FACTOR, _SOLVE, _FORWARD, _BACKWARD, _RELEASE = 11, 22, 33, 331, 333, -1  # phases
 # of iparm, from 1
-_OWN, _ORDERING, _PEAK, _PERMANENT, _FACTORS, _NEGATIVE, _SINGLE, _FROM_ZERO = 1, 2, 15, 16, 17, 23, 28, 35
-_SCHUR, _WITH_FACTORS = 36, 2
+_OWN, _ORDERING, _PERTURBED, _PEAK, _PERMANENT, _FACTORS = 1, 2, 14, 15, 16, 17
+_NEGATIVE, _SINGLE, _FROM_ZERO, _SCHUR, _WITH_FACTORS = 23, 28, 35, 36, 2
 _NESTED_DISSECTION = 2
 SINGLE_TOLERANCE = 1e-7  # of a residual, relative to its right-hand side: two iterations as a rule
 # the same of what a stiffness is made of: with 1e-7 an open-joint omega^2 of a tet10 block of 77,976 unknowns
@@ -227,7 +227,7 @@ class _Factors:
             )
         self.schur = np.zeros((1 if apart is None else int(apart.sum()),) * 2, dtype=real)
         self._run(_FACTOR, nothing, self.schur)
-        if kind == _POSITIVE_DEFINITE:  # no pivot was perturbed, so that no solve looks at the matrix again
+        if kind == _POSITIVE_DEFINITE or not self.told(_PERTURBED):  # no solve looks at the matrix again
             self._matrix = (nothing,) * 3
 
     def solve(self, right: Floats) -> Floats:

@@ -35,6 +35,7 @@ import romdam
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.fingerprint import fingerprint
+from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
@@ -257,12 +258,13 @@ def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tu
     columns = right.shape[1] + choice.columns
     solver = make_solver(shifted, tied.motions, columns, choice.solving, tied.place, tied.inner)
     T = Columns(*file, (len(tied.row), right.shape[1]))
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), WIDTH)
+    width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), width)
     log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
     count, make = span_of_modes(tied.K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
     static = T.shape[1]
     T.widen(count)
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), WIDTH)
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), width)
     return T, count
 
 
