@@ -22,6 +22,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 from romdam.linalg.pardiso import SINGLE_TOLERANCE, PardisoFactor, PardisoSchur, Upper
+from romdam.linalg.symmetric import Symmetric, upper
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -34,15 +35,16 @@ _MOST_CONTACT = 10_000  # unknowns of the dense matrix: 0.8 GB
 _SEEN = 1e-3  # share of the strongest direction, below which a direction of the traces is left as it is
 
 
-def is_condensable(matrix: csr_matrix, inner: Bools) -> bool:
+def is_condensable(matrix: csr_matrix | Symmetric, inner: Bools) -> bool:
     """Whether the inner rows are most, and meet the others in few enough."""
     return bool(2 * inner.sum() > len(inner)) and 0 < int(_contact(matrix, inner).sum()) <= _MOST_CONTACT
 
 
-def _contact(matrix: csr_matrix, inner: Bools) -> Bools:
+def _contact(matrix: csr_matrix | Symmetric, inner: Bools) -> Bools:
     """The other rows that are coupled with inner ones; the matrix is symmetric."""
-    pattern = csr_matrix((np.ones(matrix.nnz, dtype=bool), matrix.indices, matrix.indptr), matrix.shape)
-    return np.asarray(pattern @ inner, dtype=bool) & ~inner
+    given = upper(matrix)
+    pattern = csr_matrix((np.ones(given.nnz, dtype=bool), given.indices, given.indptr), given.shape)
+    return np.asarray(pattern @ inner | pattern.T @ inner, dtype=bool) & ~inner
 
 
 class CondensedSingle:
@@ -50,7 +52,7 @@ class CondensedSingle:
 
     Parameters
     ----------
-    matrix : (n, n) sparse, symmetric positive definite; kept, not copied
+    matrix : (n, n) sparse or symmetric, positive definite; kept, not copied
     inner : (n,) the rows to condense; any force there costs a third more
     memory : bytes that the factorisation may take, or None
 
@@ -67,7 +69,7 @@ class CondensedSingle:
         as `PardisoSingle`.
     """
 
-    def __init__(self, matrix: csr_matrix, inner: Bools, memory: float | None = None) -> None:
+    def __init__(self, matrix: csr_matrix | Symmetric, inner: Bools, memory: float | None = None) -> None:
         self.size = matrix.shape[0]
         self.width = WIDTH if self.size < _WIDE else WIDTH // 2
         self.outer = np.flatnonzero(~inner)
@@ -77,13 +79,13 @@ class CondensedSingle:
         self._some = np.flatnonzero(inner | contact)
         self._apart = np.flatnonzero(contact[self._some])  # among some
         self._at = np.flatnonzero(contact[self.outer])  # among the outer
-        self._inner = PardisoSchur(matrix, self._some, contact[self._some], memory)
+        self._inner = PardisoSchur(upper(matrix), self._some, contact[self._some], memory)
         self.memory = self._inner.memory
         self.near = PardisoFactor(self._condensed(self._inner.schur))
 
     def _condensed(self, S: Floats | Singles) -> Upper:
         """The upper triangle of the matrix over the outer rows, with S where they meet the inner ones."""
-        own = csr_matrix(self._matrix[self.outer][:, self.outer]).tocoo()
+        own = csr_matrix(upper(self._matrix)[self.outer][:, self.outer]).tocoo()
         place = np.full(own.shape[0], -1, dtype=np.int32)
         place[self._at] = np.arange(len(self._at))
         keep = (own.row <= own.col) & ((place[own.row] < 0) | (place[own.col] < 0))

@@ -18,6 +18,7 @@ from romdam.linalg.krylov import krylov_modes, ritz_vectors
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
 from romdam.linalg.multigrid import Multigrid
 from romdam.linalg.solvers import SMALL, Solver
+from romdam.linalg.symmetric import Symmetric
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +113,11 @@ def _large_modes(
 
 
 def span_of_modes(
-    K: spmatrix, M: spmatrix, choice: tuple[int | None, float | None], solver: Solver, shift: float
+    K: spmatrix | Symmetric,
+    M: spmatrix,
+    choice: tuple[int | None, float | None],
+    solver: Solver,
+    shift: float,
 ) -> tuple[int, Callable[[int, int], Floats]]:
     """Vectors that span the modes of `modes_below`, some at a time; choice is its count and cutoff.
 

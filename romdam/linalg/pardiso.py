@@ -18,6 +18,7 @@ from scipy.sparse import csr_matrix, spmatrix, triu
 
 from romdam.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
+from romdam.linalg.symmetric import Symmetric, upper
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -56,9 +57,9 @@ class PardisoFactor:
     """
 
     def __init__(self, matrix: spmatrix | Upper, memory: float | None = None) -> None:
-        upper = matrix if isinstance(matrix, Upper) else Upper.of(matrix, np.dtype(np.float64))
-        self.size = len(upper.start) - 1
-        self._factors = _Factors(upper, _SYMMETRIC, memory)
+        given = matrix if isinstance(matrix, Upper) else Upper.of(matrix, np.dtype(np.float64))
+        self.size = len(given.start) - 1
+        self._factors = _Factors(given, _SYMMETRIC, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -80,7 +81,7 @@ class PardisoSingle:
 
     Parameters
     ----------
-    matrix : (n, n) sparse, symmetric positive definite; kept, not copied
+    matrix : (n, n) sparse or symmetric, positive definite; kept, not copied
     memory : bytes that the factorisation may take, or None
 
     Raises
@@ -90,10 +91,10 @@ class PardisoSingle:
         in single precision.
     """
 
-    def __init__(self, matrix: csr_matrix, memory: float | None = None) -> None:
+    def __init__(self, matrix: csr_matrix | Symmetric, memory: float | None = None) -> None:
         self.size = matrix.shape[0]
         self._matrix = matrix
-        self._factors = _Factors(Upper.of(matrix, np.dtype(np.float32)), _POSITIVE_DEFINITE, memory)
+        self._factors = _Factors(Upper.of(upper(matrix), np.dtype(np.float32)), _POSITIVE_DEFINITE, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -123,8 +124,8 @@ class PardisoSchur:
 
     Parameters
     ----------
-    matrix : sparse, symmetric positive definite
-    some : (n,) numbers of its rows that count
+    matrix : sparse, symmetric positive definite; its upper triangle is enough
+    some : numbers of its rows that count, ascending
     apart : (n,) True for those of them that are left
     memory : bytes that the factorisation may take, or None
 
@@ -139,8 +140,8 @@ class PardisoSchur:
     """
 
     def __init__(self, matrix: csr_matrix, some: Ints, apart: Bools, memory: float | None = None) -> None:
-        upper = Upper.of(matrix[some][:, some], np.dtype(np.float32))
-        self._factors = _Factors(upper, _POSITIVE_DEFINITE, memory, apart)
+        given = Upper.of(matrix[some][:, some], np.dtype(np.float32))
+        self._factors = _Factors(given, _POSITIVE_DEFINITE, memory, apart)
         self.memory = self._factors.memory
         self.schur = self._factors.schur
 
@@ -193,10 +194,10 @@ class Upper(NamedTuple):
     @classmethod
     def of(cls, matrix: spmatrix, real: np.dtype[Any]) -> Upper:
         """That of a matrix, which is not kept: half a gigabyte at a million unknowns, while factors grow."""
-        upper = csr_matrix(triu(matrix, format="csr"))
-        upper.sort_indices()
-        start, column = (a.astype(np.int32, copy=False) for a in (upper.indptr, upper.indices))
-        return cls(upper.data.astype(real, copy=False), start, column)
+        own = csr_matrix(triu(matrix, format="csr"))
+        own.sort_indices()
+        start, column = (a.astype(np.int32, copy=False) for a in (own.indptr, own.indices))
+        return cls(own.data.astype(real, copy=False), start, column)
 
 
 class _Factors:

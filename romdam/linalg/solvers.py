@@ -31,6 +31,7 @@ from romdam.linalg.condensed import CondensedSingle, is_condensable
 from romdam.linalg.factor import Factor
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
+from romdam.linalg.symmetric import Symmetric, upper, whole
 
 log = logging.getLogger(__name__)
 
@@ -154,7 +155,7 @@ def _refusal(
 
 
 def make_solver(
-    matrix: csr_matrix,
+    matrix: csr_matrix | Symmetric,
     motions: Motions,
     columns: int,
     solving: Solving,
@@ -175,12 +176,12 @@ def make_solver(
         where none fits, or all fail; the message is the last one's.
     """
     if not matrix.shape[0]:
-        return Factor(matrix)
+        return Factor(whole(matrix))
     makers: dict[str, Callable[[], Solver]] = {
-        "superlu": lambda: Factor(matrix),
-        "pardiso": lambda: PardisoFactor(matrix, solving.limit),
+        "superlu": lambda: Factor(whole(matrix)),
+        "pardiso": lambda: PardisoFactor(upper(matrix), solving.limit),
         "pardiso_single": lambda: _single(matrix, inner, solving.limit),
-        "multigrid": lambda: Multigrid(matrix, motions),
+        "multigrid": lambda: Multigrid(whole(matrix), motions),
     }
     tried = candidates(matrix.shape[0], columns, solving, place)
     for k, estimate in enumerate(tried):
@@ -200,13 +201,13 @@ def make_solver(
     raise AssertionError("unreachable")
 
 
-def _single(matrix: csr_matrix, inner: Bools | None, limit: float) -> Solver:
+def _single(matrix: csr_matrix | Symmetric, inner: Bools | None, limit: float) -> Solver:
     if inner is None or not is_condensable(matrix, inner):
         return PardisoSingle(matrix, limit)
     return CondensedSingle(matrix, inner, limit)
 
 
-def _prove(solver: Solver, matrix: csr_matrix) -> None:
+def _prove(solver: Solver, matrix: csr_matrix | Symmetric) -> None:
     """Solve for forces whose answer is known.
 
     Raises

@@ -39,7 +39,8 @@ from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
-from romdam.linalg.solvers import make_solver
+from romdam.linalg.solvers import SMALL, make_solver
+from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.columns import Columns
 from romdam.reduction.craig_bampton import (
     FREE_SHIFT,
@@ -85,7 +86,7 @@ class _Tied:
 
     Attributes
     ----------
-    K, M : (n, n) sparse
+    K, M : (n, n), of K the upper triangle
     right : (n, a) sparse, of unit length: what the basis answers statically right
     held : whether supports stop every rigid motion
     motions : of the free DOFs
@@ -94,7 +95,7 @@ class _Tied:
     place : what to call the part in messages
     """
 
-    K: csr_matrix
+    K: Symmetric
     M: csr_matrix
     right: csc_matrix
     held: bool
@@ -187,7 +188,7 @@ def _tied(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _Ti
     mesh = part.mesh(scene.blocks)
     dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
     return _Tied(
-        K=K,
+        K=Symmetric(K),
         M=M,
         right=_unit_columns([operator[:, free].T, *(load[free] for load in loads)]),
         held=held_rigidly(mesh, fixed),
@@ -232,7 +233,7 @@ def _reduced(
     size, file = tied.K.shape[0], (store.scratch(key), key)
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
     if every and (tied.M.diagonal() > 0.0).all():
-        modes, (omega2, Phi), V = size, dense_modes(tied.K, tied.M), np.eye(size)
+        modes, (omega2, Phi), V = size, dense_modes(tied.K.whole(), tied.M), np.eye(size)
         T = Columns(*file, (len(tied.row), size))
         T.fill(size, lambda first, last: _over_blocks(tied, Phi[:, first:last]))
     else:
@@ -254,14 +255,15 @@ def _reduced(
 def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tuple[Columns, int]:
     """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
     right = tied.right
-    shifted = tied.K - tied.shift * tied.M if tied.shift else tied.K
+    shifted = Symmetric(tied.K.upper - tied.shift * tied.M) if tied.shift else tied.K
     columns = right.shape[1] + choice.columns
     solver = make_solver(shifted, tied.motions, columns, choice.solving, tied.place, tied.inner)
     T = Columns(*file, (len(tied.row), right.shape[1]))
     width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
     T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), width)
     log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
-    count, make = span_of_modes(tied.K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
+    K = tied.K if tied.K.shape[0] > SMALL else tied.K.whole()
+    count, make = span_of_modes(K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
     static = T.shape[1]
     T.widen(count)
     T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), width)
