@@ -93,9 +93,9 @@ class _Growth:
 # name -> seconds to make, seconds for a column, bytes
 _FITS = {
     "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
-    "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.35)),
-    "pardiso_single": (_Growth(500.0, 2.1), _Growth(2.7, 1.5), _Growth(11.8e9, 0.94)),
-    "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(8e9, 1.0)),
+    "pardiso": (_Growth(620.0, 1.5), _Growth(0.7, 0.95), _Growth(22e9, 1.2)),
+    "pardiso_single": (_Growth(370.0, 1.35), _Growth(1.5, 1.0), _Growth(11.7e9, 0.95)),
+    "multigrid": (_Growth(40.0, 1.0), _Growth(3.5, 1.0), _Growth(6e9, 0.9)),
 }
 
 
