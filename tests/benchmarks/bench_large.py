@@ -130,14 +130,15 @@ def draw(grown: dict[str, list[dict[str, object]]], dam: dict[str, object] | Non
         for ax, (of, label) in zip(row, QUANTITIES.items(), strict=True):
             for k, (solver, name) in enumerate(NAMES.items()):
                 rows = [r for r in every if r["solver"] == solver]
-                name = f"{name}: {along} to the {exponent(rows[-3:], along, of):.2f}" if rows[2:] else name
+                if len(rows) > 2:
+                    name += f"  $\\sim n^{{{exponent(rows[-3:], along, of):.2f}}}$"
                 if rows:
                     ax.loglog([r[along] for r in rows], [r[of] for r in rows], f"C{k}o-", ms=4, label=name)
             if dam and along == "unknowns":
                 k = list(NAMES).index("pardiso_single")
                 ax.loglog(dam[along], dam[of], f"C{k}*", ms=14, mec="k", label="arch dam on rock, 189 gaps")
             plain_ticks(ax)
-            ax.set(xlabel=along, ylabel=label)
+            ax.set(xlabel=f"{along} $n$", ylabel=label)
             ax.legend(fontsize=8, loc="upper left")
     axes[0, 0].set_title("one tet10 block, 100 gaps, modes below 60 Hz", loc="left", fontsize=10)
     axes[1, 0].set_title(f"the block with {grown['gaps'][0]['unknowns']:,} unknowns", loc="left", fontsize=10)
@@ -149,10 +150,11 @@ def plain_ticks(ax) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = ax.get_ylim()
-    ax.set_ylim(low, high * (high / low) ** 0.45)
+    ax.set_ylim(low, high * (high / low) ** 0.4)
     for axis in (ax.xaxis, ax.yaxis):
+        low, high = axis.get_view_interval()
         axis.set_minor_formatter(NullFormatter())
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if axis is ax.xaxis else (1.0, 3.0)))
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 30.0 * low else (1.0, 3.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
     ax.grid(True, which="major", alpha=0.3)
 
