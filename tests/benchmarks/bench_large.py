@@ -141,6 +141,7 @@ def draw(grown: dict[str, list[dict[str, object]]], dam: dict[str, object] | Non
             ax.set(xlabel=f"{along} $n$", ylabel=label)
             ax.legend(fontsize=8, loc="upper left")
     axes[0, 0].set_title("one tet10 block, 100 gaps, modes below 60 Hz", loc="left", fontsize=10)
+    axes[0, 1].set_title("exponents are of the last three points", loc="left", fontsize=10)
     axes[1, 0].set_title(f"the block with {grown['gaps'][0]['unknowns']:,} unknowns", loc="left", fontsize=10)
     figure.savefig(path, dpi=110)
 
