@@ -116,8 +116,8 @@ def _wet_rule(points: Floats, element: Element, level: float) -> Rule:
     """
     xi, weight = simplex_rule(5, 2)
     found: list[tuple[Floats, Floats]] = []
-    for triangle in _small_triangles(element.corners):
-        above = element.shape(triangle) @ points[:, 2] - level
+    for triangle, shape in _small_triangles(element.name):
+        above = shape @ points[:, 2] - level
         for part in _below(triangle, above):
             edges = part[1:] - part[0]
             found.append((part[0] + xi @ edges, weight * abs(np.linalg.det(edges))))
@@ -127,15 +127,18 @@ def _wet_rule(points: Floats, element: Element, level: float) -> Rule:
 
 
 @cache
-def _small_triangles(corners: int) -> Floats:
-    """Triangles (n, 3, 2) that fill the reference triangle or square."""
+def _small_triangles(name: str) -> list[tuple[Floats, Floats]]:
+    """Triangles (3, 2) that fill an element's reference facet, and its functions at their corners."""
+    element = ELEMENTS[name]
     n = _CUTS
     i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
     lower = np.stack([np.c_[i, j], np.c_[i + 1, j], np.c_[i, j + 1]], axis=1)
     upper = np.stack([np.c_[i + 1, j], np.c_[i + 1, j + 1], np.c_[i, j + 1]], axis=1)
-    if corners == 3:
-        return np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
-    return 2.0 * np.vstack([lower, upper]) / n - 1.0
+    if element.corners == 3:
+        found = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
+    else:
+        found = 2.0 * np.vstack([lower, upper]) / n - 1.0
+    return [(triangle, element.shape(triangle)) for triangle in found]
 
 
 def _below(triangle: Floats, above: Floats) -> list[Floats]:

@@ -18,6 +18,7 @@ from romdam.linalg.krylov import krylov_modes, ritz_vectors
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
 from romdam.linalg.multigrid import Multigrid
 from romdam.linalg.solvers import SMALL, Solver
+from romdam.linalg.symmetric import Symmetric
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +113,11 @@ def _large_modes(
 
 
 def span_of_modes(
-    K: spmatrix, M: spmatrix, choice: tuple[int | None, float | None], solver: Solver, shift: float
+    K: spmatrix | Symmetric,
+    M: spmatrix,
+    choice: tuple[int | None, float | None],
+    solver: Solver,
+    shift: float,
 ) -> tuple[int, Callable[[int, int], Floats]]:
     """Vectors that span the modes of `modes_below`, some at a time; choice is its count and cutoff.
 
@@ -141,7 +146,9 @@ def _outer_modes(
     own = csr_matrix(M[solver.outer][:, solver.outer])
     count, make = krylov_modes(own, wanted, solver.near.solve, shift)
     if count:
-        solver.sharpen(make(0, count))
+        vectors = make(0, count)
+        del make  # it holds the factors that are to go
+        solver.sharpen(vectors)
         count, make = krylov_modes(own, wanted, solver.near.solve, shift)
 
     def over_all(first: int, last: int) -> Floats:

@@ -18,6 +18,7 @@ from scipy.sparse import csr_matrix, spmatrix, triu
 
 from romdam.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
+from romdam.linalg.symmetric import Symmetric, upper
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -27,8 +28,8 @@ Ints = NDArray[np.int64]
 _POSITIVE_DEFINITE, _SYMMETRIC = 2, -2  # kinds of matrix
 _ANALYSE, _FACTOR, _SOLVE, _FORWARD, _BACKWARD, _RELEASE = 11, 22, 33, 331, 333, -1  # phases
 # of iparm, from 1
-_OWN, _ORDERING, _PEAK, _PERMANENT, _FACTORS, _NEGATIVE, _SINGLE, _FROM_ZERO = 1, 2, 15, 16, 17, 23, 28, 35
-_SCHUR, _WITH_FACTORS = 36, 2
+_OWN, _ORDERING, _PERTURBED, _PEAK, _PERMANENT, _FACTORS = 1, 2, 14, 15, 16, 17
+_NEGATIVE, _SINGLE, _FROM_ZERO, _SCHUR, _WITH_FACTORS = 23, 28, 35, 36, 2
 _NESTED_DISSECTION = 2
 SINGLE_TOLERANCE = 1e-7  # of a residual, relative to its right-hand side: two iterations as a rule
 # the same of what a stiffness is made of: with 1e-7 an open-joint omega^2 of a tet10 block of 77,976 unknowns
@@ -46,7 +47,7 @@ class PardisoFactor:
 
     Parameters
     ----------
-    matrix : (n, n) sparse, symmetric
+    matrix : (n, n) sparse, symmetric; or its upper triangle alone, which is not copied
     memory : bytes that the factorisation may take, or None
 
     Raises
@@ -55,9 +56,10 @@ class PardisoFactor:
         where pypardiso is missing, the factors do not fit in `memory`, or the matrix is singular.
     """
 
-    def __init__(self, matrix: spmatrix, memory: float | None = None) -> None:
-        self.size = matrix.shape[0]
-        self._factors = _Factors(_Upper.of(matrix, np.dtype(np.float64)), _SYMMETRIC, memory)
+    def __init__(self, matrix: spmatrix | Upper, memory: float | None = None) -> None:
+        given = matrix if isinstance(matrix, Upper) else Upper.of(matrix, np.dtype(np.float64))
+        self.size = len(given.start) - 1
+        self._factors = _Factors(given, _SYMMETRIC, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -79,7 +81,7 @@ class PardisoSingle:
 
     Parameters
     ----------
-    matrix : (n, n) sparse, symmetric positive definite; kept, not copied
+    matrix : (n, n) sparse or symmetric, positive definite; kept, not copied
     memory : bytes that the factorisation may take, or None
 
     Raises
@@ -89,10 +91,10 @@ class PardisoSingle:
         in single precision.
     """
 
-    def __init__(self, matrix: csr_matrix, memory: float | None = None) -> None:
+    def __init__(self, matrix: csr_matrix | Symmetric, memory: float | None = None) -> None:
         self.size = matrix.shape[0]
         self._matrix = matrix
-        self._factors = _Factors(_Upper.of(matrix, np.dtype(np.float32)), _POSITIVE_DEFINITE, memory)
+        self._factors = _Factors(Upper.of(upper(matrix), np.dtype(np.float32)), _POSITIVE_DEFINITE, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -122,8 +124,8 @@ class PardisoSchur:
 
     Parameters
     ----------
-    matrix : sparse, symmetric positive definite
-    some : (n,) numbers of its rows that count
+    matrix : sparse, symmetric positive definite; its upper triangle is enough
+    some : numbers of its rows that count, ascending
     apart : (n,) True for those of them that are left
     memory : bytes that the factorisation may take, or None
 
@@ -138,8 +140,8 @@ class PardisoSchur:
     """
 
     def __init__(self, matrix: csr_matrix, some: Ints, apart: Bools, memory: float | None = None) -> None:
-        upper = _Upper.of(matrix[some][:, some], np.dtype(np.float32))
-        self._factors = _Factors(upper, _POSITIVE_DEFINITE, memory, apart)
+        given = Upper.of(matrix[some][:, some], np.dtype(np.float32))
+        self._factors = _Factors(given, _POSITIVE_DEFINITE, memory, apart)
         self.memory = self._factors.memory
         self.schur = self._factors.schur
 
@@ -182,7 +184,7 @@ class _Held:
         return int(error[0])
 
 
-class _Upper(NamedTuple):
+class Upper(NamedTuple):
     """The upper triangle of a symmetric matrix as the library reads it."""
 
     values: NDArray[Any]
@@ -190,11 +192,12 @@ class _Upper(NamedTuple):
     column: NDArray[np.int32]
 
     @classmethod
-    def of(cls, matrix: spmatrix, real: np.dtype[Any]) -> _Upper:
+    def of(cls, matrix: spmatrix, real: np.dtype[Any]) -> Upper:
         """That of a matrix, which is not kept: half a gigabyte at a million unknowns, while factors grow."""
-        upper = csr_matrix(triu(matrix, format="csr"))
-        upper.sort_indices()
-        return cls(upper.data.astype(real), upper.indptr.astype(np.int32), upper.indices.astype(np.int32))
+        own = csr_matrix(triu(matrix, format="csr"))
+        own.sort_indices()
+        start, column = (a.astype(np.int32, copy=False) for a in (own.indptr, own.indices))
+        return cls(own.data.astype(real, copy=False), start, column)
 
 
 class _Factors:
@@ -203,7 +206,7 @@ class _Factors:
     With some rows kept apart the others alone are eliminated: `schur` is what is left of the matrix there.
     """
 
-    def __init__(self, matrix: _Upper, kind: int, memory: float | None, apart: Bools | None = None) -> None:
+    def __init__(self, matrix: Upper, kind: int, memory: float | None, apart: Bools | None = None) -> None:
         size, real = len(matrix.start) - 1, matrix.values.dtype
         self._matrix: tuple[NDArray[Any], ...] = matrix
         self._real = real
@@ -225,7 +228,7 @@ class _Factors:
             )
         self.schur = np.zeros((1 if apart is None else int(apart.sum()),) * 2, dtype=real)
         self._run(_FACTOR, nothing, self.schur)
-        if kind == _POSITIVE_DEFINITE:  # no pivot was perturbed, so that no solve looks at the matrix again
+        if kind == _POSITIVE_DEFINITE or not self.told(_PERTURBED):  # no solve looks at the matrix again
             self._matrix = (nothing,) * 3
 
     def solve(self, right: Floats) -> Floats:

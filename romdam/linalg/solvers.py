@@ -31,6 +31,7 @@ from romdam.linalg.condensed import CondensedSingle, is_condensable
 from romdam.linalg.factor import Factor
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
+from romdam.linalg.symmetric import Symmetric, upper, whole
 
 log = logging.getLogger(__name__)
 
@@ -92,9 +93,9 @@ class _Growth:
 # name -> seconds to make, seconds for a column, bytes
 _FITS = {
     "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
-    "pardiso": (_Growth(950.0, 1.9), _Growth(1.0, 1.4), _Growth(22e9, 1.35)),
-    "pardiso_single": (_Growth(500.0, 2.1), _Growth(2.7, 1.5), _Growth(11.8e9, 0.94)),
-    "multigrid": (_Growth(40.0, 1.0), _Growth(5.0, 1.0), _Growth(8e9, 1.0)),
+    "pardiso": (_Growth(620.0, 1.5), _Growth(0.7, 0.95), _Growth(22e9, 1.2)),
+    "pardiso_single": (_Growth(370.0, 1.35), _Growth(1.5, 1.0), _Growth(11.7e9, 0.95)),
+    "multigrid": (_Growth(40.0, 1.0), _Growth(3.5, 1.0), _Growth(6e9, 0.9)),
 }
 
 
@@ -154,7 +155,7 @@ def _refusal(
 
 
 def make_solver(
-    matrix: csr_matrix,
+    matrix: csr_matrix | Symmetric,
     motions: Motions,
     columns: int,
     solving: Solving,
@@ -175,12 +176,12 @@ def make_solver(
         where none fits, or all fail; the message is the last one's.
     """
     if not matrix.shape[0]:
-        return Factor(matrix)
+        return Factor(whole(matrix))
     makers: dict[str, Callable[[], Solver]] = {
-        "superlu": lambda: Factor(matrix),
-        "pardiso": lambda: PardisoFactor(matrix, solving.limit),
+        "superlu": lambda: Factor(whole(matrix)),
+        "pardiso": lambda: PardisoFactor(upper(matrix), solving.limit),
         "pardiso_single": lambda: _single(matrix, inner, solving.limit),
-        "multigrid": lambda: Multigrid(matrix, motions),
+        "multigrid": lambda: Multigrid(whole(matrix), motions),
     }
     tried = candidates(matrix.shape[0], columns, solving, place)
     for k, estimate in enumerate(tried):
@@ -200,13 +201,13 @@ def make_solver(
     raise AssertionError("unreachable")
 
 
-def _single(matrix: csr_matrix, inner: Bools | None, limit: float) -> Solver:
+def _single(matrix: csr_matrix | Symmetric, inner: Bools | None, limit: float) -> Solver:
     if inner is None or not is_condensable(matrix, inner):
         return PardisoSingle(matrix, limit)
     return CondensedSingle(matrix, inner, limit)
 
 
-def _prove(solver: Solver, matrix: csr_matrix) -> None:
+def _prove(solver: Solver, matrix: csr_matrix | Symmetric) -> None:
     """Solve for forces whose answer is known.
 
     Raises

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from romdam.linalg.symmetric import Symmetric
+
 log = logging.getLogger(__name__)
 
 Floats = NDArray[np.float64]
@@ -108,7 +110,7 @@ class Columns:
 
     def gram(
         self,
-        M: csr_matrix,
+        M: csr_matrix | Symmetric,
         rows: Ints | None = None,
         first: int = 0,
         less: tuple[Floats, Floats] | None = None,

@@ -28,6 +28,7 @@ from romdam.errors import ConfigError, ReductionError
 from romdam.linalg.eigen import dense_modes, modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
+from romdam.linalg.symmetric import Symmetric
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -203,7 +204,7 @@ def _ritz_vectors(
     return (Psi, Phi, omega2, eigen_residual(K_ii, M_ii, omega2, Phi)), solver
 
 
-def eigen_residual(K: csr_matrix, M: csr_matrix, omega2: Floats, Phi: Floats) -> float:
+def eigen_residual(K: csr_matrix | Symmetric, M: csr_matrix, omega2: Floats, Phi: Floats) -> float:
     """Largest relative eigenvalue residual of the elastic modes."""
     inertia = M @ Phi * omega2
     size = np.linalg.norm(inertia, axis=0)

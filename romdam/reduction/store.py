@@ -23,9 +23,11 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import h5py
 import numpy as np
@@ -44,6 +46,7 @@ log = logging.getLogger(__name__)
 LAYOUT = "romdam-block-2"
 Floats = NDArray[np.float64]
 _CHUNK_BYTES = 1 << 20
+_SPAN = 32 * _CHUNK_BYTES  # read by one thread at a time
 _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
@@ -85,8 +88,7 @@ def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     for first in range(0, nodes if columns else 0, step):
         data[first : first + step] = basis.matrix[3 * first : 3 * (first + step)].reshape(-1, 3, columns)
     group.file.flush()
-    whole = basis.matrix if small else _array(data).reshape(3 * nodes, columns)
-    _write_beside(group, block, replace(basis, matrix=whole))
+    _write_beside(group, block, basis)
 
 
 def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
@@ -97,7 +99,8 @@ def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     group["basis"].attrs["first"] = basis.columns.start
     group["omega2"] = basis.omega2
     group["participation"] = basis.participation
-    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report), content_sha256=_checksum(basis))
+    checksum = _checksum(basis, group["basis"])
+    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report), content_sha256=checksum)
 
 
 def read_block(group: h5py.Group) -> BlockBasis:
@@ -118,7 +121,7 @@ def read_block(group: h5py.Group) -> BlockBasis:
         participation=group["participation"][()],
         report=json.loads(group.attrs["report"]),
     )
-    if group.attrs.get("content_sha256") != _checksum(basis):
+    if group.attrs.get("content_sha256") != _checksum(basis, group["basis"]):
         raise ResultError("the arrays do not match their checksum")
     return basis
 
@@ -245,9 +248,14 @@ class BlockStore:
             raise ResultError(f"{self.folder}: the cache folder cannot be made ({error})") from error
 
 
-def _checksum(basis: BlockBasis) -> str:
-    matrix = basis.matrix if basis.matrix.nbytes < _MAPPED else folded(basis.matrix)
-    return fingerprint((json.dumps(basis.report), matrix, basis.omega2, basis.participation))
+def _checksum(basis: BlockBasis, data: h5py.Dataset) -> str:
+    """SHA-256 of a block; of a large basis what stands in its dataset counts, by `folded`."""
+    content: NDArray[Any] = basis.matrix
+    offset = data.id.get_offset()
+    if basis.matrix.nbytes >= _MAPPED:
+        in_memory = offset is None  # it stands in chunks
+        content = folded(content[:]) if in_memory else _folded_file(data.file.filename, offset, data.nbytes)
+    return fingerprint((json.dumps(basis.report), content, basis.omega2, basis.participation))
 
 
 def folded(matrix: Floats) -> NDArray[np.int64]:
@@ -255,7 +263,28 @@ def folded(matrix: Floats) -> NDArray[np.int64]:
 
     Any word that changes changes them; SHA-256 would take eight times as long as reading does.
     """
-    words = matrix.reshape(-1).view(np.int64)
-    step = _CHUNK_BYTES // 8
+    words, step = matrix.reshape(-1).view(np.int64), _CHUNK_BYTES // 8
     pieces = (words[k : k + step] for k in range(0, len(words), step))
-    return np.array([(np.bitwise_xor.reduce(p), np.add.reduce(p)) for p in pieces], dtype=np.int64)
+    sums = [(np.bitwise_xor.reduce(piece), np.add.reduce(piece)) for piece in pieces]
+    return np.array(sums, dtype=np.int64).reshape(-1, 2)
+
+
+def _folded_file(path: str, offset: int, size: int) -> NDArray[np.int64]:
+    """`folded` of an array in a file, read through a small buffer in each of two threads.
+
+    Pages of a map come in at half the speed, and would count as this process' memory.
+    """
+
+    def of(first: int) -> NDArray[np.int64]:
+        last, buffer, found = min(first + _SPAN, size), bytearray(_CHUNK_BYTES), []
+        with open(path, "rb", buffering=0) as file:
+            file.seek(offset + first)
+            for at in range(first, last, _CHUNK_BYTES):
+                piece = memoryview(buffer)[: last - at]
+                if file.readinto(piece) < len(piece):
+                    raise ResultError("the file ends early")
+                found.append(folded(np.frombuffer(piece)))
+        return np.concatenate(found)
+
+    with ThreadPoolExecutor(2) as threads:
+        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *threads.map(of, range(0, size, _SPAN))])

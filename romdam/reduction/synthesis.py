@@ -29,7 +29,7 @@ from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
 from romdam.reduction.large import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.store import BlockBasis, BlockStore, block_key
-from romdam.reduction.tied import tied_bases, tied_keys
+from romdam.reduction.tied import Acting, tied_bases, tied_keys
 from romdam.reduction.water import with_water
 from romdam.scene.held import held_rigidly, rigid_motions
 from romdam.scene.model import Block, Scene
@@ -80,18 +80,19 @@ def reduce_scene(
     """
     start = time.process_time()
     law = gap_law(scene)
-    operators = gap_operators(scene, law.directions)
+    forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
+    acting = Acting(gap_operators(scene, law.directions), forces)
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     found, parts, first = dict[str, BlockBasis](), dict[str, slice](), 0
-    _refuse_large(scene, operators, choice, store)
+    _refuse_large(scene, acting, choice, store)
     for part in scene_parts(scene).values():
-        one = _reduced_part(part, scene, operators, choice, store)
+        one = _reduced_part(part, scene, acting, choice, store)
         parts[part.name] = slice(first, first + len(one[part.blocks[0]].omega2))
         found |= {name: replace(block, columns=parts[part.name]) for name, block in one.items()}
         first = parts[part.name].stop
     basis = {name: found[name] for name in scene.blocks}
     report: dict[str, object] = {name: block.report for name, block in basis.items()}
-    system = _system(scene, basis, (operators, law), damping, parts)
+    system = _system(scene, basis, (acting, law), damping, parts)
     water = added_mass(scene)
     if water is not None:
         system, basis = with_water(system, basis, water, damping)
@@ -103,13 +104,13 @@ def reduce_scene(
 def _system(
     scene: Scene,
     basis: dict[str, BlockBasis],
-    gaps: tuple[dict[str, csr_matrix], GapLaw],
+    given: tuple[Acting, GapLaw],
     damping: DampingConfig,
     parts: dict[str, slice],
 ) -> System:
     """The parts side by side, with their joints open."""
-    (operators, law), size = gaps, max(part.stop for part in parts.values())
-    omega2, load, force, B = _reduced_matrices(scene, basis, operators, size)
+    (acting, law), size = given, max(part.stop for part in parts.values())
+    omega2, load, force, B = _reduced_matrices(scene, basis, acting, size)
     return System(
         M=csr_matrix(eye_array(size)),
         C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
@@ -138,9 +139,7 @@ def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -
     return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
 
-def _refuse_large(
-    scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice, store: BlockStore | None
-) -> None:
+def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: BlockStore | None) -> None:
     """Raise before anything is computed if a part is not in the store and fits in memory with no solver."""
     if choice.keeps_all:
         return
@@ -149,46 +148,47 @@ def _refuse_large(
         try:
             candidates(unknowns, choice.columns, choice.solving, part.name)
         except ReductionError:
-            keys = _keys(part, scene, operators, choice)
+            keys = _keys(part, scene, acting, choice)
             if store is None or not all(store.path(key).is_file() for key in keys.values()):
                 raise
 
 
-def _keys(part: Part, scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice) -> dict[str, str]:
+def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under."""
     if len(part.blocks) > 1:
-        return tied_keys(part, scene, operators, choice)
+        return tied_keys(part, scene, acting, choice)
     (name,) = part.blocks
-    interface = joint_interface(operators[name], scene.fixed[name])
+    interface = joint_interface(acting.operators[name], scene.fixed[name])
     return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice)}
 
 
 def _reduced_part(
     part: Part,
     scene: Scene,
-    operators: dict[str, csr_matrix],
+    acting: Acting,
     choice: ModeChoice,
     store: BlockStore | None,
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates."""
     if len(part.blocks) > 1:
-        return tied_bases(part, scene, operators, choice, store)
+        return tied_bases(part, scene, acting, choice, store)
     (name,) = part.blocks
-    return {name: _reduced_block(scene.blocks[name], operators[name], scene.fixed[name], choice, store)}
+    operator, fixed = acting.operators[name], scene.fixed[name]
+    return {name: _reduced_block(scene.blocks[name], operator, fixed, choice, store)}
 
 
 def _reduced_matrices(
-    scene: Scene, basis: dict[str, BlockBasis], operators: dict[str, csr_matrix], size: int
+    scene: Scene, basis: dict[str, BlockBasis], acting: Acting, size: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """omega^2, load, force and gap operator over the coordinates; blocks of a part add to the same ones."""
     omega2, load, force = np.zeros(size), np.zeros((size, 3)), np.zeros(size)
-    B = np.zeros((next(iter(operators.values())).shape[0], size))
+    B = np.zeros((next(iter(acting.operators.values())).shape[0], size))
     for name, block in basis.items():
         omega2[block.columns] = block.omega2
         if name not in scene.radiating:
             load[block.columns] += block.participation
-        force[block.columns] += _static_force(scene, name, block)
-        B[:, block.columns] += operators[name] @ block.matrix
+        force[block.columns] += _static_force(scene, name, block, acting.forces[name])
+        B[:, block.columns] += acting.operators[name] @ block.matrix
     return omega2, load, force, B
 
 
@@ -244,11 +244,11 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     )
 
 
-def _static_force(scene: Scene, name: str, part: BlockBasis) -> Floats:
+def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> Floats:
     """Modal static force on the joints' structure; weight follows from the participation."""
-    forces = surface_force(scene, name).ravel()
     loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
-    surface = part.matrix[loaded].T @ forces[loaded]
+    rows = slice(None) if 2 * len(loaded) > len(forces) else loaded  # most of them are not copied
+    surface = part.matrix[rows].T @ forces[rows]
     if scene.staged_weight or name in scene.settled:
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)

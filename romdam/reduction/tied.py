@@ -33,13 +33,14 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
 import romdam
 from romdam.fem.absorbing import boundary_dashpots
-from romdam.fem.loads import surface_force
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.fingerprint import fingerprint
+from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
-from romdam.linalg.solvers import make_solver
+from romdam.linalg.solvers import SMALL, make_solver
+from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.columns import Columns
 from romdam.reduction.craig_bampton import (
     FREE_SHIFT,
@@ -66,12 +67,26 @@ _TOGETHER = 64  # modes looked at: each time all of them are read
 
 
 @dataclass(frozen=True)
+class Acting:
+    """What acts on blocks beside their inertia.
+
+    Attributes
+    ----------
+    operators : block name -> its gap operator, (rows, 3 nodes)
+    forces : block name -> (3 nodes,) static forces but its weight [N]
+    """
+
+    operators: dict[str, csr_matrix]
+    forces: dict[str, Floats]
+
+
+@dataclass(frozen=True)
 class _Tied:
     """A part over its free DOFs.
 
     Attributes
     ----------
-    K, M : (n, n) sparse
+    K, M : (n, n), of K the upper triangle
     right : (n, a) sparse, of unit length: what the basis answers statically right
     held : whether supports stop every rigid motion
     motions : of the free DOFs
@@ -80,7 +95,7 @@ class _Tied:
     place : what to call the part in messages
     """
 
-    K: csr_matrix
+    K: Symmetric
     M: csr_matrix
     right: csc_matrix
     held: bool
@@ -111,22 +126,18 @@ class _Tied:
 def tied_bases(
     part: Part,
     scene: Scene,
-    operators: dict[str, csr_matrix],
+    acting: Acting,
     choice: ModeChoice,
     store: BlockStore | None = None,
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates: from the store, or made and kept there.
-
-    Parameters
-    ----------
-    operators : block name -> its gap operator
 
     Raises
     ------
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    operator, static = _given(part, scene, operators)
+    operator, static = _given(part, acting)
     store = store or BlockStore.passing()
     keys = _keys(part, scene, operator, static, choice)
     found = {name: store.read(key) for name, key in keys.items()}
@@ -137,17 +148,14 @@ def tied_bases(
     return _reduced(tied, scene, choice, store, keys)
 
 
-def tied_keys(
-    part: Part, scene: Scene, operators: dict[str, csr_matrix], choice: ModeChoice
-) -> dict[str, str]:
+def tied_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under; see `tied_bases`."""
-    return _keys(part, scene, *_given(part, scene, operators), choice)
+    return _keys(part, scene, *_given(part, acting), choice)
 
 
-def _given(part: Part, scene: Scene, operators: dict[str, csr_matrix]) -> tuple[csr_matrix, Floats]:
-    """The part's gap operator, and its surface forces."""
-    static = gather(part, {name: surface_force(scene, name).ravel() for name in part.blocks})
-    return part_operator(part, operators), static
+def _given(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
+    """The part's gap operator, and its static forces."""
+    return part_operator(part, acting.operators), gather(part, acting.forces)
 
 
 def _keys(
@@ -180,7 +188,7 @@ def _tied(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _Ti
     mesh = part.mesh(scene.blocks)
     dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
     return _Tied(
-        K=K,
+        K=Symmetric(K),
         M=M,
         right=_unit_columns([operator[:, free].T, *(load[free] for load in loads)]),
         held=held_rigidly(mesh, fixed),
@@ -225,7 +233,7 @@ def _reduced(
     size, file = tied.K.shape[0], (store.scratch(key), key)
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
     if every and (tied.M.diagonal() > 0.0).all():
-        modes, (omega2, Phi), V = size, dense_modes(tied.K, tied.M), np.eye(size)
+        modes, (omega2, Phi), V = size, dense_modes(tied.K.whole(), tied.M), np.eye(size)
         T = Columns(*file, (len(tied.row), size))
         T.fill(size, lambda first, last: _over_blocks(tied, Phi[:, first:last]))
     else:
@@ -247,16 +255,18 @@ def _reduced(
 def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tuple[Columns, int]:
     """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
     right = tied.right
-    shifted = tied.K - tied.shift * tied.M if tied.shift else tied.K
+    shifted = Symmetric(tied.K.upper - tied.shift * tied.M) if tied.shift else tied.K
     columns = right.shape[1] + choice.columns
     solver = make_solver(shifted, tied.motions, columns, choice.solving, tied.place, tied.inner)
     T = Columns(*file, (len(tied.row), right.shape[1]))
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), WIDTH)
+    width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), width)
     log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
-    count, make = span_of_modes(tied.K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
+    K = tied.K if tied.K.shape[0] > SMALL else tied.K.whole()
+    count, make = span_of_modes(K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
     static = T.shape[1]
     T.widen(count)
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), WIDTH)
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), width)
     return T, count
 
 

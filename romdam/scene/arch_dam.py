@@ -175,13 +175,11 @@ def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Float
         cells = split_into_tets(turned)
         inside_out = np.repeat(grid.mirrored, len(cells) // len(turned))
         cells = np.where(inside_out[:, None], cells[:, [0, 2, 1, 3]], cells)
-    points, tags = grid.points, grid.tags
+    whole = np.hstack([grid.points, *grid.tags.values()])
     if ELEMENTS[element].quadratic:
-        edges = ELEMENTS[element].edges
-        corners = cells
-        points, cells = with_midside_nodes(points, corners, edges)
-        tags = {key: with_midside_nodes(tag, corners, edges)[0] for key, tag in tags.items()}
-    return points, cells, tags
+        whole, cells = with_midside_nodes(whole, cells, ELEMENTS[element].edges)
+    points, *tags = np.ascontiguousarray(whole.reshape(len(whole), -1, 3).transpose(1, 0, 2))
+    return points, cells, dict(zip(grid.tags, tags, strict=True))
 
 
 def _block_materials(config: ArchDamConfig, materials: dict[str, Material]) -> dict[str, Material]:

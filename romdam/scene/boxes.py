@@ -9,7 +9,7 @@ import numpy as np
 from romdam.config.models import BoxConfig
 from romdam.errors import ConfigError
 from romdam.scene.elements import ELEMENTS, Floats
-from romdam.scene.facets import boundary_facets, facets_in_plane
+from romdam.scene.facets import boundary_facets, facets_in_plane, row_numbers
 from romdam.scene.model import Block, Ints, Material
 
 _DIVIDES = 1e-6  # relative: element sizes such as 10/3 are written with a few digits
@@ -99,11 +99,14 @@ def split_into_tets(cells: Ints) -> Ints:
 def with_midside_nodes(
     points: Floats, cells: Ints, edges: tuple[tuple[int, int], ...]
 ) -> tuple[Floats, Ints]:
-    """Append one node in the middle of every edge; `edges` are the corner pairs of the element."""
+    """Append one node in the middle of every edge; `edges` are the corner pairs of the element.
+
+    Points may have more than three columns; all are meant.
+    """
     pairs = np.sort(cells[:, np.array(edges)].reshape(-1, 2), axis=1)
-    unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
+    _, first, inverse = np.unique(row_numbers(pairs), return_index=True, return_inverse=True)
     midsides = len(points) + inverse.reshape(len(cells), len(edges))
-    return np.vstack([points, points[unique].mean(axis=1)]), np.hstack([cells, midsides])
+    return np.vstack([points, points[pairs[first]].mean(axis=1)]), np.hstack([cells, midsides])
 
 
 def _box_faces(box: BoxConfig, points: Floats, cells: Ints) -> dict[str, Ints]:

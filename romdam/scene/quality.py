@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from romdam.errors import MeshError
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
+from romdam.scene.facets import row_numbers
 from romdam.scene.model import Block
 
 _CHUNK = 4096  # cells at a time
@@ -24,7 +25,7 @@ def refuse_bad_cells(block: Block, place: str) -> None:
     ------
     MeshError
     """
-    unique = np.unique(np.sort(block.cells, axis=1), axis=0)
+    unique = np.unique(row_numbers(np.sort(block.cells, axis=1)))
     if len(unique) < len(block.cells):
         raise MeshError(
             f"{place}: {len(block.cells) - len(unique)} of {len(block.cells)} elements of block "
@@ -36,7 +37,13 @@ def refuse_bad_cells(block: Block, place: str) -> None:
     element = ELEMENTS[block.element]
     for first in range(0, len(block.cells), _CHUNK):
         jacobian = jacobians(block.points, block.cells[first : first + _CHUNK], element, element.rule[0])
-        refuse_inverted(block, np.linalg.det(jacobian), first, place)
+        refuse_inverted(block, _determinants(jacobian), first, place)
+
+
+def _determinants(matrices: Floats) -> Floats:
+    """Of (..., 3, 3), by the rule of Sarrus: LAPACK takes a microsecond for each."""
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(matrices, (-2, -1), (0, 1))
+    return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
 
 
 def refuse_loose_nodes(block: Block, place: str = "mesh") -> None:

@@ -1,12 +1,13 @@
 """Time and memory of reducing one large block, against unknowns and gaps, direct and factorisation-free.
 
     python tests/benchmarks/bench_large.py OUT                  against unknowns (an hour up to a million)
-    python tests/benchmarks/bench_large.py OUT --only gaps      against gaps; with both measured, a picture
+    python tests/benchmarks/bench_large.py OUT --only gaps      against gaps; with both measured, a picture,
+                                                                with the dam of bench_large_dam.py OUT in it
     python tests/benchmarks/bench_large.py OUT --block 16 16 60 300 pardiso
 
 A tet10 block of 20 x 20 x 80 m, its foot held, normal gaps over one face, modes below 60 Hz. Every case is a
 process of its own; CPU seconds and peak resident memory are the operating system's. Writes
-OUT/bench_large_*.json and OUT/bench_large.png.
+OUT/bench_large_*.json, goes on where those end, and OUT/growth.png.
 """
 
 from __future__ import annotations
@@ -25,6 +26,13 @@ SIZE = (20.0, 20.0, 80.0)
 CUTOFF = 60.0
 # divisions along x, y, z of the growth against unknowns, with 100 gaps
 MESHES = [(4, 4, 18), (6, 6, 26), (9, 9, 36), (12, 12, 46), (16, 16, 60), (22, 22, 82)]
+NAMES = {
+    "superlu": "SuperLU",
+    "pardiso": "PARDISO",
+    "pardiso_single": "PARDISO, single precision",
+    "multigrid": "multigrid, no factors",
+}
+QUANTITIES = {"cpu_s": "CPU [s]", "peak_gb": "peak memory [GB]"}
 MOST = {"superlu": 110_000, "pardiso": 450_000, "pardiso_single": 450_000, "multigrid": 1_200_000}
 GAPS = [100, 300, 1000, 2000]
 GAPS_MESH = (16, 2, 32)  # a face with room for 2,000 gaps
@@ -112,82 +120,105 @@ def exponent(rows: list[dict[str, object]], along: str, of: str) -> float:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def draw(grown: dict[str, list[dict[str, object]]], path: Path) -> None:
+def draw(grown: dict[str, list[dict[str, object]]], dam: dict[str, object] | None, path: Path) -> None:
+    """Time and memory against unknowns and gaps, solvers side by side; the arch dam where it was run."""
     from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 7.5), layout="constrained")
+    axes = figure.subplots(2, 2)
+    for row, (along, every) in zip(axes, grown.items(), strict=True):
+        for ax, (of, label) in zip(row, QUANTITIES.items(), strict=True):
+            for k, (solver, name) in enumerate(NAMES.items()):
+                rows = [r for r in every if r["solver"] == solver]
+                if len(rows) > 2:
+                    name += f"  $\\sim n^{{{exponent(rows[-3:], along, of):.2f}}}$"
+                if rows:
+                    ax.loglog([r[along] for r in rows], [r[of] for r in rows], f"C{k}o-", ms=4, label=name)
+            if dam and along == "unknowns":
+                k = list(NAMES).index("pardiso_single")
+                ax.loglog(dam[along], dam[of], f"C{k}*", ms=14, mec="k", label="arch dam on rock, 189 gaps")
+            plain_ticks(ax)
+            ax.set(xlabel=f"{along} $n$", ylabel=label)
+            ax.legend(fontsize=8, loc="upper left")
+    axes[0, 0].set_title("one tet10 block, 100 gaps, modes below 60 Hz", loc="left", fontsize=10)
+    axes[0, 1].set_title("exponents are of the last three points", loc="left", fontsize=10)
+    axes[1, 0].set_title(f"the block with {grown['gaps'][0]['unknowns']:,} unknowns", loc="left", fontsize=10)
+    figure.savefig(path, dpi=110)
+
+
+def plain_ticks(ax) -> None:
+    """Numbers as they are written; room for the legend above the lines."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    figure = Figure(figsize=(10, 7), layout="constrained")
-    axes = figure.subplots(2, 2)
-    for row, (along, of_all) in enumerate((("unknowns", grown["unknowns"]), ("gaps", grown["gaps"]))):
-        for column, (of, label) in enumerate((("cpu_s", "CPU [s]"), ("peak_gb", "peak memory [GB]"))):
-            ax = axes[row, column]
-            for k, solver in enumerate(MOST):
-                rows = [r for r in of_all if r["solver"] == solver]
-                if len(rows) > 1:
-                    name = f"{solver}, exponent {exponent(rows[-3:], along, of):.2f}"
-                    ax.loglog([r[along] for r in rows], [r[of] for r in rows], f"C{k}o-", label=name)
-            ax.set(xlabel=along, ylabel=label)
-            for axis in (ax.xaxis, ax.yaxis):
-                axis.set_minor_formatter(NullFormatter())
-                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
-            ax.grid(True, which="both", alpha=0.3)
-            ax.legend()
-    axes[0, 0].set_title("one tet10 block, 100 gaps, modes below 60 Hz", loc="left", fontsize=10)
-    axes[1, 0].set_title(f"{grown['gaps'][0]['unknowns']:,} unknowns", loc="left", fontsize=10)
-    figure.savefig(path, dpi=130)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high * (high / low) ** 0.4)
+    for axis in (ax.xaxis, ax.yaxis):
+        low, high = axis.get_view_interval()
+        axis.set_minor_formatter(NullFormatter())
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 30.0 * low else (1.0, 3.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    ax.grid(True, which="major", alpha=0.3)
 
 
-def against_unknowns(out: Path, most: int) -> list[dict[str, object]]:
-    found = []
-    for divisions in MESHES:
-        unknowns = 3 * (2 * divisions[0] + 1) * (2 * divisions[1] + 1) * 2 * divisions[2]
-        rows = [
-            in_a_process((*divisions, 100, solver), out)
-            for solver in MOST
-            if unknowns <= min(MOST[solver], most)
-        ]
-        if len(rows) > 1:
-            direct = next(row for row in reversed(rows) if row["solver"] in ("pardiso", "superlu"))
-            for row in rows[rows.index(direct) + 1 :]:
-                row |= distance(divisions, Path(str(row["file"])), Path(str(direct["file"])))
-                print(f"{row['solver']:>14} from {direct['solver']}: basis {row['basis']:.1e}, "
-                      f"omega2 {row['omega2']:.1e}", flush=True)  # fmt: skip
-        found += rows
-        remove(rows)
+def cases(only: str, most: int) -> list[list[tuple[int | str, ...]]]:
+    """Divisions, gaps and solver of every case, mesh by mesh or number of gaps by number of gaps."""
+    if only == "gaps":
+        return [[(*GAPS_MESH, gaps, s) for s in MOST_GAPS if gaps <= MOST_GAPS[s]] for gaps in GAPS]
+    found: list[list[tuple[int | str, ...]]] = []
+    for x, y, z in MESHES:
+        unknowns = 3 * (2 * x + 1) * (2 * y + 1) * 2 * z
+        found.append([(x, y, z, 100, s) for s in MOST if unknowns <= min(MOST[s], most)])
     return found
 
 
-def against_gaps(out: Path) -> list[dict[str, object]]:
-    found = []
-    for gaps in GAPS:
-        rows = [
-            in_a_process((*GAPS_MESH, gaps, solver), out) for solver in MOST_GAPS if gaps <= MOST_GAPS[solver]
-        ]
-        found += rows
+def compared(divisions: tuple[int, ...], rows: list[dict[str, object]]) -> None:
+    """Put the distance from the direct solution into the rows of the other solvers."""
+    direct = next((row for row in reversed(rows) if row["solver"] in ("pardiso", "superlu")), None)
+    for row in rows[rows.index(direct) + 1 :] if direct else ():
+        row |= distance(divisions, Path(str(row["file"])), Path(str(direct["file"])))
+        print(f"{row['solver']:>14} from {direct['solver']}: basis {row['basis']:.1e}, "
+              f"omega2 {row['omega2']:.1e}", flush=True)  # fmt: skip
+
+
+def measured(out: Path, only: str, most: int) -> None:
+    """Run the cases that are not in the file yet, remove their bases."""
+    path = out / f"bench_large_{only}.json"
+    found = json.loads(path.read_text()) if path.is_file() else []
+    done = {tuple(row["case"]) for row in found}
+    for some in cases(only, most):
+        if done.issuperset(some):
+            continue
+        rows = [in_a_process(case, out) | {"case": case} for case in some]
+        if only == "unknowns":
+            compared(tuple(map(int, some[0][:3])), rows)
         remove(rows)
-    return found
+        found += rows
+        path.write_text(json.dumps(found, indent=1))
 
 
 def growth(out: Path, only: str, most: int) -> None:
-    """Run the cases, remove their bases, write what was measured and the picture of all of it."""
-    path = out / f"bench_large_{only}.json"
-    path.write_text(
-        json.dumps(against_gaps(out) if only == "gaps" else against_unknowns(out, most), indent=1)
-    )
+    """Measure, and draw the picture of all that was measured."""
+    measured(out, only, most)
     grown = {
         along: json.loads(file.read_text())
         for along in ("unknowns", "gaps")
         if (file := out / f"bench_large_{along}.json").is_file()
     }
     if len(grown) == 2:
-        draw(grown, out / "bench_large.png")
+        draw(grown, of_the_dam(out), out / "growth.png")
     for along, every in grown.items():
         for solver in MOST:
             rows = [r for r in every if r["solver"] == solver]
             if len(rows) > 2:
                 print(f"{solver}: CPU grows with {along}^{exponent(rows[-3:], along, 'cpu_s'):.2f}, "
                       f"memory with {along}^{exponent(rows[-3:], along, 'peak_gb'):.2f}")  # fmt: skip
+
+
+def of_the_dam(out: Path) -> dict[str, object] | None:
+    """The largest arch dam that `bench_large_dam.py OUT` has reduced, if any."""
+    file = out / "bench_large_dam.json"
+    rows = [row["made"] for row in json.loads(file.read_text())] if file.is_file() else []
+    return max(rows, key=lambda row: row["unknowns"], default=None)
 
 
 def remove(rows: list[dict[str, object]]) -> None:

@@ -6,7 +6,7 @@ import pytest
 from romdam.config.models import BoxConfig
 from romdam.scene.boxes import box_block
 from romdam.scene.elements import ELEMENTS, FACET_OF, jacobians
-from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals
+from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
 from romdam.scene.model import Material
 
 CONCRETE = Material(30e9, 0.18, 2440.0)
@@ -52,6 +52,17 @@ def test_facets_look_outward_and_close(name):
     flux = np.einsum("fjk,fjk->", area_vectors(straight, facets), straight[facets])
     volume = np.linalg.det(jacobians(straight, cells, element, xi))[0] @ weight
     assert flux == pytest.approx(3 * volume, rel=1e-13)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 4, 10])
+@pytest.mark.parametrize("most", [3, 2_000_000, 2**40])
+def test_rows_are_numbered_as_numpy_sorts_them(columns, most):
+    rng = np.random.default_rng(4)
+    rows = rng.integers(0, most, (40, columns))[rng.integers(0, 40, 300)]
+    rows[:50, -1] = rng.integers(0, most, 50)  # equal but in the last
+    found = np.unique(row_numbers(rows), return_inverse=True)[1]
+    assert np.array_equal(found, np.unique(rows, axis=0, return_inverse=True)[1].ravel())
+    assert row_numbers(rows[:0]).shape == (0,)
 
 
 @pytest.mark.parametrize("name", FACET_OF)
