@@ -36,7 +36,8 @@ Ints = NDArray[np.int64]
 
 _SAME = 1e-5  # relative, of frequencies squared
 _TOLD = 1e-5  # of the largest, by which values differ
-_MOVED = 1e-2  # direction among the modes of a frequency; those that move have 0.4 or more, the others 1e-4
+_MOVED = 1e-2  # direction among the modes of a frequency; those that gaps move have 0.4 or more, others 1e-4
+_DRIVEN = 1e-5  # of the most driven mode; those that mirror nothing of the loads have 1e-7
 _EXACT = 1e-6  # of the largest jump, what may be left out
 
 
@@ -153,7 +154,7 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
     """Directions among the modes that forces on the groups or the loads move, (modes, directions)."""
     number, drives = _clusters(system), np.column_stack([system.load[:, active], system.force])
     size = np.bincount(number, weights=(system.B.toarray() ** 2).sum(axis=0))
-    drives /= np.maximum(np.abs(drives).max(axis=0), 1e-300)
+    drives *= _MOVED / _DRIVEN / np.maximum(np.abs(drives).max(axis=0), 1e-300)
     moved = np.hstack([jumps.T / np.sqrt(np.maximum(size, 1e-300))[number, None], drives])
     turned, moves = eye_array(system.size, format="lil"), np.linalg.norm(moved, axis=1) > _MOVED
     for several in np.flatnonzero(np.bincount(number) > 1):

@@ -117,3 +117,29 @@ def test_a_law_uneven_in_one_joint_leaves_what_mirrors_it():
     assert isinstance(small.law, GapLaw)
     assert sorted(small.law.K_n) == [2e4, 8e4, 8e4, 8e4]
     assert small.law.joints == {"low": slice(0, 4), "high": slice(4, 4)}
+
+
+def test_modes_that_no_gap_touches_are_kept_where_the_loads_move_them():
+    """One more mode, of a frequency that is there already, driven by a thousandth of the others."""
+    system = in_modes(mirrored())
+    n = system.size
+
+    load = np.vstack([system.load, 1e-3 * np.abs(system.load).max(axis=0)])
+    M, C, K = (np.append(m.diagonal(), m.diagonal()[0]) for m in (system.M, system.C, system.K))
+    observe = np.zeros((3, n + 1))
+    observe[0, n] = 1.0
+    system = dataclasses.replace(
+        system,
+        M=csr_matrix(np.diag(M)),
+        C=csr_matrix(np.diag(C)),
+        K=csr_matrix(np.diag(K)),
+        B=csr_matrix(np.pad(system.B.toarray(), ((0, 0), (0, 1)))),
+        load=load,
+        force=np.append(system.force, 0.0),
+        observe=csr_matrix(observe),
+        parts={"all": slice(0, n), "apart": slice(n, n + 1)},
+    )
+    one, other = (shaken(system, alike=alike) for alike in (True, False))
+    assert one.stats["marched_gaps"] == 4
+    assert np.abs(other.disp[:, 0]).max() > 1e-7
+    assert_same(one, other, 1e-7)
