@@ -203,8 +203,8 @@ def _parted(groups: Iterable[list[int]], cases: Sequence[Case]) -> Iterator[list
 
     The products with the modes gain by it, little since those of a lone run take four rows at a time. What
     the gaps carry from step to step (an inverse, or the gathered W) is each run's own, and beyond a core's
-    cache runs crowd each other out: 8 together take 0.93 of the time with 100 gaps without friction, 0.99
-    with it; with 360 gaps without friction 1.0 to 1.17 times it.
+    cache runs crowd each other out: 8 together have 1.14 times the throughput with 100 gaps, 0.89 times with
+    400 (`tests/benchmarks/bench_batch.py`).
     """
     for group in groups:
         law = cases[group[0]].system.law
