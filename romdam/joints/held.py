@@ -128,7 +128,8 @@ def let_go_where_not_stuck(limits: Limits, memory: GapMemory) -> None:
             limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * p[b]
             limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * p[b]
             p[b + 1], p[b + 2], _ = project_shear(p[b + 1], p[b + 2], limit_j, limit_k)
-    if _WORTH * (memory.counts[1, 0] - going.sum()) < len(going):
+    held, gone = memory.counts[1, 0], going.sum()
+    if _WORTH * (held - gone) < len(going) or _WORTH * gone > held:
         let_all_go(memory)
     elif going.any():
         let_go(memory, len(p), going)
