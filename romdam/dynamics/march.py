@@ -87,7 +87,7 @@ def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemor
     limits = Limits(m.limits.cohesion[run], m.limits.mu[run], m.limits.tension[run])
     memory = GapMemory(
         m.force[run], m.anchor[run], m.active[run, l], m.inverse[run, l], m.order[run, l], m.counts[run, l],
-        m.work, limits, m.weak[run], m.trial[run], m.spring[run], m.worst[run],
+        m.known[run, l], m.work, limits, m.weak[run], m.trial[run], m.spring[run], m.worst[run],
     )  # fmt: skip
     return problem, memory
 

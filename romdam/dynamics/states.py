@@ -313,9 +313,10 @@ def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
         force=by_run("force"),
         anchor=by_run("anchor"),
         active=by_level(first.active),
-        inverse=by_level(first.inverse),
+        inverse=np.zeros((runs, levels, *first.inverse.shape)),  # memory comes as it is written to
         order=by_level(first.order),
         counts=by_level(first.counts),
+        known=by_level(first.known),
         work=first.work,
         limits=Limits(*(np.stack(values) for values in limits)),
         weak=by_run("weak"),

@@ -44,6 +44,7 @@ _SINGLE = 1e-4  # of the force's move, where sweeps in single precision begin an
 _STALLED = 0.1  # of the residual before: single precision does not hold the held gaps
 _REST = 0.1  # of the tolerance
 _IDLE = 0.25  # gathered gaps without force per gap with
+_FEW = 0.25  # of all gaps, below which a product over the gathered ones alone is cheaper than over all
 _SPENT, _RESTS, _SLOW, _CHANGED = 0, 1, 2, 3  # how a row of sweeps ends
 _EXACT_SWEEPS = 200
 _FIRST_SHARE, _LONGER, _LEAST_SHARE = 0.1, 1.5, 1e-4  # of the friction, in a continuation
@@ -220,6 +221,42 @@ def _move(
 
 
 @njit(cache=True)
+def _respond(W: Floats, memory: GapMemory, y_free: Floats, y: Floats) -> None:
+    """Response at the gathered gaps alone, which carry all force; those of the others stay as they are."""
+    p, order = memory.force, memory.order[0, : memory.counts[0, 0]]
+    for a in range(len(order)):
+        i = 3 * order[a]
+        row_n, row_j, row_k = W[i], W[i + 1], W[i + 2]
+        y_n, y_j, y_k = y_free[i], y_free[i + 1], y_free[i + 2]
+        for b in range(len(order)):
+            for k in range(3 * order[b], 3 * order[b] + 3):
+                y_n += row_n[k] * p[k]
+                y_j += row_j[k] * p[k]
+                y_k += row_k[k] * p[k]
+        y[i], y[i + 1], y[i + 2] = y_n, y_j, y_k
+
+
+@njit(cache=True)
+def _first_response(W: Floats, memory: GapMemory, y_free: Floats, y: Floats) -> None:
+    """y = W p + y_free, with W p of the last solution where the force is still that one."""
+    p, (known, product) = memory.force, memory.known
+    for b in range(len(p)):
+        if p[b] != known[b]:
+            response(W, p, y_free, y)
+            return
+    for b in range(len(p)):
+        y[b] = product[b] + y_free[b]
+
+
+@njit(cache=True)
+def _remember(memory: GapMemory, y_free: Floats, y: Floats) -> None:
+    """Keep W p of a solution, the force and its response."""
+    p, (known, product) = memory.force, memory.known
+    for b in range(len(p)):
+        known[b], product[b] = p[b], y[b] - y_free[b]
+
+
+@njit(cache=True)
 def _sweeps(
     W: Floats,
     limits: Limits,
@@ -244,6 +281,9 @@ def _sweeps(
         fate, change, done = _move(W, limits, memory, (base, y), (done, change), (goal, control[1]))
         if fate == _CHANGED:
             return np.inf
+        if fate == _SPENT and done < _SWEEPS and held == 0 and memory.counts[0, 0] < _FEW * len(limits.mu):
+            _respond(W, memory, y_free, y)
+            continue
         response(W, p, y_free, y)
         residual = natural_residuals(W, limits, p, y)[1]
         good = fate == _RESTS and residual <= goal
@@ -351,7 +391,7 @@ def solve_frictional(
             memory.force[3 * i + 1], memory.force[3 * i + 2] = 0.0, 0.0
     if memory.counts[1, 0] > 0:
         let_go_where_not_stuck(limits, memory)
-    response(W, memory.force, y_free, y)
+    _first_response(W, memory, y_free, y)
     residual = _sweeps(W, limits, memory, y_free, y, control)
     if len(kept) and not residual <= tolerance:
         return np.inf
@@ -359,6 +399,7 @@ def solve_frictional(
         memory.counts[0, 1] += 1
         residual = _rescue(W, limits, memory, y_free, y, control)
     if residual <= tolerance:
+        _remember(memory, y_free, y)
         note_stuck(W, limits, memory)
     else:
         memory.worst[0] = worst_gap(W, limits, memory.force, y)

@@ -62,18 +62,27 @@ def _add_dense(W: Floats, p: Floats, y: Floats) -> None:
                 y[r] += W[r, j] * p[j]
 
 
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def add_gap(rows: Floats, p: Floats, y: Floats) -> None:
+    """y += rows^T p, the three rows of a gap in one pass."""
+    a, b, c = rows[0], rows[1], rows[2]
+    f, g, h = p[0], p[1], p[2]
+    for j in range(len(y)):
+        y[j] += f * a[j] + g * b[j] + h * c[j]
+
+
 @njit(cache=True)
 def add_product(W: Floats, p: Floats, y: Floats) -> None:
-    """y += W p, W symmetric; where few components are loaded, the others are skipped."""
+    """y += W p, W symmetric; where few gaps are loaded, the others are skipped."""
     loaded = 0
-    for a in range(len(p)):
-        loaded += int(p[a] != 0.0)
-    if 2 * loaded > len(p):
+    for a in range(0, len(p), 3):
+        loaded += int(p[a] != 0.0 or p[a + 1] != 0.0 or p[a + 2] != 0.0)
+    if 6 * loaded > len(p):
         _add_dense(W, p, y)
         return
-    for a in range(len(p)):
-        if p[a] != 0.0:
-            add_row(W[a], p[a], y)
+    for a in range(0, len(p), 3):
+        if p[a] != 0.0 or p[a + 1] != 0.0 or p[a + 2] != 0.0:
+            add_gap(W[a : a + 3], p[a : a + 3], y)
 
 
 @njit(cache=True)

@@ -145,6 +145,7 @@ class GapMemory(NamedTuple):
         inverse[1] holds the principal pivot of W on the held gaps (`romdam.joints.held`), active[1] says
         which these are, order[1] for how many solutions every gap has been stuck, counts[1, 0] is the held
         gaps' number and counts[1, 1] its sum over the solutions
+    known : (2, N) with friction, the force of the last solution and what W makes of it [N], [m]; else (2, 0)
     work : (3, N) scratch
     limits : in force now
     weak : (n, 3) whether a gap's bond is lost, it slides, its key is out; moved by accepted steps only;
@@ -161,6 +162,7 @@ class GapMemory(NamedTuple):
     inverse: Floats
     order: NDArray[np.int64]
     counts: NDArray[np.int64]
+    known: Floats
     work: Floats
     limits: Limits
     weak: NDArray[np.bool_]
@@ -319,6 +321,7 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         inverse=np.zeros((2, N, N) if n == N else (2, N, (N + 1) // 2)),
         order=np.full((2, n), N, dtype=np.int64),  # what is stuck at first counts as long stuck
         counts=np.zeros((2, 4), dtype=np.int64),
+        known=np.zeros((2, 0 if n == N else N)),
         work=np.zeros((3, N)),
         limits=Limits(np.zeros((n, 2)), problem.mu.copy(), np.zeros(n)),
         weak=weak,

@@ -499,3 +499,21 @@ def test_hard_problems_converge_and_few_need_newton():
         assert solve_step(case.problem, memory, case.w_free)[1] <= TOLERANCE
         newton += memory.counts[0, 1] > 0
     assert newton <= 0.15 * 600
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_closed_gaps_among_many_open_ones(seed):
+    """Four in forty rub for 60 steps: each is solved by sweeps, which look at all gaps at their end alone."""
+    case, steps = random_case(seed, 40, mu=(0.6, 0.6), coupling=0.3, floor=0.1), np.arange(60)
+    gap = np.where(np.arange(40) % 10 == seed, 0.0, 5e-3)
+    case = dataclasses.replace(case, gap=gap, anchor=np.zeros((40, 2)))
+    move, memory = 1e-3 * np.random.default_rng(seed).standard_normal(120), gap_memory(case.problem)
+    for step in steps:
+        before = memory.anchor.copy()
+        w_free = case.w_free + np.sin(0.1 * step) * move
+        now = dataclasses.replace(case, w_free=w_free, anchor=before)
+        jump, force, state, *_ = solve(now, memory, case.problem)
+        check(now, jump, force, state)
+        assert np.count_nonzero(state) <= 5
+    assert memory.counts[0, 1] == 0  # Newton never helps
+    assert memory.counts[0, 2] <= 8 * len(steps)  # sweeps

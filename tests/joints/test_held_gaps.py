@@ -90,18 +90,32 @@ def test_gaps_that_determine_each_other_are_not_held(directions, moves):
     assert memory.counts[1, 0] == 0 and not memory.active[1].any()
 
 
-def test_what_passes_its_limit_is_let_go_and_nothing_else():
-    """Of four held gaps one slides, one is pulled, one is a hundredth below its limit of 0.6 N."""
-    case = random_case(3, 10, mu=(0.6, 0.6), coupling=0.5, floor=0.1)
+def _eighteen_held():
+    """(limits, memory) of 24 gaps of which 18 are held, one a hundredth below its limit of 0.6 N."""
+    case = random_case(3, 24, mu=(0.6, 0.6), coupling=0.5, floor=0.1)
     problem, memory = case.problem, gap_memory(case.problem)
-    memory.force[0 : 3 * 4 : 3] = 1.0
+    memory.force[0 : 3 * 18 : 3] = 1.0
     note_stuck(problem.W, memory.limits, memory)
-    assert list(np.flatnonzero(memory.active[1])) == [0, 1, 2, 3]
+    assert list(np.flatnonzero(memory.active[1])) == list(range(18))
+    memory.force[9:12] = 1.0, 0.0, 0.594
+    return memory.limits, memory
+
+
+def test_what_passes_its_limit_is_let_go_and_nothing_else():
+    """Of the held gaps one slides and one is pulled."""
+    limits, memory = _eighteen_held()
     memory.force[3:6] = 1.0, 0.48, 0.48
     memory.force[6:9] = -0.5, 0.1, 0.0
-    memory.force[9:12] = 1.0, 0.0, 0.594
-    let_go_where_not_stuck(memory.limits, memory)
-    assert list(np.flatnonzero(memory.active[1])) == [0, 3] and memory.counts[1, 0] == 2
+    let_go_where_not_stuck(limits, memory)
+    assert list(np.flatnonzero(memory.active[1])) == [0, *range(3, 18)] and memory.counts[1, 0] == 16
     assert memory.force[3:6] == pytest.approx([1.0, 0.6 / np.sqrt(2.0), 0.6 / np.sqrt(2.0)])
     assert not memory.force[6:9].any()
     assert list(memory.force[9:12]) == [1.0, 0.0, 0.594]
+
+
+def test_where_many_go_at_once_none_stays_held():
+    limits, memory = _eighteen_held()
+    memory.force[0:9:3] = -1.0
+    let_go_where_not_stuck(limits, memory)
+    assert not memory.active[1].any() and memory.counts[1, 0] == 0
+    assert not memory.force[0:9].any() and (memory.force[9:54:3] == 1.0).all()
