@@ -108,9 +108,12 @@ def _march(
 def _initial(system: System, options: TransientOptions) -> Initial | ConvergenceError:
     if options.start is not None:
         return options.start.q, options.start.v, resumed(system, options.start)
+    kind, tolerance = options.initial_state, options.tolerance
     try:
-        static = options.initial_state == "static"
-        q, gaps = static_equilibrium(system, options.tolerance) if static else undeformed(system)
+        q, gaps = system.kept.of(
+            ("initial", kind, tolerance),
+            lambda: static_equilibrium(system, tolerance) if kind == "static" else undeformed(system),
+        )
     except ConvergenceError as error:
         return error
     return q, np.zeros_like(q), gaps
@@ -125,10 +128,8 @@ def _arrays(
 ) -> Arrays:
     """Everything that the hot loop needs, at its beginning."""
     active = np.flatnonzero([any(np.any(case.ground[a]) for case in cases) for a in range(3)])
-    system = cases[0].system
-    model = modal_model(system, split, active, conserving, options.shift)
     variants = {id(case.system): case.system for case in cases}
-    levels, damping = step_levels(list(variants.values()), model, split, options)
+    model, levels, damping = _constant(list(variants.values()), split, options, active, conserving)
     problem = np.array([list(variants).index(id(case.system)) for case in cases], dtype=np.int64)
     memory = run_memory(levels.problem, problem)
     runs = _runs(cases, options, active, np.stack([damping[problem], problem]), memory)
@@ -139,6 +140,22 @@ def _arrays(
     work = _work(states, len(model.shift) > 0)
     _begin(model, runs, states, work, track)
     return model, levels, runs, states, work, track
+
+
+def _constant(
+    variants: Sequence[System], split: StateSplit, options: TransientOptions, active: Ints, conserving: bool
+) -> tuple[ModalModel, Levels, Ints]:
+    """What the march reads and does not change, kept where there is one system without added jumps."""
+    system, shift = variants[0], options.shift
+
+    def make() -> tuple[ModalModel, Levels, Ints]:
+        model = modal_model(system, split, active, conserving, shift)
+        return model, *step_levels(variants, model, split, options)
+
+    if len(variants) > 1 or shift is not None:
+        return make()
+    how = (options.dt, options.cuts, options.midpoint, options.flexible_ratio)
+    return system.kept.of(("march", split.states.tobytes(), active.tobytes(), conserving, *how), make)
 
 
 def _begin(model: ModalModel, runs: Runs, states: ModalState, work: Work, track: Track) -> None:

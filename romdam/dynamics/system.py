@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from romdam.dynamics.kept import Kept
+
 Floats = NDArray[np.float64]
 
 SHEAR_LAWS = ("cohesion", "friction_static", "shear_key")
@@ -93,6 +95,11 @@ class System:
     def folds(self) -> dict[bytes, System | None]:
         """What `romdam.dynamics.alike.folded` found, by which components were shaken."""
         return {}
+
+    @cached_property
+    def kept(self) -> Kept:
+        """What integrations of this system share."""
+        return Kept()
 
     @property
     def size(self) -> int:

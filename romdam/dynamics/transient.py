@@ -97,7 +97,8 @@ def adaptive(cases: Sequence[Case], options: TransientOptions, progress: Progres
     """
 
     def split(system: System) -> StateSplit:
-        return split_states(system, options.flexible_ratio)
+        ratio = options.flexible_ratio
+        return system.kept.of(("states", ratio), lambda: split_states(system, ratio))
 
     marched = [Case(_folded(case, options), case.ground) for case in cases]
     outcomes = _march_alike(marched, options, progress, split)
