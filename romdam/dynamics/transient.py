@@ -205,7 +205,7 @@ def _parted(groups: Iterable[list[int]], cases: Sequence[Case]) -> Iterator[list
     The products with the modes gain by it, little since those of a lone run take four rows at a time. What
     the gaps carry from step to step (an inverse, or the gathered W) is each run's own, and beyond a core's
     cache runs crowd each other out: 8 together have 1.14 times the throughput with 100 gaps, 0.89 times with
-    400 (`tests/benchmarks/bench_batch.py`).
+    400, 0.90 times with 1,500 (`tests/benchmarks/bench_batch.py`).
     """
     for group in groups:
         law = cases[group[0]].system.law

@@ -7,7 +7,7 @@
 M is the principal pivot of W on the held gaps. Sweeps run on M_ff; the held gaps' force follows from theirs,
 and those that are not stuck in it are let go, by one exchange of all their directions. So a held gap costs a
 product, and every step proves it stuck. Of the 189 gaps of configs/arch_dam.yaml at a tenth of
-its shaking 122 never slide; 114 are held on average, and the march takes 0.66 of the time
+its shaking 122 never slide; 114 are held on average, and the march takes 0.59 of the time
 (`tests/benchmarks/bench_held_gaps.py`). M is in single precision, like the sweeps: the responses between them
 are exact.
 
@@ -118,7 +118,10 @@ def let_all_go(memory: GapMemory) -> None:
 
 @njit(**ARRAYS)
 def let_go_where_not_stuck(limits: Limits, memory: GapMemory) -> None:
-    """Let those go that are not stuck in the force at hand, which is brought within their limits."""
+    """Let those go that are not stuck in the force at hand, which is brought within their limits.
+
+    All go where these are many: an exchange of m directions costs m N^2, more than what holding saves.
+    """
     p, going = memory.force, np.zeros(len(limits.mu), dtype=np.bool_)
     for i in range(len(going)):
         if memory.active[1, i] and not is_stuck(limits, p, i):
