@@ -24,7 +24,6 @@ Floats = NDArray[np.float64]
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _MAX_ITERATIONS = 2000
 _REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
-_ROUND_OFF = 1e-15  # of the motion without joint forces, which they take back
 _TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can come to rest
 
 
@@ -154,8 +153,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         gaps = _solve(problem, memory, np.asarray(system.B @ free), tolerance)
         moved = free + X @ gaps.force.ravel() - q
         q = q + moved
-        least = max(rest * max(np.abs(q).max(), 1e-12), _ROUND_OFF * np.abs(free).max())
-        if shift == 0.0 or np.abs(moved).max() <= least:
+        if shift == 0.0 or np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12):
             return q, gaps
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
@@ -168,6 +166,7 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     n, N = len(problem.gap), len(problem.W)
     d = N // max(n, 1)
     y = np.zeros(N)
+    memory.known[:] = np.nan  # free motions are large here: a kept product would leave their round-off
     closed = memory.force[::d] > 0.0
     residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (min(tolerance, _TIGHT), False))
     if not residual <= _TIGHT:  # round-off forbids as much: take what was asked
