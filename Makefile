@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow bench campaign lint clean
+.PHONY: run test test-slow fuzz bench campaign lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -19,6 +19,10 @@ test: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -m slow
+
+# Damaged records, meshes, configurations, caches, results, suites and disks, seeded: some minutes.
+fuzz: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -n $(JOBS) tests/fuzz --fuzz
 
 # Speed beside error, printed and written as JSON; a benchmark never fails on time.
 bench: $(VENV)/.installed-dev

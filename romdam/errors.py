@@ -1,5 +1,11 @@
 """The errors romdam raises; each message names the place, the value, the limit and the remedy."""
 
+from __future__ import annotations
+
+import reprlib
+
+_SHOWN = 80  # characters of a value in a message
+
 
 class RomdamError(Exception):
     """Base of every error that a user's input or model can cause."""
@@ -27,3 +33,15 @@ class ConvergenceError(RomdamError):
 
 class ResultError(RomdamError):
     """A result or model file cannot be read or written."""
+
+
+def shown(value: object) -> str:
+    """A value as messages quote it: its repr cut to a part of a line.
+
+    However deep its parts are, or often repeated (a YAML file's anchors make billions of a few), only a
+    few of them are looked at.
+    """
+    short = reprlib.Repr()
+    short.maxlevel, short.maxstring, short.maxother, short.maxlong = 3, _SHOWN, _SHOWN, _SHOWN
+    text = " ".join(short.repr(value).split())
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."

@@ -1,14 +1,15 @@
-"""Files written whole or not at all."""
+"""Files written whole or not at all, and read only where they are files of a size that can be meant."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from romdam.errors import ResultError
+from romdam.errors import ResultError, RomdamError, shown
 
 _SPARE = 1 << 20  # bytes of a file beside its arrays
 
@@ -75,3 +76,34 @@ def prepare_folder(folder: Path) -> Path:
         part.touch()
     (folder / ".writable").unlink()
     return folder
+
+
+def check_file(path: Path, most: float, error: type[RomdamError]) -> None:
+    """Refuse what is not an ordinary file, or larger than anything of its kind, before it is opened.
+
+    A device or a pipe would be read without end, or waited for without end.
+
+    Parameters
+    ----------
+    most : bytes
+    error : what is raised; one of `romdam.errors`
+
+    Raises
+    ------
+    RomdamError
+        of the class `error`, where the path names no file, no ordinary file, or too large a one.
+    """
+    try:
+        about = path.stat()
+    except FileNotFoundError:
+        raise error(f"{path}: no such file") from None
+    except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
+        raise error(f"{shown(str(path))}: cannot be read ({problem})") from None
+    if not stat.S_ISREG(about.st_mode):
+        kind = "a folder" if stat.S_ISDIR(about.st_mode) else "a device, pipe or socket"
+        raise error(f"{path}: is {kind}; give a file")
+    if about.st_size > most:
+        raise error(
+            f"{path}: has {about.st_size / 1e6:.0f} MB, at most {most / 1e6:.0f} MB are read; "
+            "is this the file that was meant?"
+        )
