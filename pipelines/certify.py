@@ -33,6 +33,7 @@ from romdam.outputs.certificate import (
     read_run,
     write_certificate,
 )
+from romdam.outputs.comparison import peak_error
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.shaking import ground_at_steps, options_at
 from romdam.records.motion import GroundMotion
@@ -212,7 +213,7 @@ def _statement(run: StoredRun, found: _Found) -> dict[str, object]:
         "energy": figures(run.strain, corrected.energy["strain"]),
     }
     opening = run.jump[..., 0].max(), found.jump[..., 0].max()
-    error["opening"] = replace(error["opening"], peak=float(abs(opening[0] - opening[1]) / abs(opening[1])))
+    error["opening"] = replace(error["opening"], peak=peak_error(run.jump[..., 0], found.jump[..., 0]))
     return {
         "statement": _sentence(run, error, linear),
         "record": run.attributes["record"],

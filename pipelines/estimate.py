@@ -6,7 +6,6 @@ to the largest opening. What the two have grown apart by then is most of what th
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass
 
@@ -16,6 +15,7 @@ from romdam.config.load import Job
 from romdam.dynamics.certificate import run_window
 from romdam.dynamics.system import History
 from romdam.outputs.certificate import Figures, figures
+from romdam.outputs.comparison import peak_error
 from romdam.pipelines.shaking import ground_at_steps, options_at
 from romdam.records.motion import GroundMotion
 from romdam.reduction.refinement import embedding, slightly_finer
@@ -99,9 +99,7 @@ def estimate_error(
     found = run_window(finer.model.system, finer.embed, history, ground, options, WINDOW)
     rows = slice(found.first, found.last + 1)
     opening = figures(history.jump[rows, :, 0], found.run.jump[..., 0])
-    peaks = (float(run.max()) for run in (history.jump[rows, :, 0], found.run.jump[..., 0]))
-    own, better = peaks
-    peak = abs(own - better) / abs(better) if better else math.nan
+    peak = peak_error(history.jump[rows, :, 0], found.run.jump[..., 0])
     return Estimate(
         Figures(opening.l2 / SHARE, peak / SHARE),
         (float(history.time[found.first]), float(history.time[found.last])),

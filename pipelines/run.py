@@ -19,6 +19,7 @@ from romdam.fem.unreduced import assemble_full
 from romdam.files import prepare_folder
 from romdam.outputs.certificate import FOLDER
 from romdam.outputs.comparison import read_statement
+from romdam.outputs.concerns import concerns
 from romdam.outputs.dataset import Timing, build_dataset, write_dataset
 from romdam.outputs.fields import write_model
 from romdam.outputs.stress_file import StressFields, write_stress
@@ -208,6 +209,8 @@ def run_motion(
         dataset.attrs.update(read_statement(folder, job.digest) | stated)
         dataset.attrs[FOLDER] = os.path.relpath(job.folder, folder)
         write_dataset(dataset, path)
+    for concern in concerns(history.stats):
+        log.warning("%s: %s", motion.name, concern)
     if job.config.outputs.plots:
         with clock.stage("plots", "drawing figures"):
             draw(dataset, folder, motion.name)

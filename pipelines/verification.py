@@ -13,7 +13,14 @@ from romdam.dynamics.transient import integrate
 from romdam.errors import ConfigError
 from romdam.fem.unreduced import assemble_full
 from romdam.files import prepare_folder
-from romdam.outputs.comparison import Difference, Openings, compare_openings, read_reference, write_statement
+from romdam.outputs.comparison import (
+    Difference,
+    Openings,
+    compare_openings,
+    peak_error,
+    read_reference,
+    write_statement,
+)
 from romdam.outputs.stress import StressSummary
 from romdam.outputs.stress_file import StressFields
 from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
@@ -136,7 +143,7 @@ def _joint_peaks(joints: dict[str, slice], reduced: Openings, full: Openings) ->
     found = {}
     for name, gaps in joints.items():
         peak, whole = (float(run.opening[:, gaps].max()) for run in (reduced, full))
-        error = abs(peak - whole) / abs(whole) if whole else 0.0
+        error = peak_error(reduced.opening[:, gaps], full.opening[:, gaps])
         found[name] = {"peak": peak, "peak_full": whole, "peak_error": error}
     return found
 

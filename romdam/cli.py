@@ -107,7 +107,7 @@ def _run_suite(
     )  # loads it while this process loads the rest
     from romdam.pipelines.report import report as write_report
     from romdam.pipelines.suite import SuiteOptions, run_suite
-    from romdam.terminal import accuracy_lines, failure_lines, suite_table
+    from romdam.terminal import concern_lines, failure_lines, suite_table
 
     stages, say = terminal
     try:
@@ -116,7 +116,7 @@ def _run_suite(
         typer.echo("romdam: stopped; what is finished is kept, and goes on when run again", err=True)
         raise typer.Exit(STOPPED) from None
     say(suite_table(outcome.summary), f"written: {outcome.path}")
-    for line in (*accuracy_lines(outcome.summary, job.config.transient.accuracy), *failure_lines(outcome)):
+    for line in (*concern_lines(outcome.summary, job.config.transient.accuracy), *failure_lines(outcome)):
         typer.echo(line, err=True)
     if job.config.outputs.plots:
         say(f"written: {write_report(out, job=job, show=stages)}")

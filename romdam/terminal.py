@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,6 +18,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+
+from romdam.outputs.concerns import LEDGER_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -154,18 +157,19 @@ def failure_lines(outcome: SuiteOutcome) -> list[str]:
     return [*lines, f"{failed} of {outcome.runs} runs failed"] if lines else []
 
 
-def accuracy_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
-    """How many runs of a suite did not reach the wanted accuracy of the time stepping, if any."""
-    if wanted is None or "estimated_time_error" not in summary:
-        return []
-    errors = summary.estimated_time_error
-    missed = int((errors > wanted).sum())
-    if missed == 0:
-        return []
-    return [
-        f"{missed} of {errors.size} runs did not reach {100 * wanted:g} % at the finest step allowed; "
-        f"estimated_time_error says which, {100 * float(errors.max()):.2g} % at most"
-    ]
+def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
+    """How many runs of a suite have an open energy ledger, or missed the wanted accuracy in time, if any."""
+    limits = {
+        "ledger_imbalance": (LEDGER_LIMIT, "do not close their energy ledger within"),
+        "estimated_time_error": (wanted, "did not reach, at the finest step allowed,"),
+    }
+    lines = []
+    for name, (limit, text) in limits.items():
+        beyond = int((summary[name] > limit).sum()) if name in summary and limit is not None else 0
+        if beyond and limit is not None:
+            worst = f"{name} says which, {100 * float(summary[name].max()):.2g} % at most"
+            lines.append(f"{beyond} of {summary[name].size} runs {text} {100 * limit:g} %; {worst}")
+    return lines
 
 
 _SHOWN = 5  # names of failed runs with one message
@@ -200,6 +204,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"written        {attrs['date_created']} by {attrs['source']}",
         f"error          {attrs.get('error_statement', _NOT_STATED)}",
         *(str(attrs[key]) for key in ("certificate_statement", "error_estimate") if key in attrs),
+        *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),
     ]
 
 

@@ -180,6 +180,13 @@ class DampingConfig(Model):
             raise ValueError("give `rayleigh` or `modal`, not both")
         return self
 
+    @property
+    def acts(self) -> bool:
+        """Whether anything is damped."""
+        ratios = self.modal if isinstance(self.modal, tuple) else (self.modal,)
+        r = self.rayleigh
+        return any(ratios) or (r is not None and bool(r.ratio or r.alpha or r.beta))
+
 
 ModeCount = Annotated[
     Annotated[int, Field(ge=0), Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
@@ -311,6 +318,11 @@ class Config(Model):
             )
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
+        if self.transient.integrator == "conserving" and self.damping.acts:
+            raise ValueError(
+                "transient.integrator: conserving is for scenes without damping, and `damping` is given; "
+                "leave the integrator out, adaptive is the default there"
+            )
         self._refuse_no_blocks()
         self._refuse_samples_of_coupled_modes()
         for name, block in self.blocks.items():

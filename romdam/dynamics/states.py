@@ -192,9 +192,10 @@ def step_levels(
     distinct = list(dict.fromkeys(dampings))
     index = np.array([distinct.index(key) for key in dampings], dtype=np.int64)
     motions = [_motion(variants[dampings.index(key)], model, split, options) for key in distinct]
+    most_lag = 1.0 if options.midpoint and not model.conserving else 0.0
     problems = [
         [
-            _offset_problem(system, split, (H, dt, own), options.midpoint and not model.conserving)
+            _offset_problem(system, split, (H, dt, own), most_lag)
             for H, dt, own in zip(motions[i].H, motions[i].step.dt, motions[i].own, strict=True)
         ]
         for system, i in zip(variants, index, strict=True)
@@ -256,11 +257,11 @@ def _single(alike: Alike, split: StateSplit, sizes: Sequence[float], decay: Floa
 
 
 def _offset_problem(
-    system: System, split: StateSplit, step: tuple[Floats, float, Floats], midpoint: bool
+    system: System, split: StateSplit, step: tuple[Floats, float, Floats], most_lag: float
 ) -> GapProblem:
     """The gap-space problem of a step, its gaps as the static load leaves the modes that are no states."""
     offset = split.G_rest @ (system.force[split.rest] / system.K.diagonal()[split.rest])
-    problem = system_gap_problem(system, step[0], float(step[1]), midpoint, step[2])
+    problem = system_gap_problem(system, step[0], float(step[1]), most_lag, step[2])
     return problem._replace(gap=problem.gap + offset[:: system.law.directions])
 
 

@@ -52,11 +52,11 @@ class GapState:
 
 
 def system_gap_problem(
-    system: System, H: Floats, dt: float = np.inf, midpoint: bool = False, own: Floats | None = None
+    system: System, H: Floats, dt: float = np.inf, most_lag: float = 0.0, own: Floats | None = None
 ) -> GapProblem:
-    """The gap-space problem of a system for one flexibility H over a step dt (inf in statics)."""
+    """Make the gap-space problem for one flexibility H; for the step see `romdam.joints.problem`."""
     law = system.law
-    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, (dt, midpoint), own)
+    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, (dt, most_lag), own)
 
 
 def take_over(memory: GapMemory, gaps: GapState) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.dynamics.alike import folded, unfolded
+from romdam.dynamics.energy import imbalance
 from romdam.dynamics.full_order import generalized_alpha
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.runs import Case, Progress, march_cases
@@ -72,7 +73,12 @@ def integrate_cases(
     """
     if options.integrator not in INTEGRATORS:
         raise ConfigError(f"no integrator {options.integrator!r}; there are {', '.join(INTEGRATORS)}")
-    return INTEGRATORS[options.integrator](cases, options, progress or (lambda done, total: None))
+    outcomes = INTEGRATORS[options.integrator](cases, options, progress or (lambda done, total: None))
+    return [one if isinstance(one, ConvergenceError) else _with_imbalance(one) for one in outcomes]
+
+
+def _with_imbalance(history: History) -> History:
+    return replace(history, stats=history.stats | {"ledger_imbalance": imbalance(history.energy)})
 
 
 def modal(cases: Sequence[Case], options: TransientOptions, progress: Progress) -> list[Outcome]:
@@ -132,8 +138,13 @@ def conserving(cases: Sequence[Case], options: TransientOptions, progress: Progr
     Raises
     ------
     ConfigError
-        for a system that is not diagonal, and for a step beyond the stability limit.
+        for a system that is not diagonal, or damped, and for a step beyond the stability limit.
     """
+    if any(case.system.C.count_nonzero() for case in cases):
+        raise ConfigError(
+            "transient.integrator: conserving is for scenes without damping, and this one has some: its "
+            "massless joint boundary is wrong where damping acts on it; use adaptive, the default here"
+        )
     laws = sorted({name for case in cases for name in case.system.law.laws})
     if laws:
         raise ConfigError(

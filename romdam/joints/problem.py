@@ -177,7 +177,7 @@ def gap_problem(
     mu: Floats,
     gap: Floats,
     laws: Mapping[str, Floats] | None = None,
-    step: tuple[float, bool] = (np.inf, False),
+    step: tuple[float, float] = (np.inf, 0.0),
     own: Floats | None = None,
 ) -> GapProblem:
     """Set up the gap-space problem of one time step.
@@ -189,8 +189,8 @@ def gap_problem(
     mu : (n, 2)
     gap : (n,) [m]
     laws : further laws by name, see `gap_strength`
-    step : its length, for dashpots, inf in statics [s]; whether forces follow the springs at a point within
-        it, which gaps with further laws never do
+    step : its length, for dashpots, inf in statics [s]; the largest lag, 1 where forces may follow the
+        springs from half of it on, 0 at its end only, as those of gaps with further laws always do
     own : (N,) flexibility of a single gap per force of all those that a row stands for; H's where each
         stands for itself [m/N]
 
@@ -199,7 +199,7 @@ def gap_problem(
     ConfigError
         where K_nz exceeds K_n, or equals it at a gap with friction; for a dashpot on a rigid gap.
     """
-    (K_n, K_nz, K_s), (dt, midpoint) = stiffness, step
+    (K_n, K_nz, K_s), (dt, most_lag) = stiffness, step
     n = len(gap)
     d = max(1, len(H) // max(n, 1))
     _check_tension(K_n, K_nz, mu)
@@ -223,7 +223,7 @@ def gap_problem(
         W = np.asarray(lift @ H)
     W = 0.5 * (W + W.T)
     own = W.diagonal() if own is None or len(lift) else own
-    lag = _lag(own.reshape(n, d), compliance) if midpoint and not laws else np.zeros((n, d))
+    lag = np.minimum(_lag(own.reshape(n, d), compliance), 0.0 if laws else most_lag)
     compliance *= 1.0 + lag
     W = W + np.diag(compliance.ravel())
     return GapProblem(

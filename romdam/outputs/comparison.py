@@ -29,7 +29,7 @@ class Openings:
 
 @dataclass(frozen=True)
 class Difference:
-    """Peak openings [m], relative error of the peak, relative L2 error of all openings, compared seconds."""
+    """Peak openings [m], error of the peak (`peak_error`), relative L2 error of all openings, seconds."""
 
     peak: float
     peak_reference: float
@@ -51,19 +51,30 @@ def compare_openings(computed: Openings, reference: Openings, names: tuple[str, 
     pair = _match(computed.position, reference.position, names)
     rows, rows_reference = _common_times(computed.time, reference.time, names)
     g, g_ref = computed.opening[rows], reference.opening[rows_reference][:, pair]
-    peak, peak_reference = float(g.max()), float(g_ref.max())
     scale = float(np.sqrt((g_ref**2).sum()))
     if scale == 0.0:
         raise ResultError(
             f"{names[1]}: no joint moved, there is nothing to compare with; verify a stronger record"
         )
     return Difference(
-        peak=peak,
-        peak_reference=peak_reference,
-        peak_error=abs(peak - peak_reference) / abs(peak_reference),
+        peak=float(g.max()),
+        peak_reference=float(g_ref.max()),
+        peak_error=peak_error(g, g_ref),
         l2_error=float(np.sqrt(((g - g_ref) ** 2).sum())) / scale,
         seconds=float(computed.time[rows[-1]]),
     )
+
+
+def peak_error(opening: Floats, better: Floats) -> float:
+    """Relative error of the largest opening; relative to the largest closure where no gap opens.
+
+    Parameters
+    ----------
+    opening, better : (nt, ng) [m]
+    """
+    peak = float(better.max())
+    size = peak if peak > 0.0 else float(np.abs(better).max())
+    return abs(float(opening.max()) - peak) / size if size > 0.0 else 0.0
 
 
 def _match(position: Floats, reference: Floats, names: tuple[str, str]) -> NDArray[np.int64]:

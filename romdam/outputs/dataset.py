@@ -18,6 +18,7 @@ import romdam
 from romdam.config.load import Job
 from romdam.errors import ResultError
 from romdam.files import replacing
+from romdam.outputs.concerns import concerns
 from romdam.outputs.variables import COORDINATES, VARIABLES, Case, Variable
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
@@ -76,6 +77,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
         "record": motion.name,
         "record_provenance": json.dumps(motion.provenance, default=str),
         "record_warnings": json.dumps(list(motion.warnings)),
+        "run_warnings": json.dumps(concerns(case.history.stats)),
         "record_dt": motion.dt,
         "record_peak_acceleration": float(np.abs(motion.acc).max()),
         "configuration_file": job.path.name,

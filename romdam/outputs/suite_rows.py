@@ -183,6 +183,9 @@ ROWS: dict[str, Variable] = {
     "energy_friction": _energy("friction", "energy dissipated by sliding"),
     "energy_contact": _energy("contact", "energy taken away numerically at closing and opening"),
     "energy_residual": _energy("residual", "imbalance of the energy ledger"),
+    "ledger_imbalance": _stat(
+        "ledger_imbalance", "1", "largest imbalance of the energy ledger over the largest energy exchanged"
+    ),
     "estimated_time_error": _stat("estimated_time_error", "1", "estimated error of the time stepping"),
     "finest_step": _stat("finest_step", "s", "finest step"),
     "steps": _stat("steps", "1", "accepted steps of the finest integration"),

@@ -215,6 +215,13 @@ VARIABLES: dict[str, Variable] = {
     "energy_damping": _energy("damping", "energy dissipated by damping"),
     "energy_friction": _energy("friction", "energy dissipated by sliding"),
     "energy_contact": _energy("contact", "energy taken away numerically at closing and opening"),
+    "energy_numerical": Variable(
+        ("time",),
+        "J",
+        "energy taken by the integrator besides energy_contact; only their sum is never negative",
+        lambda c: c.history.energy["numerical"],
+        lambda c: "numerical" in c.history.energy,
+    ),
     "energy_residual": _energy("residual", "imbalance of the energy ledger, round-off when exact"),
     "reduced_coordinates": Variable(
         ("time", "mode"),

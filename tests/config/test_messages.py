@@ -25,6 +25,11 @@ MISTAKES = [
     ((*CONCRETE, "E"), "30 kg", ["materials.concrete.E", "'30 kg' is not a quantity in Pa"]),
     ((*CONCRETE, "nu"), 0.5, ["materials.concrete.nu must be less than 0.5, got 0.5", "0.18"]),
     ((*CONCRETE, "rho"), -2400, ["materials.concrete.rho must be greater than 0, got -2400", "2400 kg/m3"]),
+    (
+        ("transient", "integrator"),
+        "conserving",
+        ["transient.integrator: conserving is for scenes without damping", "adaptive is the default"],
+    ),
     ((*JOINT, "normal_stiffness"), -1, ["normal_stiffness must be at least 0, got -1"]),
     ((*JOINT, "normal_stiffness"), "30 kg", ["normal_stiffness: '30 kg' is not a quantity in N/m^3"]),
     (

@@ -61,7 +61,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         "slip": slip.max(axis=0),
     }
     motion = rng.normal(size=(3, STEPS, 6))
-    energy = {term: rng.uniform(size=STEPS) for term in TERMS}
+    energy = {term: rng.uniform(size=STEPS) for term in (*TERMS, "numerical")}
     q, v = (rng.normal(size=(STEPS, 7)) for _ in range(2))
     stats = {"steps": 40.0, "loop_cpu_seconds": 0.1, "finest_step": 0.0025}
     state = rng.integers(0, 3, size=(STEPS, gaps)).astype(np.uint8)

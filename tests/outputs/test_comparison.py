@@ -10,6 +10,7 @@ from romdam.errors import ResultError
 from romdam.outputs.comparison import (
     Openings,
     compare_openings,
+    peak_error,
     read_reference,
     read_statement,
     write_statement,
@@ -35,6 +36,16 @@ def test_errors_by_hand():
     assert found.peak_error == pytest.approx(0.1)
     assert found.l2_error == pytest.approx(np.hypot(0.4, 0.3) / 5.0)
     assert found.seconds == pytest.approx(0.4)
+
+
+def test_peaks_of_joints_that_do_not_open_are_compared_by_their_closure():
+    """No division by the zero of a joint that begins at rest and only closes, and no nan."""
+    better = np.array([[0.0, 0.0], [-4.0, -2.0]])
+    assert peak_error(better - 0.1, better) == pytest.approx(0.1 / 4.0)
+    assert peak_error(better + 0.1, better) == pytest.approx(0.1 / 4.0)
+    assert peak_error(np.zeros((2, 2)), np.zeros((2, 2))) == 0.0
+    found = compare_openings(openings(-np.ones((5, 3))), openings(-2.0 * np.ones((5, 3))), NAMES)
+    assert found.peak_error == pytest.approx(0.5) and found.l2_error == pytest.approx(0.5)
 
 
 def test_gaps_are_matched_by_position_and_times_by_value():

@@ -17,7 +17,6 @@ from romdam.errors import ConfigError, ResultError
 from romdam.pipelines import suite as pipeline
 from romdam.pipelines.suite import SuiteOptions, run_suite
 from romdam.reduction import synthesis
-from romdam.terminal import accuracy_lines
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -379,11 +378,3 @@ def test_latin_hypercube_and_table_are_the_samples(tmp_path):
     (tmp_path / "b" / "s.csv").write_text("\n".join(lines))
     same = made(job, tmp_path / "b" / "out").summary
     np.testing.assert_array_equal(same.peak_opening, found.peak_opening)
-
-
-def test_runs_that_miss_the_accuracy_are_counted():
-    errors = (("record", "scale", "sample"), [[[0.008, 0.02]], [[0.011, 0.009]]])
-    found = xr.Dataset({"estimated_time_error": errors})
-    assert accuracy_lines(found, 0.03) == [] and accuracy_lines(found, None) == []
-    (line,) = accuracy_lines(found, 0.01)
-    assert line.startswith("2 of 4 runs did not reach 1 %") and line.endswith("2 % at most")
