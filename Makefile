@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow fuzz bench campaign lint clean
+.PHONY: run test test-slow test-kernels fuzz bench campaign lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -19,6 +19,12 @@ test: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -m slow
+
+# The last bit of a product depends on the processor: what branches on it must not, whatever the kernel.
+test-kernels: $(VENV)/.installed-dev
+	@for kernel in Haswell SkylakeX Sandybridge; do \
+	  echo "OPENBLAS_CORETYPE=$$kernel"; \
+	  OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -n $(JOBS) tests/joints tests/dynamics || exit 1; done
 
 # Damaged records, meshes, configurations, caches, results, suites and disks, seeded: some minutes.
 fuzz: $(VENV)/.installed-dev
