@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel, Orientation
+from romdam.records.stated import check_peak
 from romdam.records.text import TextFile, iso_time, read_text
 
 Array = NDArray[np.float64]
@@ -22,6 +23,8 @@ TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
 KINDS = {"1 UNCORRECTED ACCELEROGRAM": "V1", "2 CORRECTED ACCELEROGRAM": "V2"}
 OTHERS = ("3 VELOCITY", "4 DISPLACEMENT", "5 RESPONSE SPECTRA", "6 FOURIER AMPLITUDE SPECTRA")
 NULL_INTEGER, NULL_REAL = -32768, 1.7e38
+PEAKS = {29: "largest", 31: "smallest"}  # real headers 30 and 32, as Boore's SMCWrite fills them
+PRECISE = 8  # integer header 47 of files with five values of width 14 in a row
 MAX_RATE = 1e5  # samples/s; some files carry a null value where the rate should be
 HIGHPASS = 32  # real header 33, the corner of the low-cut filter [Hz]
 _MAGNITUDE = re.compile(r"Moment Mag\s*=\s*(\d+(?:\.\d+)?)", re.IGNORECASE)
@@ -50,11 +53,20 @@ def read_smc(path: Path) -> list[Channel]:
     reals = text.table(TEXT_LINES + INTEGER_LINES, 5 * REAL_LINES, 5, 15)
     count, dt, comments = _sizes(text, integers, reals)
     first = TEXT_LINES + INTEGER_LINES + REAL_LINES + comments
-    values = text.numbers(first, count, 8, 10)
-    left = [i for i in range(first - (-count // 8), len(text.lines)) if text.lines[i].strip()]
+    per_row, width = (5, 14) if integers[46] == PRECISE else (8, 10)
+    values = text.numbers(first, count, per_row, width)
+    left = [i for i in range(first - (-count // per_row), len(text.lines)) if text.lines[i].strip()]
     if left:
         raise text.fail(left[0], f"data after the {count} values that the header announces; altered file")
+    _check_peaks(text, values, reals)
     return [_channel(text, kind, (values, dt), (integers, reals))]
+
+
+def _check_peaks(text: TextFile, values: Array, reals: Array) -> None:
+    for place, what in PEAKS.items():
+        found = float(np.max(values) if what == "largest" else np.min(values))
+        if 0.0 < abs(reals[place]) < 0.9 * NULL_REAL and reals[place] != reals[0] and np.isfinite(found):
+            check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, float(reals[place]), found)
 
 
 def _sizes(text: TextFile, integers: Array, reals: Array) -> tuple[int, float, int]:
@@ -137,6 +149,8 @@ def write_smc(channel: Channel, path: Path) -> None:
     ]
     integers, reals = _integer_header(channel), np.full(50, NULL_REAL)
     reals[1] = 1.0 / channel.dt
+    for place, at in ((28, int(np.argmax(values))), (30, int(np.argmin(values)))):
+        reals[place : place + 2] = at * channel.dt, values[at]
     lines = text + [
         "".join(f"{v:10d}" for v in integers[8 * row : 8 * row + 8]) for row in range(INTEGER_LINES)
     ]

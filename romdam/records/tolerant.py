@@ -10,8 +10,8 @@ from pathlib import Path
 
 from romdam.config.records import RecordConfig, manifest_rows, read_row
 from romdam.errors import ConfigError, RecordError
-from romdam.records.assemble import DOUBTED_UNIT
 from romdam.records.motion import GroundMotion
+from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.sources import Found, find_records, matching_files, record_of_row
 from romdam.records.suite import kept_motions, passes
 
