@@ -40,6 +40,11 @@ class Orientation:
     azimuth: float | None
     vertical: int = 0
 
+    def __str__(self) -> str:
+        """As messages name it."""
+        upright = "up" if self.vertical > 0 else "down"
+        return upright if self.azimuth is None else f"{self.azimuth:g} degrees"
+
 
 @dataclass(frozen=True)
 class Channel:

@@ -74,7 +74,7 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
 
 
 def _obspy_read(path: Path) -> tuple[Stream, list[str]]:
-    """The traces of a file, and what ObsPy warns of it: samples that fail a check, records that were skipped."""
+    """The traces of a file, and what ObsPy warns of: samples that fail a check, records that were skipped."""
     import obspy
 
     head = read_bytes(path, 100)
@@ -204,9 +204,7 @@ def channel_of(trace: Trace, in_si: bool = False) -> Channel:
     said = [] if in_si or "knet" in stats else _unused_calibration(float(stats.calib), code)
     where, by_code = _where(trace), parse_orientation(code)
     if where and by_code and len(code) == 3 and where != by_code:
-        said.append(
-            f"channel {code} is by its header at {where}, by its code at {by_code}; the header counts"
-        )
+        said.append(f"channel {code}: the header says {where}, its code {by_code}; the header counts")
     start = str(stats.starttime)
     return Channel(code, data, float(stats.delta), unit, where, start, meta, tuple(said))
 
@@ -214,9 +212,7 @@ def channel_of(trace: Trace, in_si: bool = False) -> Channel:
 def _unused_calibration(factor: float, code: str) -> list[str]:
     if factor in (0.0, 1.0):
         return []
-    return [
-        f"channel {code}: the header's calibration factor {factor:g} is not applied, `unit` is one raw value's"
-    ]
+    return [f"channel {code}: the header's factor {factor:g} is not applied, `unit` is that of raw values"]
 
 
 def _where(trace: Trace) -> Orientation | None:
