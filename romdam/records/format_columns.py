@@ -71,6 +71,8 @@ def read_columns(path: Path, dt: float | None = None, time_column: int | None = 
     if dt is None:
         raise RecordError(f"{path}: line 1: plain text does not say its interval; give `dt` or `time_column`")
     left, warnings = _not_channels(text, table, dt, time_column)
+    if time_column is not None and abs(begin := _column(table, time_column, path)[0]) > 1.1 * dt:
+        warnings = (*warnings, f"the times begin at {begin:g} s, not at 0; is the start cut off?")
     unit = _check_comments(text, table, dt)
     columns = [i for i in range(table.values.shape[1]) if i not in left]
     return [

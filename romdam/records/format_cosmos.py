@@ -185,7 +185,16 @@ def _channel(
     }
     meta |= _station(header, lines[4]) | _corners(header)
     _check_peak(text, header, values)
-    return Channel(_code(header, lines, where), values, dt, unit, where, _start(header), meta)
+    said = _odd_length(header, values.size * dt, dt)
+    return Channel(_code(header, lines, where), values, dt, unit, where, _start(header), meta, said)
+
+
+def _odd_length(header: _Header, length: float, dt: float) -> tuple[str, ...]:
+    """Agencies round real header 63, but seldom to a per cent."""
+    stated = float(header.reals[62])
+    if stated <= 0.0 or abs(stated - length) <= 1.5 * dt:
+        return ()
+    return (f"the real header's length is {stated:g} s, the data's {length:g} s",)
 
 
 def _code(header: _Header, lines: list[str], where: Orientation | None) -> str:

@@ -24,6 +24,7 @@ from romdam.records.text import TextFile, read_text
 _DATA = re.compile(
     r"^\s*(\d+)\s+points of (accel|veloc|displ)\w* data equally spaced at\s*([\d.]+)\s*sec(.*)$", re.I
 )
+_ALMOST = re.compile(r"points of \w+ data equally", re.I)
 _UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?", re.I)
 _PEAK = re.compile(r"^\s*Peak\s+acceleration\s*=\s*([-+]?\d*\.?\d+)\s*([A-Za-z/^*\d]+)", re.I)
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
@@ -61,6 +62,8 @@ def read_csmip(path: Path) -> list[Channel]:
     while index < len(text.lines):
         match = _DATA.match(text.lines[index])
         if match is None:
+            if _ALMOST.search(text.lines[index]):
+                raise text.fail(index, f"not as CSMIP announces data: {text.lines[index].strip()[:60]!r}")
             index += 1
             continue
         about = _about(text.lines[header:index])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from romdam.errors import RecordError
 from romdam.records.channel import Channel, parse_orientation
-from romdam.records.stated import check_length, check_peak
+from romdam.records.stated import check_peak
 from romdam.records.text import NUMBER, TextFile, read_text
 
 _LABELS = (
@@ -53,7 +53,7 @@ def read_knet(path: Path) -> list[Channel]:
         raise text.fail(RATE, f"the sampling frequency must be positive, got {rate:g} Hz")
     gal = _gal_per_count(text, header)
     counts, _ = text.free(len(_LABELS))
-    if counts.size == 0 or not np.all(counts == np.round(counts)):
+    if counts.size == 0 or not np.all(np.isfinite(counts) & (counts == np.round(counts))):
         raise RecordError(f"{path}: line {len(_LABELS) + 1}: expected whole numbers after the header")
     warnings = _checked(text, header, (counts, 1.0 / rate), gal)
     direction = header[DIRECTION].replace("-", "")
@@ -104,15 +104,17 @@ def _checked(
     counts, dt = samples
     duration = text.real(header[DURATION], DURATION, "Duration Time(s)")
     peak = text.real(header[PEAK], PEAK, "Max. Acc. (gal)")
-    check_length(text, DURATION, duration, (counts.size, dt), 1.0)  # whole seconds
+    if round(duration / dt) != counts.size:  # the logger stores whole seconds
+        raise text.fail(
+            DURATION,
+            f"{duration:g} s at {1.0 / dt:g} Hz are stated, the file holds {counts.size} samples; it is cut "
+            "short or altered, fetch it again",
+        )
     found = float(np.max(np.abs(gal * (counts - np.mean(counts)))))
     check_peak(text, PEAK, peak, found, _DIGIT)
-    said = []
-    if round(duration / dt) != counts.size:
-        said.append(f"the header states {duration:g} s, the data are {counts.size * dt:g} s")
-    if abs(peak - found) > 1.5 * _DIGIT:
-        said.append(f"the header states a peak of {peak:g} gal, the data's is {found:.3f} gal")
-    return tuple(said)
+    if abs(peak - found) <= 1.5 * _DIGIT:
+        return ()
+    return (f"the header states a peak of {peak:g} gal, the data's is {found:.3f} gal",)
 
 
 def _utc(text: str, late: timedelta = timedelta(0)) -> str:

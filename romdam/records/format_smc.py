@@ -8,6 +8,7 @@ USGS National Strong-Motion Program, "SMC-format data files" (format version 2).
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel, Orientation
-from romdam.records.stated import check_peak
+from romdam.records.stated import PEAK_SHARE, check_peak
 from romdam.records.text import TextFile, iso_time, read_text
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
 KINDS = {"1 UNCORRECTED ACCELEROGRAM": "V1", "2 CORRECTED ACCELEROGRAM": "V2"}
 OTHERS = ("3 VELOCITY", "4 DISPLACEMENT", "5 RESPONSE SPECTRA", "6 FOURIER AMPLITUDE SPECTRA")
 NULL_INTEGER, NULL_REAL = -32768, 1.7e38
-PEAKS = {29: "largest", 31: "smallest"}  # real headers 30 and 32, as Boore's SMCWrite fills them
+PEAKS = {29: np.argmax, 31: np.argmin}  # real headers 30 and 32, as Boore's SMCWrite fills them
 PRECISE = 8  # integer header 47 of files with five values of width 14 in a row
 MAX_RATE = 1e5  # samples/s; some files carry a null value where the rate should be
 HIGHPASS = 32  # real header 33, the corner of the low-cut filter [Hz]
@@ -58,15 +59,24 @@ def read_smc(path: Path) -> list[Channel]:
     left = [i for i in range(first - (-count // per_row), len(text.lines)) if text.lines[i].strip()]
     if left:
         raise text.fail(left[0], f"data after the {count} values that the header announces; altered file")
-    _check_peaks(text, values, reals)
-    return [_channel(text, kind, (values, dt), (integers, reals))]
+    said = _check_peaks(text, (values, dt), reals)
+    return [replace(_channel(text, kind, (values, dt), (integers, reals)), warnings=said)]
 
 
-def _check_peaks(text: TextFile, values: Array, reals: Array) -> None:
-    for place, what in PEAKS.items():
-        found = float(np.max(values) if what == "largest" else np.min(values))
-        if 0.0 < abs(reals[place]) < 0.9 * NULL_REAL and reals[place] != reals[0] and np.isfinite(found):
-            check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, float(reals[place]), found)
+def _check_peaks(text: TextFile, samples: tuple[Array, float], reals: Array) -> tuple[str, ...]:
+    """Hold both extremes against the data; say where they stand at other times."""
+    (values, dt), said = samples, []
+    for place, at in PEAKS.items():
+        stated, time, found = float(reals[place]), float(reals[place - 1]), values[at(values)]
+        if not 0.0 < abs(stated) < 0.9 * NULL_REAL or stated == reals[0] or not np.isfinite(found):
+            continue
+        check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, stated, float(found))
+        index = round(time / dt) if 0.0 <= time < values.size * dt else -1
+        if abs(values[index] - found) > PEAK_SHARE * abs(found):
+            said.append(
+                f"the header has an extreme at {time:g} s, the data at {at(values) * dt:g} s; is dt right?"
+            )
+    return tuple(said)
 
 
 def _sizes(text: TextFile, integers: Array, reals: Array) -> tuple[int, float, int]:

@@ -69,6 +69,8 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
     for trace in stream:
         if "sac" in trace.stats:
             _check_sac(trace, path, response is not None)
+    if "mseed" in stream[0].stats and path.stat().st_size % stream[0].stats.mseed.record_length:
+        said.append("the file ends within a record of miniSEED; it is cut short")
     channels = [channel_of(trace, response is not None) for trace in stream]
     return [replace(channel, warnings=(*channel.warnings, *said)) for channel in channels]
 

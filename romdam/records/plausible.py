@@ -16,6 +16,7 @@ STANDARD_GRAVITY = 9.80665  # m/s2
 STRONGEST = 5.0  # g; no instrument has recorded more than about 4 g (Iwate-Miyagi 2008)
 IMPOSSIBLE = 1e4  # g; even gal taken for g make less
 DOUBTED_UNIT = "is the unit right?"
+FINE = 100  # values; with fewer the extreme is often met by chance
 SPIKE = 5.0  # times all other samples but its neighbours
 DROPOUT = 20  # samples in a row of one value, between strong ones
 STRONG = 0.2  # of the peak
@@ -40,11 +41,15 @@ def said_of_channels(channels: list[Channel]) -> tuple[str, ...]:
 def _clipped(channel: Channel) -> str:
     data = channel.data
     for extreme in (np.max(data), np.min(data)):
-        run = _longest_run(data == extreme)
-        if run >= FLAT_TOP and abs(extreme) >= 0.5 * np.max(np.abs(data)) > 0.0:
+        if abs(extreme) < 0.5 * np.max(np.abs(data)) or extreme == 0.0:
+            continue
+        run, times = _longest_run(data == extreme), np.count_nonzero(data == extreme)
+        if run >= FLAT_TOP:
             return (
                 f"looks clipped: {run} samples in a row at {extreme:g} {channel.unit} (limit {FLAT_TOP - 1})"
             )
+        if times >= 2 * FLAT_TOP and np.unique(data).size > FINE:
+            return f"looks clipped: {times} samples are at {extreme:g} {channel.unit} and none beyond"
     return ""
 
 

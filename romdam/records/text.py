@@ -183,7 +183,7 @@ def read_text(path: Path) -> TextFile:
     RecordError
         for a file that is missing, unreadable, empty, larger than 200 MB, binary, or of no known kind.
     """
-    lines = _LINE_ENDS.split(decode(read_bytes(path)).rstrip("\x1a"))  # DOS ended texts with Ctrl-Z
+    lines = decode(read_bytes(path)).rstrip("\x1a").split("\n")  # DOS ended texts with Ctrl-Z
     for number, line in enumerate(lines, start=1):
         if "\x00" in line:
             raise RecordError(f"{path}: line {number}: binary data where text was expected; not this format")
@@ -193,16 +193,15 @@ def read_text(path: Path) -> TextFile:
 def decode(data: bytes) -> str:
     """Text of a file or its start: as its byte-order mark says, else UTF-8, else the Latin-1 of old agencies.
 
-    Spaces and minus signs of word processors become plain ones.
+    Line ends of every system, and spaces and minus signs of word processors, become plain ones.
     """
-    for mark, coding in _BOMS.items():
-        if data.startswith(mark):
-            return data[len(mark) :].decode(coding, errors="replace").translate(_PLAINER)
+    mark = next((mark for mark in _BOMS if data.startswith(mark)), b"")
+    coding = _BOMS.get(mark, "utf-8")
     try:  # the last character may be cut
-        text = codecs.getincrementaldecoder("utf-8")().decode(data)
+        text = codecs.getincrementaldecoder(coding)().decode(data[len(mark) :])
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return text.translate(_PLAINER)
+    return _LINE_ENDS.sub("\n", text).translate(_PLAINER)
 
 
 def read_bytes(path: Path, most: int = -1) -> bytes:
