@@ -24,7 +24,8 @@ from romdam.records.text import TextFile, read_text
 _DATA = re.compile(
     r"^\s*(\d+)\s+points of (accel|veloc|displ)\w* data equally spaced at\s*([\d.]+)\s*sec(.*)$", re.I
 )
-_ALMOST = re.compile(r"points of \w+ data equally", re.I)
+_ALMOST = re.compile(r"\d\s+points of (accel|veloc|displ)\w* data\b", re.I)
+_END = re.compile(r"end of data for chan", re.I)
 _UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?", re.I)
 _PEAK = re.compile(r"^\s*Peak\s+acceleration\s*=\s*([-+]?\d*\.?\d+)\s*([A-Za-z/^*\d]+)", re.I)
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
@@ -75,6 +76,12 @@ def read_csmip(path: Path) -> list[Channel]:
         header = index
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
+    ends = sum(_END.search(line) is not None for line in text.lines)
+    if ends not in (0, len(channels)):
+        raise RecordError(
+            f"{path}: line {len(text.lines)}: {ends} ends of channels, but {len(channels)} channels with "
+            "acceleration; the file is cut short or altered"
+        )
     return channels
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import itertools
 import struct
 import subprocess
 import sys
@@ -69,10 +70,21 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
     for trace in stream:
         if "sac" in trace.stats:
             _check_sac(trace, path, response is not None)
-    if "mseed" in stream[0].stats and path.stat().st_size % stream[0].stats.mseed.record_length:
-        said.append("the file ends within a record of miniSEED; it is cut short")
+    said += _odd_parts(stream, path)
     channels = [channel_of(trace, response is not None) for trace in stream]
     return [replace(channel, warnings=(*channel.warnings, *said)) for channel in channels]
+
+
+def _odd_parts(stream: Stream, path: Path) -> list[str]:
+    """Say where a file is cut, or one channel may have two names."""
+    said = []
+    if "mseed" in stream[0].stats and path.stat().st_size % stream[0].stats.mseed.record_length:
+        said.append("the file ends within a record of miniSEED; it is cut short")
+    by_time = sorted(stream, key=lambda trace: trace.stats.starttime)
+    for early, late in itertools.pairwise(by_time):
+        if abs(late.stats.starttime - early.stats.endtime - early.stats.delta) < 0.5 * early.stats.delta:
+            said.append(f"channel {late.id} begins where {early.id} ends: is that one channel?")
+    return said
 
 
 def _obspy_read(path: Path) -> tuple[Stream, list[str]]:
@@ -199,7 +211,8 @@ def channel_of(trace: Trace, in_si: bool = False) -> Channel:
         unit, scale = "m/s2", float(stats.calib)  # ObsPy keeps counts; calib turns them into m/s2
         meta |= {"magnitude": float(stats.knet.mag), "event": str(stats.knet.evot)}
         meta["header_pga_gal"] = float(stats.knet.accmax)
-    data = np.asarray(trace.data, dtype=np.float64) * scale
+    with np.errstate(invalid="ignore"):  # damaged NaN
+        data = np.asarray(trace.data, dtype=np.float64) * scale
     if np.ma.isMaskedArray(trace.data):
         data = np.where(np.ma.getmaskarray(trace.data), np.nan, data)
     code = stats.channel or "1"

@@ -322,9 +322,7 @@ def _columns() -> Iterator[Trap]:
     yield Trap("columns: a series in rows", single, rows(_wrapped), TOLD, comma)
     yield Trap("columns: a footer", single, rows(lambda r: [*r, "end"]), REFUSED)
     yield Trap("columns: at rest", single, rows(lambda r: ["0.0"] * len(r)), TOLD)
-    yield Trap(
-        "columns: clipped", single, rows(lambda r: [f"{np.clip(float(x), -1, 1):.6f}" for x in r]), TOLD
-    )
+    yield Trap("columns: clipped", single, rows(_clipped), TOLD)
     yield Trap("columns: a gap of zeros", single, rows(lambda r: r[:60] + ["0.0"] * 40 + r[100:]), TOLD)
     yield Trap("columns: a spike", single, rows(lambda r: [*r[:300], "40.0", *r[301:]]), TOLD)
     yield Trap(

@@ -6,6 +6,7 @@ does not have.
 
 from __future__ import annotations
 
+import os
 import signal
 import warnings
 from functools import partial
@@ -23,12 +24,15 @@ from romdam.config.records import RecordConfig
 from romdam.errors import RecordError, RomdamError
 from romdam.records.formats import read_channels
 from romdam.records.motion import GroundMotion
+from romdam.records.resampling import resample
 from romdam.records.suite import load_motions
+from romdam.records.tolerant import load_each
 
 SECONDS = 10  # for one file; the slowest takes 0.05 s
 BATCH = 250
 DRIFT = ("the velocity ends", "the displacement ends")  # the honest motions drift
 STATED_ONCE = {"AT2", "AT2-old"}  # nothing else in the file says dt
+UNCOUNTED = {"single", "columns", "MSEED"}  # nothing says how many samples there were
 TWO_ROWS = 16  # samples; what a row that is gone and another one twice can change, or a cut within numbers
 
 
@@ -107,30 +111,26 @@ def _too_slow(*_):
 def silent_and_wrong(name: str, found: list[GroundMotion], right: list[GroundMotion]) -> str:
     """How motions that were read without a word differ, beyond what no header can tell."""
     if len(found) != len(right):
-        return f"{len(found)} motions of {len(right)}"
+        return "" if all(map(told, found)) else f"{len(found)} motions of {len(right)}"
     for one, other in zip(found, right, strict=True):
         if told(one):
             continue
         count, whole = one.acc.shape[1], other.acc.shape[1]
         if abs(one.dt - other.dt) > 1.5 / whole * other.dt and name not in STATED_ONCE:
             return f"dt {one.dt:g}, not {other.dt:g} s"
-        if name in ("single", "columns", "MSEED"):  # their end may be gone; in MSEED whole records
-            whole = min(count, whole)
-        if count != whole:
+        if count != whole and (name not in UNCOUNTED or count > whole + TWO_ROWS):
             return f"{count} samples of {whole}"
-        known = np.isclose(one.acc[1, :whole], other.acc[1, :whole], rtol=1e-6, atol=1e-9)
-        changed = whole - np.count_nonzero(known)
-        if changed > TWO_ROWS and not _shifted(one.acc[1], other.acc[1]):
-            return f"{changed} of {whole} samples changed"
+        if (strange := _strangers(one.acc[1], other.acc[1])) > TWO_ROWS:
+            return f"{strange} of {whole} samples are none of the motion's"
     return ""
 
 
-def _shifted(found: np.ndarray, right: np.ndarray) -> bool:
-    """Whether but a few values are those of the right motion: rows that went, and others that came twice."""
+def _strangers(found: np.ndarray, right: np.ndarray) -> int:
+    """How many values are none of the right motion's, wherever rows that went or came twice moved them."""
     values = np.sort(right)
     near = np.clip(np.searchsorted(values, found), 1, values.size - 1)
     off = np.minimum(np.abs(values[near] - found), np.abs(values[near - 1] - found))
-    return np.count_nonzero(off > 1e-6 * np.abs(found) + 1e-9) <= TWO_ROWS
+    return int(np.count_nonzero(off > 1e-6 * np.abs(found) + 1e-9))
 
 
 def damage(first: int, count: int, sources: dict[str, bytes], folder: Path) -> tuple[int, int, list[str]]:
@@ -184,3 +184,59 @@ def test_a_file_that_crashes_obspy_is_refused(tmp_path):
     path.write_bytes(text.replace(b"     603 ", b"99999603 ").replace(b"DAT2\n", b"DAT2\n" + 4000 * b"z"))
     with pytest.raises(RecordError, match=r"x\.gse2: line 1"):
         read_channels(path)
+
+
+def _no_file(folder: Path) -> list[tuple[str, dict[str, object]]]:
+    """Names of what is no record, or none that can be meant, and the settings to read it with."""
+    os.mkfifo(folder / "pipe")
+    (folder / "folder").mkdir()
+    with (folder / "huge").open("wb") as file:
+        file.truncate(10_000_000_000)
+    at2 = "PEER\nE, S, 090\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= {}, DT= .005 SEC\n 0.1 0.2\n"
+    (folder / "counted").write_text(at2.format("1000000000000"))
+    (folder / "digits").write_text(at2.format("9" * 5000))
+    cosmos = samples.cosmos_cgs(samples.motion()).replace("     603 acc", "99999999999 acc")
+    (folder / "announced").write_text(cosmos)
+    (folder / "good").write_text("\n".join(f"{value:.6f}" for value in samples.motion()))
+    names = ["/dev/zero", "/dev/random", "pipe", "folder", "huge", "counted", "digits", "announced"]
+    names += ["a\0b", "", 300 * "x"]
+    pad = {"correction": [{"pad": {"length": "1e7 s"}}]}
+    return [*((name, {}) for name in names), ("good", pad)]
+
+
+def test_what_is_no_record_is_refused_before_it_is_read(tmp_path):
+    for name, settings in _no_file(tmp_path):
+        entry = {"file": name, "unit": "m/s2", "dt": 0.005, "components": {"y": "each"}} | settings
+        config = RecordConfig.model_validate(entry)
+        outcome = bounded(lambda c=config: load_motions([c], tmp_path), seconds=10.0)
+        assert outcome.refusal and not outcome.crash, (name, outcome)
+        assert outcome.seconds < 5.0 and outcome.grown < 200e6, (name, outcome)
+
+
+def test_one_bad_record_takes_no_other_with_it(sources, tmp_path):
+    """Every trap and every thing that is no record beside two good ones: both good ones are there."""
+    traps = [trap for trap in TRAPS if trap.end == REFUSED and not trap.entry][::25]
+    entries = [{"file": name} | settings for name, settings in _no_file(tmp_path)]
+    for number, trap in enumerate(traps):
+        (tmp_path / f"trap{number}").write_bytes(trap.edit(sources[trap.source]))
+        entries.append({"file": f"trap{number}"} | ENTRIES.get(trap.source, {}))
+    good = {"file": "good"}
+    common = {"unit": "m/s2", "dt": 0.005, "components": {"y": "each"}}
+    entries = [good | {"name": "first"}, *entries, {"manifest": "none.csv"}, good | {"name": "last"}]
+    whole = [{k: v for k, v in (common | entry).items() if v is not None} for entry in entries]
+    configs = [RecordConfig.model_validate(entry) for entry in whole]
+
+    def read() -> list[tuple[str, bool]]:
+        return [(one.name, one.motion is not None) for one in load_each(configs, tmp_path)]
+
+    outcome = bounded(read, seconds=60.0)
+    assert not outcome.crash
+    assert [name for name, read in outcome.value if read] == ["first", "last"]
+    assert len(outcome.value) == len(entries)
+
+
+@pytest.mark.parametrize("method", ["linear", "fourier"])
+def test_a_step_that_makes_too_many_samples_is_refused(method):
+    acc = np.zeros((3, 3000))
+    outcome = bounded(lambda: resample(acc, 0.01, 2.5e-9, method), seconds=10.0)
+    assert "1.2e+10 samples, the limit is 2e+07" in outcome.refusal and outcome.grown < 50e6
