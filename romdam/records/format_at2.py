@@ -46,7 +46,7 @@ def read_at2(path: Path) -> list[Channel]:
         for velocity or displacement files, a count that is not met, or text that is no number.
     """
     text = read_text(path)
-    series = _SERIES.search(text.line(2))
+    series = _SERIES.search(text.head(2))
     if series is None or series[1].upper() != "ACCELERATION":
         raise text.fail(2, "expected an acceleration time series; take the .AT2 file, not .VT2 or .DT2")
     count, dt = _count_and_dt(text)
@@ -57,9 +57,9 @@ def read_at2(path: Path) -> list[Channel]:
             f"{path}: line {line}: the header announces NPTS = {count}, the file holds {values.size} values; "
             "it is cut short or joined with another, fetch it again"
         )
-    event, station, component = _title(text.line(1))
+    event, station, component = _title(text.head(1))
     meta: dict[str, object] = {"format": "AT2", "event": event, "station": station, "component": component}
-    meta |= {f"{k.lower()}_corner_hz": float(v) for k, v in _FILTER.findall(text.line(2)) if _is_number(v)}
+    meta |= {f"{k.lower()}_corner_hz": float(v) for k, v in _FILTER.findall(text.head(2)) if _is_number(v)}
     code = (component.split() or [path.stem])[0]  # "090 (CUE)" names the network behind the azimuth
     return [Channel(code, values, dt, _unit(text), parse_orientation(code), "", meta)]
 
@@ -69,7 +69,7 @@ def _is_number(word: str) -> bool:
 
 
 def _unit(text: TextFile) -> str:
-    match = _UNITS.search(text.line(2))
+    match = _UNITS.search(text.head(2))
     if match is None:
         return ""
     unit = acceleration_unit(match[1].rstrip(" .,;"))
@@ -81,7 +81,7 @@ def _unit(text: TextFile) -> str:
 
 
 def _count_and_dt(text: TextFile) -> tuple[int, float]:
-    line = text.line(3)
+    line = text.head(3)
     match = _KEYED.search(line) or _BARE.search(line)
     if match is None:
         raise text.fail(3, f'expected "NPTS= ..., DT= ...", got {line.strip()[:60]!r}')

@@ -109,7 +109,7 @@ def _read_table(text: TextFile) -> _Table:
         if not words:
             continue
         if words[0].startswith(COMMENTS):
-            comments.append((index, line))
+            comments.append((index, text.head(index)))
             continue
         if not rows and not names and not _ROW.match(line):
             names = _names(text, index)
@@ -133,7 +133,7 @@ def _names(text: TextFile, index: int) -> dict[int, str]:
     for word in _words(text.lines[index]):
         if _NUMERIC.match(word):
             text.value(word, index)
-    return dict(enumerate(_NAME.findall(text.lines[index])))
+    return dict(enumerate(_NAME.findall(text.head(index))))
 
 
 def _refuse_decimal_commas(text: TextFile) -> None:

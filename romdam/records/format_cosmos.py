@@ -87,21 +87,21 @@ class _Header:
 
 
 def _read_channel(text: TextFile, first: int) -> tuple[Channel | None, int]:
-    if _FIRST.match(text.lines[first].strip()) is None:
-        raise text.fail(first, f"expected a COSMOS channel, got {text.lines[first].strip()[:60]!r}")
+    if _FIRST.match(text.head(first).strip()) is None:
+        raise text.fail(first, f"expected a COSMOS channel, got {text.head(first).strip()[:60]!r}")
     integers, index = _table(text, first + TEXT_LINES, "integer")
     reals, index = _table(text, index, "real")
     comments, index = _comments(text, index)
-    match = _DATA.match(text.line(index))
+    match = _DATA.match(text.head(index))
     if match is None:
-        raise text.fail(index, f"expected the data's announcement, got {text.line(index).strip()[:60]!r}")
+        raise text.fail(index, f"expected the data's announcement, got {text.head(index).strip()[:60]!r}")
     count, (per_row, width) = _count(text, match[1], index), _fortran(text, index)
     values = text.numbers(index + 1, count, per_row, width)
     end = index + 1 - (-count // per_row)
     end = _end_of_data(text, end)
     header = _Header(first, integers, reals, comments)
     kind = match[2].lower()[:3]
-    title = _FIRST.match(text.lines[first].strip())
+    title = _FIRST.match(text.head(first).strip())
     if title is not None and title[2].lower()[:3] != kind:
         raise text.fail(index, f"{match[2]} announced, but {title[2]} in line {first + 1}")
     if kind != "acc":
@@ -117,9 +117,9 @@ def _count(text: TextFile, word: str, index: int) -> int:
 
 
 def _fortran(text: TextFile, index: int) -> tuple[int, int]:
-    match = _FORTRAN.search(text.line(index))
+    match = _FORTRAN.search(text.head(index))
     if match is None:
-        raise text.fail(index, f'no "Format=(...)" in {text.line(index).strip()[:60]!r}')
+        raise text.fail(index, f'no "Format=(...)" in {text.head(index).strip()[:60]!r}')
     per_row, width = int(match[1] or 1), int(match[2])
     if not (1 <= per_row <= 100 and 1 <= width <= 40):
         raise text.fail(index, f"format of {per_row} values of width {width} is none of COSMOS'")
@@ -127,9 +127,9 @@ def _fortran(text: TextFile, index: int) -> tuple[int, int]:
 
 
 def _table(text: TextFile, index: int, kind: str) -> tuple[NDArray[np.float64], int]:
-    match = _BLOCK.match(text.line(index))
+    match = _BLOCK.match(text.head(index))
     if match is None or match[2].lower() != kind:
-        raise text.fail(index, f"expected the {kind} header, got {text.line(index).strip()[:60]!r}")
+        raise text.fail(index, f"expected the {kind} header, got {text.head(index).strip()[:60]!r}")
     per_row, width = _fortran(text, index)
     count = _count(text, match[1], index)
     if count < 65:
@@ -139,11 +139,11 @@ def _table(text: TextFile, index: int, kind: str) -> tuple[NDArray[np.float64], 
 
 
 def _comments(text: TextFile, index: int) -> tuple[list[str], int]:
-    match = _COMMENTS.match(text.line(index))
+    match = _COMMENTS.match(text.head(index))
     if match is None:
-        raise text.fail(index, f"expected the comments' announcement, got {text.line(index).strip()[:60]!r}")
+        raise text.fail(index, f"expected the comments' announcement, got {text.head(index).strip()[:60]!r}")
     count = text.integer(match[1], index, "comment lines")
-    lines = [text.line(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
+    lines = [text.head(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
     for offset, line in enumerate(lines):
         if not line.startswith("|"):
             raise text.fail(
@@ -158,7 +158,7 @@ def _end_of_data(text: TextFile, index: int) -> int:
         return index
     if re.match(r"\s*(/&|end.?of.?data)", text.lines[index], re.I):
         return index + 1
-    match = _DATA.match(text.lines[index])
+    match = _DATA.match(text.head(index))
     if match is None:
         raise text.fail(
             index, f'expected "End-of-data", got {text.lines[index].strip()[:60]!r}; count not met'
@@ -173,7 +173,7 @@ def _channel(
 ) -> Channel:
     unit = _unit(text, header, announced)
     dt = _dt(text, header, values.size, announced[2])
-    lines = text.lines[header.first : header.first + TEXT_LINES]
+    lines = [text.head(header.first + i) for i in range(TEXT_LINES)]
     where = _orientation(header)
     _check_azimuth(text, header, where)
     meta: dict[str, object] = {
@@ -261,14 +261,14 @@ def _dt(text: TextFile, header: _Header, count: int, index: int) -> float:
     length = float(header.reals[62])
     if length > 0.0:
         check_length(text, line, length, (count, dt), max(1.5 * dt, 0.01 * length))
-    if approx := _APPROX.search(text.lines[index]):
+    if approx := _APPROX.search(text.head(index)):
         check_length(text, index, float(approx[1]), (count, dt), max(2.0, 0.02 * float(approx[1])))
     return dt
 
 
 def _check_azimuth(text: TextFile, header: _Header, where: Orientation | None) -> None:
     """The ninth text line may repeat the azimuth: "Chan   1: 90 deg"."""
-    match = _LINE_AZIMUTH.search(text.lines[header.first + 8])
+    match = _LINE_AZIMUTH.search(text.head(header.first + 8))
     if match and where and where.azimuth is not None and (int(match[1]) - where.azimuth) % 360.0:
         stated = f"{match[1]} deg is stated, the integer header says {where.azimuth:g}"
         raise text.fail(header.first + 8, f"{stated}; the file is altered")

@@ -19,7 +19,7 @@ import numpy as np
 from romdam.errors import RecordError
 from romdam.records.channel import Channel, Orientation, parse_orientation
 from romdam.records.stated import acceleration_unit, check_peak
-from romdam.records.text import TextFile, read_text
+from romdam.records.text import WIDE, TextFile, read_text
 
 _DATA = re.compile(
     r"^\s*(\d+)\s+points of (accel|veloc|displ)\w* data equally spaced at\s*([\d.]+)\s*sec(.*)$", re.I
@@ -61,13 +61,13 @@ def read_csmip(path: Path) -> list[Channel]:
     header = index = 0
     length = 0.0  # of the channel's acceleration, which its velocity and displacement share [s]
     while index < len(text.lines):
-        match = _DATA.match(text.lines[index])
+        match = _DATA.match(text.head(index))
         if match is None:
-            if _ALMOST.search(text.lines[index]):
+            if _ALMOST.search(text.head(index)):
                 raise text.fail(index, f"not as CSMIP announces data: {text.lines[index].strip()[:60]!r}")
             index += 1
             continue
-        about = _about(text.lines[header:index])
+        about = _about([text.head(i) for i in range(header, index)])
         length = _check_length(text, index, match, length)
         channel, index = _read_block(text, index, match, about)
         if channel is not None:
@@ -76,7 +76,7 @@ def read_csmip(path: Path) -> list[Channel]:
         header = index
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
-    ends = sum(_END.search(line) is not None for line in text.lines)
+    ends = sum(_END.search(line[:WIDE]) is not None for line in text.lines)
     if ends not in (0, len(channels)):
         raise RecordError(
             f"{path}: line {len(text.lines)}: {ends} ends of channels, but {len(channels)} channels with "
@@ -119,9 +119,9 @@ def _check_peak(text: TextFile, header: int, channel: Channel) -> None:
     from romdam.config.records import unit_in_si
 
     for index in range(header, len(text.lines)):
-        if _DATA.match(text.lines[index]):
+        if _DATA.match(text.head(index)):
             return
-        if match := _PEAK.match(text.lines[index]):
+        if match := _PEAK.match(text.head(index)):
             unit = acceleration_unit(match[2])
             if not unit:
                 raise text.fail(index, f"the peak's unit {match[2]!r} is no acceleration")
@@ -131,7 +131,7 @@ def _check_peak(text: TextFile, header: int, channel: Channel) -> None:
 
 def _check_end(text: TextFile, index: int) -> None:
     """A row of numbers where the next block or the end mark should be means a wrong count."""
-    if index < len(text.lines) and re.fullmatch(r"\s*([-+]?\d*\.\d+\s*)+", text.lines[index]):
+    if index < len(text.lines) and re.fullmatch(r"[-+\d\s]*\.[-+.\d\s]*", text.lines[index]):
         raise text.fail(index, "data after the announced number of points; altered file")
 
 

@@ -73,7 +73,7 @@ def read_knet(path: Path) -> list[Channel]:
 
 
 def _value(text: TextFile, index: int) -> str:
-    line = text.line(index)
+    line = text.head(index)
     match = re.match(rf"{_LABELS[index]}(.*)$", line)
     if match is None:
         label = _LABELS[index].replace("\\", "").replace("?", "")

@@ -47,9 +47,9 @@ def read_smc(path: Path) -> list[Channel]:
         for velocity, displacement or spectra files, a problem flag, a count that is not met.
     """
     text = read_text(path)
-    kind = KINDS.get(text.line(0).strip().upper())
+    kind = KINDS.get(text.head(0).strip().upper())
     if kind is None:
-        raise text.fail(0, f"{text.line(0).strip()[:60]!r} is not an accelerogram; take the V1 or V2 file")
+        raise text.fail(0, f"{text.head(0).strip()[:60]!r} is not an accelerogram; take the V1 or V2 file")
     integers = text.table(TEXT_LINES, 8 * INTEGER_LINES, 8, 10)
     reals = text.table(TEXT_LINES + INTEGER_LINES, 5 * REAL_LINES, 5, 15)
     count, dt, comments = _sizes(text, integers, reals)
@@ -102,8 +102,8 @@ def _channel(
     text: TextFile, kind: str, samples: tuple[Array, float], headers: tuple[Array, Array]
 ) -> Channel:
     (values, dt), (integers, reals) = samples, headers
-    title = _TITLE.search(text.line(5))
-    station, component = (title[1], title[2].strip()) if title else (text.line(5).strip(), "")
+    title = _TITLE.search(text.head(5))
+    station, component = (title[1], title[2].strip()) if title else (text.head(5).strip(), "")
     orientation = _orientation(integers)
     meta: dict[str, object] = {
         "format": "SMC",
@@ -113,7 +113,7 @@ def _channel(
         "event": " ".join(text.line(3).split()).strip("* "),
         "processed": kind == "V2",
     }
-    if magnitude := _MAGNITUDE.search(text.line(4)):
+    if magnitude := _MAGNITUDE.search(text.head(4)):
         meta["magnitude"] = float(magnitude[1])
     if kind == "V2" and 0.0 < reals[HIGHPASS] < 50.0:
         meta["hp_corner_hz"] = float(reals[HIGHPASS])

@@ -17,9 +17,9 @@ from romdam.errors import RecordError
 from romdam.files import check_file
 
 MAX_BYTES = 200_000_000  # 10 hours of three channels at 200 Hz as text; more is not one record
+WIDE = 400  # characters
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d{1,4})?|[-+]?nan", re.ASCII | re.IGNORECASE)
 _TOUCHING = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # Fortran columns that are full: -.1234E-01-.5678E-01
-_LINE_ENDS = re.compile(r"\r*\n|\r")
 _BOMS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _PLAINER = str.maketrans(dict.fromkeys("\x0c\x0b\xa0\u2007\u2009\u202f", " ") | {"\u2212": "-"})
 _FOREIGN = {  # what files that are no records start with
@@ -59,6 +59,10 @@ class TextFile:
                 "it is cut short, fetch it again"
             )
         return self.lines[index]
+
+    def head(self, index: int) -> str:
+        """The part of line `index` that a header can fill; patterns need not search megabytes."""
+        return self.line(index)[:WIDE]
 
     def fail(self, index: int, message: str) -> RecordError:
         """Return an error that names line `index` (from 0)."""
@@ -201,7 +205,9 @@ def decode(data: bytes) -> str:
         text = codecs.getincrementaldecoder(coding)().decode(data[len(mark) :])
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return _LINE_ENDS.sub("\n", text).translate(_PLAINER)
+    for end in ("\r\r\n", "\r\n", "\r"):
+        text = text.replace(end, "\n")
+    return text.translate(_PLAINER)
 
 
 def read_bytes(path: Path, most: int = -1) -> bytes:
