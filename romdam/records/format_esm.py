@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from romdam.errors import RecordError
 from romdam.records.channel import Channel, parse_orientation
-from romdam.records.stated import acceleration_unit, check_length, check_peak
+from romdam.records.stated import PEAK_SHARE, acceleration_unit, check_length, check_peak
 from romdam.records.text import TextFile, read_text
 
 HEADER_LINES = 64
@@ -82,8 +82,8 @@ def read_esm(path: Path) -> list[Channel]:
     }
     start = _iso(header.get("DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS", ("", 0))[0])
     unit = _unit(text, header)
-    _check_data(text, header, (values, dt), unit)
-    return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta)]
+    said = _check_data(text, header, (values, dt), unit)
+    return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta, said)]
 
 
 def _header(text: TextFile) -> dict[str, tuple[str, int]]:
@@ -117,8 +117,8 @@ def _check_data(
     header: dict[str, tuple[str, int]],
     samples: tuple[NDArray[np.float64], float],
     unit: str,
-) -> None:
-    """Hold DURATION_S and PGA_CM/S^2 against the data."""
+) -> tuple[str, ...]:
+    """Hold DURATION_S and PGA_CM/S^2 against the data; say where TIME_PGA_S is another."""
     from romdam.config.records import unit_in_si
 
     (values, dt), cm = samples, unit_in_si(unit) / 0.01
@@ -129,6 +129,11 @@ def _check_data(
     found = cm * float(np.max(np.abs(values), initial=0.0))
     if word and np.isfinite(found):
         check_peak(text, index, text.real(word, index, "PGA_CM/S^2"), found, 1e-6)
+    word, index = header.get("TIME_PGA_S", ("", 0))
+    at = round(text.real(word, index, "TIME_PGA_S") / dt) if word else int(np.argmax(np.abs(values)))
+    if 0 <= at < values.size and cm * abs(values[at]) >= (1.0 - PEAK_SHARE) * found:
+        return ()
+    return (f"the peak is stated at {word} s, the data's is at {np.argmax(np.abs(values)) * dt:g} s",)
 
 
 def _value(text: str) -> object:
