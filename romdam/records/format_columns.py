@@ -27,18 +27,20 @@ _RATE = re.compile(rf"\b(?:fs|sampl(?:ing|e)[ _](?:rate|freq\w*))[^=:\d]*[=:]\s*
 _COUNT = re.compile(r"\b(?:npts|ndata|(?:number of )?(?:points|samples))\s*[=:]\s*(\d{1,9})\b", re.I)
 _NUMERIC = re.compile(r"[-+.\d]|.*(?:\d\.\d|\.\d\d)|[^A-Za-z]*$")  # words that no name begins as
 _UNIT = re.compile(r"\bunits?(?:\s+of(?:\s+acceleration)?)?\s*[=:]?\s+([^\s,;]+)", re.I)
+_IN = re.compile(r"\bin\s+(?:units\s+of\s+)?([a-zA-Z/^*\d]+)", re.I)
 _BRACKETS = re.compile(r"[(\[]\s*([^)\]]*?)\s*[)\]]|_([a-zA-Z]+[/\d^s]*)$")
 _NAME = re.compile(r"[^\s,;()\[\]]+(?:\s*[(\[][^)\]]*[)\]])?")
 
 
 @dataclass(frozen=True)
 class _Table:
-    """Rows of numbers, the names above them, what comments say, and the line of the first row (from 0)."""
+    """Rows of numbers, the names above them, what comments say; lines of the first and last row, from 0."""
 
     values: NDArray[np.float64]
     names: dict[int, str]
     comments: tuple[tuple[int, str], ...]
     first: int
+    last: int
 
 
 def is_columns(head: str) -> bool:
@@ -71,6 +73,8 @@ def read_columns(path: Path, dt: float | None = None, time_column: int | None = 
     if dt is None:
         raise RecordError(f"{path}: line 1: plain text does not say its interval; give `dt` or `time_column`")
     left, warnings = _not_channels(text, table, dt, time_column)
+    if amid := [index + 1 for index, _ in table.comments if table.first < index < table.last]:
+        warnings = (*warnings, f"line {amid[0]} is a comment amid the rows: two records in one file?")
     if time_column is not None and abs(begin := _column(table, time_column, path)[0]) > 1.1 * dt:
         warnings = (*warnings, f"the times begin at {begin:g} s, not at 0; is the start cut off?")
     unit = _check_comments(text, table, dt)
@@ -102,7 +106,7 @@ def _read_table(text: TextFile) -> _Table:
     names: dict[int, str] = {}
     comments: list[tuple[int, str]] = []
     rows: list[list[float]] = []
-    first = 0
+    first = last = 0
     _refuse_decimal_commas(text)
     for index, line in enumerate(text.lines):
         words = _words(line)
@@ -114,14 +118,14 @@ def _read_table(text: TextFile) -> _Table:
         if not rows and not names and not _ROW.match(line):
             names = _names(text, index)
             continue
-        first = first if rows else index
+        first, last = first if rows else index, index
         rows.append([text.value(word, index) for word in words])
         if len(rows[-1]) != len(rows[0]):
             raise text.fail(index, f"{len(rows[-1])} numbers, the rows above have {len(rows[0])}")
     if not rows:
         raise text.fail(max(0, len(text.lines) - 1), "no row of numbers in it; empty, or of another format")
     _refuse_count(text, rows, first)
-    return _Table(np.array(rows), names, tuple(comments), first)
+    return _Table(np.array(rows), names, tuple(comments), first, last)
 
 
 def _words(line: str) -> list[str]:
@@ -130,9 +134,8 @@ def _words(line: str) -> list[str]:
 
 def _names(text: TextFile, index: int) -> dict[int, str]:
     """Names of columns; a first row with a damaged number is none."""
-    for word in _words(text.lines[index]):
-        if _NUMERIC.match(word):
-            text.value(word, index)
+    if any(_NUMERIC.match(word) for word in _words(text.lines[index])):
+        raise text.fail(index, f"not a row of numbers, nor one of names: {text.lines[index].strip()[:60]!r}")
     return dict(enumerate(_NAME.findall(text.head(index))))
 
 
@@ -215,6 +218,8 @@ def _check_comments(text: TextFile, table: _Table, dt: float) -> str:
     """Hold comments such as "dt = 0.01 s", "NPTS: 3000" against the data; return the unit that they state."""
     unit = ""
     for index, line in table.comments:
+        if match := _IN.search(line):
+            unit = acceleration_unit(match[1]) or unit
         if match := _DT.search(line):
             _check_dt(text, index, float(match[1]) * (1e-3 if match[2] else 1.0), dt)
         if (match := _RATE.search(line)) and float(match[1]) > 0.0:

@@ -288,13 +288,25 @@ def _columns() -> Iterator[Trap]:
     comma = {"dt": samples.DT, "time_column": None}
     yield Trap("columns: decimal commas", single, put(".", ",", -1), REFUSED)
     yield Trap("columns: decimal commas and semicolons", two, rows(_semicolons), REFUSED)
-    for line in ("603", "603 0.005", "602", "6030", "603 3.01", "0.0a5", "O.123", "0.1.2", "--0.1", "*****"):
+    for line in (
+        "603",
+        "603 0.005",
+        "602",
+        "6030",
+        "603 3.01",
+        "0.0a5",
+        "O.123",
+        "0.1.2",
+        "--0.1",
+        "*****",
+        "dt 0.01 s",
+    ):
         yield Trap(f"columns: {line} above", single, above(line), REFUSED)
     yield Trap("columns: dt above", single, above("0.005"), TOLD)
     for line in (
         "# dt = 0.01 s", "# dt: 5.1 ms", "# sampling rate = 100 Hz", "# fs: 20", "# NPTS = 604",
         "# samples: 1000", "# units: g", "% Unit = cm/s2", "# units: cm/s", "# unit: g/10",
-        "# time step = 0.02",
+        "# time step = 0.02", "# acceleration in g",
     ):  # fmt: skip
         yield Trap(f"columns: {line}", single, above(line), REFUSED)
     for line in (
@@ -320,6 +332,8 @@ def _columns() -> Iterator[Trap]:
     yield Trap("columns: two dts", two, lambda d: d, REFUSED, {"dt": 0.01})
     yield Trap("columns: no such column", two, lambda d: d, REFUSED, {"time_column": 7})
     yield Trap("columns: a series in rows", single, rows(_wrapped), TOLD, comma)
+    joined = rows(lambda r: [*r, "# the next", *r])
+    yield Trap("columns: two records", single, joined, TOLD)
     yield Trap("columns: a footer", single, rows(lambda r: [*r, "end"]), REFUSED)
     yield Trap("columns: at rest", single, rows(lambda r: ["0.0"] * len(r)), TOLD)
     yield Trap("columns: clipped", single, rows(_clipped), TOLD)
