@@ -160,12 +160,13 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
         where no record can be read, or two share a name.
     """
     motions, failures = [], {}
-    for i, entry in enumerate(job.config.records):
+    for entry in job.config.records:
         for one in load_entry(entry, job.folder):
             if one.motion is not None:
                 motions.append(one.motion)
             else:
-                failures[one.name if one.name not in failures else f"{one.name} (records[{i}])"] = one.error
+                name = one.name if one.name not in failures else f"{one.name} ({len(failures) + 1})"
+                failures[name] = one.error
     if not motions:
         raise RecordError("\n".join(failures.values()) or "records: none passes `keep`")
     check_names(motions)

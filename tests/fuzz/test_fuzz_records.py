@@ -95,7 +95,7 @@ def spring(traps: list[Trap], sources: dict[str, bytes], folder: Path) -> list[s
 def test_no_trap_is_read_wrongly_without_a_word(sources, tmp_path, cases):
     assert len(TRAPS) > 600 and len({(trap.source, trap.name) for trap in TRAPS}) == len(TRAPS)
     rng = np.random.default_rng(5)
-    picked = rng.permutation(len(TRAPS))[: cases(200, len(TRAPS))]
+    picked = rng.permutation(len(TRAPS))[: cases(150, len(TRAPS))]
     outcome = bounded(lambda: spring([TRAPS[i] for i in picked], sources, tmp_path), seconds=300.0)
     assert not outcome.crash and outcome.value == []
 
@@ -162,7 +162,7 @@ def damage(first: int, count: int, sources: dict[str, bytes], folder: Path) -> t
 
 
 def test_no_damaged_file_is_read_wrongly_without_a_word(sources, tmp_path, cases, record_property):
-    count = cases(500, 20_000)
+    count = cases(250, 20_000)
     refused, spoken, wrong = 0, 0, []
     for first in range(0, count, BATCH):
         outcome = bounded(partial(damage, first, BATCH, sources, tmp_path), seconds=120.0)
