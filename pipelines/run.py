@@ -29,7 +29,8 @@ from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.shaking import check_interval, shake
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
-from romdam.records.suite import check_names, load_motions
+from romdam.records.suite import check_names
+from romdam.records.tolerant import load_entry
 from romdam.reduction.store import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
@@ -49,10 +50,12 @@ class Outcome:
     ----------
     paths : result files, in the order of the records
     failures : record name -> message
+    warnings : what is odd about the records
     """
 
     paths: tuple[Path, ...]
     failures: dict[str, str]
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,8 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
             if len(motions) + len(failures) == 1:
                 raise
             failures[motion.name] = str(error)
-    return Outcome(tuple(paths), failures)
+    warnings = tuple(f"{motion.name}: {text}" for motion in motions for text in motion.warnings)
+    return Outcome(tuple(paths), failures, warnings)
 
 
 def write_shared(folder: Path, model: Model) -> dict[str, str]:
@@ -149,21 +153,23 @@ def settled(job: Job, motions: list[GroundMotion], clock: Clock) -> Job:
 
 
 def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
-    """Ground motions of a job, and entry -> message of those that cannot be read.
+    """Ground motions of a job, and name -> message of those that cannot be read.
 
     Raises
     ------
     RecordError
-        where no entry can be read, or two records share a name.
+        where no record can be read, or two share a name.
     """
     motions, failures = [], {}
-    for i, entry in enumerate(job.config.records):
-        try:
-            motions += load_motions((entry,), job.folder)
-        except RecordError as error:
-            failures[entry.name or f"records[{i}]"] = str(error)
+    for entry in job.config.records:
+        for one in load_entry(entry, job.folder):
+            if one.motion is not None:
+                motions.append(one.motion)
+            else:
+                name = one.name if one.name not in failures else f"{one.name} ({len(failures) + 1})"
+                failures[name] = one.error
     if not motions:
-        raise RecordError("\n".join(failures.values()))
+        raise RecordError("\n".join(failures.values()) or "records: none passes `keep`")
     check_names(motions)
     return motions, failures
 

@@ -95,7 +95,7 @@ def run_suite(
     job : a configuration with `pipeline: suite`
     out : folder, made if needed; what is finished there is kept
     show : told of every stage and its progress
-    tell : told what is going to be made, and its size, before it is
+    tell : told what is going to be made, and its size, before it is; then what is odd about the records
 
     Raises
     ------
@@ -114,6 +114,9 @@ def run_suite(
         write_dataset(design, folder / DESIGN)
         study = build_study(job, (places, design), folder, options.cache, clock)
         rows, made = _make_missing(study, records, folder, (pool, clock, tell))
+    for record in records:
+        if record.motion is not None and record.motion.warnings:
+            tell(f"warning: {record.name}: {'; '.join(record.motion.warnings)}")
     with clock.stage("summary", "writing the summary"):
         summary = summary_dataset(job, study.model.scene, design, records, rows)
         path = write_summary(summary, folder)

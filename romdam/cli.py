@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import romdam
-from romdam.errors import ConvergenceError, RomdamError
+from romdam.errors import ConvergenceError, RecordError, RomdamError
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -83,6 +83,7 @@ def run(
     stages, say = _terminal(quiet, verbose)
     outcome = run_job(job, out, stages, cache)
     say(peaks_table({path.stem: romdam.open_result(path).dataset for path in outcome.paths}))
+    say(*(f"warning: {text}" for text in outcome.warnings))
     say(*(f"written: {path}" for path in outcome.paths))
     for name, message in outcome.failures.items():
         typer.echo(f"{name}: {message}", err=True)
@@ -303,13 +304,18 @@ def records(
         Path | None, typer.Option("--plot", help="Folder for a page of plots per record.")
     ] = None,
 ) -> None:
-    """List ground motions with their measures; one that cannot be read is a row that says why."""
+    """List ground motions with their measures; one that cannot be read is a row that says why.
+
+    Where nothing of LIST is a source of records, that is bad input.
+    """
     from romdam.files import prepare_folder
     from romdam.outputs.record_plots import write_record_plots
     from romdam.records.table import format_table, list_records
 
     folder = prepare_folder(plot) if plot else None
     listed = list_records(sources)
+    if listed and all(one.no_source for one in listed):
+        raise RecordError("\n".join(one.error for one in listed))
     typer.echo(format_table(listed))
     if folder:
         pairs = [(one.motion, one.recorded) for one in listed if one.motion]

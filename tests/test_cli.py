@@ -276,6 +276,21 @@ def test_records_are_listed_with_their_measures(config):
     assert code == 1 and "pulse.txt" in stdout
 
 
+def test_a_list_of_nothing_is_bad_input(config):
+    code, stdout, stderr = call("records", "nowhere")
+    assert (code, stdout) == (2, "") and stderr.startswith("romdam: nowhere: no such file")
+    code, stdout, stderr = call("records", config, "nowhere")
+    assert code == 1 and "pulse" in stdout and "error: nowhere: no such file" in stdout
+    (config.parent / "bad.AT2").write_text("<html>")
+    code, stdout, _ = call("records", config.parent / "bad.AT2")
+    assert code == 1 and "bad.AT2: line 1: the file is an HTML" in stdout
+
+
+def test_what_is_odd_about_a_record_is_told(config, tmp_path):
+    code, stdout, stderr = call("run", config, "--out", tmp_path / "out")
+    assert (code, stderr) == (0, "") and "warning: pulse: the velocity ends at" in stdout
+
+
 def test_lone_record_that_does_not_converge_ends_with_one(config, tmp_path, monkeypatch):
     from romdam.errors import ConvergenceError
     from romdam.pipelines import run as pipeline

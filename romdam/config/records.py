@@ -7,6 +7,7 @@ P-695 set); what follows the source (axes, correction, scaling, ...) applies to 
 from __future__ import annotations
 
 import csv
+import difflib
 import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -32,13 +33,25 @@ MEASURES = {  # what records can be filtered by, and the unit of each
     "dt": "s",
 }
 _BARE_UNIT = re.compile(r"^\s*[A-Za-z]")
+SHORTEST_DT, LONGEST_DT = 1e-5, 0.9  # s; milliseconds taken for seconds are 1 or more
 
 
 def unit_in_si(unit: str) -> float:
-    """One `unit` of acceleration in m/s2; "g" is 9.80665, a declared "9.81 m/s2" is itself."""
-    aliases = {"gal": "Gal", "counts": "", "cm/s/s": "cm/s^2", "cm/sec2": "cm/s^2", "cm/sec/sec": "cm/s^2"}
+    """One `unit` of acceleration in m/s2; "g" is 9.80665, a declared "9.81 m/s2" is itself.
+
+    Raises
+    ------
+    ValueError
+        for what is no acceleration above zero.
+    """
+    aliases = {"gal": "Gal", "cm/s/s": "cm/s^2", "cm/sec2": "cm/s^2", "cm/sec/sec": "cm/s^2"}
     text = aliases.get(unit.strip().lower(), unit.strip())
-    return to_si(f"1 {text}" if _BARE_UNIT.match(text) else text, "m/s^2")
+    if text.lower() in ("count", "counts"):
+        raise ValueError('counts are no acceleration; give what one count is, such as "4.7e-6 m/s2"')
+    found = to_si(f"1 {text}" if _BARE_UNIT.match(text) else text, "m/s^2")
+    if found <= 0.0:
+        raise ValueError(f"one unit must be greater than 0, got {unit!r}; `reverse: true` turns a component")
+    return found
 
 
 def _angle(value: float | str) -> float:
@@ -114,7 +127,7 @@ class RecordConfig(Model):
     suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
     name: Annotated[str, Field(pattern=r"^[\w.+-]+$")] | None = None
     unit: str | None = None
-    dt: Annotated[Time, Field(gt=0.0)] | None = None
+    dt: Annotated[Time, Field(gt=0.0, ge=SHORTEST_DT, le=LONGEST_DT)] | None = None
     time_column: Annotated[int, Field(ge=1)] | None = None
     response: Path | None = None
     components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
@@ -205,6 +218,7 @@ def read_row(
     base = common.model_dump(exclude_unset=True, exclude={"manifest", "name"})
     if not isinstance(row, dict) or not row.get("file"):
         raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {row!r}")
+    _refuse_misplaced(path, number, row)
     own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
     other = {
         key: str(value) for key, value in row.items() if key not in _ROW_KEYS and value not in (None, "")
@@ -216,6 +230,24 @@ def read_row(
         where = ".".join(str(part) for part in first["loc"])
         message = first["msg"].removeprefix("Value error, ")
         raise ConfigError(f"{path}: record {number} ({row['file']}): {where}: {message}") from None
+
+
+def _refuse_misplaced(path: Path, number: int, row: dict[object, object]) -> None:
+    """A setting that a row cannot have, or is misspelt, would be taken for a remark."""
+    for key in row:
+        if not isinstance(key, str):
+            raise ConfigError(f"{path}: record {number}: more values than the heading has columns")
+        word = key.strip().lower()
+        if key in _ROW_KEYS or not (row[key] not in (None, "") and word):
+            continue
+        if word in RecordConfig.model_fields and word not in _ROW_KEYS:
+            raise ConfigError(
+                f"{path}: record {number}: {key} belongs to the entry of `records:` that names the manifest"
+            )
+        near = [known for known in ("unit", "dt", "scale", "time_column") if word.startswith(known)]
+        near += difflib.get_close_matches(word, _ROW_KEYS, 1, 0.85)
+        if near and word != "component":  # which is a remark, "MUL009"
+            raise ConfigError(f"{path}: record {number}: no such key {key!r}; did you mean {near[0]}?")
 
 
 _ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "components", "scale"}

@@ -8,24 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.config.records import RecordConfig, ScaleConfig, unit_in_si
-from romdam.errors import RecordError
+from romdam.errors import RecordError, shown
 from romdam.records.align import align
-from romdam.records.channel import Channel, Orientation, check_channel
+from romdam.records.channel import Channel, Orientation, check_channel, missing, one_record
 from romdam.records.correction import Signal, check_processed, correct
 from romdam.records.motion import GroundMotion
 from romdam.records.orientation import rotation
+from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
 from romdam.records.sources import Found
 from romdam.records.spectra import pseudo_acceleration
 
 AXES = ("x", "y", "z")
-FLAT_TOP = 6  # samples in a row at the extreme; real peaks of digital records repeat two or three times
-STANDARD_GRAVITY = 9.80665  # m/s2
-STRONGEST = 5.0  # g
-DOUBTED_UNIT = "is the unit right?"
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
 
 
 def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
+    """Make the ground motion of one record; see `_build`."""
+    with one_record(found.place), np.errstate(over="ignore", invalid="ignore"):
+        return _build(found, axes)
+
+
+def _build(found: Found, axes: dict[str, Channel]) -> GroundMotion:
     """Make the ground motion of one record.
 
     Parameters
@@ -47,13 +50,20 @@ def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
         _check_dt(channel, config, found.place)
     factors = np.array([_factor(channel, config, found.place) for channel in channels])
     recorded = align(channels, config.align, found.place) * factors[:, None]
-    signal = correct(recorded, channels[0].dt, config.correction)
+    doubts = too_strong(recorded, found.place)
+    signal = _corrected(recorded, channels[0].dt, config, found.place)
     matrix = _matrix(axes, channels, config, found.place)
     acc = matrix @ signal.acc
     scale = _scale(acc, signal.dt, config.scale, found.place)
+    if not np.all(np.isfinite(scale * acc)):
+        raise RecordError(f"{found.place}: correction and scale make values that are not finite; change them")
     warnings = (
-        *_clipped(channels),
-        *_too_strong(recorded),
+        *(text for channel in channels for text in channel.warnings),
+        *said_of_axes(axes, config),
+        *said_of_channels(channels),
+        *_cut(channels, recorded, config),
+        *_overridden(channels, config),
+        *doubts,
         *_below_usable(channels, signal),
         *signal.warnings,
     )
@@ -63,15 +73,26 @@ def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
     return GroundMotion(found.name, scale * acc, signal.dt, account, warnings)
 
 
+def _corrected(recorded: NDArray[np.float64], dt: float, config: RecordConfig, place: str) -> Signal:
+    try:
+        return correct(recorded, dt, config.correction)
+    except RecordError as error:
+        raise RecordError(f"{place}: {error}") from None
+
+
 def _filled(channel: Channel, config: RecordConfig, place: str) -> Channel:
     """Fill missing samples as `gaps` says; without a policy `check_channel` refuses them."""
-    missing = ~np.isfinite(channel.data)
-    if config.gaps == "error" or not missing.any() or missing.all():
+    gone = missing(channel.data)
+    if config.gaps == "error" or not gone.any() or gone.all():
         return channel
     index = np.arange(channel.data.size)
-    line = np.interp(index, index[~missing], channel.data[~missing]) if config.gaps == "linear" else 0.0
-    meta = {**channel.meta, "filled_samples": int(missing.sum()), "filled_by": config.gaps}
-    return replace(channel, data=np.where(missing, line, channel.data), meta=meta)
+    line = np.interp(index, index[~gone], channel.data[~gone]) if config.gaps == "linear" else 0.0
+    count = int(gone.sum())
+    said = f"channel {channel.code}: {count} of {gone.size} samples are missing; `gaps: {config.gaps}`"
+    meta = {**channel.meta, "filled_samples": count, "filled_by": config.gaps}
+    return replace(
+        channel, data=np.where(gone, line, channel.data), meta=meta, warnings=(*channel.warnings, said)
+    )
 
 
 def _check_dt(channel: Channel, config: RecordConfig, place: str) -> None:
@@ -89,10 +110,18 @@ def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
             f"{place}, channel {channel.code}: the file does not say its unit; "
             'give `unit`, for example "g", "cm/s2" or "9.81 m/s2"'
         )
+    try:
+        stated = unit_in_si(channel.unit) if channel.unit else None
+    except ValueError:
+        raise RecordError(
+            f"{place}, channel {channel.code}: the file says {shown(channel.unit)}, no unit of acceleration; "
+            "take the acceleration"
+        ) from None
     if config.unit is None:
-        return unit_in_si(channel.unit)
+        assert stated is not None
+        return stated
     declared = unit_in_si(config.unit)
-    if channel.unit and abs(unit_in_si(channel.unit) - declared) > 0.005 * declared:
+    if stated is not None and abs(stated - declared) > 0.005 * declared:
         raise RecordError(
             f"{place}, channel {channel.code}: the file says {channel.unit}, `unit` {config.unit}; "
             "remove `unit`"
@@ -142,32 +171,22 @@ def _scale(acc: NDArray[np.float64], dt: float, scale: ScaleConfig | None, place
     return wanted / has
 
 
-def _clipped(channels: list[Channel]) -> tuple[str, ...]:
-    found = []
-    for channel in channels:
-        for extreme in (np.max(channel.data), np.min(channel.data)):
-            run = _longest_run(channel.data == extreme)
-            if run >= FLAT_TOP and abs(extreme) >= 0.5 * np.max(np.abs(channel.data)) > 0.0:
-                found.append(
-                    f"channel {channel.code} looks clipped: {run} samples in a row at {extreme:g} "
-                    f"{channel.unit} (limit {FLAT_TOP - 1})"
-                )
-    return tuple(found)
-
-
-def _too_strong(recorded: NDArray[np.float64]) -> tuple[str, ...]:
-    """Doubt the unit of what no instrument has recorded (about 4 g, Iwate-Miyagi 2008)."""
-    around = recorded - np.mean(recorded, axis=-1, keepdims=True)  # raw records carry offsets
-    peak = float(np.max(np.abs(around))) / STANDARD_GRAVITY
-    if peak <= STRONGEST:
+def _cut(channels: list[Channel], recorded: NDArray[np.float64], config: RecordConfig) -> tuple[str, ...]:
+    sizes = [channel.data.size for channel in channels]
+    if max(sizes) == recorded.shape[1]:
         return ()
-    limit = f"more than any record (limit {STRONGEST:g} g)"
-    return (f"the peak acceleration is {peak:.3g} g, {limit}: {DOUBTED_UNIT}",)
+    return (f"the channels have {sizes} samples; `align: {config.align}` keeps {recorded.shape[1]} of them",)
 
 
-def _longest_run(flags: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
+def _overridden(channels: list[Channel], config: RecordConfig) -> tuple[str, ...]:
+    """Say where `unit` counts and the file's own is another by the last digits (9.81 and 9.80665)."""
+    if config.unit is None:
+        return ()
+    declared = unit_in_si(config.unit)
+    others = {c.unit for c in channels if c.unit and abs(unit_in_si(c.unit) - declared) > 1e-9 * declared}
+    return tuple(
+        f"the file says {unit} ({unit_in_si(unit):g} m/s2), `unit` {config.unit} counts" for unit in others
+    )
 
 
 def _below_usable(channels: list[Channel], signal: Signal) -> tuple[str, ...]:

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.config.records import LONGEST_DT, SHORTEST_DT
 from romdam.errors import RecordError
 
 MIN_SAMPLES = 3  # two steps
+SENTINELS = (  # of missing values
+    999.0, 999.9, 999.99, 999.999, 9999.0, 9999.9, 9999.99, 9999.999, 99999.0, 99999.9, 999999.0,
+    12345.0, 32768.0,
+)  # fmt: skip
+BREAKING = (  # what arithmetic and parsing raise on damaged data
+    ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RecursionError, TypeError, ValueError,
+)  # fmt: skip
 _DIRECTIONS = {"N": 0.0, "E": 90.0, "S": 180.0, "W": 270.0}
 _UP = {"UP", "UD", "U", "Z", "V", "VERT", "VERTICAL", "VRT", "VER"}
 _DOWN = {"DOWN", "DWN", "DN", "D"}
@@ -30,6 +40,11 @@ class Orientation:
     azimuth: float | None
     vertical: int = 0
 
+    def __str__(self) -> str:
+        """As messages name it."""
+        upright = "up" if self.vertical > 0 else "down"
+        return upright if self.azimuth is None else f"{self.azimuth:g} degrees"
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -44,6 +59,7 @@ class Channel:
     orientation : None where the file does not say
     start : time of the first sample, ISO 8601 UTC, "" unknown
     meta : format, station, network, event, filter corners and the like; plain JSON values
+    warnings : what was odd in its file, one sentence each
     """
 
     code: str
@@ -53,6 +69,7 @@ class Channel:
     orientation: Orientation | None = None
     start: str = ""
     meta: dict[str, object] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def parse_orientation(text: str) -> Orientation | None:
@@ -98,18 +115,49 @@ def check_channel(channel: Channel, where: str) -> None:
         for a dt that is not positive, fewer than three samples, NaN or infinity.
     """
     place = f"{where}, channel {channel.code}"
-    if not (np.isfinite(channel.dt) and channel.dt > 0.0):
+    if not SHORTEST_DT <= channel.dt <= LONGEST_DT:
         raise RecordError(
-            f"{place}: dt must be positive and finite, got {channel.dt:g} s; give `dt` in the configuration"
+            f"{place}: dt must lie in [{SHORTEST_DT:g}, {LONGEST_DT:g}] s, got {channel.dt:g} s; is it in "
+            "milliseconds, or the file damaged?"
         )
     if channel.data.size < MIN_SAMPLES:
         raise RecordError(
             f"{place}: {channel.data.size} samples, at least {MIN_SAMPLES} (two steps) are needed; "
             "the file is empty or cut short"
         )
-    bad = np.flatnonzero(~np.isfinite(channel.data))
+    bad = np.flatnonzero(missing(channel.data))
     if bad.size:
+        value = channel.data[bad[0]]
+        what = f"{value:g}, as where a value is missing" if np.isfinite(value) else "not finite"
         raise RecordError(
-            f"{place}: {bad.size} of {channel.data.size} samples are not finite, the first at "
+            f"{place}: {bad.size} of {channel.data.size} samples are {what}, the first at "
             f"t = {bad[0] * channel.dt:g} s; mend the record or set `gaps: linear` or `gaps: zero`"
         )
+
+
+def missing(data: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which samples are NaN, infinite, or a mark of no value (-999, 9999.999) far above all others."""
+    found = ~np.isfinite(data)
+    marks = np.isin(np.abs(data), SENTINELS) | (np.abs(np.where(found, 0.0, data)) >= 1e20)
+    if marks.any():
+        rest = np.abs(data[~found & ~marks])
+        if rest.size == 0 or np.max(rest) < 0.5 * np.min(np.abs(data[marks])):
+            found |= marks
+    return found
+
+
+@contextmanager
+def one_record(place: str) -> Iterator[None]:
+    """Make what damaged data raise anywhere within an error of this record.
+
+    Raises
+    ------
+    RecordError
+    """
+    try:
+        yield
+    except BREAKING as error:
+        reason = " ".join(str(error).split())[:200]
+        raise RecordError(
+            f"{place}: cannot be used ({type(error).__name__}: {reason}); the file is damaged"
+        ) from error

@@ -27,6 +27,7 @@ from romdam.errors import RecordError
 from romdam.records import correction_steps as steps
 from romdam.records.corners import search_highpass, signal_to_noise_band
 from romdam.records.integrate import displacement, velocity
+from romdam.records.motion import MOST_SAMPLES
 
 NYQUIST_SHARE = 0.75  # gmprocess' cap of the low-pass
 
@@ -167,6 +168,12 @@ def _pad(signal: Signal, step: PadStep) -> Signal:
     else:
         raise RecordError(
             "correction: pad needs a high-pass corner; put `corners` before it or give `length`"
+        )
+    samples = signal.acc.shape[-1] + 2 * count
+    if samples > MOST_SAMPLES:
+        raise RecordError(
+            f"correction: a pad of {count * signal.dt:g} s on each side makes {samples:.3g} samples, at most "
+            f"{MOST_SAMPLES:.3g} are made; raise the high-pass corner or give `length`"
         )
     noted = signal.noted(steps.pad(signal.acc, count, count), step="pad", each_side_s=count * signal.dt)
     return replace(noted, before=signal.before + count, after=signal.after + count)

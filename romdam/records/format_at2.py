@@ -14,11 +14,15 @@ import numpy as np
 
 from romdam.errors import RecordError
 from romdam.records.channel import Channel, Orientation, parse_orientation
+from romdam.records.stated import acceleration_unit
 from romdam.records.text import TextFile, read_text
 
 HEADER_LINES = 4
-_KEYED = re.compile(r"NPTS\s*=\s*([^,\s]+)\s*,?\s*DT\s*=\s*([^,\s]+)", re.IGNORECASE)
-_BARE = re.compile(r"^\s*(\S+)[\s,]+(\S+)\s+NPTS\s*,\s*DT", re.IGNORECASE)
+_KEYED = re.compile(r"^\s*NPTS\s*=\s*([^,\s]+)\s*,?\s*DT\s*=\s*(.*)$", re.IGNORECASE)
+_BARE = re.compile(r"^\s*(\S+)[\s,]+(\S+)\s+NPTS\s*,\s*DT[\s.,;]*$", re.IGNORECASE)
+_TIME = re.compile(r"(\S*?[\d.])\s*([A-Za-z]*)[\s.,;]*")
+_SECONDS = {"": 1.0, "S": 1.0, "SEC": 1.0, "SECS": 1.0, "SECONDS": 1.0, "MSEC": 1e-3, "MS": 1e-3}
+_UNITS = re.compile(r"UNITS\s+OF\s+(.*?)(?:[.,;]\s+(FILTER\s+POINTS\b.*))?$", re.IGNORECASE)
 _FILTER = re.compile(r"\b(HP|LP)\s*=\s*([0-9.]+)", re.IGNORECASE)
 _SERIES = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\s+TIME\s+(SERIES|HISTORY)", re.IGNORECASE)
 
@@ -42,7 +46,7 @@ def read_at2(path: Path) -> list[Channel]:
         for velocity or displacement files, a count that is not met, or text that is no number.
     """
     text = read_text(path)
-    series = _SERIES.search(text.line(2))
+    series = _SERIES.search(text.head(2))
     if series is None or series[1].upper() != "ACCELERATION":
         raise text.fail(2, "expected an acceleration time series; take the .AT2 file, not .VT2 or .DT2")
     count, dt = _count_and_dt(text)
@@ -53,9 +57,9 @@ def read_at2(path: Path) -> list[Channel]:
             f"{path}: line {line}: the header announces NPTS = {count}, the file holds {values.size} values; "
             "it is cut short or joined with another, fetch it again"
         )
-    event, station, component = _title(text.line(1))
+    event, station, component = _title(text.head(1))
     meta: dict[str, object] = {"format": "AT2", "event": event, "station": station, "component": component}
-    meta |= {f"{k.lower()}_corner_hz": float(v) for k, v in _FILTER.findall(text.line(2)) if _is_number(v)}
+    meta |= {f"{k.lower()}_corner_hz": float(v) for k, v in _FILTER.findall(text.head(2)) if _is_number(v)}
     code = (component.split() or [path.stem])[0]  # "090 (CUE)" names the network behind the azimuth
     return [Channel(code, values, dt, _unit(text), parse_orientation(code), "", meta)]
 
@@ -65,17 +69,28 @@ def _is_number(word: str) -> bool:
 
 
 def _unit(text: TextFile) -> str:
-    match = re.search(r"UNITS\s+OF\s+(CM/S\S*|G\b)", text.line(2), re.IGNORECASE)
-    return "" if match is None else {"G": "g"}.get(match[1].upper(), "cm/s2")
+    match = _UNITS.search(text.head(2))
+    if match is None:
+        return ""
+    unit = acceleration_unit(match[1].rstrip(" .,;"))
+    if not unit:
+        raise text.fail(
+            2, f"the unit {match[1].strip()[:40]!r} is no acceleration that is known, such as G or CM/S/S"
+        )
+    return unit
 
 
 def _count_and_dt(text: TextFile) -> tuple[int, float]:
-    line = text.line(3)
+    line = text.head(3)
     match = _KEYED.search(line) or _BARE.search(line)
     if match is None:
         raise text.fail(3, f'expected "NPTS= ..., DT= ...", got {line.strip()[:60]!r}')
     count = text.integer(match[1], 3, "NPTS")
-    dt = text.real(re.sub(r"(?i)sec$", "", match[2]), 3, "DT")
+    time = _TIME.fullmatch(match[2])
+    dt = text.real(time[1] if time else match[2].split(" ")[0], 3, "DT")
+    if time is None or time[2].upper() not in _SECONDS:
+        raise text.fail(3, f"DT: expected a number of seconds, got {match[2].strip()[:40]!r}")
+    dt *= _SECONDS[time[2].upper()]
     if count < 1 or dt <= 0.0:
         raise text.fail(3, f"NPTS and DT must be positive, got {count} and {dt:g} s")
     return count, dt

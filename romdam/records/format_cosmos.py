@@ -21,13 +21,20 @@ from numpy.typing import NDArray
 
 from romdam.errors import RecordError
 from romdam.records.channel import Channel, Orientation
+from romdam.records.stated import acceleration_unit, check_length, check_peak
 from romdam.records.text import TextFile, iso_time, read_text
 
 TEXT_LINES = 13
 MAX_VALUES = 50_000_000
 ACCELERATION = 1  # table 1
-UNITS = {2: "g", 4: "cm/s2", 7: "in/s2", 10: "cm/s2", 11: "mg", 12: "ug"}  # table 2, accelerations
-SI_OF = {"in/s2": "0.0254 m/s2", "mg": "0.00980665 m/s2", "ug": "0.00000980665 m/s2"}
+UNITS = {  # table 2, accelerations
+    2: "g",
+    4: "cm/s2",
+    7: "0.0254 m/s2",
+    10: "cm/s2",
+    11: "0.001 g",
+    12: "0.000001 g",
+}
 COUNTS = 50
 VERTICAL = {400: 1, 401: -1, 402: 1}  # table 11; 402: vertical, sense not indicated
 NETWORKS = {2: "NP", 3: "RE", 4: "A_", 5: "CE", 6: "CI", 7: "BK", 8: "NC", 10: "AZ", 14: "NN", 15: "UW"}
@@ -37,6 +44,8 @@ _COMMENTS = re.compile(r"^\s*(\d+)\s+comment\s+line", re.I)
 _DATA = re.compile(
     r"^\s*(\d+)\s+(\w+)\s+(?:pts|points|counts)\b.*?units?\s*=\s*([^,(]*)(?:\(\s*(\d+)\s*\))?", re.I
 )
+_APPROX = re.compile(r"approx\s+(\d+)\s+secs", re.I)
+_LINE_AZIMUTH = re.compile(r"Chan\s*\d+\s*:\s*(\d+)\s*deg", re.I)
 _FORTRAN = re.compile(r"format\s*=\s*\(\s*(\d*)\s*(?:P?\d*P)?[IFEG](\d+)", re.I)
 _CODE = re.compile(r"Code:\s*(\w+)-(\S+)")
 _SCNL = re.compile(r"<SCNL>\s*(\S+)")
@@ -78,20 +87,24 @@ class _Header:
 
 
 def _read_channel(text: TextFile, first: int) -> tuple[Channel | None, int]:
-    if _FIRST.match(text.lines[first].strip()) is None:
-        raise text.fail(first, f"expected a COSMOS channel, got {text.lines[first].strip()[:60]!r}")
+    if _FIRST.match(text.head(first).strip()) is None:
+        raise text.fail(first, f"expected a COSMOS channel, got {text.head(first).strip()[:60]!r}")
     integers, index = _table(text, first + TEXT_LINES, "integer")
     reals, index = _table(text, index, "real")
     comments, index = _comments(text, index)
-    match = _DATA.match(text.line(index))
+    match = _DATA.match(text.head(index))
     if match is None:
-        raise text.fail(index, f"expected the data's announcement, got {text.line(index).strip()[:60]!r}")
+        raise text.fail(index, f"expected the data's announcement, got {text.head(index).strip()[:60]!r}")
     count, (per_row, width) = _count(text, match[1], index), _fortran(text, index)
     values = text.numbers(index + 1, count, per_row, width)
     end = index + 1 - (-count // per_row)
     end = _end_of_data(text, end)
     header = _Header(first, integers, reals, comments)
-    if not match[2].lower().startswith("acc"):
+    kind = match[2].lower()[:3]
+    title = _FIRST.match(text.head(first).strip())
+    if title is not None and title[2].lower()[:3] != kind:
+        raise text.fail(index, f"{match[2]} announced, but {title[2]} in line {first + 1}")
+    if kind != "acc":
         return None, end
     return _channel(text, header, values, (match[3].strip(), match[4], index)), end
 
@@ -104,9 +117,9 @@ def _count(text: TextFile, word: str, index: int) -> int:
 
 
 def _fortran(text: TextFile, index: int) -> tuple[int, int]:
-    match = _FORTRAN.search(text.line(index))
+    match = _FORTRAN.search(text.head(index))
     if match is None:
-        raise text.fail(index, f'no "Format=(...)" in {text.line(index).strip()[:60]!r}')
+        raise text.fail(index, f'no "Format=(...)" in {text.head(index).strip()[:60]!r}')
     per_row, width = int(match[1] or 1), int(match[2])
     if not (1 <= per_row <= 100 and 1 <= width <= 40):
         raise text.fail(index, f"format of {per_row} values of width {width} is none of COSMOS'")
@@ -114,9 +127,9 @@ def _fortran(text: TextFile, index: int) -> tuple[int, int]:
 
 
 def _table(text: TextFile, index: int, kind: str) -> tuple[NDArray[np.float64], int]:
-    match = _BLOCK.match(text.line(index))
+    match = _BLOCK.match(text.head(index))
     if match is None or match[2].lower() != kind:
-        raise text.fail(index, f"expected the {kind} header, got {text.line(index).strip()[:60]!r}")
+        raise text.fail(index, f"expected the {kind} header, got {text.head(index).strip()[:60]!r}")
     per_row, width = _fortran(text, index)
     count = _count(text, match[1], index)
     if count < 65:
@@ -126,11 +139,11 @@ def _table(text: TextFile, index: int, kind: str) -> tuple[NDArray[np.float64], 
 
 
 def _comments(text: TextFile, index: int) -> tuple[list[str], int]:
-    match = _COMMENTS.match(text.line(index))
+    match = _COMMENTS.match(text.head(index))
     if match is None:
-        raise text.fail(index, f"expected the comments' announcement, got {text.line(index).strip()[:60]!r}")
+        raise text.fail(index, f"expected the comments' announcement, got {text.head(index).strip()[:60]!r}")
     count = text.integer(match[1], index, "comment lines")
-    lines = [text.line(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
+    lines = [text.head(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
     for offset, line in enumerate(lines):
         if not line.startswith("|"):
             raise text.fail(
@@ -145,7 +158,7 @@ def _end_of_data(text: TextFile, index: int) -> int:
         return index
     if re.match(r"\s*(/&|end.?of.?data)", text.lines[index], re.I):
         return index + 1
-    match = _DATA.match(text.lines[index])
+    match = _DATA.match(text.head(index))
     if match is None:
         raise text.fail(
             index, f'expected "End-of-data", got {text.lines[index].strip()[:60]!r}; count not met'
@@ -159,9 +172,10 @@ def _channel(
     text: TextFile, header: _Header, values: NDArray[np.float64], announced: tuple[str, str | None, int]
 ) -> Channel:
     unit = _unit(text, header, announced)
-    dt = _dt(text, header, values.size)
-    lines = text.lines[header.first : header.first + TEXT_LINES]
+    dt = _dt(text, header, values.size, announced[2])
+    lines = [text.head(header.first + i) for i in range(TEXT_LINES)]
     where = _orientation(header)
+    _check_azimuth(text, header, where)
     meta: dict[str, object] = {
         "format": "COSMOS",
         "level": f"V{int(header.integers[0])}",
@@ -170,8 +184,17 @@ def _channel(
         "processed": bool(header.integers[0] >= 2),
     }
     meta |= _station(header, lines[4]) | _corners(header)
-    _check_peak(text, header, values, announced[2])
-    return Channel(_code(header, lines, where), values, dt, unit, where, _start(header), meta)
+    _check_peak(text, header, values)
+    said = _odd_length(header, values.size * dt, dt)
+    return Channel(_code(header, lines, where), values, dt, unit, where, _start(header), meta, said)
+
+
+def _odd_length(header: _Header, length: float, dt: float) -> tuple[str, ...]:
+    """Agencies round real header 63, but seldom to a per cent."""
+    stated = float(header.reals[62])
+    if stated <= 0.0 or abs(stated - length) <= 1.5 * dt:
+        return ()
+    return (f"the real header's length is {stated:g} s, the data's {length:g} s",)
 
 
 def _code(header: _Header, lines: list[str], where: Orientation | None) -> str:
@@ -202,21 +225,32 @@ def _corners(header: _Header) -> dict[str, object]:
 
 
 def _unit(text: TextFile, header: _Header, announced: tuple[str, str | None, int]) -> str:
+    """The unit that the announcement's word and code and the integer header agree on."""
     word, code, index = announced
-    number = int(code) if code else int(header.integers[2])
-    if number == COUNTS or "count" in word.lower():
+    codes = [int(code)] if code else []
+    codes += [number] if (number := int(header.integers[2])) in (*UNITS, COUNTS) else []
+    counts = [number == COUNTS for number in codes] + (["count" in word.lower()] if word else [])
+    if any(counts):
+        if not all(counts):
+            raise text.fail(index, f"unit {word!r} contradicts the codes {codes}; {COUNTS} is counts")
         return ""  # V0: instrument counts; the configuration must say what one count is
-    if number not in UNITS:
-        raise text.fail(index, f"unit {word!r} (code {number}) is no acceleration of COSMOS table 2")
-    if code and int(header.integers[2]) in UNITS and UNITS[int(header.integers[2])] != UNITS[number]:
-        raise text.fail(
-            index,
-            f"unit {word!r} (code {number}) contradicts the integer header's code {int(header.integers[2])}",
-        )
-    return SI_OF.get(UNITS[number], UNITS[number])
+    if word and not acceleration_unit(word):
+        raise text.fail(index, f"unit {word!r} is no acceleration that is known")
+    found = [acceleration_unit(word)] if word else []
+    for number in codes:
+        if number not in UNITS:
+            raise text.fail(index, f"unit {word!r} (code {number}) is no acceleration of COSMOS table 2")
+        found.append(UNITS[number])
+    if not found:
+        raise text.fail(index, "no unit, in word or code")
+    if len(set(found)) > 1:
+        integer = int(header.integers[2])
+        stated = f"unit {word!r} (code {int(code or integer)})"
+        raise text.fail(index, f"{stated} contradicts the integer header's code {integer}")
+    return found[0]
 
 
-def _dt(text: TextFile, header: _Header, count: int) -> float:
+def _dt(text: TextFile, header: _Header, count: int, index: int) -> float:
     """Real header 62 [ms], or 34 [s] where unknown; 63 is the length, count*dt or (count-1)*dt."""
     dt = float(header.reals[61]) * 1e-3 if header.reals[61] > 0.0 else float(header.reals[33])
     line = header.first + TEXT_LINES + 1
@@ -225,9 +259,19 @@ def _dt(text: TextFile, header: _Header, count: int) -> float:
             line, f"sampling interval must lie in (0, 10) s, got {dt:g} s (real headers 62 and 34)"
         )
     length = float(header.reals[62])
-    if length > 0.0 and abs(length - count * dt) > max(2.5 * dt, 0.01 * length):
-        raise text.fail(line, f"length {length:g} s (real header 63), but {count} samples of {dt:g} s")
+    if length > 0.0:
+        check_length(text, line, length, (count, dt), max(1.5 * dt, 0.01 * length))
+    if approx := _APPROX.search(text.head(index)):
+        check_length(text, index, float(approx[1]), (count, dt), max(2.0, 0.02 * float(approx[1])))
     return dt
+
+
+def _check_azimuth(text: TextFile, header: _Header, where: Orientation | None) -> None:
+    """The ninth text line may repeat the azimuth: "Chan   1: 90 deg"."""
+    match = _LINE_AZIMUTH.search(text.head(header.first + 8))
+    if match and where and where.azimuth is not None and (int(match[1]) - where.azimuth) % 360.0:
+        stated = f"{match[1]} deg is stated, the integer header says {where.azimuth:g}"
+        raise text.fail(header.first + 8, f"{stated}; the file is altered")
 
 
 def _orientation(header: _Header) -> Orientation | None:
@@ -247,13 +291,11 @@ def _start(header: _Header) -> str:
     return iso_time((year, month, day), hour, minute, max(0.0, float(header.reals[29])))
 
 
-def _check_peak(text: TextFile, header: _Header, values: NDArray[np.float64], index: int) -> None:
-    """Real header 64 is the data's maximum; printed to three decimals: 1 % off is a changed file."""
-    stated, found = abs(float(header.reals[63])), float(np.max(np.abs(values), initial=0.0))
-    if header.reals[63] in (-999.0, 0.0) or not np.isfinite(found):
-        return
-    if abs(stated - found) > 0.01 * max(stated, found) + 1e-3:
-        raise text.fail(index, f"the real header's maximum is {stated:g}, the data's {found:g}; altered file")
+def _check_peak(text: TextFile, header: _Header, values: NDArray[np.float64]) -> None:
+    """Real header 64 is the data's maximum."""
+    stated, found = float(header.reals[63]), float(np.max(np.abs(values), initial=0.0))
+    if stated not in (-999.0, 0.0) and np.isfinite(found):
+        check_peak(text, header.first + TEXT_LINES + 12, stated, found, 1e-3)  # F10.3 at the worst
 
 
 def write_cosmos(channels: list[Channel], path: Path) -> None:

@@ -14,13 +14,20 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from romdam.errors import RecordError
 from romdam.records.channel import Channel, Orientation, parse_orientation
-from romdam.records.text import TextFile, read_text
+from romdam.records.stated import acceleration_unit, check_peak
+from romdam.records.text import WIDE, TextFile, read_text
 
 _DATA = re.compile(
     r"^\s*(\d+)\s+points of (accel|veloc|displ)\w* data equally spaced at\s*([\d.]+)\s*sec(.*)$", re.I
 )
+_ALMOST = re.compile(r"\d\s+points of (accel|veloc|displ)\w* data\b", re.I)
+_END = re.compile(r"end of data for chan", re.I)
+_UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?", re.I)
+_PEAK = re.compile(r"^\s*Peak\s+acceleration\s*=\s*([-+]?\d*\.?\d+)\s*([A-Za-z/^*\d]+)", re.I)
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
 _CHANNEL = re.compile(r"Chan\s*(\d+)\s*:?\s*(.*)$", re.I)
 
@@ -52,17 +59,29 @@ def read_csmip(path: Path) -> list[Channel]:
     text = read_text(path)
     channels: list[Channel] = []
     header = index = 0
+    length = 0.0  # of the channel's acceleration, which its velocity and displacement share [s]
     while index < len(text.lines):
-        match = _DATA.match(text.lines[index])
+        match = _DATA.match(text.head(index))
         if match is None:
+            if _ALMOST.search(text.head(index)):
+                raise text.fail(index, f"not as CSMIP announces data: {text.lines[index].strip()[:60]!r}")
             index += 1
             continue
-        about = _about(text.lines[header:index])
+        about = _about([text.head(i) for i in range(header, index)])
+        length = _check_length(text, index, match, length)
         channel, index = _read_block(text, index, match, about)
-        channels += [] if channel is None else [channel]
+        if channel is not None:
+            _check_peak(text, header, channel)
+            channels.append(channel)
         header = index
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
+    ends = sum(_END.search(line[:WIDE]) is not None for line in text.lines)
+    if ends not in (0, len(channels)):
+        raise RecordError(
+            f"{path}: line {len(text.lines)}: {ends} ends of channels, but {len(channels)} channels with "
+            "acceleration; the file is cut short or altered"
+        )
     return channels
 
 
@@ -84,18 +103,44 @@ def _read_block(
     return Channel(about.number, values, dt, unit, about.orientation, "", meta), end
 
 
+def _check_length(text: TextFile, index: int, match: re.Match[str], length: float) -> float:
+    """The length that the line announces, for acceleration; else it must be that of the acceleration."""
+    found = text.integer(match[1], index, "points") * text.real(match[3], index, "interval")
+    if match[2].lower() == "accel":
+        return found
+    if length and abs(found - length) > 0.01 * length:
+        lengths = f"{found:g} s of {match[2].lower()} beside {length:g} s of accel"
+        raise text.fail(index, f"{lengths}; a count or an interval is wrong")
+    return length
+
+
+def _check_peak(text: TextFile, header: int, channel: Channel) -> None:
+    """Hold "Peak acceleration = ..." of the lines from `header` on against the data behind them."""
+    from romdam.config.records import unit_in_si
+
+    for index in range(header, len(text.lines)):
+        if _DATA.match(text.head(index)):
+            return
+        if match := _PEAK.match(text.head(index)):
+            unit = acceleration_unit(match[2])
+            if not unit:
+                raise text.fail(index, f"the peak's unit {match[2]!r} is no acceleration")
+            stated = text.real(match[1], index, "peak") * unit_in_si(unit) / unit_in_si(channel.unit)
+            check_peak(text, index, stated, float(np.nanmax(np.abs(channel.data), initial=0.0)), 1e-3)
+
+
 def _check_end(text: TextFile, index: int) -> None:
     """A row of numbers where the next block or the end mark should be means a wrong count."""
-    if index < len(text.lines) and re.fullmatch(r"\s*([-+]?\d*\.\d+\s*)+", text.lines[index]):
+    if index < len(text.lines) and re.fullmatch(r"[-+\d\s]*\.[-+.\d\s]*", text.lines[index]):
         raise text.fail(index, "data after the announced number of points; altered file")
 
 
 def _unit(text: TextFile, index: int, rest: str) -> str:
-    if re.search(r"cm/sec|cm/s", rest, re.I):
-        return "cm/s2"
-    if re.search(r"\bg\b", rest, re.I):
-        return "g"
-    raise text.fail(index, f"the acceleration's unit is not stated in {rest.strip()[:40]!r}")
+    match = _UNIT.fullmatch(rest)
+    unit = acceleration_unit(match[1]) if match else ""
+    if not unit:
+        raise text.fail(index, f"no unit of acceleration that is known in {rest.strip()[:40]!r}")
+    return unit
 
 
 def _about(header: list[str]) -> _About:

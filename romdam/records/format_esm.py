@@ -11,9 +11,11 @@ import re
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from romdam.errors import RecordError
 from romdam.records.channel import Channel, parse_orientation
+from romdam.records.stated import PEAK_SHARE, acceleration_unit, check_length, check_peak
 from romdam.records.text import TextFile, read_text
 
 HEADER_LINES = 64
@@ -64,7 +66,7 @@ def read_esm(path: Path) -> list[Channel]:
     text = read_text(path)
     header = _header(text)
     kind = header.get("DATA_TYPE", ("ACCELERATION", 0))
-    if "ACCELERATION" not in kind[0].upper():
+    if kind[0].upper() != "ACCELERATION":
         raise text.fail(kind[1], f"DATA_TYPE is {kind[0]!r}; take the acceleration file")
     count = text.integer(*_need(text, header, "NDATA"), "NDATA")
     dt = text.real(*_need(text, header, "SAMPLING_INTERVAL_S"), "SAMPLING_INTERVAL_S")
@@ -79,10 +81,9 @@ def read_esm(path: Path) -> list[Channel]:
         name: _value(header[key][0]) for name, key in _META.items() if header.get(key, ("",))[0]
     }
     start = _iso(header.get("DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS", ("", 0))[0])
-    _check_peak(text, header, values)
-    return [
-        Channel(stream, values, dt, _need(text, header, "UNITS")[0], parse_orientation(stream), start, meta)
-    ]
+    unit = _unit(text, header)
+    said = _check_data(text, header, (values, dt), unit)
+    return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta, said)]
 
 
 def _header(text: TextFile) -> dict[str, tuple[str, int]]:
@@ -91,6 +92,8 @@ def _header(text: TextFile) -> dict[str, tuple[str, int]]:
         key, colon, value = text.line(index).partition(":")
         if not colon:
             raise text.fail(index, f'expected "KEY: value", got {text.line(index).strip()[:60]!r}')
+        if key.strip() in header:
+            raise text.fail(index, f"the key {key.strip()[:40]} stands there twice; two files joined?")
         header[key.strip()] = (value.strip(), index)
     return header
 
@@ -101,14 +104,36 @@ def _need(text: TextFile, header: dict[str, tuple[str, int]], key: str) -> tuple
     return header[key]
 
 
-def _check_peak(text: TextFile, header: dict[str, tuple[str, int]], values: np.ndarray) -> None:
-    """The header's PGA is printed with six decimals or more; half a per cent tells a changed file."""
+def _unit(text: TextFile, header: dict[str, tuple[str, int]]) -> str:
+    word, index = _need(text, header, "UNITS")
+    unit = acceleration_unit(word)
+    if not unit:
+        raise text.fail(index, f"UNITS is {word[:40]!r}, no acceleration; take the acceleration file")
+    return unit
+
+
+def _check_data(
+    text: TextFile,
+    header: dict[str, tuple[str, int]],
+    samples: tuple[NDArray[np.float64], float],
+    unit: str,
+) -> tuple[str, ...]:
+    """Hold DURATION_S and PGA_CM/S^2 against the data; say where TIME_PGA_S is another."""
+    from romdam.config.records import unit_in_si
+
+    (values, dt), cm = samples, unit_in_si(unit) / 0.01
+    word, index = header.get("DURATION_S", ("", 0))
+    if word:
+        check_length(text, index, text.real(word, index, "DURATION_S"), (values.size, dt), 0.5 * dt)
     word, index = header.get("PGA_CM/S^2", ("", 0))
-    if not word:
-        return
-    stated, found = abs(text.real(word, index, "PGA_CM/S^2")), float(np.max(np.abs(values), initial=0.0))
-    if np.isfinite(found) and abs(stated - found) > 0.005 * max(stated, found):
-        raise text.fail(index, f"PGA_CM/S^2 = {stated:g} stated, the data's peak is {found:g}; altered file")
+    found = cm * float(np.max(np.abs(values), initial=0.0))
+    if word and np.isfinite(found):
+        check_peak(text, index, text.real(word, index, "PGA_CM/S^2"), found, 1e-6)
+    word, index = header.get("TIME_PGA_S", ("", 0))
+    at = round(text.real(word, index, "TIME_PGA_S") / dt) if word else int(np.argmax(np.abs(values)))
+    if 0 <= at < values.size and cm * abs(values[at]) >= (1.0 - PEAK_SHARE) * found:
+        return ()
+    return (f"the peak is stated at {word} s, the data's is at {np.argmax(np.abs(values)) * dt:g} s",)
 
 
 def _value(text: str) -> object:

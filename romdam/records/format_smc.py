@@ -8,6 +8,7 @@ USGS National Strong-Motion Program, "SMC-format data files" (format version 2).
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel, Orientation
+from romdam.records.stated import PEAK_SHARE, check_peak
 from romdam.records.text import TextFile, iso_time, read_text
 
 Array = NDArray[np.float64]
@@ -22,6 +24,8 @@ TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
 KINDS = {"1 UNCORRECTED ACCELEROGRAM": "V1", "2 CORRECTED ACCELEROGRAM": "V2"}
 OTHERS = ("3 VELOCITY", "4 DISPLACEMENT", "5 RESPONSE SPECTRA", "6 FOURIER AMPLITUDE SPECTRA")
 NULL_INTEGER, NULL_REAL = -32768, 1.7e38
+PEAKS = {29: np.argmax, 31: np.argmin}  # real headers 30 and 32, as Boore's SMCWrite fills them
+PRECISE = 8  # integer header 47 of files with five values of width 14 in a row
 MAX_RATE = 1e5  # samples/s; some files carry a null value where the rate should be
 HIGHPASS = 32  # real header 33, the corner of the low-cut filter [Hz]
 _MAGNITUDE = re.compile(r"Moment Mag\s*=\s*(\d+(?:\.\d+)?)", re.IGNORECASE)
@@ -43,18 +47,36 @@ def read_smc(path: Path) -> list[Channel]:
         for velocity, displacement or spectra files, a problem flag, a count that is not met.
     """
     text = read_text(path)
-    kind = KINDS.get(text.line(0).strip().upper())
+    kind = KINDS.get(text.head(0).strip().upper())
     if kind is None:
-        raise text.fail(0, f"{text.line(0).strip()[:60]!r} is not an accelerogram; take the V1 or V2 file")
+        raise text.fail(0, f"{text.head(0).strip()[:60]!r} is not an accelerogram; take the V1 or V2 file")
     integers = text.table(TEXT_LINES, 8 * INTEGER_LINES, 8, 10)
     reals = text.table(TEXT_LINES + INTEGER_LINES, 5 * REAL_LINES, 5, 15)
     count, dt, comments = _sizes(text, integers, reals)
     first = TEXT_LINES + INTEGER_LINES + REAL_LINES + comments
-    values = text.numbers(first, count, 8, 10)
-    left = [i for i in range(first - (-count // 8), len(text.lines)) if text.lines[i].strip()]
+    per_row, width = (5, 14) if integers[46] == PRECISE else (8, 10)
+    values = text.numbers(first, count, per_row, width)
+    left = [i for i in range(first - (-count // per_row), len(text.lines)) if text.lines[i].strip()]
     if left:
         raise text.fail(left[0], f"data after the {count} values that the header announces; altered file")
-    return [_channel(text, kind, (values, dt), (integers, reals))]
+    said = _check_peaks(text, (values, dt), reals)
+    return [replace(_channel(text, kind, (values, dt), (integers, reals)), warnings=said)]
+
+
+def _check_peaks(text: TextFile, samples: tuple[Array, float], reals: Array) -> tuple[str, ...]:
+    """Hold both extremes against the data; say where they stand at other times."""
+    (values, dt), said = samples, []
+    for place, at in PEAKS.items():
+        stated, time, found = float(reals[place]), float(reals[place - 1]), values[at(values)]
+        if not 0.0 < abs(stated) < 0.9 * NULL_REAL or stated == reals[0] or not np.isfinite(found):
+            continue
+        check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, stated, float(found))
+        index = round(time / dt) if 0.0 <= time < values.size * dt else -1
+        if abs(values[index] - found) > PEAK_SHARE * abs(found):
+            said.append(
+                f"the header has an extreme at {time:g} s, the data at {at(values) * dt:g} s; is dt right?"
+            )
+    return tuple(said)
 
 
 def _sizes(text: TextFile, integers: Array, reals: Array) -> tuple[int, float, int]:
@@ -80,8 +102,8 @@ def _channel(
     text: TextFile, kind: str, samples: tuple[Array, float], headers: tuple[Array, Array]
 ) -> Channel:
     (values, dt), (integers, reals) = samples, headers
-    title = _TITLE.search(text.line(5))
-    station, component = (title[1], title[2].strip()) if title else (text.line(5).strip(), "")
+    title = _TITLE.search(text.head(5))
+    station, component = (title[1], title[2].strip()) if title else (text.head(5).strip(), "")
     orientation = _orientation(integers)
     meta: dict[str, object] = {
         "format": "SMC",
@@ -91,7 +113,7 @@ def _channel(
         "event": " ".join(text.line(3).split()).strip("* "),
         "processed": kind == "V2",
     }
-    if magnitude := _MAGNITUDE.search(text.line(4)):
+    if magnitude := _MAGNITUDE.search(text.head(4)):
         meta["magnitude"] = float(magnitude[1])
     if kind == "V2" and 0.0 < reals[HIGHPASS] < 50.0:
         meta["hp_corner_hz"] = float(reals[HIGHPASS])
@@ -137,6 +159,8 @@ def write_smc(channel: Channel, path: Path) -> None:
     ]
     integers, reals = _integer_header(channel), np.full(50, NULL_REAL)
     reals[1] = 1.0 / channel.dt
+    for place, at in ((28, int(np.argmax(values))), (30, int(np.argmin(values)))):
+        reals[place : place + 2] = at * channel.dt, values[at]
     lines = text + [
         "".join(f"{v:10d}" for v in integers[8 * row : 8 * row + 8]) for row in range(INTEGER_LINES)
     ]

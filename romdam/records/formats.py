@@ -12,8 +12,9 @@ from romdam.records.format_columns import is_columns, read_columns
 from romdam.records.format_cosmos import is_cosmos, read_cosmos, write_cosmos
 from romdam.records.format_csmip import is_csmip, read_csmip
 from romdam.records.format_esm import is_esm, read_esm, write_esm
+from romdam.records.format_knet import is_knet, read_knet
 from romdam.records.format_smc import is_smc, read_smc, write_smc
-from romdam.records.text import read_bytes
+from romdam.records.text import decode, read_bytes
 
 HEAD = 20_000  # bytes; CSMIP announces its data behind three or four thousand bytes of header
 
@@ -70,7 +71,7 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
         naming the file and, for text, the line.
     """
     declared = declared or Declared()
-    head = read_bytes(path)[:HEAD].decode("latin-1")
+    head = decode(read_bytes(path, HEAD))
     for known in FORMATS.values():
         if known.matches(head):
             return known.read(path)
@@ -87,4 +88,5 @@ FORMATS: dict[str, Format] = {
     "CSMIP": Format(is_csmip, read_csmip, None, many=True),
     "SMC": Format(is_smc, read_smc, _one(write_smc)),
     "ESM": Format(is_esm, read_esm, _one(write_esm)),
+    "KNET": Format(is_knet, read_knet),  # ObsPy has a plugin of its own
 }

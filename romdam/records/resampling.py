@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.errors import RecordError
-from romdam.records.motion import GroundMotion
+from romdam.records.motion import MOST_SAMPLES, GroundMotion
 
 Method = Literal["linear", "fourier"]
 
@@ -31,7 +31,7 @@ def resample(
     Raises
     ------
     RecordError
-        for an interval that is not positive and finite, or longer than the record.
+        for an interval that is not positive and finite, longer than the record, or makes too many samples.
     """
     duration = (acc.shape[-1] - 1) * dt_old
     for label, value in (("dt of the record", dt_old), ("dt asked for", dt_new)):
@@ -43,12 +43,20 @@ def resample(
         )
     if np.isclose(dt_new, dt_old, rtol=1e-9, atol=0.0):
         return acc.copy()
+    _refuse_huge(duration / dt_new, f"dt {dt_new:g} s makes of {duration:g} s")
     source = _low_pass(acc, dt_old, dt_new) if dt_new > dt_old else acc
     # 1e-9 of a step, so that a duration that is a multiple of dt_new keeps its last sample in floating point
     time = np.arange(int(np.floor(duration / dt_new + 1e-9)) + 1, dtype=np.float64) * dt_new
     if method == "fourier":
         return _fourier_at(source, dt_old, time)
     return _linear_at(source, dt_old, time)
+
+
+def _refuse_huge(samples: float, what: str) -> None:
+    if samples > MOST_SAMPLES:
+        raise RecordError(
+            f"resampling: {what} {samples:.3g} samples, the limit is {MOST_SAMPLES:.3g}; choose a larger dt"
+        )
 
 
 def resample_motion(motion: GroundMotion, dt: float) -> NDArray[np.float64]:
@@ -85,6 +93,7 @@ def _fourier_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) 
     refine = max(1, round(dt / step))
     if not np.isclose(refine * step, dt, rtol=1e-9):
         refine = 8 * int(np.ceil(dt / step))
+    _refuse_huge(n * refine, f"the Fourier grid of dt {step:g} s takes")
     spectrum = np.fft.rfft(acc, n, axis=-1)
     if n % 2 == 0 and refine > 1:
         spectrum[..., -1] *= 0.5  # the Nyquist line splits into a pair once it is inside the band

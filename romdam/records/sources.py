@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from romdam.config.records import RecordConfig, read_manifest
-from romdam.errors import RecordError
-from romdam.records.channel import Channel
-from romdam.records.formats import Declared, read_channels
-from romdam.records.text import read_bytes
+import numpy as np
 
+from romdam.config.records import RecordConfig, read_manifest
+from romdam.errors import RecordError, shown
+from romdam.records.channel import Channel, one_record
+from romdam.records.formats import FORMATS, Declared, read_channels
+from romdam.records.text import NUMBER, read_bytes
+
+MOST_FILES = 10_000  # of one folder or glob
 NOT_RECORDS = {".md", ".yaml", ".yml", ".csv", ".json", ".xml", ".py", ".pdf", ".png"}
 
 
@@ -72,8 +76,19 @@ def _declared(config: RecordConfig, folder: Path) -> Declared:
 
 
 def _from_file(path: Path, config: RecordConfig, folder: Path) -> Found:
-    channels = read_channels(path, _declared(config, folder))
-    return Found(config.name or path.stem, str(path), channels, config, _digest(path))
+    return Found(config.name or path.stem, str(path), _read(path, config, folder), config, _digest(path))
+
+
+def _read(path: Path, config: RecordConfig, folder: Path) -> list[Channel]:
+    """The channels of a file; what only some formats can use is not passed over in silence."""
+    with one_record(str(path)):
+        channels = read_channels(path, _declared(config, folder))
+    kind = str(channels[0].meta.get("format", ""))
+    if config.time_column is not None and kind != "columns":
+        raise RecordError(f"{path}: `time_column` is for plain columns, the file is {kind}; remove it")
+    if config.response is not None and kind in (*FORMATS, "columns"):
+        raise RecordError(f"{path}: `response` is for counts that ObsPy reads, the file is {kind}; remove it")
+    return channels
 
 
 def _digest(path: Path) -> dict[str, str]:
@@ -86,7 +101,7 @@ def _from_component_files(config: RecordConfig, folder: Path) -> Found:
     files: dict[str, str] = {}
     for axis, component in config.components.items():
         path = folder / str(component.file)
-        channels = read_channels(path, _declared(config, folder))
+        channels = _read(path, config, folder)
         picked[axis] = pick(channels, component.channel, str(path))
         files |= _digest(path)
     place = ", ".join(files)
@@ -125,11 +140,23 @@ def _from_folder(config: RecordConfig, folder: Path) -> Iterator[Found]:
 
 
 def matching_files(pattern: Path) -> list[Path]:
-    """Return the record files of a folder or a glob, sorted, without hidden files and other kinds."""
-    if pattern.is_dir():
-        paths = [path for path in pattern.iterdir() if path.suffix.lower() not in NOT_RECORDS]
-    else:
-        paths = [Path(match) for match in glob.glob(str(pattern), recursive=True)]
+    """Return the record files of a folder or a glob, sorted, without hidden files and other kinds.
+
+    Raises
+    ------
+    RecordError
+        for a folder that cannot be listed, and for more files than anybody means.
+    """
+    try:
+        if pattern.is_dir():
+            every = (path for path in pattern.iterdir() if path.suffix.lower() not in NOT_RECORDS)
+        else:
+            every = (Path(match) for match in glob.iglob(str(pattern), recursive=True))
+        paths = list(itertools.islice(every, MOST_FILES + 1))
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise RecordError(f"{shown(str(pattern))}: cannot be listed ({error})") from None
+    if len(paths) > MOST_FILES:
+        raise RecordError(f"{pattern}: more than {MOST_FILES} files; name fewer of them")
     return sorted(path for path in paths if path.is_file() and not path.name.startswith("."))
 
 
@@ -172,7 +199,22 @@ def record_of_row(manifest: Path, row: RecordConfig, about: dict[str, object]) -
             f"{found.place}: SHA-256 is {next(iter(found.files.values()))}, {manifest} says {stated}; "
             "the file has changed"
         )
+    for channel in found.channels:
+        _check_about(found.place, channel, about, manifest)
     return replace(found, about=about)
+
+
+def _check_about(place: str, channel: Channel, about: dict[str, object], manifest: Path) -> None:
+    """What a manifest says of the samples and the azimuth must be what the file says."""
+    azimuth = None if channel.orientation is None else channel.orientation.azimuth
+    for key, found in (("samples", channel.data.size), ("azimuth", azimuth)):
+        stated = str(about.get(key, ""))
+        if found is None or NUMBER.fullmatch(stated) is None:
+            continue
+        if (float(stated) - found) % (360.0 if key == "azimuth" else np.inf):
+            raise RecordError(
+                f"{place}, channel {channel.code}: {key} {found:g}, {manifest} says {stated}; one is wrong"
+            )
 
 
 def _from_suite(config: RecordConfig) -> Iterator[Found]:

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.records import RecordConfig, is_manifest, read_manifest
+from romdam.config.records import RecordConfig, is_manifest, manifest_rows
 from romdam.errors import ConfigError, RecordError
 from romdam.records.measures import measure
 from romdam.records.motion import GroundMotion
 from romdam.records.p695 import SETS
 from romdam.records.sources import matching_files
-from romdam.records.suite import EACH, load_motions
+from romdam.records.suite import EACH
+from romdam.records.tolerant import load_entry
 
 GRAVITY = 9.80665
 AXES = "xyz"
@@ -42,12 +43,14 @@ class Listed:
     motion : as the structure will feel it; None where it could not be read
     recorded : before its correction; None where nothing is corrected
     error : why it could not be read
+    no_source : whether what was asked for is no source of records at all
     """
 
     name: str
     motion: GroundMotion | None = None
     recorded: GroundMotion | None = None
     error: str = ""
+    no_source: bool = False
 
 
 def list_records(sources: Sequence[str], common: RecordConfig | None = None) -> list[Listed]:
@@ -59,60 +62,49 @@ def list_records(sources: Sequence[str], common: RecordConfig | None = None) -> 
         P-695 set ("farfield", "nearfield_pulse", "nearfield_no_pulse")
     common : unit, dt, correction and the like for sources that are not a job; its own source is ignored
     """
-    return [
-        row
-        for source in sources
-        for entry, folder in _entries(source, common)
-        for row in _load(entry, folder)
-    ]
+    return [row for source in sources for row in _of_source(source, common)]
 
 
-def _entries(source: str, common: RecordConfig | None) -> Iterator[tuple[RecordConfig | Listed, Path]]:
+def _of_source(source: str, common: RecordConfig | None) -> Iterator[Listed]:
+    try:
+        entries = list(_entries(source, common))
+    except (RecordError, ConfigError) as error:
+        yield Listed(source, error=str(error), no_source=True)
+        return
+    for entry, folder in entries:
+        yield from _load(entry, folder)
+
+
+def _entries(source: str, common: RecordConfig | None) -> Iterator[tuple[RecordConfig, Path]]:
+    from romdam.config.load import load_config
+
     settings: dict[str, object] = {"components": {"y": EACH}}
     if common is not None:
         settings |= common.model_dump(exclude_unset=True, exclude={"file", "files", "manifest", "suite"})
     path = Path(source)
-    try:
-        if source in SETS:
-            yield RecordConfig.model_validate(settings | {"suite": source}), Path()
-        elif path.suffix.lower() in (".yaml", ".yml", ".csv"):
-            yield from _listed_in(path, settings)
-        else:
-            files = matching_files(path)
-            if not files:
-                raise RecordError(f"{source}: no such file, folder, pattern or P-695 set ({', '.join(SETS)})")
-            for file in files:
-                yield RecordConfig.model_validate(settings | {"file": file.resolve()}), Path()
-    except (RecordError, ConfigError) as error:
-        yield Listed(source, error=str(error)), Path()
-
-
-def _listed_in(path: Path, settings: dict[str, object]) -> Iterator[tuple[RecordConfig, Path]]:
-    """Records of a job's YAML file, or the rows of a manifest."""
-    from romdam.config.load import load_config
-
-    if not is_manifest(path):
+    if source in SETS:
+        yield RecordConfig.model_validate(settings | {"suite": source}), Path()
+    elif path.suffix.lower() not in (".yaml", ".yml", ".csv"):
+        files = matching_files(path)
+        if not files:
+            raise RecordError(f"{source}: no such file, folder, pattern or P-695 set ({', '.join(SETS)})")
+        for file in files:
+            yield RecordConfig.model_validate(settings | {"file": file.resolve()}), Path()
+    elif is_manifest(path):
+        manifest_rows(path)  # its own mistakes are those of the source, not of a record
+        yield RecordConfig.model_validate(settings | {"manifest": path.resolve()}), Path()
+    else:
         job = load_config(path)
-        for entry in job.config.records:
-            yield entry, job.folder
-        return
-    common = RecordConfig.model_validate(settings | {"manifest": path})
-    for row, _ in read_manifest(path, common):
-        yield row, path.parent
+        yield from ((entry, job.folder) for entry in job.config.records)
 
 
-def _load(entry: RecordConfig | Listed, folder: Path) -> list[Listed]:
-    if isinstance(entry, Listed):
-        return [entry]
-    try:
-        motions = load_motions([entry], folder)
-        if not entry.correction:
-            return [Listed(motion.name, motion) for motion in motions]
-        raw = load_motions([entry.model_copy(update={"correction": (), "keep": {}})], folder)
-        before = {motion.name: motion for motion in raw}
-        return [Listed(motion.name, motion, before.get(motion.name)) for motion in motions]
-    except (RecordError, ConfigError) as error:
-        return [Listed(str(entry.file or entry.files or entry.manifest or entry.suite), error=str(error))]
+def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
+    raw: dict[str, GroundMotion | None] = {}
+    if entry.correction:
+        uncorrected = entry.model_copy(update={"correction": (), "keep": {}})
+        raw = {one.name: one.motion for one in load_entry(uncorrected, folder)}
+    for one in load_entry(entry, folder):
+        yield Listed(one.name, one.motion, raw.get(one.name), one.error)
 
 
 def format_table(listed: Sequence[Listed]) -> str:

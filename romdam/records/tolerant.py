@@ -10,8 +10,8 @@ from pathlib import Path
 
 from romdam.config.records import RecordConfig, manifest_rows, read_row
 from romdam.errors import ConfigError, RecordError
-from romdam.records.assemble import DOUBTED_UNIT
 from romdam.records.motion import GroundMotion
+from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.sources import Found, find_records, matching_files, record_of_row
 from romdam.records.suite import kept_motions, passes
 
@@ -48,7 +48,8 @@ def load_each(records: Sequence[RecordConfig], folder: Path) -> list[Loaded]:
     found: list[Loaded] = []
     places: dict[str, str] = {}
     for entry in records:
-        for one in _entry(entry, folder):
+        for one in load_entry(entry, folder):
+            one = _doubted(one)
             name = re.sub(r"[^\w.+-]", "_", one.name)
             if name in places:
                 error = one.error or (
@@ -72,10 +73,26 @@ def _free_name(name: str, taken: dict[str, str]) -> str:
     return f"{name}.{number}"
 
 
-def _entry(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
-    """The records of one entry; those that its `keep` leaves out are no failures."""
+def _doubted(one: Loaded) -> Loaded:
+    """The record, failed where its unit is doubted."""
+    doubts = [text for text in one.motion.warnings if DOUBTED_UNIT in text] if one.motion else []
+    return Loaded(one.name, None, "; ".join(doubts)) if doubts else one
+
+
+def load_entry(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
+    """Read the records of one entry, each on its own; those that its `keep` leaves out are no failures.
+
+    Parameters
+    ----------
+    entry : of `records:`
+    folder : where its relative paths start
+    """
     if entry.files is not None and entry.group == "file":
-        paths = matching_files(folder / entry.files)
+        try:
+            paths = matching_files(folder / entry.files)
+        except RecordError as error:
+            yield Loaded(entry.name or entry.files, None, str(error))
+            return
         if not paths:
             yield Loaded(entry.name or entry.files, None, f"{folder / entry.files}: no record files found")
         for path in paths:
@@ -116,9 +133,4 @@ def _load(name: str, find: Callable[[], Iterable[Found]], entry: RecordConfig) -
     except (RecordError, ConfigError) as error:
         yield Loaded(name, None, str(error))
         return
-    for motion in motions:
-        doubts = [text for text in motion.warnings if DOUBTED_UNIT in text]
-        if doubts:
-            yield Loaded(motion.name, None, "; ".join(doubts))
-        elif passes(motion, entry):
-            yield Loaded(motion.name, motion)
+    yield from (Loaded(motion.name, motion) for motion in motions if passes(motion, entry))

@@ -1,0 +1,136 @@
+"""What a careful reader would doubt of a record that reads well; doubts are said, nothing is changed."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.config.records import RecordConfig
+from romdam.errors import RecordError
+from romdam.records.channel import Channel
+
+FLAT_TOP = 6  # samples in a row at the extreme; real peaks of digital records repeat two or three times
+STANDARD_GRAVITY = 9.80665  # m/s2
+STRONGEST = 5.0  # g; no instrument has recorded more than about 4 g (Iwate-Miyagi 2008)
+IMPOSSIBLE = 1e4  # g; even gal taken for g make less
+DOUBTED_UNIT = "is the unit right?"
+FINE = 100  # values; with fewer the extreme is often met by chance
+SPIKE = 5.0  # times all other samples but its neighbours
+DROPOUT = 20  # samples in a row of one value, between strong ones
+STRONG = 0.2  # of the peak
+USUAL_DT = (0.0005, 0.1)  # s; of digital recorders and digitized film
+VELOCITY_CODES = "HLP"  # second letter of SEED's codes: seismometers, geophones
+SQUARE = 5.0  # degrees that horizontal components may miss 90 by
+
+
+def said_of_channels(channels: list[Channel]) -> tuple[str, ...]:
+    """Doubts of the samples."""
+    found = []
+    for channel in channels:
+        for doubt in (_clipped, _still, _spike, _dropout, _odd_dt, _velocity):
+            if text := doubt(channel):
+                found.append(f"channel {channel.code} {text}")
+    for one, other in itertools.combinations(channels, 2):
+        if one.data.shape == other.data.shape and np.array_equal(one.data, other.data):
+            found.append(f"channels {one.code} and {other.code} hold the same samples")
+    return tuple(found)
+
+
+def _clipped(channel: Channel) -> str:
+    data = channel.data
+    for extreme in (np.max(data), np.min(data)):
+        if abs(extreme) < 0.5 * np.max(np.abs(data)) or extreme == 0.0:
+            continue
+        run, times = _longest_run(data == extreme), np.count_nonzero(data == extreme)
+        if run >= FLAT_TOP:
+            return (
+                f"looks clipped: {run} samples in a row at {extreme:g} {channel.unit} (limit {FLAT_TOP - 1})"
+            )
+        if times >= 2 * FLAT_TOP and np.unique(data).size > FINE:
+            return f"looks clipped: {times} samples are at {extreme:g} {channel.unit} and none beyond"
+    return ""
+
+
+def _still(channel: Channel) -> str:
+    same = bool(np.all(channel.data == channel.data[0]))
+    return f"does not move: every sample is {channel.data[0]:g}" if same else ""
+
+
+def _spike(channel: Channel) -> str:
+    around = np.abs(channel.data - np.median(channel.data))
+    at = int(np.argmax(around))
+    rest = np.delete(around, slice(max(0, at - 1), at + 2))
+    if rest.size < DROPOUT or around[at] <= SPIKE * np.max(rest) or np.max(rest) <= 0.0:
+        return ""
+    return f"has one sample of {channel.data[at]:g}, {SPIKE:g} times all others, at t = {at * channel.dt:g} s"
+
+
+def _dropout(channel: Channel) -> str:
+    around = np.abs(channel.data - np.median(channel.data))
+    strong = np.flatnonzero(around > STRONG * np.max(around))
+    if strong.size == 0:
+        return ""
+    part = channel.data[strong[0] : strong[-1] + 1]
+    run = 1 + _longest_run(np.diff(part) == 0.0)
+    if run < DROPOUT:
+        return ""
+    return f"rests for {run} samples in a row amid strong shaking (limit {DROPOUT - 1}); a gap?"
+
+
+def _odd_dt(channel: Channel) -> str:
+    low, high = USUAL_DT
+    if low <= channel.dt <= high:
+        return ""
+    return f"has dt = {channel.dt:g} s, recorders have {low:g} to {high:g} s; is it right?"
+
+
+def _velocity(channel: Channel) -> str:
+    """Counts of a seismometer are a velocity."""
+    code = channel.code
+    if channel.unit or len(code) != 3 or not code.isalpha() or code[1] not in VELOCITY_CODES:
+        return ""
+    return f"is by its code ({code[1]}) of a seismometer, whose counts are velocity; give its `response`"
+
+
+def said_of_axes(axes: dict[str, Channel], config: RecordConfig) -> tuple[str, ...]:
+    """Doubts of which channel shakes which axis, where `components` names them and the files know better."""
+    where = {
+        axis: channel.orientation
+        for axis, channel in axes.items()
+        if channel.orientation and axis in config.components and config.components[axis].channel != "each"
+    }
+    found = [
+        f"axis {axis} is {'vertical' if axis == 'z' else 'horizontal'}, the file says that channel "
+        f"{axes[axis].code} is {'horizontal' if axis == 'z' else 'vertical'}"
+        for axis, known in where.items()
+        if (axis == "z") != (known.azimuth is None)
+    ]
+    level = [known.azimuth for axis, known in where.items() if axis != "z" and known.azimuth is not None]
+    if len(level) == 2 and abs((level[0] - level[1]) % 180.0 - 90.0) > SQUARE:
+        found.append(f"x and y are shaken by channels at {level[0]:g} and {level[1]:g} degrees, not square")
+    return tuple(found)
+
+
+def too_strong(recorded: NDArray[np.float64], place: str) -> tuple[str, ...]:
+    """Doubt the unit of what no instrument has recorded.
+
+    Raises
+    ------
+    RecordError
+        where no mistake of units explains it.
+    """
+    around = recorded - np.mean(recorded, axis=-1, keepdims=True)  # raw records carry offsets
+    peak = float(np.max(np.abs(around))) / STANDARD_GRAVITY
+    if not peak <= IMPOSSIBLE:
+        raise RecordError(f"{place}: the peak acceleration is {peak:.3g} g; {DOUBTED_UNIT}")
+    if peak <= STRONGEST:
+        return ()
+    limit = f"more than any record (limit {STRONGEST:g} g)"
+    return (f"the peak acceleration is {peak:.3g} g, {limit}: {DOUBTED_UNIT}",)
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
