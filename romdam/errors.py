@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Collection
 
 _SHOWN = 80  # characters of a value in a message
 
@@ -33,6 +34,13 @@ class ConvergenceError(RomdamError):
 
 class ResultError(RomdamError):
     """A result or model file cannot be read or written."""
+
+
+def listed(names: Collection[str], most: int = 20) -> str:
+    """Names as messages list them, not all of many; "none" where there is none."""
+    some = sorted(names)[:most]
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(some)}{more}" or "none"
 
 
 def shown(value: object) -> str:

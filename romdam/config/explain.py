@@ -8,7 +8,12 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from romdam.errors import shown
+
 Location = tuple[int | str, ...]
+
+_MOST = 20  # mistakes that are told at once
+_LONGEST = 60  # characters of a key in a message
 
 _LIMITS = {
     "greater_than": "must be greater than {gt:g}",
@@ -47,7 +52,10 @@ _MISSING = {
 def explain(error: ValidationError, source: str, root: type[BaseModel]) -> str:
     """Describe every mistake on a line of its own, each naming the file and the key."""
     items = [dict(item) for item in error.errors()]
-    lines = [_explain_one(item, root) for item in items if not _follows_from_another(item, items)]
+    told = items[:_MOST]
+    lines = [_explain_one(item, root) for item in told if not _follows_from_another(item, told)]
+    if len(items) > _MOST:
+        lines.append(f"and {len(items) - _MOST} further mistakes; mend these first")
     return "\n".join(f"{source}: {line}" for line in dict.fromkeys(lines))
 
 
@@ -96,19 +104,27 @@ def _message(item: Mapping[str, Any]) -> str:
 def _got(item: Mapping[str, Any]) -> str:
     """The value given, unless the message quotes it or it is a whole section of the file."""
     value = item["input"]
-    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and repr(value) in item["msg"]):
+    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and shown(value) in item["msg"]):
         return ""
-    shown = f", got {value!r}"
-    return "" if item["msg"].endswith(shown) else shown
+    got = f", got {shown(value)}"
+    return "" if item["msg"].endswith(got) else got
 
 
 def _key(path: Location) -> str:
-    return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path if p != "[key]").lstrip(".")
+    parts = (f"[{p}]" if isinstance(p, int) else f".{_cut(p)}" for p in path if p != "[key]")
+    return "".join(parts).removeprefix(".")
+
+
+def _cut(name: str) -> str:
+    """A key as messages name it: on one line, and not all of a long one."""
+    if name.isprintable() and 0 < len(name) <= _LONGEST:
+        return name
+    return shown(name)
 
 
 def _closest(name: str, owner: type[BaseModel] | None) -> str:
     known = sorted(owner.model_fields) if owner is not None else []
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(name[:_LONGEST], known, n=1)
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; known here: {', '.join(known)}" if known else ""

@@ -11,7 +11,8 @@ from pydantic import Field, Tag, model_validator
 from romdam.config.arch_dam import ArchDamConfig
 from romdam.config.base import Model, by_shape
 from romdam.config.joints import JointConfig, TieConfig
-from romdam.config.places import Axis, BlockFace, FaceRef, NodeConfig, Vector
+from romdam.config.names import Name
+from romdam.config.places import Axis, BlockFace, FaceRef, NodeConfig, Tolerance, Vector
 from romdam.config.quantities import (
     Acceleration,
     AngularFrequency,
@@ -25,11 +26,13 @@ from romdam.config.quantities import (
     Pressure,
     TemperatureChange,
     Time,
+    Whole,
 )
 from romdam.config.records import RecordConfig
 from romdam.config.stress import StressConfig
 from romdam.config.suite import SuiteConfig
 from romdam.config.water import WaterConfig
+from romdam.errors import listed, shown
 
 Element = Literal["hex8", "hex20", "tet4", "tet10"]
 NonNegative = Field(ge=0.0)
@@ -62,7 +65,7 @@ class MeshFileConfig(Model):
     """A block read from a mesh file; the physical groups of its facets become its faces."""
 
     file: Path
-    group: str | int | None = None
+    group: str | Whole | None = None
     unit: Annotated[str, Field(min_length=1)] = "m"
 
 
@@ -107,7 +110,7 @@ class ForceConfig(Model):
     block: str
     at: Vector
     force: tuple[Force, Force, Force]
-    tolerance: Annotated[Length, Positive] = 1e-3
+    tolerance: Tolerance = 1e-3
 
 
 class HydrostaticConfig(Model):
@@ -181,8 +184,11 @@ class DampingConfig(Model):
         return self
 
 
+MOST_MODES = 10_000  # of a block; beyond them nothing is reduced any more
+Corrections = Annotated[Whole, Field(ge=0, le=1000)]
 ModeCount = Annotated[
-    Annotated[int, Field(ge=0), Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
+    Annotated[Whole, Field(ge=0, le=MOST_MODES), Tag("number")]
+    | Annotated[Literal["all", "auto"], Tag("word")],
     by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
 ]
 
@@ -199,7 +205,7 @@ class ModelConfig(Model):
     order: Literal["reduced", "full"] = "reduced"
     modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
-    corrections: Annotated[int, Field(ge=0, le=1000)] = 0
+    corrections: Corrections = 0
     solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
     memory: Annotated[Memory, Positive] | None = None
 
@@ -221,8 +227,8 @@ class TransientConfig(Model):
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
     duration: Annotated[Time, Positive] | None = None
     integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
-    rho_inf: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
-    tolerance: Annotated[float, Field(gt=0.0, le=1e-6)] = 1e-8
+    rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
+    tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
 
     @model_validator(mode="after")
     def _one_step(self) -> Self:
@@ -239,7 +245,7 @@ class OutputsConfig(Model):
     `error_estimate` adds to every result how far the modes left out have moved it.
     """
 
-    nodes: dict[str, NodeConfig] = Field(default_factory=dict)
+    nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     stress: StressConfig | None = None
     every: Annotated[Time, Positive] | None = None
     plots: bool = True
@@ -254,8 +260,8 @@ class StudyConfig(Model):
     all modes of the mesh or the full order at `reference_dt` (1/16 of the finest step if not given).
     """
 
-    modes: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (20, 60)
-    corrections: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0, 10)
+    modes: Annotated[tuple[Annotated[Whole, Field(ge=0, le=MOST_MODES)], ...], Field(min_length=1)] = (20, 60)
+    corrections: Annotated[tuple[Corrections, ...], Field(min_length=1)] = (0, 10)
     integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
         "modal",
         "adaptive",
@@ -264,19 +270,19 @@ class StudyConfig(Model):
     reference: Literal["auto", "all_modes", "full"] = "auto"
     reference_dt: Annotated[Time, Positive] | None = None
     duration: Annotated[Time, Positive] = 10.0
-    repeats: Annotated[int, Field(ge=1, le=99)] = 3
+    repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
 
 
 class Config(Model):
     """One job: scene, records, model, time integration and outputs."""
 
     title: str = ""
-    blocks: dict[str, BlockConfig] = Field(default_factory=dict)
+    blocks: dict[Name, BlockConfig] = Field(default_factory=dict)
     arch_dam: ArchDamConfig | None = None
-    materials: dict[str, MaterialConfig]
+    materials: dict[Name, MaterialConfig]
     supports: tuple[SupportConfig, ...] = ()
-    joints: dict[str, JointConfig] = Field(default_factory=dict)
-    ties: dict[str, TieConfig] = Field(default_factory=dict)
+    joints: dict[Name, JointConfig] = Field(default_factory=dict)
+    ties: dict[Name, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
     water: WaterConfig | None = None
     damping: DampingConfig = DampingConfig()
@@ -373,6 +379,4 @@ class Config(Model):
     @staticmethod
     def _known(key: str, name: str, among: Collection[str]) -> None:
         if name not in among:
-            raise ValueError(
-                f"{key}: no {name!r} is defined; defined are {', '.join(sorted(among)) or 'none'}"
-            )
+            raise ValueError(f"{key}: no {shown(name)} is defined; defined are {listed(among)}")

@@ -8,10 +8,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Acceleration, Dimensionless, Time
+from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
-Number = float | str
+MOST_RUNS = 1_000_000
+Parameter = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=60)]
 Positive = Field(gt=0.0)
 
 
@@ -38,10 +38,10 @@ class ParameterConfig(Model):
     """
 
     path: Annotated[str, Field(min_length=1)]
-    values: Annotated[tuple[Number, ...], Field(min_length=1)] | None = None
-    low: Number | None = None
-    high: Number | None = None
-    count: Annotated[int, Field(ge=2)] | None = None
+    values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
+    low: NumberOrText | None = None
+    high: NumberOrText | None = None
+    count: Annotated[Whole, Field(ge=2, le=MOST_RUNS)] | None = None
     distribution: Literal["uniform", "loguniform"] = "uniform"
 
     @model_validator(mode="after")
@@ -58,8 +58,8 @@ class ParameterConfig(Model):
 class LatinHypercubeConfig(Model):
     """A Latin hypercube of so many samples."""
 
-    latin_hypercube: Annotated[int, Field(ge=1)]
-    seed: Annotated[int, Field(ge=0)] = 1
+    latin_hypercube: Annotated[Whole, Field(ge=1)]
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
 
 
 class DesignTableConfig(Model):
@@ -85,9 +85,9 @@ class SuiteConfig(Model):
     memory if not given), `cache` the folder of reduced blocks (OUT/cache if not given).
     """
 
-    scales: Annotated[tuple[Annotated[float, Positive], ...], Field(min_length=1)] = (1.0,)
+    scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)
     intensities: IntensityConfig | None = None
-    parameters: dict[Name, ParameterConfig] = Field(default_factory=dict)
+    parameters: dict[Parameter, ParameterConfig] = Field(default_factory=dict)
     design: Annotated[
         Annotated[Literal["grid"], Tag("word")]
         | Annotated[LatinHypercubeConfig | DesignTableConfig, Tag("mapping")],
@@ -98,7 +98,7 @@ class SuiteConfig(Model):
         by_shape('"peaks", "full", or {every: 0.05 s}', "peaks", "full"),
     ] = "peaks"
     period: Annotated[Time, Positive] = 0.3
-    batch: Annotated[int, Field(ge=1)] | None = None
+    batch: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
     cache: Path | None = None
 
     @model_validator(mode="after")
