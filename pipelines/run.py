@@ -26,6 +26,7 @@ from romdam.outputs.variables import Case
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.shaking import check_interval, shake
+from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import check_names, load_motions
@@ -112,6 +113,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job)
+    refuse_lengths(job, motions)
     job = settled(job, motions, clock)
     store = None if cache is None else BlockStore(cache)
     model = with_finer(job, build_model(job, clock, store), clock, store)

@@ -33,6 +33,7 @@ from romdam.outputs.suite_rows import Row, write_rows
 from romdam.pipelines.cluster import Pool, open_pool
 from romdam.pipelines.run import Clock, Model, Stage, settled, silent, with_finer, write_shared
 from romdam.pipelines.shaking import check_interval
+from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields
 from romdam.pipelines.suite_plan import divide, finished, plan_runs, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suite_runs import Run, Study, Task, run_task, sample_scene
@@ -108,7 +109,9 @@ def run_suite(
     with one_thread, open_pool(options.workers, options.scheduler, run_task.__module__) as pool:
         with clock.stage("records", "reading records"):
             records = read_records(job)
-        job = settled(job, [record.motion for record in records if record.motion is not None], clock)
+        motions = [record.motion for record in records if record.motion is not None]
+        refuse_lengths(job, motions)
+        job = settled(job, motions, clock)
         places = parameter_places(job, _suite(job))
         design = design_dataset(job, _suite(job), places)
         write_dataset(design, folder / DESIGN)

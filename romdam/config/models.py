@@ -184,11 +184,10 @@ class DampingConfig(Model):
         return self
 
 
-MOST_MODES = 10_000  # of a block; beyond them nothing is reduced any more
+Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
 Corrections = Annotated[Whole, Field(ge=0, le=1000)]
 ModeCount = Annotated[
-    Annotated[Whole, Field(ge=0, le=MOST_MODES), Tag("number")]
-    | Annotated[Literal["all", "auto"], Tag("word")],
+    Annotated[Modes, Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
     by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
 ]
 
@@ -260,7 +259,7 @@ class StudyConfig(Model):
     all modes of the mesh or the full order at `reference_dt` (1/16 of the finest step if not given).
     """
 
-    modes: Annotated[tuple[Annotated[Whole, Field(ge=0, le=MOST_MODES)], ...], Field(min_length=1)] = (20, 60)
+    modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
     corrections: Annotated[tuple[Corrections, ...], Field(min_length=1)] = (0, 10)
     integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
         "modal",
@@ -317,32 +316,33 @@ class Config(Model):
             )
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
+        blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
         self._refuse_samples_of_coupled_modes()
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):
-            self._known(f"supports[{i}].block", support.block, self.block_names)
+            self._known(f"supports[{i}].block", support.block, blocks)
         for kind, pairs in (("joints", self.joints), ("ties", self.ties)):
             for name, pair in pairs.items():
                 for block_name in pair.between:
-                    self._known(f"{kind}.{name}.between", block_name, self.block_names)
+                    self._known(f"{kind}.{name}.between", block_name, blocks)
         for i, pressure in enumerate(self.loads.pressure):
-            self._known(f"loads.pressure[{i}].block", pressure.block, self.block_names)
+            self._known(f"loads.pressure[{i}].block", pressure.block, blocks)
         for i, water in enumerate(self.loads.hydrostatic):
             for k, face in enumerate(water.faces):
-                self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, self.block_names)
+                self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, blocks)
         for i, warm in enumerate(self.loads.temperature):
             for block_name in warm.blocks or ():
-                self._known(f"loads.temperature[{i}].blocks", block_name, self.block_names)
+                self._known(f"loads.temperature[{i}].blocks", block_name, blocks)
         for i, force in enumerate(self.loads.force):
-            self._known(f"loads.force[{i}].block", force.block, self.block_names)
+            self._known(f"loads.force[{i}].block", force.block, blocks)
         for name, node in self.outputs.nodes.items():
-            self._known(f"outputs.nodes.{name}.block", node.block, self.block_names)
+            self._known(f"outputs.nodes.{name}.block", node.block, blocks)
         if self.outputs.stress is not None:
-            self._known_in_stress(self.outputs.stress)
+            self._known_in_stress(self.outputs.stress, blocks)
         for i, face in enumerate(self.water.faces if self.water else ()):
-            self._known(f"water.faces[{i}].block", face.block, self.block_names)
+            self._known(f"water.faces[{i}].block", face.block, blocks)
         return self
 
     def _refuse_no_blocks(self) -> None:
@@ -368,13 +368,13 @@ class Config(Model):
                 "out, or take `boundary: fixed` and rock with `mass: false`"
             )
 
-    def _known_in_stress(self, stress: StressConfig) -> None:
+    def _known_in_stress(self, stress: StressConfig, blocks: Collection[str]) -> None:
         for name in stress.blocks if stress.blocks != "all" else ():
-            self._known("outputs.stress.blocks", name, self.block_names)
+            self._known("outputs.stress.blocks", name, blocks)
         for i, face in enumerate(stress.faces):
-            self._known(f"outputs.stress.faces[{i}].block", face.block, self.block_names)
+            self._known(f"outputs.stress.faces[{i}].block", face.block, blocks)
         for name, node in stress.nodes.items():
-            self._known(f"outputs.stress.nodes.{name}.block", node.block, self.block_names)
+            self._known(f"outputs.stress.nodes.{name}.block", node.block, blocks)
 
     @staticmethod
     def _known(key: str, name: str, among: Collection[str]) -> None:

@@ -92,9 +92,9 @@ def find_place(config: Config, path: str, name: str, source: str) -> Place:
         keys = [f"joints.<name>.{key}" for key in _JOINT] if root == "joints" else [*_DAMPING]
         raise ConfigError(f"{where}: {shown(path)} cannot be varied; in {root} can {', '.join(keys)}")
     raise ConfigError(
-        f"{where}: {shown(path)} is not of the joints or the damping: it would change the reduced basis or the "
-        "loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run one "
-        "suite for each value of the rest"
+        f"{where}: {shown(path)} is not of the joints or the damping: it would change the reduced basis "
+        "or the loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run "
+        "one suite for each value of the rest"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -9,6 +10,7 @@ from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole
+from romdam.errors import shown
 
 MOST_RUNS = 1_000_000
 Parameter = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=60)]
@@ -87,7 +89,9 @@ class SuiteConfig(Model):
 
     scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)
     intensities: IntensityConfig | None = None
-    parameters: dict[Parameter, ParameterConfig] = Field(default_factory=dict)
+    parameters: Annotated[dict[Parameter, ParameterConfig], Field(max_length=100)] = Field(
+        default_factory=dict
+    )
     design: Annotated[
         Annotated[Literal["grid"], Tag("word")]
         | Annotated[LatinHypercubeConfig | DesignTableConfig, Tag("mapping")],
@@ -105,18 +109,34 @@ class SuiteConfig(Model):
     def _consistent(self) -> Self:
         if self.intensities is not None and "scales" in self.model_fields_set:
             raise ValueError("give `scales` or `intensities`, not both")
+        first: dict[str, str] = {}
         for name, one in self.parameters.items():
-            if one.path in [p.path for n, p in self.parameters.items() if n != name]:
-                raise ValueError(f"parameters.{name}.path: {one.path} is varied twice; remove one of the two")
+            if first.setdefault(one.path, name) != name:
+                raise ValueError(
+                    f"parameters.{name}.path: {shown(one.path)} is varied twice; remove one of the two"
+                )
             self._has_what_the_design_needs(name, one)
         if isinstance(self.design, DesignTableConfig) and not self.parameters:
             raise ValueError("a design table needs `parameters`: name each column's path")
         if isinstance(self.design, LatinHypercubeConfig) and not self.parameters:
             raise ValueError("a Latin hypercube needs `parameters` with `low` and `high`")
+        self._refuse_too_many()
         for name, values in (("scales", self.scales), ("intensities.values", self._targets())):
             if len(set(values)) < len(values):
-                raise ValueError(f"{name}: a value is given twice, {sorted(values)}; remove one of the two")
+                raise ValueError(
+                    f"{name}: a value is given twice, {shown(sorted(values))}; remove one of the two"
+                )
         return self
+
+    def _refuse_too_many(self) -> None:
+        scales = len(self._targets() or self.scales)
+        levels = [len(one.values or ()) or one.count or 1 for one in self.parameters.values()]
+        samples = math.prod(levels) if self.design == "grid" else 1
+        if scales * samples > MOST_RUNS:
+            raise ValueError(
+                f"{scales} scales of {samples:.6g} samples are {scales * samples:.3g} runs of every record, "
+                f"limit {MOST_RUNS}; give fewer values, or design: {{latin_hypercube: 1000}}"
+            )
 
     def _targets(self) -> tuple[float, ...]:
         return () if self.intensities is None else self.intensities.values

@@ -123,17 +123,18 @@ def _parts(node: yaml.Node) -> Iterator[yaml.Node]:
         yield from entry if isinstance(entry, tuple) else (entry,)
 
 
+def _hidden(character: str) -> bool:
+    return character not in "\n\t" and unicodedata.category(character) in ("Cc", "Cs")
+
+
 def _refuse(node: yaml.Node, source: str) -> None:
     """Refuse tags, characters that nobody sees, and keys that are no text or given twice."""
     if node.tag not in _TAGS:
         tag = shown(node.tag.replace(_TAG, "!!"))
         raise _wrong(node.start_mark, f"the tag {tag} means nothing here; leave it out", source)
-    if isinstance(node, yaml.ScalarNode):
-        hidden = next(
-            (c for c in node.value if c not in "\n\t" and unicodedata.category(c) in ("Cc", "Cs")), ""
-        )
-        if hidden:
-            raise _wrong(node.start_mark, f"the control character {hidden!r} in a text; remove it", source)
+    text = node.value if isinstance(node, yaml.ScalarNode) else ""
+    if hidden := next(filter(_hidden, text), ""):
+        raise _wrong(node.start_mark, f"the control character {hidden!r} in a text; remove it", source)
     keys = set[str]()
     for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
         if key.tag not in _OF_TEXT or not isinstance(key, yaml.ScalarNode):
