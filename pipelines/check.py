@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from romdam.config.load import Job
 from romdam.dynamics.options import TransientOptions
+from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.shaking import check_interval, refuse_large, transient_options
@@ -32,7 +33,7 @@ class Check:
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
     seconds, memory, file_size : estimates for all records [s], [bytes], [bytes]
-    warnings : of the records
+    warnings : of what keys and records say and hardly can mean
     """
 
     blocks: dict[str, dict[str, object]]
@@ -74,7 +75,7 @@ def check(job: Job, show: Stage = silent) -> Check:
         seconds=total * _seconds_per_step(model),
         memory=_memory(model, max(steps.values()), options.stride),
         file_size=_row_bytes(model) * (total // options.stride + 1),
-        warnings=tuple(f"{m.name}: {w}" for m in motions for w in m.warnings),
+        warnings=doubts_of(job, motions),
     )
 
 

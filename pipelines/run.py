@@ -23,6 +23,7 @@ from romdam.outputs.dataset import Timing, build_dataset, write_dataset
 from romdam.outputs.fields import write_model
 from romdam.outputs.stress_file import StressFields, write_stress
 from romdam.outputs.variables import Case
+from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.shaking import check_interval, shake
@@ -114,6 +115,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job)
     refuse_lengths(job, motions)
+    tell_doubts(job, motions)
     job = settled(job, motions, clock)
     store = None if cache is None else BlockStore(cache)
     model = with_finer(job, build_model(job, clock, store), clock, store)

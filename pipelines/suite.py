@@ -31,6 +31,7 @@ from romdam.outputs.suite import (
 )
 from romdam.outputs.suite_rows import Row, write_rows
 from romdam.pipelines.cluster import Pool, open_pool
+from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, settled, silent, with_finer, write_shared
 from romdam.pipelines.shaking import check_interval
 from romdam.pipelines.sizes import refuse_lengths
@@ -111,6 +112,7 @@ def run_suite(
             records = read_records(job)
         motions = [record.motion for record in records if record.motion is not None]
         refuse_lengths(job, motions)
+        tell_doubts(job, ())  # of the records there may be hundreds
         job = settled(job, motions, clock)
         places = parameter_places(job, _suite(job))
         design = design_dataset(job, _suite(job), places)

@@ -16,6 +16,7 @@ from romdam.files import prepare_folder
 from romdam.outputs.comparison import Difference, Openings, compare_openings, read_reference, write_statement
 from romdam.outputs.stress import StressSummary
 from romdam.outputs.stress_file import StressFields
+from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
 from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
 from romdam.pipelines.sizes import refuse_lengths
@@ -78,6 +79,7 @@ def verify(
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
     refuse_lengths(job, motions[:1], min(duration, motions[0].duration))
+    tell_doubts(job, motions[:1])
     motion, job = motions[0], settled(job, motions, clock)
     model = build_model(job, clock)
     seconds = min(duration, motion.duration)

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, Tag, model_validator
+from pydantic import AfterValidator, Field, Tag, model_validator
 
 from romdam.config.arch_dam import ArchDamConfig
 from romdam.config.base import Model, by_shape
@@ -27,6 +27,7 @@ from romdam.config.quantities import (
     TemperatureChange,
     Time,
     Whole,
+    to_si,
 )
 from romdam.config.records import RecordConfig
 from romdam.config.stress import StressConfig
@@ -61,12 +62,18 @@ class BoxConfig(Model):
     element: Element = "hex8"
 
 
+def _length_unit(value: str) -> str:
+    if to_si(f"1 {value}", "m") <= 0.0:
+        raise ValueError(f"one unit must be more than 0 m, got {shown(value)}")
+    return value
+
+
 class MeshFileConfig(Model):
     """A block read from a mesh file; the physical groups of its facets become its faces."""
 
     file: Path
     group: str | Whole | None = None
-    unit: Annotated[str, Field(min_length=1)] = "m"
+    unit: Annotated[str, AfterValidator(_length_unit)] = "m"
 
 
 class BlockConfig(Model):

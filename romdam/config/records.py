@@ -132,8 +132,10 @@ class RecordConfig(Model):
     @field_validator("unit")
     @classmethod
     def _unit_of_acceleration(cls, value: str | None) -> str | None:
-        if value is not None:
-            unit_in_si(value)
+        if value is not None and unit_in_si(value) <= 0.0:
+            raise ValueError(
+                f"one unit must be more than 0 m/s2, got {shown(value)}; `reverse: true` turns an axis"
+            )
         return value
 
     @field_validator("correction", mode="before")
@@ -152,9 +154,11 @@ class RecordConfig(Model):
     def _known_measures(cls, value: dict[str, RangeConfig]) -> dict[str, RangeConfig]:
         unknown = sorted(set(value) - set(MEASURES))
         if unknown:
-            raise ValueError(f"no such measure {', '.join(unknown)}; known: {', '.join(MEASURES)}")
+            raise ValueError(f"no such measure {shown(unknown)}; known: {', '.join(MEASURES)}")
         for name, limits in value.items():
-            limits.in_unit(MEASURES[name])
+            low, high = limits.in_unit(MEASURES[name])
+            if low > high:
+                raise ValueError(f"{name}: min {low:g} is above max {high:g}, no record has that; swap them")
         return value
 
     @model_validator(mode="after")
