@@ -21,6 +21,16 @@ _LIMITS = {
     "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
 }
+_KINDS = {  # in the words of a configuration, not of Python
+    "path_type": "must be the path of a file",
+    "string_type": "must be text",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "tuple_type": "must be a list such as [a, b]",
+    "dict_type": "must be a mapping such as {name: value}",
+    "model_type": "must be a mapping such as {key: value}",
+    "union_tag_not_found": "must be a name, or a mapping that says which, such as {step: detrend}",
+}
 _REMEDIED = {*_LIMITS, "too_short", "int_parsing", "int_from_float"}
 _REMEDIES = {
     "nu": "concrete has about 0.18, rock 0.2 to 0.3; at 0.5 a solid is incompressible",
@@ -95,8 +105,8 @@ def _message(item: Mapping[str, Any]) -> str:
         return f"must have at least {ctx['min_length']} entry"
     if kind == "union_tag_invalid":
         return f"no such {ctx['discriminator'].strip(chr(39))}; known are {ctx['expected_tags']}"
-    if kind == "path_type":
-        return "must be the path of a file"
+    if kind in _KINDS:
+        return _KINDS[kind]
     message = str(item["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
     return message[:1].lower() + message[1:]
 

@@ -47,7 +47,10 @@ def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
         _check_dt(channel, config, found.place)
     factors = np.array([_factor(channel, config, found.place) for channel in channels])
     recorded = align(channels, config.align, found.place) * factors[:, None]
-    signal = correct(recorded, channels[0].dt, config.correction)
+    try:
+        signal = correct(recorded, channels[0].dt, config.correction)
+    except RecordError as error:
+        raise RecordError(f"{found.place}: {error}") from None
     matrix = _matrix(axes, channels, config, found.place)
     acc = matrix @ signal.acc
     scale = _scale(acc, signal.dt, config.scale, found.place)

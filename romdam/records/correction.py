@@ -29,6 +29,7 @@ from romdam.records.corners import search_highpass, signal_to_noise_band
 from romdam.records.integrate import displacement, velocity
 
 NYQUIST_SHARE = 0.75  # gmprocess' cap of the low-pass
+MOST_PADDED = 5_000_000  # samples: half a day at 100 Hz
 
 
 @dataclass(frozen=True)
@@ -167,6 +168,11 @@ def _pad(signal: Signal, step: PadStep) -> Signal:
     else:
         raise RecordError(
             "correction: pad needs a high-pass corner; put `corners` before it or give `length`"
+        )
+    if count > MOST_PADDED:
+        raise RecordError(
+            f"correction: pad adds {count} samples on either side, limit {MOST_PADDED}; give a shorter "
+            "`length`, or a higher corner before it"
         )
     noted = signal.noted(steps.pad(signal.acc, count, count), step="pad", each_side_s=count * signal.dt)
     return replace(noted, before=signal.before + count, after=signal.after + count)
