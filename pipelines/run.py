@@ -14,7 +14,7 @@ import xarray as xr
 
 from romdam.config.load import Job
 from romdam.dynamics.system import System
-from romdam.errors import RecordError, RomdamError
+from romdam.errors import RecordError, RomdamError, placed
 from romdam.fem.unreduced import assemble_full
 from romdam.files import prepare_folder
 from romdam.outputs.certificate import FOLDER
@@ -176,9 +176,9 @@ def build_model(job: Job, clock: Clock, store: BlockStore | None = None) -> Mode
     with clock.stage("scene", "building the scene"):
         scene = build_scene(job.config, job.folder, str(job.path))
     if job.config.model.order == "full":
-        with clock.stage("model", "assembling the full model"):
+        with clock.stage("model", "assembling the full model"), placed(job.path):
             return Model(scene, observing_stress(scene, assemble_full(scene, job.config.damping)), None)
-    with clock.stage("model", "reducing the blocks"):
+    with clock.stage("model", "reducing the blocks"), placed(job.path):
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     return Model(scene, reduced.system, reduced)
 

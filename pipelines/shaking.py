@@ -16,7 +16,7 @@ from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.runs import Case, Progress
 from romdam.dynamics.system import History, System
 from romdam.dynamics.transient import integrate, integrate_cases
-from romdam.errors import ConfigError, ConvergenceError
+from romdam.errors import ConfigError, ConvergenceError, placed
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.motion import GroundMotion
 from romdam.records.resampling import resample_motion
@@ -44,12 +44,14 @@ def shake(
     refuse_large(job, [(system, motion, options)], duration)
     accuracy = job.config.transient.accuracy
     if accuracy is None:
-        return integrate(system, ground_at_steps(motion, options.dt, duration), options, progress)
+        with placed(job.path):
+            return integrate(system, ground_at_steps(motion, options.dt, duration), options, progress)
 
     def ground(dt: float) -> Floats:
         return ground_at_steps(motion, dt, duration)
 
-    return integrate_to(system, ground, options, accuracy, progress)
+    with placed(job.path):
+        return integrate_to(system, ground, options, accuracy, progress)
 
 
 def shake_together(

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from romdam.config.load import Job
 from romdam.config.parameters import Place, vary
 from romdam.config.suite import KeepConfig, SuiteConfig
-from romdam.errors import ConfigError, RecordError
+from romdam.errors import ConfigError, RecordError, placed
 from romdam.fem.gaps import gap_law
 from romdam.files import prepare_folder, sweep_parts
 from romdam.outputs.dataset import write_dataset
@@ -196,7 +196,7 @@ def build_study(
         scene = _roughest(job, build_scene(job.config, job.folder, str(job.path)), places, samples)
     own = _suite(job).cache
     store = BlockStore(cache or (job.folder / own if own else folder / CACHE_FOLDER))
-    with clock.stage("model", "reducing the blocks"):
+    with clock.stage("model", "reducing the blocks"), placed(job.path):
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     model = with_finer(job, Model(scene, reduced.system, reduced), clock, store)
     model = replace(model, stress=stress_fields(scene, reduced))

@@ -18,7 +18,7 @@ from romdam.config.correction import CHAINS, Step
 from romdam.config.names import OfFile
 from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole, to_si
 from romdam.config.yaml_text import read_yaml
-from romdam.errors import ConfigError, shown
+from romdam.errors import ConfigError, listed, shown
 from romdam.files import check_file
 
 Axis = Literal["x", "y", "z"]
@@ -154,7 +154,7 @@ class RecordConfig(Model):
     def _known_measures(cls, value: dict[str, RangeConfig]) -> dict[str, RangeConfig]:
         unknown = sorted(set(value) - set(MEASURES))
         if unknown:
-            raise ValueError(f"no such measure {shown(unknown)}; known: {', '.join(MEASURES)}")
+            raise ValueError(f"no such measure {listed(unknown)}; known: {', '.join(MEASURES)}")
         for name, limits in value.items():
             low, high = limits.in_unit(MEASURES[name])
             if low > high:

@@ -53,7 +53,10 @@ def kept_motions(records: Iterable[Found], config: RecordConfig) -> list[GroundM
     kept = [motion for motion in found if passes(motion, config)]
     if not kept:
         limits = {name: limit.model_dump(exclude_none=True) for name, limit in config.keep.items()}
-        raise RecordError(f"records: none of {len(found)} records passes `keep` {limits}")
+        source = config.file or config.files or config.manifest or config.suite or "components"
+        raise RecordError(
+            f"records: {source}: none of {len(found)} records passes `keep` {shown(limits)}; widen its limits"
+        )
     return kept
 
 
