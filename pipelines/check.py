@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 from romdam.config.load import Job
 from romdam.dynamics.options import TransientOptions
+from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
-from romdam.pipelines.shaking import check_interval, transient_options
+from romdam.pipelines.shaking import check_interval, refuse_large, transient_options
+from romdam.pipelines.sizes import refuse_lengths, run_bytes
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
 from romdam.scene.model import Scene
@@ -31,7 +33,7 @@ class Check:
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
     seconds, memory, file_size : estimates for all records [s], [bytes], [bytes]
-    warnings : of the records
+    warnings : of what keys and records say and hardly can mean
     """
 
     blocks: dict[str, dict[str, object]]
@@ -56,11 +58,14 @@ def check(job: Job, show: Stage = silent) -> Check:
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions = load_motions(job.config.records, job.folder)
+    refuse_lengths(job, motions)
     if job.config.model.modes == "auto":
         job = with_modes(job, FIRST)
     model = build_model(job, clock)
     options = transient_options(job, model.system, motions[0])
     steps = {m.name: _steps(m, options, job.config.transient.duration) for m in motions}
+    for motion in motions:
+        refuse_large(job, [(model.system, motion, options)], job.config.transient.duration)
     total = sum(steps.values())
     return Check(
         blocks={name: _block(model, name) for name in model.scene.blocks},
@@ -68,9 +73,9 @@ def check(job: Job, show: Stage = silent) -> Check:
         records={m.name: _record(m, steps[m.name]) for m in motions},
         unknowns=model.system.size,
         seconds=total * _seconds_per_step(model),
-        memory=_memory(model, max(steps.values()) // options.stride + 1),
+        memory=_memory(model, max(steps.values()), options.stride),
         file_size=_row_bytes(model) * (total // options.stride + 1),
-        warnings=tuple(f"{m.name}: {w}" for m in motions for w in m.warnings),
+        warnings=doubts_of(job, motions),
     )
 
 
@@ -128,9 +133,9 @@ def _row_bytes(model: Model) -> float:
     )
 
 
-def _memory(model: Model, rows: int) -> float:
-    """Histories (once as they grow, once as they are written), basis, operators, and the libraries."""
+def _memory(model: Model, steps: int, stride: int) -> float:
+    """The longest run, basis, operators, and the libraries."""
     libraries = 250e6
     basis = sum(part.matrix.nbytes for part in model.reduced.basis.values()) if model.reduced else 0
     operators = 8.0 * (model.system.B.nnz * 2 + float(model.system.B.shape[0]) ** 2 * 2)
-    return libraries + 2.0 * rows * _row_bytes(model) + 2.0 * basis + operators
+    return libraries + run_bytes(model.system, steps, steps / stride + 1) + 2.0 * basis + operators

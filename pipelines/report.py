@@ -100,9 +100,14 @@ def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:
     for one in options.thresholds:
         units = str(response_of(summary, response).attrs.get("units", "1"))
         try:
-            thresholds.append(to_si(one, units))
+            value = to_si(one, units)
         except ValueError as error:
             raise ResultError(f"threshold {one}: {error}") from None
+        if value <= 0.0:
+            raise ResultError(f"threshold {one}: must be above 0, as every response is")
+        if isinstance(one, str) and units != "1" and not one.strip("+0123456789.eE- "):
+            raise ResultError(f"threshold {one}: has no unit; write {one} {units}, for example")
+        thresholds.append(value)
         command += ["--threshold", str(one)]
     return Wanted(options.response, options.intensity, tuple(thresholds), shlex.join(command))
 

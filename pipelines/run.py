@@ -14,7 +14,7 @@ import xarray as xr
 
 from romdam.config.load import Job
 from romdam.dynamics.system import System
-from romdam.errors import RecordError, RomdamError
+from romdam.errors import RecordError, RomdamError, placed
 from romdam.fem.unreduced import assemble_full
 from romdam.files import prepare_folder
 from romdam.outputs.certificate import FOLDER
@@ -24,9 +24,11 @@ from romdam.outputs.dataset import Timing, build_dataset, write_dataset
 from romdam.outputs.fields import write_model
 from romdam.outputs.stress_file import StressFields, write_stress
 from romdam.outputs.variables import Case
+from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.shaking import check_interval, shake
+from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import check_names
@@ -50,12 +52,10 @@ class Outcome:
     ----------
     paths : result files, in the order of the records
     failures : record name -> message
-    warnings : what is odd about the records
     """
 
     paths: tuple[Path, ...]
     failures: dict[str, str]
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,8 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job)
+    refuse_lengths(job, motions)
+    tell_doubts(job, motions)
     job = settled(job, motions, clock)
     store = None if cache is None else BlockStore(cache)
     model = with_finer(job, build_model(job, clock, store), clock, store)
@@ -130,8 +132,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
             if len(motions) + len(failures) == 1:
                 raise
             failures[motion.name] = str(error)
-    warnings = tuple(f"{motion.name}: {text}" for motion in motions for text in motion.warnings)
-    return Outcome(tuple(paths), failures, warnings)
+    return Outcome(tuple(paths), failures)
 
 
 def write_shared(folder: Path, model: Model) -> dict[str, str]:
@@ -160,7 +161,7 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
     RecordError
         where no record can be read, or two share a name.
     """
-    motions, failures = [], {}
+    motions, failures = list[GroundMotion](), dict[str, str]()
     for entry in job.config.records:
         for one in load_entry(entry, job.folder):
             if one.motion is not None:
@@ -179,9 +180,9 @@ def build_model(job: Job, clock: Clock, store: BlockStore | None = None) -> Mode
     with clock.stage("scene", "building the scene"):
         scene = build_scene(job.config, job.folder, str(job.path))
     if job.config.model.order == "full":
-        with clock.stage("model", "assembling the full model"):
+        with clock.stage("model", "assembling the full model"), placed(job.path):
             return Model(scene, observing_stress(scene, assemble_full(scene, job.config.damping)), None)
-    with clock.stage("model", "reducing the blocks"):
+    with clock.stage("model", "reducing the blocks"), placed(job.path):
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     return Model(scene, reduced.system, reduced)
 

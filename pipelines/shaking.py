@@ -16,7 +16,8 @@ from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.runs import Case, Progress
 from romdam.dynamics.system import History, System
 from romdam.dynamics.transient import integrate, integrate_cases
-from romdam.errors import ConfigError, ConvergenceError
+from romdam.errors import ConfigError, ConvergenceError, placed
+from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.motion import GroundMotion
 from romdam.records.resampling import resample_motion
 
@@ -40,14 +41,17 @@ def shake(
         where a step does not converge.
     """
     options = transient_options(job, system, motion)
+    refuse_large(job, [(system, motion, options)], duration)
     accuracy = job.config.transient.accuracy
     if accuracy is None:
-        return integrate(system, ground_at_steps(motion, options.dt, duration), options, progress)
+        with placed(job.path):
+            return integrate(system, ground_at_steps(motion, options.dt, duration), options, progress)
 
     def ground(dt: float) -> Floats:
         return ground_at_steps(motion, dt, duration)
 
-    return integrate_to(system, ground, options, accuracy, progress)
+    with placed(job.path):
+        return integrate_to(system, ground, options, accuracy, progress)
 
 
 def shake_together(
@@ -70,6 +74,7 @@ def shake_together(
     """
     duration, accuracy = job.config.transient.duration, job.config.transient.accuracy
     options = [transient_options(job, *case) for case in zip(systems, motions, strict=True)]
+    refuse_large(job, list(zip(systems, motions, options, strict=True)), duration)
     outcomes: dict[int, History | ConvergenceError] = {}
     for one in dict.fromkeys(options):
         group = [i for i, other in enumerate(options) if other == one]
@@ -82,6 +87,25 @@ def shake_together(
             found = integrate_cases_to(alike, grounds, one, accuracy)
         outcomes.update(zip(group, found, strict=True))
     return [outcomes[i] for i in range(len(systems))]
+
+
+def refuse_large(
+    job: Job, cases: Sequence[tuple[System, GroundMotion, TransientOptions]], duration: float | None
+) -> None:
+    """Refuse runs that together do not fit in memory, before anything of them is made.
+
+    Raises
+    ------
+    ConfigError
+        with the sizes and the limit.
+    """
+    need = steps = rows = 0.0
+    for system, motion, options in cases:
+        own = (motion.duration if duration is None else duration) / options.dt
+        need += run_bytes(system, own, own / options.stride)
+        steps, rows = steps + own, rows + own / options.stride
+    names = ", ".join(motion.name for _, motion, _ in cases[:3])
+    refuse_bytes(need, steps, rows, f"{job.path}: {names}")
 
 
 def choose_integrator(job: Job, system: System) -> str:
@@ -181,6 +205,7 @@ def fixed_step(options: TransientOptions, dt: float, every: float, integrator: s
 
 def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> Floats:
     """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it."""
+    refuse_steps(motion.duration if duration is None else duration, dt, motion.name)
     acc = resample_motion(motion, dt)
     if duration is None:
         return acc

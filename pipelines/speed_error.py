@@ -23,8 +23,10 @@ from romdam.files import prepare_folder, replacing
 from romdam.outputs.comparison import Openings, compare_openings, read_reference
 from romdam.outputs.dataset import write_dataset
 from romdam.outputs.study import CaseResult, study_dataset, study_figure, study_table
+from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.shaking import choose_integrator, fixed_step, ground_at_steps, transient_options
+from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
 from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice
@@ -93,6 +95,8 @@ def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage 
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motion = load_motions(job.config.records, job.folder)[0]
+    refuse_lengths(job, [motion])
+    tell_doubts(job, [motion])
     scene = build_scene(job.config, job.folder, str(job.path))
     steps = job.config.study.dt or tuple(motion.dt / part for part in PARTS)
     setup = _Setup(job, scene, motion, steps, job.config.outputs.every or motion.dt)

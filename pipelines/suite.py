@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from romdam.config.load import Job
 from romdam.config.parameters import Place, vary
 from romdam.config.suite import KeepConfig, SuiteConfig
-from romdam.errors import ConfigError, RecordError
+from romdam.errors import ConfigError, RecordError, placed
 from romdam.fem.gaps import gap_law
 from romdam.files import prepare_folder, sweep_parts
 from romdam.outputs.dataset import write_dataset
@@ -31,8 +31,10 @@ from romdam.outputs.suite import (
 )
 from romdam.outputs.suite_rows import Row, write_rows
 from romdam.pipelines.cluster import Pool, open_pool
+from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, settled, silent, with_finer, write_shared
 from romdam.pipelines.shaking import check_interval
+from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields
 from romdam.pipelines.suite_plan import divide, finished, plan_runs, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suite_runs import Run, Study, Task, run_task, sample_scene
@@ -108,7 +110,10 @@ def run_suite(
     with one_thread, open_pool(options.workers, options.scheduler, run_task.__module__) as pool:
         with clock.stage("records", "reading records"):
             records = read_records(job)
-        job = settled(job, [record.motion for record in records if record.motion is not None], clock)
+        motions = [record.motion for record in records if record.motion is not None]
+        refuse_lengths(job, motions)
+        tell_doubts(job, ())  # of the records there may be hundreds
+        job = settled(job, motions, clock)
         places = parameter_places(job, _suite(job))
         design = design_dataset(job, _suite(job), places)
         write_dataset(design, folder / DESIGN)
@@ -194,7 +199,7 @@ def build_study(
         scene = _roughest(job, build_scene(job.config, job.folder, str(job.path)), places, samples)
     own = _suite(job).cache
     store = BlockStore(cache or (job.folder / own if own else folder / CACHE_FOLDER))
-    with clock.stage("model", "reducing the blocks"):
+    with clock.stage("model", "reducing the blocks"), placed(job.path):
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     model = with_finer(job, Model(scene, reduced.system, reduced), clock, store)
     model = replace(model, stress=stress_fields(scene, reduced))

@@ -23,8 +23,10 @@ from romdam.outputs.comparison import (
 )
 from romdam.outputs.stress import StressSummary
 from romdam.outputs.stress_file import StressFields
+from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
 from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
+from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.motion import GroundMotion
 from romdam.records.suite import load_motions
@@ -83,6 +85,8 @@ def verify(
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
+    refuse_lengths(job, motions[:1], min(duration, motions[0].duration))
+    tell_doubts(job, motions[:1])
     motion, job = motions[0], settled(job, motions, clock)
     model = build_model(job, clock)
     seconds = min(duration, motion.duration)
@@ -112,7 +116,8 @@ def _refuse_what_cannot_be_verified(job: Job) -> None:
 
 
 def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock: Clock) -> Marched:
-    shake(job, model.system, motion, 10.0 * motion.dt)  # compiled kernels are not part of the time
+    warm = max(10.0 * motion.dt, job.config.transient.dt or 0.0)
+    shake(job, model.system, motion, warm)  # compiled kernels are not part of the time
     with clock.stage("reduced", "reduced model") as progress:
         history = shake(job, model.system, motion, seconds, progress)
     return _marched(model.scene, history, stress_fields(model.scene, model.reduced))

@@ -33,7 +33,21 @@ app = typer.Typer(
 
 Config = Annotated[Path, typer.Argument(help="YAML file of the job.", metavar="CONFIG")]
 ResultFile = Annotated[Path, typer.Argument(help="NetCDF file that `romdam run` wrote.", metavar="RESULT")]
-Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if needed.")]
+
+
+def _folder(text: str) -> Path:
+    """A folder that is named: an empty text would be the working directory."""
+    if not text.strip() or "\0" in text:
+        raise typer.BadParameter("names no folder; write . for this one")
+    return Path(text)
+
+
+Out = Annotated[
+    Path,
+    typer.Option(
+        "--out", "-o", parser=_folder, metavar="DIR", help="Folder for the results; made if needed."
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell what is done and how long it takes.")]
 
@@ -61,7 +75,8 @@ def run(
         Path | None, typer.Option(help="Folder of reduced blocks; a suite has its own in OUT.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes of a suite; one for each core if not given.")
+        int | None,
+        typer.Option(min=1, max=1000, help="Processes of a suite; one for each core if not given."),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler for a suite, instead of own processes.")
@@ -74,16 +89,20 @@ def run(
     A suite that was stopped goes on where it stopped.
     """
     job = romdam.load_config(config)
+    if workers is not None and scheduler is not None:
+        raise typer.BadParameter("is instead of --workers; give one of the two", param_hint="--scheduler")
     if job.config.pipeline == "suite":
         _run_suite(job, out, (workers, scheduler, cache), _terminal(quiet, verbose))
         return
+    for option, given in (("--workers", workers), ("--scheduler", scheduler)):
+        if given is not None:
+            raise typer.BadParameter(f"is for suites; {config} has no `pipeline: suite`", param_hint=option)
     from romdam.pipelines.run import run as run_job
     from romdam.terminal import peaks_table
 
     stages, say = _terminal(quiet, verbose)
     outcome = run_job(job, out, stages, cache)
     say(peaks_table({path.stem: romdam.open_result(path).dataset for path in outcome.paths}))
-    say(*(f"warning: {text}" for text in outcome.warnings))
     say(*(f"written: {path}" for path in outcome.paths))
     for name, message in outcome.failures.items():
         typer.echo(f"{name}: {message}", err=True)
@@ -183,6 +202,8 @@ def verify(
         seconds = to_si(duration, "s")
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--duration") from error
+    if seconds <= 0.0:
+        raise typer.BadParameter(f"must be longer than 0 s, got {duration}", param_hint="--duration")
     stages, say = _terminal(quiet, verbose)
     found = verify_job(romdam.load_config(config), out, seconds, reference, stages)
     say(*verification_lines(found.statement), f"written: {found.path}", f"written: {found.figure}")
@@ -267,14 +288,24 @@ def show(
 def plot(
     result: ResultFile,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the figures; RESULT's own if not given.")
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            parser=_folder,
+            metavar="DIR",
+            help="Folder for the figures; RESULT's own if not given.",
+        ),
     ] = None,
     fields: Annotated[
         bool, typer.Option("--fields", help="Displacement and stress in 3-D at their worst steps (PNG).")
     ] = False,
     vtu: Annotated[bool, typer.Option("--vtu", help="A .vtu/.pvd series for ParaView.")] = False,
     animation: Annotated[bool, typer.Option("--animation", help="The motion as a GIF.")] = False,
-    frames: Annotated[int, typer.Option(min=1, help="Frames of the series and of the GIF.")] = 40,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, max=10_000, help="Frames of the series and of the GIF; 40 if not given."),
+    ] = None,
     window: Annotated[
         tuple[float, float] | None,
         typer.Option(help="First and last second of both; 2 s around the largest displacement if not given."),
@@ -285,8 +316,15 @@ def plot(
     from romdam.pipelines.views import Wanted, plot_result
     from romdam.terminal import maxima_table
 
+    for option, given in (("--frames", frames), ("--window", window)):
+        if given is not None and not (vtu or animation):
+            raise typer.BadParameter("is of a series; give --vtu or --animation too", param_hint=option)
+    if window is not None and not 0.0 <= window[0] < window[1] < float("inf"):
+        raise typer.BadParameter(
+            f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
+        )
     stages, say = _terminal(quiet, verbose=False)
-    wanted = Wanted(fields, vtu, animation, frames, window)
+    wanted = Wanted(fields, vtu, animation, frames or 40, window)
     with romdam.open_result(result) as opened:
         paths = plot_result(opened, out or result.parent, wanted, stages)
         say(maxima_table(opened.dataset), *(f"written: {path}" for path in paths))
@@ -301,7 +339,8 @@ def records(
         ),
     ],
     plot: Annotated[
-        Path | None, typer.Option("--plot", help="Folder for a page of plots per record.")
+        Path | None,
+        typer.Option("--plot", parser=_folder, metavar="DIR", help="Folder for a page of plots per record."),
     ] = None,
 ) -> None:
     """List ground motions with their measures; one that cannot be read is a row that says why.

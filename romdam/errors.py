@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 _SHOWN = 80  # characters of a value in a message
 
@@ -33,6 +36,24 @@ class ConvergenceError(RomdamError):
 
 class ResultError(RomdamError):
     """A result or model file cannot be read or written."""
+
+
+@contextmanager
+def placed(path: Path) -> Iterator[None]:
+    """Errors of a configuration that the body raises begin with its file, unless they name it already."""
+    try:
+        yield
+    except (ConfigError, MeshError, ReductionError) as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from error
+
+
+def listed(names: Collection[str], most: int = 20) -> str:
+    """Names as messages list them, not all of many; "none" where there is none."""
+    some = [name[:_SHOWN] for name in sorted(names)[:most]]
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(some)}{more}" or "none"
 
 
 def shown(value: object) -> str:

@@ -9,11 +9,12 @@ from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.joints import JointProperties
-from romdam.config.quantities import Dimensionless, Length
+from romdam.config.names import Name
+from romdam.config.quantities import Dimensionless, Length, Whole
 
 Positive = Field(gt=0.0)
 Size = Annotated[Length, Positive]
-Count = Annotated[int, Field(ge=1, le=200)]
+Count = Annotated[Whole, Field(ge=1, le=200)]
 Points = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=1)]
 Range = tuple[Length, Length]
 
@@ -23,7 +24,7 @@ CANTILEVER, PERIMETER, ROCK, JOINT = "C", "perimeter", "rock", "J"
 class Polynomial(Model):
     """c_0 + c_1 z + c_2 z^2 + ... with z the elevation; SI."""
 
-    polynomial: Annotated[tuple[float, ...], Field(min_length=1)]
+    polynomial: Annotated[tuple[Dimensionless, ...], Field(min_length=1)]
 
 
 Profile = Annotated[
@@ -96,7 +97,7 @@ class RockConfig(Model):
     upstream: Size
     downstream: Size
     depth: Size
-    zones: Annotated[dict[str, ZoneConfig], Field(min_length=1, max_length=9)]
+    zones: Annotated[dict[Name, ZoneConfig], Field(min_length=1, max_length=9)]
     boundary: Literal["fixed", "viscous"] = "fixed"
 
     @model_validator(mode="after")
@@ -125,7 +126,7 @@ class DivisionsConfig(Model):
     rock: Count = 4
     upstream: Count = 3
     downstream: Count = 3
-    growth: Annotated[float, Field(ge=1.0, le=5.0)] = 1.6
+    growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
 
 
 class ArchDamConfig(Model):
@@ -145,7 +146,7 @@ class ArchDamConfig(Model):
     arcs: ArcsConfig
     valley: Points
     abutment_height: Size
-    cantilevers: Annotated[int, Field(ge=1, le=99)] = 8
+    cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
     material: str
     element: Literal["hex8", "hex20", "tet4", "tet10"] = "tet10"
     divisions: DivisionsConfig = DivisionsConfig()

@@ -7,10 +7,10 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Discriminator, Field, model_validator
 
 from romdam.config.base import Model
-from romdam.config.quantities import Dimensionless, Frequency, Time
+from romdam.config.quantities import Dimensionless, Frequency, Time, Whole
 
 Positive = Field(gt=0.0)
-Order = Annotated[int, Field(ge=1, le=10)]
+Order = Annotated[Whole, Field(ge=1, le=10)]
 
 
 class MeanStep(Model):
@@ -24,7 +24,7 @@ class DetrendStep(Model):
     """Subtract the least-squares polynomial of acceleration, or the derivative of that of velocity."""
 
     step: Literal["detrend"] = "detrend"
-    order: Annotated[int, Field(ge=0, le=10)] = 1
+    order: Annotated[Whole, Field(ge=0, le=10)] = 1
     of: Literal["acceleration", "velocity"] = "acceleration"
 
 
@@ -93,7 +93,7 @@ class DisplacementBaselineStep(Model):
     """Fit c2 t^2 + ... + c_order t^order to displacement and subtract its second derivative."""
 
     step: Literal["displacement_baseline"] = "displacement_baseline"
-    order: Annotated[int, Field(ge=2, le=10)] = 6
+    order: Annotated[Whole, Field(ge=2, le=10)] = 6
 
 
 class VelocityBaselineStep(Model):

@@ -8,13 +8,28 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from romdam.errors import shown
+
 Location = tuple[int | str, ...]
+
+_MOST = 20  # mistakes that are told at once
+_LONGEST = 60  # characters of a key in a message
 
 _LIMITS = {
     "greater_than": "must be greater than {gt:g}",
     "greater_than_equal": "must be at least {ge:g}",
     "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
+}
+_KINDS = {  # in the words of a configuration, not of Python
+    "path_type": "must be the path of a file",
+    "string_type": "must be text",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "tuple_type": "must be a list such as [a, b]",
+    "dict_type": "must be a mapping such as {name: value}",
+    "model_type": "must be a mapping such as {key: value}",
+    "union_tag_not_found": "must be a name, or a mapping that says which, such as {step: detrend}",
 }
 _REMEDIED = {*_LIMITS, "too_short", "int_parsing", "int_from_float"}
 _REMEDIES = {
@@ -47,7 +62,10 @@ _MISSING = {
 def explain(error: ValidationError, source: str, root: type[BaseModel]) -> str:
     """Describe every mistake on a line of its own, each naming the file and the key."""
     items = [dict(item) for item in error.errors()]
-    lines = [_explain_one(item, root) for item in items if not _follows_from_another(item, items)]
+    told = items[:_MOST]
+    lines = [_explain_one(item, root) for item in told if not _follows_from_another(item, told)]
+    if len(items) > _MOST:
+        lines.append(f"and {len(items) - _MOST} further mistakes; mend these first")
     return "\n".join(f"{source}: {line}" for line in dict.fromkeys(lines))
 
 
@@ -87,8 +105,8 @@ def _message(item: Mapping[str, Any]) -> str:
         return f"must have at least {ctx['min_length']} entry"
     if kind == "union_tag_invalid":
         return f"no such {ctx['discriminator'].strip(chr(39))}; known are {ctx['expected_tags']}"
-    if kind == "path_type":
-        return "must be the path of a file"
+    if kind in _KINDS:
+        return _KINDS[kind]
     message = str(item["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
     return message[:1].lower() + message[1:]
 
@@ -96,19 +114,27 @@ def _message(item: Mapping[str, Any]) -> str:
 def _got(item: Mapping[str, Any]) -> str:
     """The value given, unless the message quotes it or it is a whole section of the file."""
     value = item["input"]
-    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and repr(value) in item["msg"]):
+    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and shown(value) in item["msg"]):
         return ""
-    shown = f", got {value!r}"
-    return "" if item["msg"].endswith(shown) else shown
+    got = f", got {shown(value)}"
+    return "" if item["msg"].endswith(got) else got
 
 
 def _key(path: Location) -> str:
-    return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path if p != "[key]").lstrip(".")
+    parts = (f"[{p}]" if isinstance(p, int) else f".{_cut(p)}" for p in path if p != "[key]")
+    return "".join(parts).removeprefix(".")
+
+
+def _cut(name: str) -> str:
+    """A key as messages name it: on one line, and not all of a long one."""
+    if name.isprintable() and 0 < len(name) <= _LONGEST:
+        return name
+    return shown(name)
 
 
 def _closest(name: str, owner: type[BaseModel] | None) -> str:
     known = sorted(owner.model_fields) if owner is not None else []
-    close = difflib.get_close_matches(name, known, n=1)
+    close = difflib.get_close_matches(name[:_LONGEST], known, n=1)
     if close:
         return f"; did you mean {close[0]!r}?"
     return f"; known here: {', '.join(known)}" if known else ""

@@ -9,10 +9,10 @@ from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.joint_laws import Friction, JointLaws
+from romdam.config.places import Direction, Tolerance
 from romdam.config.quantities import Length, Stiffness, StiffnessPerArea
 
 NonNegative = Field(ge=0.0)
-Positive = Field(gt=0.0)
 
 
 class PerGap(Model):
@@ -42,7 +42,7 @@ InitialGap = Annotated[
     by_shape("a length such as 2 mm, or {table: gaps.csv}"),
 ]
 NormalRule = Annotated[
-    Annotated[Literal["face", "nodes"], Tag("number")] | Annotated[tuple[float, float, float], Tag("list")],
+    Annotated[Literal["face", "nodes"], Tag("number")] | Annotated[Direction, Tag("list")],
     by_shape('"face", "nodes", or a vector such as [0, 1, 0]'),
 ]
 
@@ -63,7 +63,7 @@ class JointProperties(JointLaws):
     gap: InitialGap = 0.0
     gaps: Literal["nodes", "corners"] = "nodes"
     normal: NormalRule = "face"
-    tolerance: Annotated[Length, Positive] = 1e-3
+    tolerance: Tolerance = 1e-3
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -98,7 +98,7 @@ class TieConfig(Model):
     """Two blocks whose coinciding faces are one: their meshes grow together there."""
 
     between: tuple[str, str]
-    tolerance: Annotated[Length, Positive] = 1e-3
+    tolerance: Tolerance = 1e-3
 
     @model_validator(mode="after")
     def _two_blocks(self) -> Self:

@@ -7,11 +7,11 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from pydantic import ValidationError
 
 from romdam.config.explain import explain
 from romdam.config.models import Config
+from romdam.config.yaml_text import read_yaml
 from romdam.errors import ConfigError
 
 
@@ -49,7 +49,7 @@ def load_config(path: str | Path) -> Job:
         for a file that cannot be read or is not YAML, and for unknown, missing or wrong keys.
     """
     path = Path(path)
-    return Job(config=parse_config(_read_yaml(path), str(path)), path=path)
+    return Job(config=parse_config(read_yaml(path), str(path)), path=path)
 
 
 def parse_config(raw: object, source: str) -> Config:
@@ -60,34 +60,3 @@ def parse_config(raw: object, source: str) -> Config:
         return Config.model_validate(raw)
     except ValidationError as error:
         raise ConfigError(explain(error, source, Config)) from None
-
-
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Safe loader that refuses a key given twice, which YAML would silently overwrite."""
-
-
-def _mapping(loader: _UniqueKeyLoader, node: yaml.MappingNode) -> dict[object, object]:
-    loader.flatten_mapping(node)
-    keys = [loader.construct_object(key, deep=True) for key, _ in node.value]
-    for key, (key_node, _) in zip(keys, node.value, strict=True):
-        if keys.count(key) > 1:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"key {key!r} is given twice", key_node.start_mark
-            )
-    return loader.construct_mapping(node, deep=True)
-
-
-_UniqueKeyLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
-
-
-def _read_yaml(path: Path) -> object:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such configuration file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({error})") from None
-    try:
-        return yaml.load(text, Loader=_UniqueKeyLoader)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: not valid YAML: {error}") from None

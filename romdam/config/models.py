@@ -6,12 +6,13 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, Tag, model_validator
+from pydantic import AfterValidator, Field, Tag, model_validator
 
 from romdam.config.arch_dam import ArchDamConfig
 from romdam.config.base import Model, by_shape
 from romdam.config.joints import JointConfig, TieConfig
-from romdam.config.places import Axis, BlockFace, FaceRef, NodeConfig, Vector
+from romdam.config.names import Name
+from romdam.config.places import Axis, BlockFace, FaceRef, NodeConfig, Tolerance, Vector
 from romdam.config.quantities import (
     Acceleration,
     AngularFrequency,
@@ -25,11 +26,14 @@ from romdam.config.quantities import (
     Pressure,
     TemperatureChange,
     Time,
+    Whole,
+    to_si,
 )
 from romdam.config.records import RecordConfig
 from romdam.config.stress import StressConfig
 from romdam.config.suite import SuiteConfig
 from romdam.config.water import WaterConfig
+from romdam.errors import listed, shown
 
 Element = Literal["hex8", "hex20", "tet4", "tet10"]
 NonNegative = Field(ge=0.0)
@@ -58,12 +62,18 @@ class BoxConfig(Model):
     element: Element = "hex8"
 
 
+def _length_unit(value: str) -> str:
+    if to_si(f"1 {value}", "m") <= 0.0:
+        raise ValueError(f"one unit must be more than 0 m, got {shown(value)}")
+    return value
+
+
 class MeshFileConfig(Model):
     """A block read from a mesh file; the physical groups of its facets become its faces."""
 
     file: Path
-    group: str | int | None = None
-    unit: Annotated[str, Field(min_length=1)] = "m"
+    group: str | Whole | None = None
+    unit: Annotated[str, AfterValidator(_length_unit)] = "m"
 
 
 class BlockConfig(Model):
@@ -107,7 +117,7 @@ class ForceConfig(Model):
     block: str
     at: Vector
     force: tuple[Force, Force, Force]
-    tolerance: Annotated[Length, Positive] = 1e-3
+    tolerance: Tolerance = 1e-3
 
 
 class HydrostaticConfig(Model):
@@ -188,8 +198,10 @@ class DampingConfig(Model):
         return any(ratios) or (r is not None and bool(r.ratio or r.alpha or r.beta))
 
 
+Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
+Corrections = Annotated[Whole, Field(ge=0, le=1000)]
 ModeCount = Annotated[
-    Annotated[int, Field(ge=0), Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
+    Annotated[Modes, Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
     by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
 ]
 
@@ -206,7 +218,7 @@ class ModelConfig(Model):
     order: Literal["reduced", "full"] = "reduced"
     modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
-    corrections: Annotated[int, Field(ge=0, le=1000)] = 0
+    corrections: Corrections = 0
     solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
     memory: Annotated[Memory, Positive] | None = None
 
@@ -228,8 +240,8 @@ class TransientConfig(Model):
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
     duration: Annotated[Time, Positive] | None = None
     integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
-    rho_inf: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
-    tolerance: Annotated[float, Field(gt=0.0, le=1e-6)] = 1e-8
+    rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
+    tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
 
     @model_validator(mode="after")
     def _one_step(self) -> Self:
@@ -246,7 +258,7 @@ class OutputsConfig(Model):
     `error_estimate` adds to every result how far the modes left out have moved it.
     """
 
-    nodes: dict[str, NodeConfig] = Field(default_factory=dict)
+    nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     stress: StressConfig | None = None
     every: Annotated[Time, Positive] | None = None
     plots: bool = True
@@ -261,8 +273,8 @@ class StudyConfig(Model):
     all modes of the mesh or the full order at `reference_dt` (1/16 of the finest step if not given).
     """
 
-    modes: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (20, 60)
-    corrections: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0, 10)
+    modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
+    corrections: Annotated[tuple[Corrections, ...], Field(min_length=1)] = (0, 10)
     integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
         "modal",
         "adaptive",
@@ -271,19 +283,19 @@ class StudyConfig(Model):
     reference: Literal["auto", "all_modes", "full"] = "auto"
     reference_dt: Annotated[Time, Positive] | None = None
     duration: Annotated[Time, Positive] = 10.0
-    repeats: Annotated[int, Field(ge=1, le=99)] = 3
+    repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
 
 
 class Config(Model):
     """One job: scene, records, model, time integration and outputs."""
 
     title: str = ""
-    blocks: dict[str, BlockConfig] = Field(default_factory=dict)
+    blocks: dict[Name, BlockConfig] = Field(default_factory=dict)
     arch_dam: ArchDamConfig | None = None
-    materials: dict[str, MaterialConfig]
+    materials: dict[Name, MaterialConfig]
     supports: tuple[SupportConfig, ...] = ()
-    joints: dict[str, JointConfig] = Field(default_factory=dict)
-    ties: dict[str, TieConfig] = Field(default_factory=dict)
+    joints: dict[Name, JointConfig] = Field(default_factory=dict)
+    ties: dict[Name, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
     water: WaterConfig | None = None
     damping: DampingConfig = DampingConfig()
@@ -323,32 +335,33 @@ class Config(Model):
                 "transient.integrator: conserving is for scenes without damping, and `damping` is given; "
                 "leave the integrator out, adaptive is the default there"
             )
+        blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
         self._refuse_samples_of_coupled_modes()
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):
-            self._known(f"supports[{i}].block", support.block, self.block_names)
+            self._known(f"supports[{i}].block", support.block, blocks)
         for kind, pairs in (("joints", self.joints), ("ties", self.ties)):
             for name, pair in pairs.items():
                 for block_name in pair.between:
-                    self._known(f"{kind}.{name}.between", block_name, self.block_names)
+                    self._known(f"{kind}.{name}.between", block_name, blocks)
         for i, pressure in enumerate(self.loads.pressure):
-            self._known(f"loads.pressure[{i}].block", pressure.block, self.block_names)
+            self._known(f"loads.pressure[{i}].block", pressure.block, blocks)
         for i, water in enumerate(self.loads.hydrostatic):
             for k, face in enumerate(water.faces):
-                self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, self.block_names)
+                self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, blocks)
         for i, warm in enumerate(self.loads.temperature):
             for block_name in warm.blocks or ():
-                self._known(f"loads.temperature[{i}].blocks", block_name, self.block_names)
+                self._known(f"loads.temperature[{i}].blocks", block_name, blocks)
         for i, force in enumerate(self.loads.force):
-            self._known(f"loads.force[{i}].block", force.block, self.block_names)
+            self._known(f"loads.force[{i}].block", force.block, blocks)
         for name, node in self.outputs.nodes.items():
-            self._known(f"outputs.nodes.{name}.block", node.block, self.block_names)
+            self._known(f"outputs.nodes.{name}.block", node.block, blocks)
         if self.outputs.stress is not None:
-            self._known_in_stress(self.outputs.stress)
+            self._known_in_stress(self.outputs.stress, blocks)
         for i, face in enumerate(self.water.faces if self.water else ()):
-            self._known(f"water.faces[{i}].block", face.block, self.block_names)
+            self._known(f"water.faces[{i}].block", face.block, blocks)
         return self
 
     def _refuse_no_blocks(self) -> None:
@@ -374,17 +387,15 @@ class Config(Model):
                 "out, or take `boundary: fixed` and rock with `mass: false`"
             )
 
-    def _known_in_stress(self, stress: StressConfig) -> None:
+    def _known_in_stress(self, stress: StressConfig, blocks: Collection[str]) -> None:
         for name in stress.blocks if stress.blocks != "all" else ():
-            self._known("outputs.stress.blocks", name, self.block_names)
+            self._known("outputs.stress.blocks", name, blocks)
         for i, face in enumerate(stress.faces):
-            self._known(f"outputs.stress.faces[{i}].block", face.block, self.block_names)
+            self._known(f"outputs.stress.faces[{i}].block", face.block, blocks)
         for name, node in stress.nodes.items():
-            self._known(f"outputs.stress.nodes.{name}.block", node.block, self.block_names)
+            self._known(f"outputs.stress.nodes.{name}.block", node.block, blocks)
 
     @staticmethod
     def _known(key: str, name: str, among: Collection[str]) -> None:
         if name not in among:
-            raise ValueError(
-                f"{key}: no {name!r} is defined; defined are {', '.join(sorted(among)) or 'none'}"
-            )
+            raise ValueError(f"{key}: no {shown(name)} is defined; defined are {listed(among)}")

@@ -14,7 +14,7 @@ from romdam.config.joint_laws import ShearKeyConfig
 from romdam.config.joints import JointConfig
 from romdam.config.models import Config, DampingConfig, RayleighConfig
 from romdam.config.quantities import Stiffness
-from romdam.errors import ConfigError
+from romdam.errors import ConfigError, listed, shown
 
 Section = TypeVar("Section", bound=Model)
 
@@ -86,17 +86,15 @@ def find_place(config: Config, path: str, name: str, source: str) -> Place:
         known = tuple(config.every_joint)
         named = known if joint == "*" else (joint,)
         if not set(named) <= set(known):
-            raise ConfigError(
-                f"{where}: no joint {joint!r} is defined; defined are {', '.join(known) or 'none'}"
-            )
+            raise ConfigError(f"{where}: no joint {shown(joint)} is defined; defined are {listed(known)}")
         return Place(path, named, tuple(field.split(".")), _JOINT[field])
     if root in ("joints", "damping"):
         keys = [f"joints.<name>.{key}" for key in _JOINT] if root == "joints" else [*_DAMPING]
-        raise ConfigError(f"{where}: {path!r} cannot be varied; in {root} can {', '.join(keys)}")
+        raise ConfigError(f"{where}: {shown(path)} cannot be varied; in {root} can {', '.join(keys)}")
     raise ConfigError(
-        f"{where}: {path!r} is not of the joints or the damping: it would change the reduced basis or the "
-        "loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run one "
-        "suite for each value of the rest"
+        f"{where}: {shown(path)} is not of the joints or the damping: it would change the reduced basis "
+        "or the loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run "
+        "one suite for each value of the rest"
     )
 
 
@@ -115,7 +113,7 @@ def si_value(place: Place, value: float | str, name: str, source: str) -> float:
     except ValidationError as error:
         message = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise ConfigError(
-            f"{source}: suite.parameters.{name}: {place.path}: {message}, got {value!r}"
+            f"{source}: suite.parameters.{name}: {place.path}: {message}, got {shown(value)}"
         ) from None
     return float(found[0] if isinstance(found, tuple) else found)
 
@@ -147,12 +145,12 @@ def vary(config: Config, places: Mapping[str, Place], values: Mapping[str, float
         value = "rigid" if values[name] == float("inf") else float(values[name])
         for target in [raw[joint] for joint in place.joints] if place.joints else [damping]:
             _put(target, place.keys, value)
-    shown = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+    given = ", ".join(f"{name} = {value:g}" for name, value in values.items())
     joints = {
-        name: _checked(JointConfig, one, f"{source}: sample {shown}: joints.{name}")
+        name: _checked(JointConfig, one, f"{source}: sample {given}: joints.{name}")
         for name, one in raw.items()
     }
-    return Varied(joints, _checked(DampingConfig, damping, f"{source}: sample {shown}: damping"))
+    return Varied(joints, _checked(DampingConfig, damping, f"{source}: sample {given}: damping"))
 
 
 def _put(target: dict[str, Any], keys: tuple[str, ...], value: object) -> None:

@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field, Tag
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Length
+from romdam.config.quantities import Dimensionless, Length
 
 Axis = Literal["x", "y", "z"]
 Vector = tuple[Length, Length, Length]
-Positive = Field(gt=0.0)
+Direction = tuple[Dimensionless, Dimensionless, Dimensionless]
+Tolerance = Annotated[Length, Field(gt=0.0, le=10.0)]
 
 
 class PlaneRef(Model):
@@ -19,7 +20,7 @@ class PlaneRef(Model):
 
     axis: Axis
     at: Length
-    tolerance: Annotated[Length, Positive] = 1e-6
+    tolerance: Tolerance = 1e-6
 
 
 FaceRef = Annotated[
@@ -40,4 +41,4 @@ class NodeConfig(Model):
 
     block: str
     at: Vector
-    tolerance: Annotated[Length, Positive] = 1e-3
+    tolerance: Tolerance = 1e-3

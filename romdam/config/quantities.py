@@ -12,12 +12,37 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BeforeValidator
 
+from romdam.errors import shown
+
 if TYPE_CHECKING:
     import pint
 
+_LONGEST = 80  # characters of a quantity
 _NUMBER_AND_UNIT = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
-_UNIT = re.compile(r"^[A-Za-zµ°%]+(\^?-?\d)?(\s*[*/ ]\s*[A-Za-zµ°%]+(\^?-?\d)?)*$")
-_BARE_EXPONENT = re.compile(r"(?<=[A-Za-z])(-?[2-6])\b")  # "m/s2" means m/s^2
+_NAME = r"([A-Za-zµ°]+(\^?-?\d)?|%)"
+_UNIT = re.compile(rf"^(1/)?{_NAME}(\s*[*/ ]\s*{_NAME})*$")
+_BARE_EXPONENT = re.compile(r"(?<=[A-Za-z])(-?[1-6])\b")  # "m/s2" means m/s^2
+_DEGREES = re.compile(r"(?:deg|°)([CF])\b")  # no key is a temperature, they are all differences
+_LEAST = 1e-20  # in any SI unit: nothing but round-off is as small
+_MOST = {  # largest magnitude of each SI unit that anything of a dam can have; far above, but no overflow
+    "m": 1e8,  # coordinates of a national grid are 1e7
+    "s": 1e7,
+    "Hz": 1e7,
+    "1/s": 1e7,
+    "Pa": 1e14,
+    "kg/m^3": 1e6,
+    "N": 1e15,
+    "m/s^2": 1e5,
+    "N/m": 1e20,
+    "N/m^3": 1e20,
+    "N*s/m^3": 1e20,
+    "": 1e6,
+    "1/K": 1.0,
+    "delta_degC": 1e4,
+    "byte": 1e18,
+    "degree": 1e4,
+}
+_EXAMPLES = {"": "0.05 or 5 %", "delta_degC": "-4 K", "1/K": "1e-5 1/K", "byte": "8 GB"}
 
 
 @cache
@@ -38,41 +63,84 @@ def to_si(value: float | str, unit: str) -> float:
     Raises
     ------
     ValueError
-        for text without a number, an unknown unit, a unit of another dimension, or NaN/infinity.
+        for text without a number, an unknown unit, a unit of another dimension, NaN or infinity, and numbers
+        beyond anything that a dam can have.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"expected a number in {unit} or text with a unit, got {value!r}")
-    number = _parse(value, unit) if isinstance(value, str) else float(value)
+        raise ValueError(f"expected a number{_in(unit)} or text with a unit, got {shown(value)}")
+    try:
+        number = _parse(value, unit) if isinstance(value, str) else float(value)
+    except OverflowError:  # an integer of more than 308 digits
+        number = math.inf
     if not math.isfinite(number):
-        raise ValueError(f"expected a finite number in {unit}, got {value!r}")
+        raise ValueError(f"expected a finite number{_in(unit)}, got {shown(value)}")
+    most = _MOST.get(unit, math.inf)
+    if abs(number) > most or 0.0 < abs(number) < _LEAST:
+        limit = f"at most {most:g}" if abs(number) > most else f"0 or at least {_LEAST:g}"
+        raise ValueError(
+            f"{shown(value)} is beyond what a dam can have, the magnitude must be {limit}{_in(unit)}; is the "
+            "unit right?"
+        )
     return number
 
 
-def _parse(text: str, unit: str) -> float:
-    import pint
+def _in(unit: str) -> str:
+    return f" in {unit}" if unit else ""
 
-    remedy = f'write an SI number or text with a unit, for example "1 {unit}"'
-    match = _NUMBER_AND_UNIT.match(text)
-    if match is None:
-        raise ValueError(f"cannot read {text!r} as a quantity in {unit}; {remedy}")
-    number, unit_text = float(match[1]), _BARE_EXPONENT.sub(r"^\1", match[2])
+
+def _parse(text: str, unit: str) -> float:
+    example = _EXAMPLES.get(unit, f"1 {unit}")
+    remedy = f'write an SI number or text with a unit, for example "{example}"'
+    match = _NUMBER_AND_UNIT.match(text) if len(text) <= _LONGEST else None
+    if match is None or (match[2] and _UNIT.match(match[2]) is None):
+        raise ValueError(f"cannot read {shown(text)} as a quantity{_in(unit)}; {remedy}")
     if not match[2]:
-        return number
-    if _UNIT.match(match[2]) is None:
-        raise ValueError(f"cannot read {text!r} as a quantity in {unit}; {remedy}")
+        return float(match[1])
+    unit_text = _DEGREES.sub(r"delta_deg\1", _BARE_EXPONENT.sub(r"^\1", match[2]))
     if unit == "m/s^2" and unit_text == "g":
         unit_text = "standard_gravity"  # an acceleration in "g" is never grams
     try:
-        return float(_registry().Quantity(number, unit_text).to(unit).magnitude)
-    except pint.DimensionalityError as error:
-        raise ValueError(f"{text!r} is not a quantity in {unit}; {remedy}") from error
-    except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, ValueError, TypeError) as error:
-        raise ValueError(f"unknown unit in {text!r} (units are case-sensitive); {remedy}") from error
+        given = _roots(unit_text)
+    except Exception as error:  # what pint raises for units that it does not know: half a dozen kinds
+        raise ValueError(f"unknown unit in {shown(text)} (units are case-sensitive); {remedy}") from error
+    if given != _roots(unit):
+        what = f"a quantity in {unit}" if unit else "a number or a part of one"
+        raise ValueError(f"{shown(text)} is not {what}; {remedy}{_angular(given)}")
+    return float(_registry().Quantity(float(match[1]), unit_text).to(unit).magnitude)
+
+
+def _roots(unit: str) -> str:
+    """Root units of a unit: radians and bits are units among them, though of no dimension.
+
+    Raises
+    ------
+    ValueError
+        for decibels and the like, which do not add up.
+    """
+    none = _registry().Quantity(0.0, unit).to_root_units()
+    if none.magnitude != 0.0:
+        raise ValueError(f"{unit} has no zero")
+    return str(none.units)
+
+
+def _angular(given: str) -> str:
+    """What turns are not: a frequency in Hz, or a ratio such as a coefficient of friction."""
+    return "; an angle, or what turns in a second, is to be converted by hand" if "radian" in given else ""
 
 
 def _si(unit: str) -> BeforeValidator:
     return BeforeValidator(lambda value: to_si(value, unit))
 
+
+def _no_bool(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError(f"expected a number, got {value}")
+    return value
+
+
+NoBool = BeforeValidator(_no_bool)  # to pydantic, True is 1
+Whole = Annotated[int, NoBool]
+NumberOrText = Annotated[float | str, NoBool]
 
 Length = Annotated[float, _si("m")]
 Time = Annotated[float, _si("s")]

@@ -12,13 +12,15 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-import yaml
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from romdam.config.base import Model
 from romdam.config.correction import CHAINS, Step
-from romdam.config.quantities import Acceleration, Dimensionless, Time, to_si
-from romdam.errors import ConfigError
+from romdam.config.names import OfFile
+from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole, to_si
+from romdam.config.yaml_text import read_yaml
+from romdam.errors import ConfigError, listed, shown
+from romdam.files import check_file
 
 Axis = Literal["x", "y", "z"]
 MEASURES = {  # what records can be filtered by, and the unit of each
@@ -67,7 +69,7 @@ class ComponentConfig(Model):
     The channel "each" makes one ground motion of every channel found, all on this one axis.
     """
 
-    channel: int | str | None = None
+    channel: Whole | str | None = None
     file: Path | None = None
     reverse: bool = False
 
@@ -103,8 +105,8 @@ class ScaleConfig(Model):
 class RangeConfig(Model):
     """Keep a record whose measure lies in [min, max], in SI or with a unit."""
 
-    min: float | str | None = None
-    max: float | str | None = None
+    min: NumberOrText | None = None
+    max: NumberOrText | None = None
 
     def in_unit(self, unit: str) -> tuple[float, float]:
         """The two limits as numbers; minus and plus infinity where there is none."""
@@ -125,10 +127,10 @@ class RecordConfig(Model):
     files: str | None = None
     manifest: Path | None = None
     suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
-    name: Annotated[str, Field(pattern=r"^[\w.+-]+$")] | None = None
+    name: Annotated[str, Field(pattern=r"^[\w.+-]+$"), OfFile] | None = None
     unit: str | None = None
     dt: Annotated[Time, Field(gt=0.0, ge=SHORTEST_DT, le=LONGEST_DT)] | None = None
-    time_column: Annotated[int, Field(ge=1)] | None = None
+    time_column: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
     response: Path | None = None
     components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
     x_azimuth: Degrees | None = None
@@ -143,8 +145,10 @@ class RecordConfig(Model):
     @field_validator("unit")
     @classmethod
     def _unit_of_acceleration(cls, value: str | None) -> str | None:
-        if value is not None:
-            unit_in_si(value)
+        if value is not None and unit_in_si(value) <= 0.0:
+            raise ValueError(
+                f"one unit must be more than 0 m/s2, got {shown(value)}; `reverse: true` turns an axis"
+            )
         return value
 
     @field_validator("correction", mode="before")
@@ -163,9 +167,11 @@ class RecordConfig(Model):
     def _known_measures(cls, value: dict[str, RangeConfig]) -> dict[str, RangeConfig]:
         unknown = sorted(set(value) - set(MEASURES))
         if unknown:
-            raise ValueError(f"no such measure {', '.join(unknown)}; known: {', '.join(MEASURES)}")
+            raise ValueError(f"no such measure {listed(unknown)}; known: {', '.join(MEASURES)}")
         for name, limits in value.items():
-            limits.in_unit(MEASURES[name])
+            low, high = limits.in_unit(MEASURES[name])
+            if low > high:
+                raise ValueError(f"{name}: min {low:g} is above max {high:g}, no record has that; swap them")
         return value
 
     @model_validator(mode="after")
@@ -217,7 +223,7 @@ def read_row(
     """
     base = common.model_dump(exclude_unset=True, exclude={"manifest", "name"})
     if not isinstance(row, dict) or not row.get("file"):
-        raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {row!r}")
+        raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {shown(row)}")
     _refuse_misplaced(path, number, row)
     own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
     other = {
@@ -250,6 +256,7 @@ def _refuse_misplaced(path: Path, number: int, row: dict[object, object]) -> Non
             raise ConfigError(f"{path}: record {number}: no such key {key!r}; did you mean {near[0]}?")
 
 
+MOST_BYTES = 20e6  # of a manifest in CSV
 _ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "components", "scale"}
 
 
@@ -258,8 +265,8 @@ def is_manifest(path: Path) -> bool:
     if path.suffix.lower() == ".csv":
         return True
     try:
-        return isinstance(yaml.safe_load(path.read_text(encoding="utf-8")), list)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return isinstance(read_yaml(path), list)
+    except ConfigError:
         return False  # the reader of job files says what is wrong
 
 
@@ -271,11 +278,15 @@ def manifest_rows(path: Path) -> list[object]:
     ConfigError
         for what is no list of records.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        rows = list(csv.DictReader(text.splitlines())) if path.suffix == ".csv" else yaml.safe_load(text)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as a manifest ({error})") from None
+    rows = _csv_rows(path) if path.suffix.lower() == ".csv" else read_yaml(path)
     if not isinstance(rows, list) or not rows:
         raise ConfigError(f"{path}: expected a list of records, each with a `file`")
     return rows
+
+
+def _csv_rows(path: Path) -> list[object]:
+    check_file(path, MOST_BYTES, ConfigError)
+    try:
+        return list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a manifest ({error})") from None

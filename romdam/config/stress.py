@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
+from romdam.config.names import Name
 from romdam.config.places import BlockFace, NodeConfig
 from romdam.config.quantities import Pressure
 
@@ -25,7 +26,7 @@ class StressConfig(Model):
 
     blocks: BlockNames = ()
     faces: tuple[BlockFace, ...] = ()
-    nodes: dict[str, NodeConfig] = Field(default_factory=dict)
+    nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     strength: Annotated[Pressure, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")

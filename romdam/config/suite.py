@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Acceleration, Dimensionless, Time
+from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole
+from romdam.errors import shown
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
-Number = float | str
+MOST_RUNS = 1_000_000
+Parameter = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=60)]
 Positive = Field(gt=0.0)
 
 
@@ -38,10 +40,10 @@ class ParameterConfig(Model):
     """
 
     path: Annotated[str, Field(min_length=1)]
-    values: Annotated[tuple[Number, ...], Field(min_length=1)] | None = None
-    low: Number | None = None
-    high: Number | None = None
-    count: Annotated[int, Field(ge=2)] | None = None
+    values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
+    low: NumberOrText | None = None
+    high: NumberOrText | None = None
+    count: Annotated[Whole, Field(ge=2, le=MOST_RUNS)] | None = None
     distribution: Literal["uniform", "loguniform"] = "uniform"
 
     @model_validator(mode="after")
@@ -58,8 +60,8 @@ class ParameterConfig(Model):
 class LatinHypercubeConfig(Model):
     """A Latin hypercube of so many samples."""
 
-    latin_hypercube: Annotated[int, Field(ge=1)]
-    seed: Annotated[int, Field(ge=0)] = 1
+    latin_hypercube: Annotated[Whole, Field(ge=1)]
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
 
 
 class DesignTableConfig(Model):
@@ -85,9 +87,11 @@ class SuiteConfig(Model):
     memory if not given), `cache` the folder of reduced blocks (OUT/cache if not given).
     """
 
-    scales: Annotated[tuple[Annotated[float, Positive], ...], Field(min_length=1)] = (1.0,)
+    scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)
     intensities: IntensityConfig | None = None
-    parameters: dict[Name, ParameterConfig] = Field(default_factory=dict)
+    parameters: Annotated[dict[Parameter, ParameterConfig], Field(max_length=100)] = Field(
+        default_factory=dict
+    )
     design: Annotated[
         Annotated[Literal["grid"], Tag("word")]
         | Annotated[LatinHypercubeConfig | DesignTableConfig, Tag("mapping")],
@@ -98,25 +102,41 @@ class SuiteConfig(Model):
         by_shape('"peaks", "full", or {every: 0.05 s}', "peaks", "full"),
     ] = "peaks"
     period: Annotated[Time, Positive] = 0.3
-    batch: Annotated[int, Field(ge=1)] | None = None
+    batch: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
     cache: Path | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.intensities is not None and "scales" in self.model_fields_set:
             raise ValueError("give `scales` or `intensities`, not both")
+        first: dict[str, str] = {}
         for name, one in self.parameters.items():
-            if one.path in [p.path for n, p in self.parameters.items() if n != name]:
-                raise ValueError(f"parameters.{name}.path: {one.path} is varied twice; remove one of the two")
+            if first.setdefault(one.path, name) != name:
+                raise ValueError(
+                    f"parameters.{name}.path: {shown(one.path)} is varied twice; remove one of the two"
+                )
             self._has_what_the_design_needs(name, one)
         if isinstance(self.design, DesignTableConfig) and not self.parameters:
             raise ValueError("a design table needs `parameters`: name each column's path")
         if isinstance(self.design, LatinHypercubeConfig) and not self.parameters:
             raise ValueError("a Latin hypercube needs `parameters` with `low` and `high`")
+        self._refuse_too_many()
         for name, values in (("scales", self.scales), ("intensities.values", self._targets())):
             if len(set(values)) < len(values):
-                raise ValueError(f"{name}: a value is given twice, {sorted(values)}; remove one of the two")
+                raise ValueError(
+                    f"{name}: a value is given twice, {shown(sorted(values))}; remove one of the two"
+                )
         return self
+
+    def _refuse_too_many(self) -> None:
+        scales = len(self._targets() or self.scales)
+        levels = [len(one.values or ()) or one.count or 1 for one in self.parameters.values()]
+        samples = math.prod(levels) if self.design == "grid" else 1
+        if scales * samples > MOST_RUNS:
+            raise ValueError(
+                f"{scales} scales of {samples:.6g} samples are {scales * samples:.3g} runs of every record, "
+                f"limit {MOST_RUNS}; give fewer values, or design: {{latin_hypercube: 1000}}"
+            )
 
     def _targets(self) -> tuple[float, ...]:
         return () if self.intensities is None else self.intensities.values

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from romdam.config.base import Model
-from romdam.config.places import BlockFace
+from romdam.config.places import BlockFace, Direction
 from romdam.config.quantities import Density, Length
 
 Positive = Field(gt=0.0)
@@ -27,5 +27,5 @@ class WaterConfig(Model):
     model: Literal["westergaard", "incompressible"]
     density: Annotated[Density, Positive] = 1000.0
     bottom: Length | None = None
-    upstream: tuple[float, float, float] | None = None
+    upstream: Direction | None = None
     length: Annotated[Length, Positive] | None = None

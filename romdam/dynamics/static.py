@@ -164,7 +164,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
 
 def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: float) -> GapState:
     n, N = len(problem.gap), len(problem.W)
-    d = N // max(n, 1)
+    d = N // n if n else 1  # a scene of grown-together blocks has no gaps
     y = np.zeros(N)
     memory.known[:] = np.nan  # free motions are large here: a kept product would leave their round-off
     closed = memory.force[::d] > 0.0

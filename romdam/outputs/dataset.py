@@ -16,6 +16,7 @@ import xarray as xr
 
 import romdam
 from romdam.config.load import Job
+from romdam.config.plausible import doubts
 from romdam.errors import ResultError
 from romdam.files import replacing
 from romdam.outputs.concerns import concerns
@@ -83,6 +84,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
         "configuration_file": job.path.name,
         "configuration": json.dumps(job.config.model_dump(mode="json")),
         "configuration_sha256": job.digest,
+        "configuration_doubts": json.dumps(doubts(job.config)),
         "model_order": job.config.model.order,
         "integrator": case.history.integrator,
         "dt": case.history.stats["finest_step"],

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from romdam.config.names import misnamed_file, same_file
 from romdam.config.records import MEASURES, RecordConfig
-from romdam.errors import RecordError
+from romdam.errors import RecordError, shown
 from romdam.records.assemble import build_motion
 from romdam.records.channel import Channel
 from romdam.records.measures import measure
@@ -52,7 +53,10 @@ def kept_motions(records: Iterable[Found], config: RecordConfig) -> list[GroundM
     kept = [motion for motion in found if passes(motion, config)]
     if not kept:
         limits = {name: limit.model_dump(exclude_none=True) for name, limit in config.keep.items()}
-        raise RecordError(f"records: none of {len(found)} records passes `keep` {limits}")
+        source = config.file or config.files or config.manifest or config.suite or "components"
+        raise RecordError(
+            f"records: {source}: none of {len(found)} records passes `keep` {shown(limits)}; widen its limits"
+        )
     return kept
 
 
@@ -103,18 +107,24 @@ def passes(motion: GroundMotion, config: RecordConfig) -> bool:
 
 
 def check_names(motions: Sequence[GroundMotion]) -> None:
-    """Refuse two records with one name, whose results would overwrite each other.
+    """Refuse names that name no file, and two records whose results would overwrite each other.
 
     Raises
     ------
     RecordError
-        which names both places.
+        which names the places.
     """
-    names = [motion.name for motion in motions]
+    first: dict[str, GroundMotion] = {}
     for motion in motions:
-        if names.count(motion.name) > 1:
-            places = [str(m.provenance.get("place", "")) for m in motions if m.name == motion.name]
+        place = str(motion.provenance.get("place", ""))
+        if wrong := misnamed_file(motion.name):
             raise RecordError(
-                f"records: {len(places)} records are named {motion.name!r} ({'; '.join(places)}); "
-                "give each its own `name`"
+                f"{place}: the record's name {shown(motion.name)} {wrong}, or give the record a `name`"
+            )
+        other = first.setdefault(same_file(motion.name), motion)
+        if other is not motion:
+            alike = "" if other.name == motion.name else f" and {other.name!r}, one file's to some systems,"
+            raise RecordError(
+                f"records: 2 records are named {motion.name!r}{alike} "
+                f"({other.provenance.get('place', '')}; {place}); give each its own `name`"
             )

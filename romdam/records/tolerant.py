@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from romdam.config.names import misnamed_file, same_file
 from romdam.config.records import RecordConfig, manifest_rows, read_row
-from romdam.errors import ConfigError, RecordError
+from romdam.errors import ConfigError, RecordError, shown
 from romdam.records.motion import GroundMotion
 from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.sources import Found, find_records, matching_files, record_of_row
@@ -51,14 +52,17 @@ def load_each(records: Sequence[RecordConfig], folder: Path) -> list[Loaded]:
         for one in load_entry(entry, folder):
             one = _doubted(one)
             name = re.sub(r"[^\w.+-]", "_", one.name)
-            if name in places:
+            if wrong := misnamed_file(name):
+                error = one.error or f"the record's name {shown(name)} {wrong}; give it a `name`"
+                found.append(Loaded(_free_name("record", places), None, f"{_place(one)}: {error}"))
+            elif other := places.get(same_file(name)):
                 error = one.error or (
-                    f"a record named {name!r} is there already ({places[name]}); give each its own `name`"
+                    f"a record named {name!r} is there already ({other}); give each its own `name`"
                 )
                 found.append(Loaded(_free_name(name, places), None, f"{_place(one)}: {error}"))
             else:
                 found.append(Loaded(name, one.motion, one.error))
-            places[found[-1].name] = _place(one)
+            places[same_file(found[-1].name)] = _place(one)
     return found
 
 
@@ -68,7 +72,7 @@ def _place(one: Loaded) -> str:
 
 def _free_name(name: str, taken: dict[str, str]) -> str:
     number = 2
-    while f"{name}.{number}" in taken:
+    while same_file(f"{name}.{number}") in taken:
         number += 1
     return f"{name}.{number}"
 

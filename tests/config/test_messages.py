@@ -157,7 +157,7 @@ def test_key_given_twice_is_refused(tmp_path):
 
 
 def test_missing_file_and_bad_yaml_are_named(tmp_path):
-    with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such configuration file"):
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such file"):
         load_config(tmp_path / "nowhere.yaml")
     (tmp_path / "bad.yaml").write_text("a: [1, 2")
     with pytest.raises(ConfigError, match=r"bad\.yaml: not valid YAML"):

@@ -1,0 +1,89 @@
+"""How large a run is, told before it is made; what nobody can have meant is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from romdam.config.load import Job
+from romdam.dynamics.system import System
+from romdam.errors import ConfigError
+from romdam.linalg.solvers import Solving
+from romdam.records.motion import GroundMotion
+
+MOST_STEPS = 10**8  # of a run: 300 s at 3 us, and a quarter of an hour at the quickest
+_STEP = 120.0  # bytes while a record is resampled: its three components, times, places and weights
+_SLACK = 1.0 + 1e-9
+
+
+def refuse_steps(seconds: float, dt: float, place: str) -> None:
+    """Refuse a number of steps that no run can have meant.
+
+    Raises
+    ------
+    ConfigError
+        beginning with `place`, a file and what asks for the steps.
+    """
+    steps = seconds / dt
+    if not steps * _SLACK >= 1.0:
+        raise ConfigError(
+            f"{place}: {seconds:g} s are shorter than one step of {dt:g} s; shorten transient.dt, or "
+            "lengthen transient.duration"
+        )
+    if steps > MOST_STEPS:
+        raise ConfigError(
+            f"{place}: {seconds:g} s at {dt:g} s a step are {steps:.2g} steps, limit {MOST_STEPS:.0e}; "
+            "lengthen transient.dt (1 to 5 ms suit most dams), or shorten transient.duration"
+        )
+
+
+def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | None = None) -> None:
+    """Refuse steps and rows that do not fit the lengths of the records, before any model is made.
+
+    Parameters
+    ----------
+    seconds : of every record that are run, if not those of `transient.duration`
+
+    Raises
+    ------
+    ConfigError
+        for no step or too many of them, and an output interval longer than the run.
+    """
+    transient, every = job.config.transient, job.config.outputs.every
+    for motion in motions:
+        length = seconds or transient.duration or motion.duration
+        dt, key = transient.dt or min(every or motion.dt, motion.dt), "dt" if transient.dt else "duration"
+        refuse_steps(length, dt, f"{job.path}: transient.{key}: {motion.name}")
+        if every is not None and every > length * _SLACK:
+            raise ConfigError(
+                f"{job.path}: outputs.every: nothing but the start would be written of {motion.name}, "
+                f"{length:g} s at intervals of {every:g} s; 0.01 s suits most dams"
+            )
+
+
+def run_bytes(system: System, steps: float, rows: float) -> float:
+    """Memory of a run while it is made and written [bytes].
+
+    Parameters
+    ----------
+    steps, rows : base steps and rows written
+    """
+    jumps, coordinates = system.B.shape[0], system.size if system.reduced else 0
+    row = 6 * jumps + 5 * coordinates + 6 * system.observe.shape[0] + 30
+    return _STEP * steps + 8.0 * row * rows
+
+
+def refuse_bytes(need: float, steps: float, rows: float, place: str) -> None:
+    """Refuse a run that does not fit in four fifths of the machine's memory.
+
+    Raises
+    ------
+    ConfigError
+        beginning with `place`, a file and record.
+    """
+    limit = Solving().limit
+    if need > limit:
+        raise ConfigError(
+            f"{place}: {steps:.3g} steps and {rows:.3g} written rows would take {need / 1e9:.3g} GB of "
+            f"memory, limit {limit / 1e9:.3g} GB (four fifths of this machine's); lengthen outputs.every, "
+            "name fewer outputs.nodes, or shorten transient.duration"
+        )

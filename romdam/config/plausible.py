@@ -1,0 +1,170 @@
+"""What a configuration may say and hardly can mean: it is told, not refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from pydantic import BaseModel
+
+from romdam.config.correction import CornersStep
+from romdam.config.joint_laws import ShearKeyConfig
+from romdam.config.joints import JointConfig, JointProperties
+from romdam.config.models import (
+    BoxConfig,
+    Config,
+    DampingConfig,
+    HydrostaticConfig,
+    MaterialConfig,
+    ModelConfig,
+    OutputsConfig,
+    PressureConfig,
+    RayleighConfig,
+    TemperatureConfig,
+    TransientConfig,
+)
+from romdam.config.records import RecordConfig, ScaleConfig, unit_in_si
+from romdam.config.stress import StressConfig
+from romdam.config.suite import IntensityConfig, SuiteConfig
+from romdam.config.water import WaterConfig
+
+Range = tuple[float, float, str, str]  # least and largest magnitude in SI, the unit, what is usual
+_RATIO = (0.0, 0.2, "", "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)")
+_WATER = (900.0, 1400.0, "kg/m3", "water has 1000 kg/m3")
+_STRENGTH = (1e4, 2e7, "Pa", "concrete has 1 to 5 MPa")
+_JOINT: dict[str, Range] = {
+    "friction": (0.1, 1.2, "", "concrete joints have about 0.6"),
+    "friction_static": (0.1, 1.2, "", "concrete joints have about 0.6"),
+    "gap": (0.0, 0.1, "m", "joints open by millimetres"),
+    "tensile_strength": _STRENGTH,
+    "cohesion": _STRENGTH,
+    "tolerance": (0.0, 0.1, "m", "1 mm, and less than the distance of two nodes, finds what coincides"),
+}
+_USUAL: dict[type[BaseModel], dict[str, Range]] = {
+    MaterialConfig: {
+        "E": (1e8, 2.5e11, "Pa", "concrete has about 30 GPa, rock 1 to 100 GPa"),
+        "nu": (0.05, 0.45, "", "concrete has about 0.18, rock 0.2 to 0.3"),
+        "rho": (500.0, 8000.0, "kg/m3", "concrete has about 2400 kg/m3"),
+        "expansion": (1e-6, 1e-4, "1/K", "concrete has about 1e-5 1/K"),
+    },
+    JointConfig: _JOINT,
+    JointProperties: _JOINT,
+    ShearKeyConfig: {"depth": (0.005, 2.0, "m", "keys are 5 to 50 cm deep")},
+    HydrostaticConfig: {"density": _WATER},
+    WaterConfig: {"density": _WATER},
+    PressureConfig: {"value": (0.0, 1e7, "Pa", "1000 m of water have 10 MPa")},
+    TemperatureConfig: {"change": (0.0, 60.0, "K", "dams warm and cool by up to 20 K")},
+    RayleighConfig: {
+        "ratio": _RATIO,
+        "frequencies": (0.05, 500.0, "Hz", "dams have their modes between 1 and 30 Hz"),
+    },
+    DampingConfig: {"modal": _RATIO},
+    BoxConfig: {"size": (0.01, 5000.0, "m", "dams are metres to hundreds of metres")},
+    ModelConfig: {
+        "cutoff": (1.0, 5000.0, "Hz", "50 Hz suits most dams"),
+        "memory": (1e8, 1e14, "bytes", "write 8 GB for example"),
+    },
+    TransientConfig: {"dt": (1e-6, 0.02, "s", "a step of 1 to 5 ms suits most dams")},
+    OutputsConfig: {"every": (1e-6, 0.1, "s", "0.01 s shows the openings")},
+    StressConfig: {"strength": _STRENGTH},
+    RecordConfig: {
+        "dt": (5e-4, 0.1, "s", "records are sampled at 50 to 1000 Hz"),
+        "x_azimuth": (0.0, 360.0, "degrees", "an azimuth is 0 to 360 degrees"),
+    },
+    ScaleConfig: {
+        "factor": (0.02, 20.0, "", "records are scaled by 0.2 to 5"),
+        "pga": (0.02, 30.0, "m/s2", "the strongest ground motions have 1 to 2 g"),
+        "sa": (0.02, 60.0, "m/s2", "the strongest ground motions have 1 to 5 g"),
+        "period": (0.02, 10.0, "s", "dams have 0.1 to 1 s"),
+        "damping": _RATIO,
+    },
+    IntensityConfig: {
+        "values": (0.02, 60.0, "m/s2", "the strongest ground motions have 1 to 5 g"),
+        "period": (0.02, 10.0, "s", "dams have 0.1 to 1 s"),
+        "damping": _RATIO,
+    },
+    SuiteConfig: {
+        "scales": (0.02, 20.0, "", "records are scaled by 0.2 to 5"),
+        "period": (0.02, 10.0, "s", "dams have 0.1 to 1 s"),
+    },
+    CornersStep: {
+        "highpass": (0.01, 2.0, "Hz", "high-pass corners are 0.02 to 0.5 Hz"),
+        "lowpass": (5.0, 200.0, "Hz", "low-pass corners are 20 to 50 Hz"),
+    },
+}
+
+
+def doubts(config: Config) -> tuple[str, ...]:
+    """What is unusual in a configuration, a line for each with key, value and what is usual."""
+    return (*_unusual(config, ""), *_gravity(config), *_units(config), *_water(config), *_unused(config))
+
+
+def _unusual(model: BaseModel, path: str) -> Iterator[str]:
+    """Numbers far from the usual, of a model and all that stand in it."""
+    usual = _USUAL.get(type(model), {})
+    for field in type(model).model_fields:
+        for place, value in _values(getattr(model, field), f"{path}{field}"):
+            if isinstance(value, BaseModel):
+                yield from _unusual(value, f"{place}.")
+            elif isinstance(value, float) and field in usual:
+                least, most, unit, text = usual[field]
+                if not least <= abs(value) <= most and value != 0.0:
+                    yield f"{place}: {f'{value:g} {unit}'.strip()} is unusual: {text}; is the unit right?"
+
+
+def _values(value: object, path: str) -> Iterator[tuple[str, object]]:
+    """The values in mappings and lists, each with where it stands."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _values(inner, f"{path}.{key}")
+    elif isinstance(value, tuple):
+        alike = len(value) > 1 and all(inner == value[0] for inner in value)  # one number for all directions
+        for i, inner in enumerate(value[:1] if alike else value):
+            yield from _values(inner, path if alike else f"{path}[{i}]")
+    else:
+        yield path, value
+
+
+def _gravity(config: Config) -> Iterator[str]:
+    gravity = config.loads.gravity
+    if gravity is None or not any(gravity):
+        return
+    size = math.hypot(*gravity)
+    if gravity[2] >= 0.0:
+        yield f"loads.gravity: {list(gravity)} m/s2 does not point down; z is up, [0, 0, -9.81] makes weight"
+    if not 9.7 <= size <= 9.9:
+        yield f"loads.gravity: its size is {size:g} m/s2, on earth it is 9.81 m/s2"
+
+
+def _units(config: Config) -> Iterator[str]:
+    for i, record in enumerate(config.records):
+        factor = 1.0 if record.unit is None else unit_in_si(record.unit)
+        if not 1e-4 <= factor <= 10.0:
+            yield (
+                f"records[{i}].unit: one unit is {factor:g} m/s2, which is unusual: files are in g, m/s2, "
+                "cm/s2 or mm/s2; is the unit right?"
+            )
+
+
+def _water(config: Config) -> Iterator[str]:
+    if config.water is None:
+        return
+    for i, still in enumerate(config.loads.hydrostatic):
+        if still.level != config.water.level:
+            yield (
+                f"loads.hydrostatic[{i}].level: {still.level:g} m is not water.level, "
+                f"{config.water.level:g} m; is it the same reservoir?"
+            )
+
+
+def _unused(config: Config) -> Iterator[str]:
+    """Keys that are given and do nothing."""
+    model, given = config.model, config.model.model_fields_set
+    if model.order == "full":
+        for key in ("modes", "cutoff", "corrections", "solver"):
+            if key in given:
+                yield f"model.{key}: does nothing at full order; leave it out, or set order: reduced"
+    if config.pipeline == "run" and config.suite is not None:
+        yield "suite: does nothing with pipeline: run; set pipeline: suite, or leave it out"
+    if config.loads.weight == "staged" and config.loads.gravity is None:
+        yield "loads.weight: staged does nothing without loads.gravity; give gravity: [0, 0, -9.81]"

@@ -1,0 +1,145 @@
+"""YAML text -> plain mappings, lists, text and numbers; what nobody would expect is refused, not guessed.
+
+Scalars are those of YAML 1.2: `no`, `12:30` and `2001-01-01` are text, `0400` is no octal number and `1e3` is
+a number. There are no tags, no key twice, no key but text, and no control characters.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import yaml
+
+from romdam.errors import ConfigError, shown
+from romdam.files import check_file
+
+MOST_BYTES = 1e6  # 20 s of parsing on a busy machine
+MOST_VALUES = 100_000  # anchors counted wherever they are used: a few of them can stand for billions
+MOST_LEVELS = 50
+
+_TAG = "tag:yaml.org,2002:"
+_SCALARS = {  # tag -> what has it, and the characters that it can begin with; the first that fits counts
+    "bool": (r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    "null": (r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    "int": (r"[-+]?(?:0|[1-9][0-9_]*)", "-+0123456789"),
+    "float": (
+        r"[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9_]*)(?:\.[0-9_]*)?)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        "-+0123456789.",
+    ),
+    "merge": (r"<<", "<"),
+}
+_TAGS = {_TAG + name for name in (*_SCALARS, "str", "map", "seq")}
+_OF_TEXT = {_TAG + "str", _TAG + "merge"}
+
+Value = TypeVar("Value")
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader with other scalars."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+
+
+for _name, (_pattern, _first) in _SCALARS.items():
+    _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"^(?:{_pattern})$"), list(_first))
+
+
+def read_yaml(path: Path) -> object:
+    """Read a YAML file.
+
+    Raises
+    ------
+    ConfigError
+        for what is no file, too large, not UTF-8, or not the YAML described above.
+    """
+    check_file(path, MOST_BYTES, ConfigError)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"{path}: is not text in UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8"
+        ) from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error})") from None
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, source: str) -> object:
+    """Parse YAML text; `source` names it in errors.
+
+    Raises
+    ------
+    ConfigError
+        naming the line.
+    """
+    loader = _foreign(lambda: _Loader(text), source)
+    node = _foreign(loader.get_single_node, source)
+    if node is None:
+        return None
+    values, levels = _measure(node, {}, source)
+    for number, limit, what in ((values, MOST_VALUES, "values"), (levels, MOST_LEVELS, "levels")):
+        if number > limit:
+            raise ConfigError(
+                f"{source}: holds {number:.3g} {what}, at most {limit} are read; is this the file that was "
+                "meant? An anchor (&name) counts wherever it is used (*name)"
+            )
+    return _foreign(lambda: loader.construct_document(node), source)
+
+
+def _foreign(call: Callable[[], Value], source: str) -> Value:
+    """What the YAML library returns, its errors as one line."""
+    try:
+        return call()
+    except yaml.MarkedYAMLError as error:
+        raise _wrong(error.problem_mark or error.context_mark, error.problem or "", source) from None
+    except RecursionError:
+        raise ConfigError(f"{source}: nested deeper than {MOST_LEVELS} levels; is this the file?") from None
+    except Exception as error:  # the parser's own, for text that it did not expect
+        raise ConfigError(f"{source}: not valid YAML: {' '.join(str(error).split())[:200]}") from None
+
+
+def _wrong(mark: yaml.Mark | None, problem: str, source: str) -> ConfigError:
+    place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    return ConfigError(f"{source}: not valid YAML{place}: {problem}")
+
+
+def _measure(node: yaml.Node, known: dict[int, tuple[int, int]], source: str) -> tuple[int, int]:
+    """How many values and levels a node stands for, with its anchors written out; its parts are checked."""
+    if id(node) not in known:
+        known[id(node)] = (1, MOST_LEVELS + 1)  # what holds itself has no end
+        _refuse(node, source)
+        parts = [_measure(part, known, source) for part in _parts(node)]
+        known[id(node)] = (1 + sum(n for n, _ in parts), 1 + max((depth for _, depth in parts), default=0))
+    return known[id(node)]
+
+
+def _parts(node: yaml.Node) -> Iterator[yaml.Node]:
+    for entry in () if isinstance(node, yaml.ScalarNode) else node.value:
+        yield from entry if isinstance(entry, tuple) else (entry,)
+
+
+def _hidden(character: str) -> bool:
+    return character not in "\n\t" and unicodedata.category(character) in ("Cc", "Cs")
+
+
+def _refuse(node: yaml.Node, source: str) -> None:
+    """Refuse tags, characters that nobody sees, and keys that are no text or given twice."""
+    if node.tag not in _TAGS:
+        tag = shown(node.tag.replace(_TAG, "!!"))
+        raise _wrong(node.start_mark, f"the tag {tag} means nothing here; leave it out", source)
+    text = node.value if isinstance(node, yaml.ScalarNode) else ""
+    if hidden := next(filter(_hidden, text), ""):
+        raise _wrong(node.start_mark, f"the control character {hidden!r} in a text; remove it", source)
+    keys = set[str]()
+    for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+        if key.tag not in _OF_TEXT or not isinstance(key, yaml.ScalarNode):
+            got = shown(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
+            raise _wrong(key.start_mark, f"a key must be text, got {got}; put it in quotes", source)
+        if key.value in keys:
+            raise _wrong(key.start_mark, f"key {shown(key.value)} is given twice; remove one", source)
+        keys.add(key.value)

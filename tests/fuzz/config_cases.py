@@ -1,0 +1,365 @@
+"""Configurations with something wrong in them: every key of every model, and the text itself."""
+
+from __future__ import annotations
+
+import copy
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin
+
+import numpy as np
+import yaml
+from pydantic import BaseModel
+
+from romdam.config import Config, parse_config
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
+from arch_dams import ROCK, arch_dam
+
+Rng = np.random.Generator
+Place = tuple[str | int, ...]
+MISSING = object()
+
+_BOX = {"origin": [0, 0, 0], "size": [5, 10, 20], "element_size": 5.0, "element": "hex8"}
+_TWO: dict[str, Any] = {
+    "title": "two",
+    "materials": {"concrete": {"E": "30 GPa", "nu": 0.18, "rho": "2440 kg/m3", "expansion": 1e-5}},
+    "blocks": {
+        "left": {"material": "concrete", "box": {**_BOX, "origin": [0, -5, 0], "size": [5, 5, 20]}},
+        "right": {"material": "concrete", "mass": True, "weight": True, "box": _BOX},
+    },
+    "supports": [
+        {"block": "left", "face": "zmin", "fix": ["x", "y", "z"]},
+        {"block": "right", "face": {"axis": "z", "at": 0.0, "tolerance": 1e-6}},
+    ],
+    "joints": {
+        "gap": {
+            "between": ["left", "right"],
+            "normal_stiffness": "16 GPa/m",
+            "tension_stiffness": {"per_gap": 0.0},
+            "shear_stiffness": "8 GPa/m",
+            "friction": 0.6,
+            "friction_static": 0.7,
+            "cohesion": "1 MPa",
+            "tensile_strength": "0.5 MPa",
+            "viscosity": 1e5,
+            "shear_key": {"depth": "1 cm", "directions": ["k"]},
+            "gap": 0.0,
+            "gaps": "nodes",
+            "normal": [0, 1, 0],
+            "tolerance": "1 mm",
+        }
+    },
+    "loads": {
+        "gravity": [0, 0, -9.81],
+        "pressure": [{"block": "left", "face": "ymin", "value": "1440 Pa"}],
+        "force": [{"block": "left", "at": [0, -5, 20], "force": [0, 1000, 0], "tolerance": 1e-3}],
+        "initial_state": "static",
+    },
+    "damping": {"rayleigh": {"frequencies": ["5 Hz", "50 Hz"], "ratio": "5 %"}},
+    "records": [
+        {
+            "name": "pulse",
+            "file": "pulse.txt",
+            "unit": "m/s2",
+            "dt": "0.01 s",
+            "components": {"y": {"channel": 1, "reverse": False}},
+            "correction": [
+                {"step": "mean", "until": 0.05},
+                {"step": "detrend", "order": 1},
+                {"step": "taper", "fraction": 0.05},
+                {"step": "corners", "highpass": 0.5, "lowpass": 40.0},
+                {"step": "pad", "order": 4},
+                {"step": "butterworth", "order": 4},
+                {"step": "displacement_baseline", "order": 4},
+                {"step": "velocity_baseline", "knots": [0.2]},
+            ],
+            "scale": {"pga": "0.2 g", "damping": 0.05},
+            "keep": {"pga": {"min": 0.0, "max": "2 g"}},
+            "gaps": "error",
+        }
+    ],
+    "model": {"order": "reduced", "modes": 10, "corrections": 0, "solver": "auto", "memory": "8 GB"},
+    "transient": {"dt": "2 ms", "duration": "0.4 s", "rho_inf": 0.9, "tolerance": 1e-8},
+    "outputs": {
+        "every": "0.01 s",
+        "plots": False,
+        "error_estimate": False,
+        "nodes": {"top": {"block": "right", "at": [0, 0, 20], "tolerance": 1e-3}},
+        "stress": {
+            "blocks": ["left"],
+            "faces": [{"block": "right", "face": "ymax"}],
+            "nodes": {"foot": {"block": "right", "at": [0, 0, 0]}},
+            "strength": "3 MPa",
+        },
+    },
+    "study": {
+        "modes": [5],
+        "corrections": [0],
+        "dt": ["2 ms"],
+        "reference_dt": "1 ms",
+        "duration": 0.2,
+        "repeats": 1,
+    },
+}
+_DIVISIONS = {"along": 1, "through": 1, "up": 3, "perimeter": 1, "rock": 2, "upstream": 1, "downstream": 1}
+_WET = [{"block": "C1", "face": "upstream"}, {"block": "C2", "face": "upstream"}]
+
+
+def _arch() -> dict[str, Any]:
+    raw = arch_dam(cantilevers=2, divisions={**_DIVISIONS, "growth": 2.0})
+    raw["arch_dam"]["crown"]["upstream"] = {"polynomial": [0.0, -0.1]}
+    light = {"material": "rock_b", "mass": False, "weight": False}
+    left = {**light, "x": [-1000, 0], "y": [-1000, 1000], "z": [-1000, 1000]}
+    raw["arch_dam"]["rock"] = {**ROCK, "zones": {"left": left, "rest": light}}
+    return raw | {
+        "loads": {
+            "gravity": [0, 0, -9.81],
+            "weight": "staged",
+            "hydrostatic": [{"level": 90.0, "faces": _WET, "density": 1000.0}],
+            "temperature": [{"change": -4.0, "blocks": ["C1"]}],
+        },
+        "water": {
+            "level": 90.0,
+            "faces": _WET,
+            "model": "westergaard",
+            "density": 1000.0,
+            "bottom": 0.0,
+            "upstream": [0, -1, 0],
+            "length": 200.0,
+        },
+        "damping": {"modal": [0.05, 0.06]},
+        "records": [
+            {"file": "pulse.txt", "unit": "9.81 m/s2", "dt": 0.01, "components": {"y": {"channel": 1}}}
+        ],
+        "model": {"cutoff": "12 Hz"},
+        "transient": {"dt": 0.005, "duration": 0.2},
+        "outputs": {"error_estimate": False, "plots": False},
+    }
+
+
+def _suite() -> dict[str, Any]:
+    raw = copy.deepcopy(_TWO)
+    raw["records"] = [
+        {"files": "*.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": {"channel": "each"}}}
+    ]
+    raw["damping"] = {"rayleigh": {"alpha": 0.5, "beta": 1e-3}}
+    raw["transient"] = {"accuracy": 0.05}
+    raw["joints"]["gap"]["gap"] = {"table": "gaps.csv"}
+    raw["joints"]["gap"] |= {"cohesion": 0.0, "tensile_strength": 0.0}
+    del raw["joints"]["gap"]["shear_key"], raw["outputs"]["stress"], raw["study"]
+    raw["pipeline"] = "suite"
+    raw["suite"] = {
+        "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "values": [1.0]},
+        "parameters": {
+            "mu": {"path": "joints.gap.friction", "low": 0.4, "high": 0.7, "distribution": "uniform"},
+            "alpha": {"path": "damping.rayleigh.alpha", "values": [0.5, 1.0]},
+        },
+        "design": {"latin_hypercube": 2, "seed": 3},
+        "keep": {"every": 0.02, "precision": "single"},
+        "period": 0.3,
+        "batch": 2,
+    }
+    return raw
+
+
+def _others() -> dict[str, Any]:
+    """What the other bases cannot have at the same time: ties, a mesh file, a design table, scales."""
+    raw = copy.deepcopy(_TWO)
+    raw["joints"], raw["loads"] = {}, {}
+    raw["ties"] = {"grown": {"between": ["left", "right"], "tolerance": 1e-3}}
+    raw["blocks"]["left"] = {
+        "material": "concrete",
+        "mesh": {"file": "left.msh", "group": "body", "unit": "m"},
+    }
+    raw["supports"] = [{"block": "right", "face": "zmin"}]
+    raw["suite"] = {
+        "scales": [1.0],
+        "parameters": {"ratio": {"path": "damping.rayleigh.ratio"}},
+        "design": {"table": "samples.csv"},
+    }
+    return raw
+
+
+BASES: dict[str, dict[str, Any]] = {"two": _TWO, "arch": _arch(), "suite": _suite(), "others": _others()}
+
+
+def write_files(folder: Path) -> None:
+    """What the bases refer to."""
+    shape = np.sin(np.linspace(0.0, np.pi, 60)) ** 6
+    acc = np.gradient(np.gradient(shape))
+    np.savetxt(folder / "pulse.txt", 5.0 * acc / np.abs(acc).max())
+    (folder / "gaps.csv").write_text("x,y,z,gap\n0,0,0,0\n5,0,0,0\n0,0,20,0.001\n5,0,20,0.001\n")
+    (folder / "samples.csv").write_text("ratio\n0.05\n")
+    corners = [f"{x} {y} {z}" for z in (0, 5, 10, 15, 20) for x, y in ((0, -5), (5, -5), (5, 0), (0, 0))]
+    nodes = "".join(f"{i + 1} {xyz}\n" for i, xyz in enumerate(corners))
+    cells = "".join(f"{k + 1} 5 2 1 1 {' '.join(str(4 * k + n) for n in range(1, 9))}\n" for k in range(4))
+    (folder / "left.msh").write_text(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+        '$PhysicalNames\n1\n3 1 "body"\n$EndPhysicalNames\n'
+        f"$Nodes\n20\n{nodes}$EndNodes\n$Elements\n4\n{cells}$EndElements\n"
+    )
+
+
+def models_of(kind: Any = Config) -> set[type[BaseModel]]:
+    """Every model that a configuration can hold, found through the annotations."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        found = {kind}
+        for field in kind.model_fields.values():
+            found |= models_of(field.annotation)
+        return found
+    inner = get_args(kind)[:1] if get_origin(kind) is Annotated else get_args(kind)
+    return {model for part in inner for model in models_of(part)}
+
+
+def keys_of(raw: dict[str, Any]) -> list[tuple[Place, type[BaseModel], str]]:
+    """(where it stands, its model, its name) of every key that a base has or could have."""
+    return list(_keys(parse_config(raw, "base"), ()))
+
+
+def _keys(value: object, path: Place) -> Iterator[tuple[Place, type[BaseModel], str]]:
+    if isinstance(value, BaseModel):
+        for name in type(value).model_fields:
+            yield (*path, name), type(value), name
+            yield from _keys(getattr(value, name), (*path, name))
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _keys(inner, (*path, name))
+    elif isinstance(value, tuple):
+        for i, inner in enumerate(value):
+            yield from _keys(inner, (*path, i))
+
+
+@cache
+def every_key() -> list[tuple[str, Place]]:
+    """(base, where it stands) of each key of each model, once."""
+    seen: dict[tuple[type[BaseModel], str], tuple[str, Place]] = {}
+    for base, raw in BASES.items():
+        for place, model, name in keys_of(raw):
+            known = seen.get((model, name))
+            if known is None or (not _has(BASES[known[0]], known[1]) and _has(raw, place)):
+                seen[model, name] = (base, place)
+    return list(seen.values())
+
+
+def _has(raw: Any, place: Place) -> bool:
+    return value_at(raw, place) is not MISSING
+
+
+def value_at(raw: Any, place: Place) -> Any:
+    """What stands there; MISSING where nothing does."""
+    for part in place:
+        try:
+            raw = raw[part]
+        except (KeyError, IndexError, TypeError):
+            return MISSING
+    return raw
+
+
+HOSTILE: list[Any] = [
+    *(
+        float("nan"),
+        float("inf"),
+        -float("inf"),
+        -1,
+        0,
+        1,
+        2,
+        0.1,
+        0.5,
+        1e6,
+        1e300,
+        1e-300,
+        1e-12,
+        -1e9,
+        10**400,
+    ),
+    *(
+        100000,
+        True,
+        False,
+        None,
+        [],
+        {},
+        [1],
+        [1, 2, 3],
+        [[1, 2], [3, 4]],
+        {"a": 1},
+        [[[[1]]]],
+        "",
+        " ",
+        "text",
+    ),
+    *("30", "1 kg", "5 %%", "30 GPa GPa", "30 gpa", "5 degC", "1 g", "2**9999 m", "1e999 m", "nan m", "0 g"),
+    *("-5 m", "1 rad/s", "31 deg", "1e-300 m", "12:30:00", "0o17", "0400", "1e3", "3 dB", "1 ns", "1 Ms"),
+    *("m" + " " * 5000 + "!", "x" * 5000, "a" * 240, "\u00e9", "e\u0301", "\x00", "\ud800", "\U0001f4a7"),
+    *("a/b", "..", ".", "-x", "../../etc/passwd", "/dev/zero", "/", "CON", "each", "all", "auto", "rigid"),
+    *("on", "<<", "2001-13-45"),
+]
+
+
+def mutated(number: int) -> str:
+    """The text of case `number`: a key of some base made wrong, and every fifth time the text itself."""
+    rng, keys = np.random.default_rng(number), every_key()
+    base, place = keys[number % len(keys)]
+    raw = copy.deepcopy(BASES[base])
+    for _ in range(1 + int(rng.integers(8) == 0)):
+        _change(raw, place, rng)
+        base, place = keys[int(rng.integers(len(keys)))]
+    text = yaml.safe_dump(raw, sort_keys=False)
+    return _damaged(text, rng) if number % 5 == 0 else text
+
+
+def _change(raw: dict[str, Any], place: Place, rng: Rng) -> None:
+    *parents, last = place
+    owner = value_at(raw, tuple(parents))
+    if not isinstance(owner, dict | list):
+        return
+    old = value_at(raw, place)
+    kind = int(rng.integers(8))
+    if isinstance(owner, dict) and old is not MISSING and kind == 0:
+        del owner[last]
+    elif isinstance(owner, dict) and old is not MISSING and kind == 1:
+        owner[str(HOSTILE[int(rng.integers(len(HOSTILE)))])] = owner.pop(last)
+    elif isinstance(old, int | float) and kind in (2, 3):
+        owner[last] = old * 10.0 ** int(rng.integers(-12, 13)) * (-1.0) ** int(rng.integers(2))
+    elif old is not MISSING and kind == 4:
+        owner[last] = [old, {"a": old}, [old, old], str(old)][int(rng.integers(4))]
+    elif isinstance(old, dict | list) and old and kind in (2, 3, 5):
+        inner = list(old) if isinstance(old, dict) else range(len(old))
+        _change(raw, (*place, inner[int(rng.integers(len(inner)))]), rng)
+    elif isinstance(owner, dict):
+        owner[last] = HOSTILE[int(rng.integers(len(HOSTILE)))]
+
+
+def _damaged(text: str, rng: Rng) -> str:
+    lines = text.splitlines()
+    at = int(rng.integers(len(lines)))
+    kind = int(rng.integers(8))
+    if kind == 0:
+        lines.insert(at, lines[at])
+    elif kind == 1:
+        del lines[at]
+    elif kind == 2:
+        lines[at] = " " * int(rng.integers(1, 6)) + lines[at]
+    elif kind == 3:
+        lines[at] += str(
+            rng.choice([" !!python/object:os.system x", " &a", " *a", ": :", " [", " }", " \t x", "\x07"])
+        )
+    elif kind == 4:
+        lines.insert(0, "title: " + "[" * int(rng.integers(1, 3000)))
+    elif kind == 5:
+        bomb = ["x0: &x0 [lol, lol, lol, lol, lol, lol, lol, lol, lol]"]
+        bomb += [f"x{k}: &x{k} [{', '.join([f'*x{k - 1}'] * 9)}]" for k in range(1, 10)]
+        lines = [line for line in lines if not line.startswith("title")]
+        lines = [*bomb, "title: *x9", *lines]
+    elif kind == 6:
+        lines = lines[:at]
+    else:
+        where = int(rng.integers(len(text)))
+        return (
+            text[:where] + str(rng.choice(list("{}[]:&*!|>'\"%@`#,?-\t\ufeff\u2028é0"))) + text[where + 1 :]
+        )
+    return "\n".join(lines) + "\n"

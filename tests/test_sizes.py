@@ -1,0 +1,82 @@
+"""Steps, rows and bytes of a run are known before it is made, and refused beyond what can be meant."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import romdam
+from romdam.errors import ConfigError
+from romdam.linalg.solvers import Solving
+from romdam.pipelines.run import Clock, build_model, silent
+from romdam.pipelines.shaking import ground_at_steps, refuse_large, shake, transient_options
+from romdam.pipelines.sizes import refuse_lengths, run_bytes
+from romdam.records.motion import GroundMotion
+
+EXAMPLE = Path(__file__).parents[1] / "configs" / "two_cantilevers.yaml"
+MOTION = GroundMotion("northridge", np.sin(np.arange(9000.0)).reshape(3, 3000), 0.01)
+
+
+def job(transient=None, **outputs):
+    made = romdam.load_config(EXAMPLE)
+    config = made.config
+    config = config.model_copy(
+        update={
+            "transient": config.transient.model_copy(update=transient or {}),
+            "outputs": config.outputs.model_copy(update=outputs),
+        }
+    )
+    return replace(made, config=config)
+
+
+@pytest.mark.parametrize(
+    ("transient", "outputs", "parts"),
+    [
+        ({"dt": 2.5e-9}, {}, ["transient.dt", "2.5e-09 s", "1.2e+10 steps, limit 1e+08", "1 to 5 ms"]),
+        ({"duration": 1e7}, {}, ["transient.dt", "4e+09 steps"]),
+        ({"dt": None, "accuracy": 0.01, "duration": 1e7}, {}, ["transient.duration", "steps, limit 1e+08"]),
+        ({"dt": None, "accuracy": 0.01}, {"every": 1e-8}, ["transient", "steps, limit 1e+08"]),
+        ({"dt": 0.01, "duration": 1e-3}, {"every": None}, ["shorter than one step of 0.01 s"]),
+        ({}, {"every": 100.0}, ["outputs.every", "29.99 s at intervals of 100 s", "0.01 s suits"]),
+    ],
+)
+def test_lengths_that_cannot_be_meant_are_refused(transient, outputs, parts):
+    with pytest.raises(ConfigError) as caught:
+        refuse_lengths(job(transient, **outputs), [MOTION])
+    message = str(caught.value)
+    assert message.startswith(str(EXAMPLE)) and "northridge" in message
+    assert all(part in message for part in parts), message
+
+
+@pytest.mark.parametrize("transient", [{"dt": 1e-4, "duration": 300.0}, {"dt": 1e-5}, {"dt": 0.05}])
+def test_long_and_fine_runs_are_made(transient):
+    refuse_lengths(job(transient, every=None), [MOTION])
+
+
+def test_no_ground_motion_is_resampled_to_a_billion_steps():
+    with pytest.raises(ConfigError, match=r"northridge: .* steps, limit 1e\+08"):
+        ground_at_steps(MOTION, 1e-9, None)
+
+
+def test_a_run_that_does_not_fit_in_memory_is_refused_before_it_is_made(monkeypatch):
+    one = job({"dt": 1e-3}, every=None)
+    model = build_model(one, Clock(silent))
+    options = transient_options(one, model.system, MOTION)
+    steps = MOTION.duration / options.dt
+    need = run_bytes(model.system, steps, steps / options.stride)
+    monkeypatch.setattr(Solving, "limit", 1.01 * need)
+    refuse_large(one, [(model.system, MOTION, options)], None)
+    monkeypatch.setattr(Solving, "limit", 0.99 * need)
+    with pytest.raises(ConfigError, match=r"northridge: .* written rows would take .* GB of memory, limit"):
+        shake(one, model.system, MOTION, None)
+
+
+def test_memory_grows_with_rows_nodes_and_gaps():
+    model = build_model(job(), Clock(silent))
+    least = run_bytes(model.system, 1000, 1000)
+    history = (
+        1000 * 8 * (3 * model.system.B.shape[0] + 2 * model.system.size + 3 * model.system.observe.shape[0])
+    )
+    assert least > history, "a run holds at least its history"
+    assert run_bytes(model.system, 1000, 2000) > 1.8 * least
