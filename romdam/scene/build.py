@@ -13,6 +13,7 @@ from romdam.scene.boxes import box_block
 from romdam.scene.elements import Floats
 from romdam.scene.held import refuse_free_blocks
 from romdam.scene.joints import build_joint
+from romdam.scene.mesh_files import MeshFiles
 from romdam.scene.model import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
@@ -70,16 +71,14 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
 
 
 def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:
-    blocks = {}
+    blocks, files = {}, MeshFiles(folder)
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
             blocks[name] = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
         elif block.mesh is not None:
-            from romdam.scene.mesh_files import mesh_file_block  # it loads meshio
-
-            place = f"{source}: blocks.{name}.mesh"
-            blocks[name] = mesh_file_block(name, block.mesh, constants, folder, place)
+            blocks[name] = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
+    files.say_unused(source)
     return blocks
 
 

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from romdam.errors import MeshError
+from romdam.scene.closed import refuse_bad_faces
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
 from romdam.scene.facets import row_numbers
 from romdam.scene.model import Block
 
+log = logging.getLogger(__name__)
+
 _CHUNK = 4096  # cells at a time
 _COINCIDENT = 1e-6  # distance of two nodes relative to the block's diagonal
+_TOGETHER = 1e-3  # the same relative to the shortest edge at either node: else they are an element's own
+_FLAT = 1e-12  # Jacobian determinant relative to the cube of the element's size, below which it is flat
+_SLENDER = 100.0  # ratio of edges from which on an element is told of
 
 
 def refuse_bad_cells(block: Block, place: str) -> None:
-    """Raise if a cell is turned inside out, occurs twice or has its nodes in another format's order.
+    """Raise if the cells do not make one sound body.
+
+    A cell is turned inside out or flat, occurs twice or has its nodes in another format's order; nodes coincide;
+    faces do not pair, or one lies inside the block. What is odd and may be meant is logged.
 
     Parameters
     ----------
@@ -32,12 +43,49 @@ def refuse_bad_cells(block: Block, place: str) -> None:
             f"{block.name!r} occur twice, limit 0; remove duplicates, or select one `group` of the file"
         )
     refuse_loose_nodes(block, place)
-    _refuse_coincident_nodes(block, place)
     _refuse_stray_midsides(block, place)
-    element = ELEMENTS[block.element]
+    volume = _volume(block, place)
+    _refuse_coincident_nodes(block, place)
+    pieces = refuse_bad_faces(block, volume, place)
+    if pieces > 1:
+        log.warning(
+            "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks of their "
+            "own, or mesh them together", place, block.name, pieces,
+        )  # fmt: skip
+    _say_slender(block, place)
+
+
+def _volume(block: Block, place: str) -> float:
+    """Volume of the cells [m3]; raises where one is turned inside out, at a Gauss point or at a corner."""
+    element, total = ELEMENTS[block.element], 0.0
+    xi, weight = element.rule
+    both = np.vstack([xi, element.nodes[: element.corners]])
     for first in range(0, len(block.cells), _CHUNK):
-        jacobian = jacobians(block.points, block.cells[first : first + _CHUNK], element, element.rule[0])
-        refuse_inverted(block, _determinants(jacobian), first, place)
+        cells = block.cells[first : first + _CHUNK]
+        determinant = _determinants(jacobians(block.points, cells, element, both))
+        size = np.ptp(block.points[cells], axis=1).max(axis=1)
+        refuse_inverted(
+            block,
+            np.where(determinant > (_FLAT * size**3)[:, None], determinant, np.minimum(determinant, 0.0)),
+            first,
+            place,
+        )
+        total += float((determinant[:, : len(xi)] @ weight).sum())
+    return total
+
+
+def _say_slender(block: Block, place: str) -> None:
+    """Log elements whose longest edge is many times their shortest."""
+    edges = np.array(ELEMENTS[block.element].edges)
+    length = np.linalg.norm(np.diff(block.points[block.cells[:, edges]], axis=2)[:, :, 0], axis=2)
+    aspect = length.max(axis=1) / length.min(axis=1)
+    if aspect.max() > _SLENDER:
+        at = ", ".join(f"{x:.6g}" for x in block.points[block.cells[np.argmax(aspect)]].mean(axis=0))
+        log.warning(
+            "%s: the edges of %d elements of block %r differ by more than %g times (%.3g times around (%s)); "
+            "stress there is poor, and iterative solvers are slow",
+            place, int((aspect > _SLENDER).sum()), block.name, _SLENDER, aspect.max(), at,
+        )  # fmt: skip
 
 
 def _determinants(matrices: Floats) -> Floats:
@@ -67,12 +115,25 @@ def _refuse_coincident_nodes(block: Block, place: str) -> None:
     reach = _COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0)))
     pairs = cKDTree(block.points).query_pairs(reach, output_type="ndarray")
     if len(pairs):
+        apart = np.linalg.norm(np.diff(block.points[pairs], axis=1)[:, 0], axis=1)
+        pairs = pairs[apart <= _TOGETHER * _shortest_edges(block)[pairs].min(axis=1)]
+    if len(pairs):
         first, second = pairs[np.lexsort(pairs.T[::-1])][0]
         raise MeshError(
             f"{place}: {len(pairs)} pairs of nodes of block {block.name!r} coincide (nodes {first} and "
             f"{_node(block, second)} are the first, counted from 0; within {reach:.1g} m), limit 0: the "
             "block is cut there; merge duplicate nodes, or make it two blocks with a joint or a tie"
         )
+
+
+def _shortest_edges(block: Block) -> Floats:
+    """Length of the shortest edge at every node (n,) [m]; inf at mid-edge nodes."""
+    ends = block.cells[:, np.array(ELEMENTS[block.element].edges)]
+    length = np.linalg.norm(np.diff(block.points[ends], axis=2)[:, :, 0], axis=2)
+    found = np.full(len(block.points), np.inf)
+    for side in (0, 1):
+        np.minimum.at(found, ends[:, :, side], length)
+    return found
 
 
 def _node(block: Block, node: int) -> str:
