@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.errors import shown
+from romdam.scene.facets import row_numbers
 from romdam.scene.gmsh_numbers import Bytes, Numbers, Words, whole
 from romdam.scene.mesh_data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
 from romdam.scene.model import Floats, Ints
@@ -276,22 +277,23 @@ def _add_22(found: _Found, kind: int, rows: Ints, tags: int) -> None:
     group = np.abs(rows[:, 1]) if tags else nothing
     groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
     _add(found, kind, rows[:, 0], rows[:, 1 + tags :], groups)
-    found.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group], axis=1))
+    same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(found.cells) << 40)
+    found.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
 
 
 def _refuse_mixed_entities(found: _Found) -> None:
-    """An entity is in a group as a whole; an element of another group has lost its own."""
+    """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
     for dim in (2, 3):
         own = [o for o, c in zip(found.origin, found.cells, strict=True) if c.dim == dim]
-        pairs, counts = np.unique(np.concatenate([np.zeros((0, 2), int), *own]), axis=0, return_counts=True)
-        if len(np.unique(pairs[:, 0])) < 2:
+        rows = np.concatenate([np.zeros((0, 3), np.int64), *own])
+        entities = np.unique(rows[:, 0])
+        if len(entities) < 2:
             continue  # written by what knows no entities
-        for entity in np.unique(pairs[:, 0]):
-            here = pairs[:, 0] == entity
-            if len(np.unique(counts[here])) > 1:
-                listed = ", ".join(
-                    f"{n} in group {g}" for g, n in zip(pairs[here, 1], counts[here], strict=True)
-                )
+        for entity in entities:
+            here = rows[rows[:, 0] == entity]
+            groups, counts = np.unique(here[:, 1], return_counts=True)
+            if len(here) != len(groups) * len(np.unique(here[:, 2])):
+                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, counts, strict=True))
                 raise ValueError(
                     f"$Elements of entity {entity} of dimension {dim} are partly in one group ({listed}); "
                     "an entity is in a group as a whole"

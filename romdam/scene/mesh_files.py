@@ -14,7 +14,7 @@ from romdam.errors import ConfigError, MeshError
 from romdam.files import check_file
 from romdam.scene.abaqus import read_abaqus
 from romdam.scene.elements import ELEMENTS
-from romdam.scene.facets import boundary_facets
+from romdam.scene.facets import boundary_facets, row_numbers
 from romdam.scene.gmsh import read_gmsh
 from romdam.scene.mesh_data import LARGEST, MeshFile
 from romdam.scene.model import Block, Bools, Ints, Material
@@ -125,9 +125,56 @@ def read_mesh_file(path: Path, place: str) -> MeshFile:
             ) from None
         text = str(error)
         raise MeshError(text if text.startswith(place) else f"{place}: {text}") from None
-    for remark in file.remarks:
+    for remark in (*file.remarks, *_loose_facets(file, f"{place}: {path}")):
         log.warning("%s: %s: %s", place, path, remark)
     return file
+
+
+def _loose_facets(file: MeshFile, place: str) -> list[str]:
+    """Remarks on groups of facets that lie on no solid element.
+
+    Raises
+    ------
+    MeshError
+        where solid elements have all corners of a facet, but none has it as a face.
+    """
+    found = []
+    solid = np.zeros(len(file.points), dtype=bool)
+    for cells in file.cells:
+        if cells.dim == 3:
+            solid[cells.nodes] = True
+    for k, cells in enumerate(file.cells):
+        members = {label: own[k] for label, own in file.groups.items() if len(own[k])} if cells.dim == 2 else {}
+        if not members:
+            continue
+        corner = cells.nodes[:, : _FACET_CORNERS[cells.kind]]
+        off = ~_on_faces(file, corner)
+        for label, own in members.items():
+            lost = own[off[own]]
+            bad = lost[solid[corner[lost]].all(axis=1)]
+            if len(bad):
+                raise MeshError(
+                    f"{place}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face of a solid "
+                    f"element, whose corners it has ({len(bad)} such elements, limit 0); export the mesh anew"
+                )
+            if len(lost):
+                found.append(f"{len(lost)} of {len(own)} {cells.kind} of group {label!r} lie on no solid element")
+    return found
+
+
+def _on_faces(file: MeshFile, corners: Ints) -> Bools:
+    """Which facets, by their corners (n, 3 or 4), are faces of a solid element."""
+    width = corners.shape[1]
+    rows = [np.sort(corners, axis=1)]
+    for cells in file.cells:
+        if cells.kind in SOLIDS:
+            table = np.array(ELEMENTS[SOLIDS[cells.kind]].facets)[:, : 3 if cells.kind.startswith("tet") else 4]
+            if table.shape[1] == width:
+                rows.append(np.sort(cells.nodes[:, table].reshape(-1, width), axis=1))
+        elif cells.dim == 3:
+            return np.ones(len(corners), dtype=bool)  # faces of a kind that is not read
+    number = row_numbers(np.concatenate(rows))
+    return np.isin(number[: len(corners)], number[len(corners) :])
 
 
 def _block(

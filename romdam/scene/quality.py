@@ -148,7 +148,7 @@ def _refuse_stray_midsides(block: Block, place: str) -> None:
     ends = block.points[block.cells[:, np.array(element.edges)]]
     middle = block.points[block.cells[:, element.corners :]]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-    off = np.linalg.norm(middle - ends.mean(axis=2), axis=2) / length
+    off = np.linalg.norm(middle - ends.mean(axis=2), axis=2) / np.maximum(length, np.finfo(float).tiny)
     if off.max() < 0.5:
         return
     cell, edge = np.unravel_index(np.argmax(off), off.shape)
