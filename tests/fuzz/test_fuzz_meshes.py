@@ -14,8 +14,10 @@ import meshio
 import numpy as np
 import pytest
 from bounded import bounded
+from hand_meshes import HAND
 
 from romdam.config.models import MeshFileConfig
+from romdam.fem.assembly import assemble
 from romdam.scene.mesh_files import MeshFiles, read_mesh_file
 from romdam.scene.model import Material
 
@@ -228,3 +230,25 @@ def test_files_changed_at_random(cases, tmp_path):
     print(ends, f"gone without a trace: {gone}")
     assert not wrong, "\n".join(wrong)
     assert len(gone) <= max(1, number // 200)
+
+
+@pytest.mark.parametrize("name", HAND)
+def test_meshes_made_by_hand(name, tmp_path):
+    """Each trap is read with the volume it holds, or refused with its reason."""
+    file, text, expected = HAND[name]
+    for path, content in text.items() if isinstance(text, dict) else [(file, text)]:
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(content)
+    files = MeshFiles(tmp_path)
+
+    def volume():
+        block = files.block("b", MeshFileConfig(file=file), CONCRETE, PLACE)
+        return float(assemble(block)[1].sum() / 3.0 / CONCRETE.rho)
+
+    outcome = bounded(volume, SECONDS)
+    assert not outcome.crash and outcome.grown < MEMORY
+    if isinstance(expected, float):
+        assert not outcome.refusal and outcome.value == pytest.approx(expected, rel=1e-9)
+    else:
+        assert outcome.refusal.startswith(PLACE) and str(tmp_path / file) in outcome.refusal
+        assert expected in outcome.refusal
