@@ -17,6 +17,7 @@ from romdam.scene.mesh_files import MeshFiles
 from romdam.scene.model import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
+from romdam.scene.sizes import refuse_large
 from romdam.scene.stress_sites import stress_sites
 from romdam.scene.ties import build_tie, tied_parts
 
@@ -39,6 +40,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     MeshError
         for mesh files, and for joints whose meshes do not conform.
     """
+    refuse_large(config, source)
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
     dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
     blocks = dam.blocks | _blocks(config, materials, folder, source)

@@ -15,7 +15,7 @@ from romdam.scene.model import Block, Bools, Ints
 _AWAY = 1e-3  # of a face's size: how far outside of it nothing may be
 _NEAR_CORNER = 0.9  # of the way from a face's centre to its corners: where that is looked at
 _INSIDE = 1e-6  # of the reference element: margin of being inside
-_CHUNK = 4096  # points at a time
+_PAIRS = 1_000_000  # of a point and an element, at a time
 _FOLLOWED = (
     1.0,
     0.3,
@@ -175,14 +175,18 @@ def _any_cell_has(block: Block, points: Floats) -> Bools:
     for size in np.unique(scale):
         own = np.flatnonzero(scale == size)
         tree = cKDTree(middle[own])
-        for first in range(0, len(near), _CHUNK):
-            part = near[first : first + _CHUNK]
+        for part in _parts(near, tree.query_ball_point(points[near], 2.0**size, return_length=True)):
             pairs = cKDTree(points[part]).sparse_distance_matrix(tree, 2.0**size, output_type="ndarray")
             p, c = part[pairs["i"]], own[pairs["j"]]
             boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~found[p]
             p, c = p[boxed], c[boxed]
             found[p[_inside(points[p], nodes[c], element)]] = True
     return found
+
+
+def _parts(points: Ints, pairs: Ints) -> list[Ints]:
+    """Points cut into parts with so many pairs of a point and an element near it as memory takes."""
+    return np.split(points, np.flatnonzero(np.diff(np.cumsum(pairs) // _PAIRS)) + 1) if len(points) else []
 
 
 def _geometry(block: Block) -> tuple[Floats, Element]:

@@ -176,7 +176,7 @@ def cannot_be_read(place: str, kind: str, why: str) -> MeshError:
     )
 
 
-def numbers_of(words: Sequence[bytes] | Sequence[str], what: str) -> Floats:
+def numbers_of(words: Sequence[bytes | str], what: str) -> Floats:
     """Words as numbers.
 
     Raises
@@ -187,7 +187,7 @@ def numbers_of(words: Sequence[bytes] | Sequence[str], what: str) -> Floats:
     try:
         return np.fromiter(map(float, words), dtype=float, count=len(words))
     except ValueError:
-        wrong = next(k for k, word in enumerate(words) if not _is_number(word))
+        wrong = [_is_number(word) for word in words].index(False)
         raise ValueError(f"number {wrong + 1} of {what} is {shown(_text(words[wrong]))}") from None
 
 

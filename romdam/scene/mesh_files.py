@@ -144,7 +144,9 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
         if cells.dim == 3:
             solid[cells.nodes] = True
     for k, cells in enumerate(file.cells):
-        members = {label: own[k] for label, own in file.groups.items() if len(own[k])} if cells.dim == 2 else {}
+        members = (
+            {label: own[k] for label, own in file.groups.items() if len(own[k])} if cells.dim == 2 else {}
+        )
         if not members:
             continue
         corner = cells.nodes[:, : _FACET_CORNERS[cells.kind]]
@@ -158,7 +160,9 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
                     f"element, whose corners it has ({len(bad)} such elements, limit 0); export the mesh anew"
                 )
             if len(lost):
-                found.append(f"{len(lost)} of {len(own)} {cells.kind} of group {label!r} lie on no solid element")
+                found.append(
+                    f"{len(lost)} of {len(own)} {cells.kind} of group {label!r} lie on no solid element"
+                )
     return found
 
 
@@ -168,7 +172,9 @@ def _on_faces(file: MeshFile, corners: Ints) -> Bools:
     rows = [np.sort(corners, axis=1)]
     for cells in file.cells:
         if cells.kind in SOLIDS:
-            table = np.array(ELEMENTS[SOLIDS[cells.kind]].facets)[:, : 3 if cells.kind.startswith("tet") else 4]
+            table = np.array(ELEMENTS[SOLIDS[cells.kind]].facets)[
+                :, : 3 if cells.kind.startswith("tet") else 4
+            ]
             if table.shape[1] == width:
                 rows.append(np.sort(cells.nodes[:, table].reshape(-1, width), axis=1))
         elif cells.dim == 3:

@@ -112,11 +112,13 @@ def refuse_loose_nodes(block: Block, place: str = "mesh") -> None:
 
 def _refuse_coincident_nodes(block: Block, place: str) -> None:
     """Two nodes at one place are a crack that no joint knows of."""
-    reach = _COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0)))
+    shortest = _shortest_edges(block)
+    usual = float(np.median(shortest[np.isfinite(shortest)]))
+    reach = min(_COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0))), _TOGETHER * usual)
     pairs = cKDTree(block.points).query_pairs(reach, output_type="ndarray")
     if len(pairs):
         apart = np.linalg.norm(np.diff(block.points[pairs], axis=1)[:, 0], axis=1)
-        pairs = pairs[apart <= _TOGETHER * _shortest_edges(block)[pairs].min(axis=1)]
+        pairs = pairs[apart <= _TOGETHER * shortest[pairs].min(axis=1)]
     if len(pairs):
         first, second = pairs[np.lexsort(pairs.T[::-1])][0]
         raise MeshError(

@@ -15,12 +15,15 @@ def grids(points=CUBES, form="GRID,{0},,{1},{2},{3}", first=1):
 
 def chexa(cells=HEX, pid=1, form="CHEXA,{0},{1},{2},+\n+,{3}", first=1):
     return [
-        form.format(k, pid, ",".join(map(str, c[:6])), ",".join(map(str, c[6:]))) for k, c in enumerate(cells, first)
+        form.format(k, pid, ",".join(map(str, c[:6])), ",".join(map(str, c[6:])))
+        for k, c in enumerate(cells, first)
     ]
 
 
 def bdf(*lines):
-    return "\n".join([*(x for part in lines for x in ([part] if isinstance(part, str) else part)), "ENDDATA", ""])
+    return "\n".join(
+        [*(x for part in lines for x in ([part] if isinstance(part, str) else part)), "ENDDATA", ""]
+    )
 
 
 def small(points=CUBES, cells=HEX, mark=("", "")):
@@ -49,8 +52,11 @@ def msh4(nodes, elements, entities="", extra=""):
     )
 
 
-NODES4 = "1 12 1 12\n3 1 0 12\n" + " ".join(map(str, range(1, 13))) + "\n" + "\n".join(
-    " ".join(map(str, p)) for p in CUBES
+NODES4 = (
+    "1 12 1 12\n3 1 0 12\n"
+    + " ".join(map(str, range(1, 13)))
+    + "\n"
+    + "\n".join(" ".join(map(str, p)) for p in CUBES)
 )
 CELLS4 = "1 2 1 2\n3 1 5 2\n" + "\n".join(f"{k} {' '.join(map(str, c))}" for k, c in enumerate(HEX, 1))
 
@@ -115,7 +121,10 @@ TWO = CUBES[:8] + CUBES[4:]  # the upper cube on nodes of its own
 APART = [[1, 2, 4, 3, 5, 6, 8, 7], [9, 10, 12, 11, 13, 14, 16, 15]]
 FINE = [(x / 2, y / 2, 1 + z / 2) for z in (0, 1, 2) for y in (0, 1, 2) for x in (0, 1, 2)]
 FINE_HEX = [
-    [n + 9, *(n + 9 + d for d in (1, 4, 3, 9, 10, 13, 12))] for z in (0, 9) for y in (0, 3) for n in (z + y, z + y + 1)
+    [n + 9, *(n + 9 + d for d in (1, 4, 3, 9, 10, 13, 12))]
+    for z in (0, 9)
+    for y in (0, 3)
+    for n in (z + y, z + y + 1)
 ]
 MIDDLE = [(a, b) for a, b in ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))]
 TET = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
