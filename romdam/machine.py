@@ -22,4 +22,6 @@ def machine_memory() -> float:
 
 def shown_size(count: float) -> str:
     """Bytes as a message shows them."""
+    if count >= 1e14:
+        return f"{count / 1e9:.2g} GB"
     return f"{count / 1e9:.1f} GB" if count >= 1e8 else f"{count / 1e6:.0f} MB"

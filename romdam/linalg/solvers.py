@@ -150,7 +150,8 @@ def _refusal(
         else ""
     )
     return (
-        f"{place}: {unknowns} unknowns need more than {named} = {shown_size(limit)} (estimated: {needs}); {other}"
+        f"{place}: {unknowns} unknowns need more than {named} = {shown_size(limit)} (estimated: {needs}); "
+        f"{other}"
         f"give at least {shown_size(1.05 * least.memory)}, or a mesh of at most about {_round(most)} unknowns"
     )
 

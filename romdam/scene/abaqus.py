@@ -117,7 +117,7 @@ def _lines(deck: _Deck, path: Path, above: tuple[Path, ...]) -> Iterator[str]:
 
 
 def _keywords(lines: Iterator[str]) -> Iterator[tuple[str, dict[str, str], Lines]]:
-    """Keyword, options and the comma-separated data lines below it; a comma at the end continues a keyword."""
+    """Keyword, options and the data lines below it; a comma at the end continues the keyword's line."""
     head, data = "", []  # type: str, Lines
     for text in lines:
         if text.startswith("*"):
@@ -196,8 +196,8 @@ def _read_elements(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
     if row or (rows and len(rows[-1]) != size + 1):
         wrong = row or rows[-1]
         raise deck.error(
-            f"*ELEMENT, TYPE={kind}: element {wrong[0]} has {len(wrong) - 1} nodes, expected {size}, each element "
-            "on lines of its own; repair the file"
+            f"*ELEMENT, TYPE={kind}: element {wrong[0]} has {len(wrong) - 1} nodes, expected {size}, each "
+            "element on lines of its own; repair the file"
         )
     deck.blocks.append((cell_type, rows))
     if "ELSET" in options:
@@ -245,8 +245,8 @@ def _read_surface(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
     ]
     if len(sides) < len(lines):
         deck.remarks.append(
-            f"{len(lines) - len(sides)} of {len(lines)} lines of surface {label!r} name no side S1 to S6 and are "
-            "left out"
+            f"{len(lines) - len(sides)} of {len(lines)} lines of surface {label!r} name no side S1 to S6 "
+            "and are left out"
         )
     deck.surfaces.setdefault(label, []).extend(sides)
 

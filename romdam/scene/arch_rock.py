@@ -173,8 +173,8 @@ def _refuse_thin(count: int, growth: float, place: str) -> None:
     first = float(_graded(count, growth)[1])
     if first < _THIN:
         raise ConfigError(
-            f"{place}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the whole, limit "
-            f"{_THIN:g}; take fewer layers, or a growth nearer to 1"
+            f"{place}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the "
+            f"whole, limit {_THIN:g}; take fewer layers, or a growth nearer to 1"
         )
 
 
@@ -208,7 +208,8 @@ def _zoned(
         x, y, z = centre[left_out][0]
         raise ConfigError(
             f"{place}.rock.zones: {int(left_out.sum())} of {int((~perimeter).sum())} cells of rock are in no "
-            f"zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it takes the rest"
+            f"zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it takes "
+            "the rest"
         )
     return Ground(points, under, layers, zone, perimeter, tuple(rock.zones), contact)
 
@@ -230,15 +231,18 @@ def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, place: str) ->
             x, y, z = centre[both][0]
             other = names[int(zone[both][0])]
             raise ConfigError(
-                f"{place}.rock.zones: {int(both.sum())} cells, the first around ({x:.4g}, {y:.4g}, {z:.4g}), are in "
-                f"{other!r} and in {names[k]!r}, which have limits along as many axes ({limits[k]}), limit one zone; "
-                "let their ranges meet, or give the smaller one a range along a further axis"
+                f"{place}.rock.zones: {int(both.sum())} cells, the first around ({x:.4g}, {y:.4g}, "
+                f"{z:.4g}), are in "
+                f"{other!r} and in {names[k]!r}, which have limits along as many axes ({limits[k]}), "
+                "limit one zone; let their ranges meet, or give the smaller one a range along a further axis"
             )
         own = inside & (zone < 0)
         if not own.any():
             raise ConfigError(
-                f"{place}.rock.zones.{names[k]}: covers nothing: none of the {int(rock_cells.sum())} cells of "
-                "rock has its centre in it (or zones with limits along more axes took them); widen it, or remove it"
+                f"{place}.rock.zones.{names[k]}: covers nothing: none of the {int(rock_cells.sum())} "
+                "cells of "
+                "rock has its centre in it (or zones with limits along more axes took them); widen it, or "
+                "remove it"
             )
         zone[own] = k
     return zone

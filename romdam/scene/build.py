@@ -15,6 +15,7 @@ from romdam.scene.held import refuse_free_blocks
 from romdam.scene.joints import build_joint
 from romdam.scene.mesh_files import MeshFiles
 from romdam.scene.model import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
+from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.sizes import refuse_large
@@ -53,7 +54,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         for name, joint in config.every_joint.items()
     }
     refuse_free_blocks(blocks, joints, fixed, source, ties)
-    return Scene(
+    scene = Scene(
         blocks=blocks,
         joints=joints,
         fixed=fixed,
@@ -70,6 +71,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
     )
+    say_odd(scene, materials, source)
+    return scene
 
 
 def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:

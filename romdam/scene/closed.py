@@ -130,7 +130,8 @@ def _error(block: Block, at: Floats, count: int, what: str, place: str) -> MeshE
     where = ", ".join(f"{x:.6g}" for x in at)
     return MeshError(
         f"{place}: {count} faces of elements of block {block.name!r} {what}, limit 0 (the first around "
-        f"({where}) m); repair the mesh: merge duplicate nodes and elements, or make it blocks with a joint or tie"
+        f"({where}) m); repair the mesh: merge duplicate nodes and elements, or make it blocks with a "
+        "joint or tie"
     )
 
 

@@ -1,7 +1,7 @@
 """Gmsh's .msh, versions 2.2 and 4.1, as text and binary.
 
 Read here and not by meshio 5.3, which takes the last of two nodes with one tag, another node for a tag that
-is not given, as many numbers as there are for a count that is larger, and the first physical group of several.
+is not given, what numbers there are for a count that is larger, and the first physical group of several.
 """
 
 from __future__ import annotations

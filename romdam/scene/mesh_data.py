@@ -1,4 +1,5 @@
-"""A mesh as it stands in a file: nodes and elements with the file's own numbers, checked and counted from 0."""
+"""A mesh as it stands in a file: nodes and elements with the file's own numbers, checked and counted "
+"from 0."""
 
 from __future__ import annotations
 
@@ -117,8 +118,8 @@ def _numbered(cells: Cells, known: Ints, order: Ints, place: str) -> Ints:
     if len(lost):
         row, column = lost[0]
         raise MeshError(
-            f"{place}: elements use node {cells.nodes[row, column]}, which is not given (the first is element "
-            f"{cells.ids[row]}, {cells.kind}; {len(lost)} such uses); repair the file"
+            f"{place}: elements use node {cells.nodes[row, column]}, which is not given (the first is "
+            f"element {cells.ids[row]}, {cells.kind}; {len(lost)} such uses); repair the file"
         )
     return np.asarray(order[at], dtype=np.int64)
 
@@ -142,8 +143,9 @@ def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tupl
     share, number = _LOOSE
     if len(loose) > max(number, share * len(tags)):
         raise MeshError(
-            f"{place}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), limit "
-            f"{100 * share:g} %: elements are missing, or the file was cut; export it anew, without unused nodes"
+            f"{place}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), "
+            f"limit {100 * share:g} %: elements are missing, or the file was cut; export it anew, without "
+            "unused nodes"
         )
     if not len(loose):
         return ()
@@ -162,8 +164,8 @@ def missing_ids(cells: list[Cells]) -> tuple[str, ...]:
         return ()
     first = int(ids[np.argmax(steps > 1)]) + 1
     return (
-        f"elements are numbered {ids[0]} to {ids[-1]}, and {ids[-1] - ids[0] + 1 - len(ids)} of these numbers "
-        f"are not given (the first is {first}); the format does not say how many there are",
+        f"elements are numbered {ids[0]} to {ids[-1]}, and {ids[-1] - ids[0] + 1 - len(ids)} of these "
+        f"numbers are not given (the first is {first}); the format does not say how many there are",
     )
 
 
@@ -171,8 +173,8 @@ def cannot_be_read(place: str, kind: str, why: str) -> MeshError:
     """The error for a damaged file; `place` is its key and path."""
     article = "an" if kind[0] in "aeiou" else "a"
     return MeshError(
-        f"{place} cannot be read as {'an' if kind[0] in 'aeiou' else 'a'} {kind} file ({why}); supported solid elements are "
-        "8- and 20-node hexahedra and 4- and 10-node tetrahedra; export the mesh anew"
+        f"{place} cannot be read as {article} {kind} file ({why}); supported "
+        "solid elements are 8- and 20-node hexahedra and 4- and 10-node tetrahedra; export the mesh anew"
     )
 
 

@@ -52,6 +52,11 @@ class MeshFiles:
             file = self._read[path] = read_mesh_file(path, f"{place}.file")
             self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
         file = self._read[path]
+        if name in file.groups and _solids(file, file.groups[name]) and str(config.group) != name:
+            taken = "all groups" if config.group is None else f"group {config.group!r}"
+            log.warning(
+                "%s.group: the block takes %s of %s, which has a group %r too", place, taken, path, name
+            )
         members = _members(file, config.group, path, place)
         for used, own in zip(self._used[path], members, strict=True):
             used[own] = True
@@ -74,7 +79,7 @@ class MeshFiles:
                     )
                 ]
                 log.warning(
-                    "%s: %s: %d of its %d solid elements (%s) belong to no block; groups with some of them: %s",
+                    "%s: %s: %d of its %d solid elements (%s) belong to no block; groups of them: %s",
                     source, path, sum(left.values()), total,
                     ", ".join(f"{n} {kind}" for kind, n in left.items()), ", ".join(groups) or "none",
                 )  # fmt: skip
@@ -156,7 +161,8 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
             bad = lost[solid[corner[lost]].all(axis=1)]
             if len(bad):
                 raise MeshError(
-                    f"{place}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face of a solid "
+                    f"{place}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face "
+                    "of a solid "
                     f"element, whose corners it has ({len(bad)} such elements, limit 0); export the mesh anew"
                 )
             if len(lost):

@@ -260,7 +260,8 @@ def _read_element(deck: _Deck, entry: _Entry) -> None:
         given = max(entry.given - 2, 0)
         raise ValueError(
             f"{entry.where}: {entry.name} {entry.fields[0]} has {given} nodes, expected "
-            f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge nodes are left out"
+            f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
+            "nodes are left out"
         )
     row = [entry.whole(1), entry.whole(2, entry.whole(1)), *(entry.whole(k) for k in range(3, last + 1))]
     deck.rows.setdefault(sizes[count], []).append(row)

@@ -19,14 +19,13 @@ _CHUNK = 4096  # cells at a time
 _COINCIDENT = 1e-6  # distance of two nodes relative to the block's diagonal
 _TOGETHER = 1e-3  # the same relative to the shortest edge at either node: else they are an element's own
 _FLAT = 1e-12  # Jacobian determinant relative to the cube of the element's size, below which it is flat
-_SLENDER = 100.0  # ratio of edges from which on an element is told of
 
 
 def refuse_bad_cells(block: Block, place: str) -> None:
     """Raise if the cells do not make one sound body.
 
-    A cell is turned inside out or flat, occurs twice or has its nodes in another format's order; nodes coincide;
-    faces do not pair, or one lies inside the block. What is odd and may be meant is logged.
+    A cell is turned inside out or flat, occurs twice or has its nodes in another format's order; nodes
+    coincide; faces do not pair, or one lies inside the block. What is odd and may be meant is logged.
 
     Parameters
     ----------
@@ -49,10 +48,10 @@ def refuse_bad_cells(block: Block, place: str) -> None:
     pieces = refuse_bad_faces(block, volume, place)
     if pieces > 1:
         log.warning(
-            "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks of their "
+            "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks "
+            "of their "
             "own, or mesh them together", place, block.name, pieces,
         )  # fmt: skip
-    _say_slender(block, place)
 
 
 def _volume(block: Block, place: str) -> float:
@@ -72,20 +71,6 @@ def _volume(block: Block, place: str) -> float:
         )
         total += float((determinant[:, : len(xi)] @ weight).sum())
     return total
-
-
-def _say_slender(block: Block, place: str) -> None:
-    """Log elements whose longest edge is many times their shortest."""
-    edges = np.array(ELEMENTS[block.element].edges)
-    length = np.linalg.norm(np.diff(block.points[block.cells[:, edges]], axis=2)[:, :, 0], axis=2)
-    aspect = length.max(axis=1) / length.min(axis=1)
-    if aspect.max() > _SLENDER:
-        at = ", ".join(f"{x:.6g}" for x in block.points[block.cells[np.argmax(aspect)]].mean(axis=0))
-        log.warning(
-            "%s: the edges of %d elements of block %r differ by more than %g times (%.3g times around (%s)); "
-            "stress there is poor, and iterative solvers are slow",
-            place, int((aspect > _SLENDER).sum()), block.name, _SLENDER, aspect.max(), at,
-        )  # fmt: skip
 
 
 def _determinants(matrices: Floats) -> Floats:

@@ -11,6 +11,7 @@ from romdam.errors import ConfigError
 from romdam.machine import memory_limit, shown_size
 
 _MOST = 1e12  # elements along an edge that are told apart
+_ROOM = 1.05  # coarser than would just fit
 # Bytes per node of meshing and assembling, measured on cubes of 36,000 to 69,000 nodes
 _BYTES = {"hex8": 5.1e3, "hex20": 10.8e3, "tet4": 3.4e3, "tet10": 5.5e3}
 
@@ -42,7 +43,7 @@ def refuse_large(config: Config, source: str) -> None:
     raise ConfigError(
         f"{source}: {key}: about {nodes:.3g} nodes ({3.0 * nodes:.3g} unknowns, {element}), and the blocks "
         f"together need about {shown_size(total)} only to be assembled, limit {named} = {shown_size(limit)}; "
-        f"{_remedy(config, key, (total / limit) ** (1 / 3))}"
+        f"{_remedy(config, key, _ROOM * (total / limit) ** (1 / 3))}"
     )
 
 

@@ -75,7 +75,8 @@ def vtu(points=CUBES, cells=HEX, kind=12, count=None, array=None, attributes="",
         if array is not None:
             return array(name, kind, values, code, width)
         numbers = " ".join(map(str, values))
-        return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">{numbers}</DataArray>'
+        head = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">'
+        return f"{head}{numbers}</DataArray>"
 
     ends = offsets or [sum(map(len, cells[: k + 1])) for k in range(len(cells))]
     body = (
@@ -139,58 +140,173 @@ HAND = {
     "marked continuation": ("a.bdf", small(mark=("+A", "+A")), 2.0),
     "free": ("a.bdf", bdf(grids(), chexa()), 2.0),
     "free blank continuation": ("a.bdf", bdf(grids(), chexa(form="CHEXA,{0},{1},{2}\n,{3}")), 2.0),
-    "large": ("a.bdf", bdf(
-        [f"GRID*   {k:<16}{'':16}{x:<16.6f}{y:<16.6f}*\n*       {z:<16.6f}" for k, (x, y, z) in enumerate(CUBES, 1)],
-        ["CHEXA*  " + "".join(f"{n:<16}" for n in (k, 1, *c[:2])) + "\n*       " + "".join(f"{n:<16}" for n in c[2:6])
-         + "\n*       " + "".join(f"{n:<16}" for n in c[6:]) for k, c in enumerate(HEX, 1)],
-    ), 2.0),
-    "comments and case": ("a.bdf", "SOL 101 $ x\nCEND\nbegin bulk\n$ GRID,99\n" + bdf(
-        [line.lower() + " $ a comment" for line in grids()], "$ nothing", chexa()), 2.0),
-    "exponents": ("a.bdf", bdf(grids(stretched(CUBES, 10), "GRID,{0},,{1:.1f},{2:.1f},{3:.1f}"), chexa())
-                  .replace(",10.0", ",1.+1"), 2000.0),
-    "include": ("a.bdf", {"a.bdf": bdf("INCLUDE 'sub/nodes.bdf'", chexa()), "sub/nodes.bdf": "INCLUDE 'more.bdf'\n",
-                          "sub/more.bdf": "\n".join(grids())}, 2.0),
-    "include loop": ("a.bdf", {"a.bdf": bdf("INCLUDE 'b.bdf'", chexa()), "b.bdf": "INCLUDE 'a.bdf'"}, "includes itself"),
+    "large": (
+        "a.bdf",
+        bdf(
+            [
+                f"GRID*   {k:<16}{'':16}{x:<16.6f}{y:<16.6f}*\n*       {z:<16.6f}"
+                for k, (x, y, z) in enumerate(CUBES, 1)
+            ],
+            [
+                "CHEXA*  "
+                + "".join(f"{n:<16}" for n in (k, 1, *c[:2]))
+                + "\n*       "
+                + "".join(f"{n:<16}" for n in c[2:6])
+                + "\n*       "
+                + "".join(f"{n:<16}" for n in c[6:])
+                for k, c in enumerate(HEX, 1)
+            ],
+        ),
+        2.0,
+    ),
+    "comments and case": (
+        "a.bdf",
+        "SOL 101 $ x\nCEND\nbegin bulk\n$ GRID,99\n"
+        + bdf([line.lower() + " $ a comment" for line in grids()], "$ nothing", chexa()),
+        2.0,
+    ),
+    "exponents": (
+        "a.bdf",
+        bdf(grids(stretched(CUBES, 10), "GRID,{0},,{1:.1f},{2:.1f},{3:.1f}"), chexa()).replace(
+            ",10.0", ",1.+1"
+        ),
+        2000.0,
+    ),
+    "include": (
+        "a.bdf",
+        {
+            "a.bdf": bdf("INCLUDE 'sub/nodes.bdf'", chexa()),
+            "sub/nodes.bdf": "INCLUDE 'more.bdf'\n",
+            "sub/more.bdf": "\n".join(grids()),
+        },
+        2.0,
+    ),
+    "include loop": (
+        "a.bdf",
+        {"a.bdf": bdf("INCLUDE 'b.bdf'", chexa()), "b.bdf": "INCLUDE 'a.bdf'"},
+        "includes itself",
+    ),
     "include missing": ("a.bdf", bdf("INCLUDE 'gone.bdf'", grids(), chexa()), "line 1: the included file"),
-    "grdset": ("a.bdf", bdf("GRDSET,,7", "CORD2R,7,,0.,0.,0.,0.,0.,1.\n,0.,1.,0.", grids(TURNED), chexa()), 2.0),
-    "grdset unknown system": ("a.bdf", bdf("GRDSET,,7", grids(), chexa()), "coordinate system 7 is not given"),
-    "cylinder": ("a.bdf", bdf("CORD2C,3,,0.,0.,0.,0.,0.,1.,+\n+,1.,0.,0.", grids(
-        [(1 + x, 90.0 * y, z) for x, y, z in SLAB], "GRID,{0},3,{1},{2},{3}"), chexa(HEX[:1])), 1.5),
-    "system on a line": ("a.bdf", bdf("CORD2R,3,,0.,0.,0.,0.,0.,1.,+\n+,0.,0.,2.", grids(
-        SLAB, "GRID,{0},3,{1},{2},{3}"), chexa(HEX[:1])), "lie on a line"),
-    "system of itself": ("a.bdf", bdf("CORD2R,3,3,0.,0.,0.,0.,0.,1.,+\n+,1.,0.,0.", grids(
-        SLAB, "GRID,{0},3,{1},{2},{3}"), chexa(HEX[:1])), "coordinate system 3 refers to itself"),
+    "grdset": (
+        "a.bdf",
+        bdf("GRDSET,,7", "CORD2R,7,,0.,0.,0.,0.,0.,1.\n,0.,1.,0.", grids(TURNED), chexa()),
+        2.0,
+    ),
+    "grdset unknown system": (
+        "a.bdf",
+        bdf("GRDSET,,7", grids(), chexa()),
+        "coordinate system 7 is not given",
+    ),
+    "cylinder": (
+        "a.bdf",
+        bdf(
+            "CORD2C,3,,0.,0.,0.,0.,0.,1.,+\n+,1.,0.,0.",
+            grids([(1 + x, 90.0 * y, z) for x, y, z in SLAB], "GRID,{0},3,{1},{2},{3}"),
+            chexa(HEX[:1]),
+        ),
+        1.5,
+    ),
+    "system on a line": (
+        "a.bdf",
+        bdf(
+            "CORD2R,3,,0.,0.,0.,0.,0.,1.,+\n+,0.,0.,2.", grids(SLAB, "GRID,{0},3,{1},{2},{3}"), chexa(HEX[:1])
+        ),
+        "lie on a line",
+    ),
+    "system of itself": (
+        "a.bdf",
+        bdf(
+            "CORD2R,3,3,0.,0.,0.,0.,0.,1.,+\n+,1.,0.,0.",
+            grids(SLAB, "GRID,{0},3,{1},{2},{3}"),
+            chexa(HEX[:1]),
+        ),
+        "coordinate system 3 refers to itself",
+    ),
     # Nastran, refused
     "cut between elements": ("a.bdf", "\n".join(small().split("\n")[:14]), "does not end with ENDDATA"),
     "no end": ("a.bdf", "\n".join([*grids(), *chexa()]), "does not end with ENDDATA"),
-    "after the end": ("a.bdf", bdf(grids(), chexa(HEX[:1])) + "CHEXA,2,1,5,6,8,7,9,10,+\n+,12,11\n", "after ENDDATA"),
+    "after the end": (
+        "a.bdf",
+        bdf(grids(), chexa(HEX[:1])) + "CHEXA,2,1,5,6,8,7,9,10,+\n+,12,11\n",
+        "after ENDDATA",
+    ),
     "node twice": ("a.bdf", bdf(grids(), "GRID,5,,0.,0.,1.5", chexa()), "node 5 is given twice"),
     "element twice": ("a.bdf", bdf(grids(), chexa(HEX[:1]), chexa(HEX[1:])), "element 1 is given twice"),
     "continuation of another": ("a.bdf", small(mark=("+A", "+B")), "continues '+B', and '+A'"),
     "continuation lost": ("a.bdf", bdf(grids(), chexa(form="CHEXA,{0},{1},{2}")), "expected 8 or 20"),
-    "mid-edge nodes left out": ("a.bdf", bdf(grids(SLAB), "CHEXA,1,1,1,2,4,3,5,6\n,8,7,,2,3"), "expected 8 or 20"),
-    "misspelt": ("a.bdf", bdf(grids(), chexa()).replace("CHEXA,2", "CHEXB,2"), "CHEXB is not known; is CHEXA meant?"),
-    "real for a whole number": ("a.bdf", bdf(grids(), chexa()).replace("GRID,7,", "GRID,7.,"), "expected a whole number"),
-    "letters for a number": ("a.bdf", bdf(grids(), chexa()).replace("1.0,1.0,1.0", "1.0,l.0,1.0"), "expected a number"),
-    "repeated node": ("a.bdf", bdf(grids(), chexa([HEX[0], [5, 6, 8, 7, 9, 9, 12, 11]])), "names a node twice"),
-    "unknown node": ("a.bdf", bdf(grids(), chexa([HEX[0], [5, 6, 8, 7, 9, 10, 12, 21]])), "elements use node 21"),
+    "mid-edge nodes left out": (
+        "a.bdf",
+        bdf(grids(SLAB), "CHEXA,1,1,1,2,4,3,5,6\n,8,7,,2,3"),
+        "expected 8 or 20",
+    ),
+    "misspelt": (
+        "a.bdf",
+        bdf(grids(), chexa()).replace("CHEXA,2", "CHEXB,2"),
+        "CHEXB is not known; is CHEXA meant?",
+    ),
+    "real for a whole number": (
+        "a.bdf",
+        bdf(grids(), chexa()).replace("GRID,7,", "GRID,7.,"),
+        "expected a whole number",
+    ),
+    "letters for a number": (
+        "a.bdf",
+        bdf(grids(), chexa()).replace("1.0,1.0,1.0", "1.0,l.0,1.0"),
+        "expected a number",
+    ),
+    "repeated node": (
+        "a.bdf",
+        bdf(grids(), chexa([HEX[0], [5, 6, 8, 7, 9, 9, 12, 11]])),
+        "names a node twice",
+    ),
+    "unknown node": (
+        "a.bdf",
+        bdf(grids(), chexa([HEX[0], [5, 6, 8, 7, 9, 10, 12, 21]])),
+        "elements use node 21",
+    ),
     # gmsh
     "msh 2.2": ("a.msh", msh(), 2.0),
-    "msh 2.2 sparse numbers": ("a.msh", msh(numbers=range(10, 130, 10), cells=[[10 * n for n in c] for c in HEX]), 2.0),
+    "msh 2.2 sparse numbers": (
+        "a.msh",
+        msh(numbers=range(10, 130, 10), cells=[[10 * n for n in c] for c in HEX]),
+        2.0,
+    ),
     "msh 4.1": ("a.msh", msh4(NODES4, CELLS4), 2.0),
     "msh 4.1 with two groups": ("a.msh", msh4(NODES4, CELLS4, "0 0 0 1\n1 0 0 0 1 1 2 2 5 6 0"), 2.0),
     "msh 4.0": ("a.msh", msh(head="4 0 8"), "versions 2.2 and 4.1 are read"),
-    "msh node twice": ("a.msh", msh(CUBES + [(0, 0, 1.5)], numbers=[*range(1, 13), 5]), "node 5 is given twice"),
+    "msh node twice": (
+        "a.msh",
+        msh([*CUBES, (0, 0, 1.5)], numbers=[*range(1, 13), 5]),
+        "node 5 is given twice",
+    ),
     "msh element twice": ("a.msh", msh(ids=[3, 3]), "element 3 is given twice"),
-    "msh count too low": ("a.msh", msh().replace("$Elements\n2\n", "$Elements\n1\n"), "more than its counts say"),
+    "msh count too low": (
+        "a.msh",
+        msh().replace("$Elements\n2\n", "$Elements\n1\n"),
+        "more than its counts say",
+    ),
     "msh count too high": ("a.msh", msh().replace("$Nodes\n12\n", "$Nodes\n99\n"), "early: the file was cut"),
-    "msh count of 10^12": ("a.msh", msh().replace("$Nodes\n12\n", "$Nodes\n1000000000000\n"), "the file was cut"),
+    "msh count of 10^12": (
+        "a.msh",
+        msh().replace("$Nodes\n12\n", "$Nodes\n1000000000000\n"),
+        "the file was cut",
+    ),
     "msh not closed": ("a.msh", msh()[:-14], "is not closed by $EndElements"),
-    "msh unknown entity": ("a.msh", msh4(NODES4, CELLS4, "0 0 0 1\n2 0 0 0 1 1 2 0 0"), "of entity 1 of dimension 3"),
-    "msh partitioned": ("a.msh", msh4(NODES4, CELLS4, extra="$PartitionedEntities\n1\n$EndPartitionedEntities\n"),
-                        "is partitioned"),
-    "msh group without elements": ("a.msh", msh(extra='$PhysicalNames\n2\n3 1 "a"\n3 2 "b"\n$EndPhysicalNames\n'),
-                                   "names group 'b', which holds no elements"),
+    "msh unknown entity": (
+        "a.msh",
+        msh4(NODES4, CELLS4, "0 0 0 1\n2 0 0 0 1 1 2 0 0"),
+        "of entity 1 of dimension 3",
+    ),
+    "msh partitioned": (
+        "a.msh",
+        msh4(NODES4, CELLS4, extra="$PartitionedEntities\n1\n$EndPartitionedEntities\n"),
+        "is partitioned",
+    ),
+    "msh group without elements": (
+        "a.msh",
+        msh(extra='$PhysicalNames\n2\n3 1 "a"\n3 2 "b"\n$EndPhysicalNames\n'),
+        "names group 'b', which holds no elements",
+    ),
     "msh plane": ("a.msh", msh(CUBES[:4], [[1, 2, 4, 3]], kind=3), "has no solid elements"),
     "msh nan": ("a.msh", msh(moved(CUBES, (0, 0, float("nan")), [11])), "finite coordinates"),
     "msh inf": ("a.msh", msh(moved(CUBES, (0, float("inf"), 0), [3])), "finite coordinates"),
@@ -205,16 +321,34 @@ HAND = {
     "inp ngen": ("a.inp", inp(more="*NGEN\n1, 12, 1\n"), "*NGEN is not followed"),
     "inp elgen": ("a.inp", inp(more="*ELGEN\n1, 2, 1, 1\n"), "*ELGEN is not followed"),
     "inp moved instance": ("a.inp", inp(more="*INSTANCE, NAME=P-1, PART=P\n5., 0., 0.\n"), "moves its part"),
-    "inp two instances": ("a.inp", inp(more="*INSTANCE, NAME=a, PART=P\n*END INSTANCE\n*INSTANCE, NAME=b, PART=p\n"),
-                          "is another of part"),
+    "inp two instances": (
+        "a.inp",
+        inp(more="*INSTANCE, NAME=a, PART=P\n*END INSTANCE\n*INSTANCE, NAME=b, PART=p\n"),
+        "is another of part",
+    ),
     "inp generate": ("a.inp", inp(more="*ELSET, ELSET=all, GENERATE\n1, 2\n"), 2.0),
-    "inp generate beyond": ("a.inp", inp(more="*ELSET, ELSET=all, GENERATE\n1, 1000000000\n"), "999999998 members"),
-    "inp generate by zero": ("a.inp", inp(more="*ELSET, ELSET=all, GENERATE\n1, 2, 0\n"), "no range that goes up"),
-    "inp set of lost elements": ("a.inp", inp(cells=HEX[:1], points=SLAB, more="*ELSET, ELSET=all\n1, 2\n"),
-                                 "names 1 members that are not given"),
+    "inp generate beyond": (
+        "a.inp",
+        inp(more="*ELSET, ELSET=all, GENERATE\n1, 1000000000\n"),
+        "999999998 members",
+    ),
+    "inp generate by zero": (
+        "a.inp",
+        inp(more="*ELSET, ELSET=all, GENERATE\n1, 2, 0\n"),
+        "no range that goes up",
+    ),
+    "inp set of lost elements": (
+        "a.inp",
+        inp(cells=HEX[:1], points=SLAB, more="*ELSET, ELSET=all\n1, 2\n"),
+        "names 1 members that are not given",
+    ),
     "inp blank coordinate": ("a.inp", inp().replace("\n1, 0, 0, 0", "\n1, , 0, 0"), 2.0),
     "inp unknown type": ("a.inp", inp(kind="C3X8"), "unknown element type C3X8"),
-    "inp misspelt": ("a.inp", inp().replace("*ELEMENT", "*ELEMEMT"), "*ELEMEMT is not known; is *ELEMENT meant?"),
+    "inp misspelt": (
+        "a.inp",
+        inp().replace("*ELEMENT", "*ELEMEMT"),
+        "*ELEMEMT is not known; is *ELEMENT meant?",
+    ),
     "inp cut": ("a.inp", inp(cells=HEX[:1]), "4 of 12 nodes belong to no element"),
     # VTU
     "vtu": ("a.vtu", vtu(), 2.0),
@@ -226,31 +360,81 @@ HAND = {
     "vtu wrong type": ("a.vtu", vtu(kind=10), "not as many as offsets say"),
     "vtu unknown type": ("a.vtu", vtu(kind=42), "VTK's type 42"),
     "vtu unknown node": ("a.vtu", vtu(cells=[HEX[0], [5, 6, 8, 7, 9, 10, 12, 21]]), "elements use node 20"),
-    "vtu unknown compressor": ("a.vtu", vtu(attributes='compressor="vtkLZ4DataCompressor"'), "vtkLZ4DataCompressor"),
+    "vtu unknown compressor": (
+        "a.vtu",
+        vtu(attributes='compressor="vtkLZ4DataCompressor"'),
+        "vtkLZ4DataCompressor",
+    ),
     # what the elements make
     "halves on nodes of their own": ("a.msh", msh(TWO, APART), "pairs of nodes of block 'b' coincide"),
-    "halves 5e-6 apart": ("a.msh", msh(CUBES[:8] + moved(CUBES[4:], (0, 0, 5e-6)), APART), "an element across them"),
-    "halves 5e-6 into each other": ("a.msh", msh(CUBES[:8] + moved(CUBES[4:], (0, 0, -5e-6)), APART),
-                                    "an element across them"),
+    "halves 5e-6 apart": (
+        "a.msh",
+        msh(CUBES[:8] + moved(CUBES[4:], (0, 0, 5e-6)), APART),
+        "an element across them",
+    ),
+    "halves 5e-6 into each other": (
+        "a.msh",
+        msh(CUBES[:8] + moved(CUBES[4:], (0, 0, -5e-6)), APART),
+        "an element across them",
+    ),
     "hanging nodes": ("a.msh", msh(CUBES[:8] + FINE, [HEX[0], *FINE_HEX]), "coincide"),
-    "hanging nodes that share": ("a.msh", msh(moved(CUBES[:8], (0, 0, 2e-4)) + FINE, [HEX[0], *FINE_HEX]),
-                                 "an element across them"),
-    "overlapping": ("a.msh", msh(CUBES[:8] + moved(CUBES[:8], (0.5, 0.25, 0.25)), APART), "an element across them"),
-    "one in the other": ("a.msh", msh(stretched(SLAB, 4) + moved(SLAB, (1, 1, 1)), APART), "an element across them"),
-    "three on a face": ("a.msh", msh([*CUBES, (0, 0, 3), (1, 0, 3), (0, 1, 3), (1, 1, 3)],
-                                     [*HEX, [5, 6, 8, 7, 13, 14, 16, 15]]), "belong to more than two elements"),
-    "both on one side": ("a.msh", msh([*SLAB, (0, 0, 3), (1, 0, 3), (0, 1, 3), (1, 1, 3)],
-                                      [HEX[0], [1, 2, 4, 3, 9, 10, 12, 11]]), "on the same side"),
+    "hanging nodes that share": (
+        "a.msh",
+        msh(moved(CUBES[:8], (0, 0, 2e-4)) + FINE, [HEX[0], *FINE_HEX]),
+        "an element across them",
+    ),
+    "overlapping": (
+        "a.msh",
+        msh(CUBES[:8] + moved(CUBES[:8], (0.5, 0.25, 0.25)), APART),
+        "an element across them",
+    ),
+    "one in the other": (
+        "a.msh",
+        msh(stretched(SLAB, 4) + moved(SLAB, (1, 1, 1)), APART),
+        "an element across them",
+    ),
+    "three on a face": (
+        "a.msh",
+        msh([*CUBES, (0, 0, 3), (1, 0, 3), (0, 1, 3), (1, 1, 3)], [*HEX, [5, 6, 8, 7, 13, 14, 16, 15]]),
+        "belong to more than two elements",
+    ),
+    "both on one side": (
+        "a.msh",
+        msh([*SLAB, (0, 0, 3), (1, 0, 3), (0, 1, 3), (1, 1, 3)], [HEX[0], [1, 2, 4, 3, 9, 10, 12, 11]]),
+        "on the same side",
+    ),
     "one twice": ("a.msh", msh(SLAB, [HEX[0], HEX[0]]), "occur twice"),
     "inside out": ("a.msh", msh(SLAB, [HEX[0][4:] + HEX[0][:4]]), "Jacobian determinant"),
     "flat": ("a.msh", msh([(x, y, 0) for x, y, _ in SLAB], [HEX[0]]), "Jacobian determinant of 0"),
-    "a corner turned in": ("a.msh", msh(moved(SLAB, (-0.8, -0.8, -0.8), [7]), [HEX[0]]), "Jacobian determinant"),
+    "a corner turned in": (
+        "a.msh",
+        msh(moved(SLAB, (-0.8, -0.8, -0.8), [7]), [HEX[0]]),
+        "Jacobian determinant",
+    ),
     "tetrahedra": ("a.msh", msh(SLAB, TETS, kind=4), 1.0),
-    "a tetrahedron through others": ("a.msh", msh(SLAB, [*TETS[:5], [1, 5, 4, 8]], kind=4), "Jacobian determinant"),
+    "a tetrahedron through others": (
+        "a.msh",
+        msh(SLAB, [*TETS[:5], [1, 5, 4, 8]], kind=4),
+        "Jacobian determinant",
+    ),
     "tet10": ("a.vtu", vtu(TET10, [list(range(1, 11))], kind=24), 1 / 6),
-    "mid-edge node far off": ("a.vtu", vtu(moved(TET10, (0, 0.6, 0), [4]), [list(range(1, 11))], kind=24), "mid-edge node 4"),
-    "other mid-edge nodes on one face": ("a.vtu", vtu(
-        [*TET10, (1, 1, 1), (0.6, 0.5, 0.1), (1, 0.5, 0.5), (0.5, 1, 0.5), (0.5, 0.5, 1)],
-        [list(range(1, 11)), [2, 3, 4, 11, 12, 10, 9, 13, 14, 15]], kind=24), "have other mid-edge nodes"),
-    "no face of an element": ("a.bdf", bdf(grids(), chexa(), "CQUAD4,9,7,1,2,8,3"), "is no face of a solid element"),
-}  # fmt: skip
+    "mid-edge node far off": (
+        "a.vtu",
+        vtu(moved(TET10, (0, 0.6, 0), [4]), [list(range(1, 11))], kind=24),
+        "mid-edge node 4",
+    ),
+    "other mid-edge nodes on one face": (
+        "a.vtu",
+        vtu(
+            [*TET10, (1, 1, 1), (0.6, 0.5, 0.1), (1, 0.5, 0.5), (0.5, 1, 0.5), (0.5, 0.5, 1)],
+            [list(range(1, 11)), [2, 3, 4, 11, 12, 10, 9, 13, 14, 15]],
+            kind=24,
+        ),
+        "have other mid-edge nodes",
+    ),
+    "no face of an element": (
+        "a.bdf",
+        bdf(grids(), chexa(), "CQUAD4,9,7,1,2,8,3"),
+        "is no face of a solid element",
+    ),
+}

@@ -152,7 +152,8 @@ class Kept(logging.Handler):
 
 
 def facts(path):
-    """What is read of a file: elements and groups by the file's node numbers, positions, and what was said."""
+    """What is read of a file: elements and groups by the file's node numbers, positions, and what was "
+    "said."""
     kept = Kept()
     logging.getLogger("romdam").addHandler(kept)
     logging.getLogger("romdam").setLevel(logging.WARNING)

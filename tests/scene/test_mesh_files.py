@@ -1,4 +1,4 @@
-"""Mesh files: 16 files written by Gmsh, round trips through meshio, and every wrong file."""
+"""Mesh files: 32 files written by Gmsh, round trips through meshio, and every wrong file."""
 
 from pathlib import Path
 
@@ -43,19 +43,22 @@ def off_middle(block):
     return max(distance)
 
 
-@pytest.mark.parametrize("ending", [".msh", "_22.msh", ".bdf", ".inp"])
+@pytest.mark.parametrize(
+    "ending",
+    [".msh", "_binary.msh", "_22.msh", "_22_binary.msh", ".bdf", "_free.bdf", "_large.bdf", ".inp"],
+)
 @pytest.mark.parametrize("element", FACET_OF)
 def test_files_written_by_gmsh(element, ending):
     numbers = {"lower": 11, "upper": 12}
     for name, volume in VOLUMES.items():
-        block = read(f"{element}{ending}", group=numbers[name] if ending == ".bdf" else name)
+        block = read(f"{element}{ending}", group=numbers[name] if ending.endswith("bdf") else name)
         _, M = assemble(block)
         assert block.element == element
         assert off_middle(block) < 1e-12
         assert M.sum() / 3 == pytest.approx(CONCRETE.rho * volume, rel=1e-12)
-    base = read(f"{element}{ending}", group=numbers["lower"] if ending == ".bdf" else "lower").faces
-    facets = base["21" if ending == ".bdf" else "base"]
-    lower = read(f"{element}{ending}", group=11 if ending == ".bdf" else "lower")
+    base = read(f"{element}{ending}", group=numbers["lower"] if ending.endswith("bdf") else "lower").faces
+    facets = base["21" if ending.endswith("bdf") else "base"]
+    lower = read(f"{element}{ending}", group=11 if ending.endswith("bdf") else "lower")
     assert facet_areas(lower.points, facets).sum() == pytest.approx(2.0, rel=1e-12)
     assert np.abs(facet_normals(lower.points, facets) - [0, 0, -1]).max() < 1e-12
     assert "crest" not in base and "22" not in base
@@ -237,7 +240,8 @@ BAD = {
     "parts.inp": (NODES + "\n" + NODES, "node 1 is given twice (several parts?), limit once"),
     "lost.inp": (
         NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4,99\n",
-        "elements use node 99, which is not given (the first is element 1, tetra; 1 such uses); repair the file",
+        "elements use node 99, which is not given (the first is element 1, tetra; 1 such uses); repair "
+        "the file",
     ),
     "short.inp": (NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4\n", "element 1 has 3 nodes, expected 4"),
     "word.inp": (NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4,x\n", "holds 'x', expected whole numbers"),
