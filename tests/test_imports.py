@@ -21,6 +21,7 @@ ALLOWED = {
     "files": set(),
     "fingerprint": set(),
     "jit": set(),
+    "machine": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -40,7 +41,7 @@ TYPES = {
     "romdam.dynamics.system": {"fem", "reduction", "outputs"},
     "romdam.reduction.store": {"outputs"},
 }
-ANYWHERE = {"errors", "config", "files", "fingerprint", "jit"}
+ANYWHERE = {"errors", "config", "files", "fingerprint", "jit", "machine"}
 ONLY_IN = {
     "xarray": {"outputs", "pipelines", "terminal"},
     "matplotlib": {"outputs"},

@@ -63,7 +63,7 @@ class PerimeterConfig(Model):
 
 
 class ZoneConfig(Model):
-    """Rock of one material: the cells whose centre lies in these ranges and in no zone named before it.
+    """Rock of one material: the cells whose centre lies in these ranges and in no zone with more of them.
 
     Its `weight` has settled before the dam is built, so that gravity leaves it out unless told otherwise.
     """

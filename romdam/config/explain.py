@@ -34,7 +34,8 @@ _KINDS = {  # in the words of a configuration, not of Python
 _REMEDIED = {*_LIMITS, "too_short", "int_parsing", "int_from_float"}
 _REMEDIES = {
     "nu": "concrete has about 0.18, rock 0.2 to 0.3; at 0.5 a solid is incompressible",
-    "rho": "concrete has about 2400 kg/m3; give 0 gravity, not 0 density, to leave weight out",
+    "rho": "concrete has about 2400 kg/m3; a block without mass has `mass: false`, one without weight "
+    "`weight: false`",
     "E": "concrete has about 30 GPa",
     "dt": "a step of 1 to 5 ms suits most dams",
     "friction": "concrete joints have about 0.6",

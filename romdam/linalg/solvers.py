@@ -16,7 +16,6 @@ MUMPS is left out: the one wheel of python-mumps (0.0.2) needs NumPy 1, and need
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -32,6 +31,7 @@ from romdam.linalg.factor import Factor
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
 from romdam.linalg.symmetric import Symmetric, upper, whole
+from romdam.machine import memory_limit, shown_size
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +39,6 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 SMALL = 20_000  # unknowns up to which SuperLU is taken, so that a small job gives the same with any extra
-_SHARE = 0.8  # of the machine's memory, where no limit is given
 _WRONG = 1e-3  # error of a trial solve, relative to the answer: a matrix that spans 13 decades or more
 _MODULE = {"superlu": "scipy", "pardiso": "pypardiso", "pardiso_single": "pypardiso", "multigrid": "pyamg"}
 
@@ -64,7 +63,7 @@ class Solving:
     @property
     def limit(self) -> float:
         """Bytes that may be taken."""
-        return _SHARE * _machine() if self.memory is None else self.memory
+        return memory_limit(self.memory)
 
 
 AUTO = Solving()
@@ -139,18 +138,21 @@ def _refusal(
 ) -> str:
     limit = solving.limit
     named = "model.memory" if solving.memory is not None else "four fifths of this machine's memory"
-    needs = ", ".join(f"{e.solver} {_size(e.memory)}" for e in wanted)
+    needs = ", ".join(f"{e.solver} {shown_size(e.memory)}" for e in wanted)
     least = min(found, key=lambda e: e.memory)
     most = max(
         1e6 * (limit / bytes_.at_million) ** (1.0 / bytes_.exponent)
         for bytes_ in (_FITS[e.solver][2] for e in wanted)
     )
     other = (
-        f"model.solver: {least.solver}, which needs {_size(least.memory)}; " if least not in wanted else ""
+        f"model.solver: {least.solver}, which needs {shown_size(least.memory)}; "
+        if least not in wanted
+        else ""
     )
     return (
-        f"{place}: {unknowns} unknowns need more than {named} = {_size(limit)} (estimated: {needs}); {other}"
-        f"give at least {_size(1.05 * least.memory)}, or a mesh of at most about {_round(most)} unknowns"
+        f"{place}: {unknowns} unknowns need more than {named} = {shown_size(limit)} (estimated: {needs}); "
+        f"{other}"
+        f"give at least {shown_size(1.05 * least.memory)}, or a mesh of at most about {_round(most)} unknowns"
     )
 
 
@@ -187,8 +189,8 @@ def make_solver(
     for k, estimate in enumerate(tried):
         log.info(
             "%s: %s for %d unknowns and %d right-hand sides (estimated %.0f s, %s%s)",
-            place, estimate.solver, matrix.shape[0], columns, estimate.seconds, _size(estimate.memory),
-            "".join(f"; {e.solver}: {e.seconds:.0f} s, {_size(e.memory)}" for e in tried[k + 1 :]),
+            place, estimate.solver, matrix.shape[0], columns, estimate.seconds, shown_size(estimate.memory),
+            "".join(f"; {e.solver}: {e.seconds:.0f} s, {shown_size(e.memory)}" for e in tried[k + 1 :]),
         )  # fmt: skip
         try:
             solver = makers[estimate.solver]()
@@ -223,18 +225,6 @@ def _prove(solver: Solver, matrix: csr_matrix | Symmetric) -> None:
             f"{off:.2g} of the answer off, limit {_WRONG:g}); look for nodes that no element uses, for "
             "missing supports and for elements that hang loose"
         )
-
-
-def _machine() -> float:
-    """Bytes of memory of the machine."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):
-        return float("inf")
-
-
-def _size(bytes_: float) -> str:
-    return f"{bytes_ / 1e9:.1f} GB" if bytes_ >= 1e8 else f"{bytes_ / 1e6:.0f} MB"
 
 
 def _round(number: float) -> int:

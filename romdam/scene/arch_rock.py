@@ -11,6 +11,7 @@ from romdam.errors import ConfigError
 from romdam.scene.elements import Floats
 from romdam.scene.model import Bools, Ints
 
+_THIN = 1e-4  # share of the first of the layers that grow
 _FLAT = 0.3  # least cosine between a ray and the contact's normal for which the thickness is corrected
 
 
@@ -102,6 +103,8 @@ def ground_grid(config: ArchDamConfig, dam: Floats, place: str) -> Ground | None
         return Ground(points, (0, nb), count, np.full(filled.shape, -1), filled, (), contact)
     _refuse_small(config, config.rock, layers[-1], place)
     outer = _box(config, config.rock, layers[-1], rays)
+    for key in ("rock", "upstream", "downstream"):
+        _refuse_thin(getattr(config.divisions, key), config.divisions.growth, f"{place}.divisions.{key}")
     share = _graded(config.divisions.rock, config.divisions.growth)[1:]
     layers += [layers[count] + s * (outer - layers[count]) for s in share]
     points, under = _rows(config, config.rock, np.stack(layers, axis=2))
@@ -165,6 +168,16 @@ def _graded(count: int, growth: float) -> Floats:
     return np.concatenate([[0.0], np.cumsum(sizes) / sizes.sum()])
 
 
+def _refuse_thin(count: int, growth: float, place: str) -> None:
+    """A few layers that grow too fast leave the first ones no thickness: their nodes would coincide."""
+    first = float(_graded(count, growth)[1])
+    if first < _THIN:
+        raise ConfigError(
+            f"{place}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the "
+            f"whole, limit {_THIN:g}; take fewer layers, or a growth nearer to 1"
+        )
+
+
 def _rows(config: ArchDamConfig, rock: RockConfig, points: Floats) -> tuple[Floats, tuple[int, int]]:
     """Continue the grid (p, b, l) up- and downstream to the ends of the box."""
     d = config.divisions
@@ -189,23 +202,50 @@ def _zoned(
         points[i : i + shape[0], j : j + shape[1], k : k + shape[2]] for i, j, k in np.ndindex(2, 2, 2)
     ]
     centre = np.mean(corners, axis=0)
-    zone = np.full(shape, -1)
-    for k, (name, limits) in enumerate(rock.zones.items()):
-        inside = _inside(limits, centre) & (zone < 0) & ~perimeter
-        if not inside.any():
-            raise ConfigError(
-                f"{place}.rock.zones.{name}: covers nothing: none of the {int((~perimeter).sum())} cells of "
-                "rock has its centre in it (or zones named before it took them); widen it, or remove it"
-            )
-        zone[inside] = k
+    zone = _zone_of(rock, centre, ~perimeter, place)
     left_out = (zone < 0) & ~perimeter
     if left_out.any():
         x, y, z = centre[left_out][0]
         raise ConfigError(
             f"{place}.rock.zones: {int(left_out.sum())} of {int((~perimeter).sum())} cells of rock are in no "
-            f"zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let the last zone have no limits"
+            f"zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it takes "
+            "the rest"
         )
     return Ground(points, under, layers, zone, perimeter, tuple(rock.zones), contact)
+
+
+def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, place: str) -> Ints:
+    """Number of the zone of every cell, -1 for none: the one with limits along most axes, in whatever order.
+
+    Raises
+    ------
+    ConfigError
+        for zones that cover nothing, and for two with as many limits that cover one cell.
+    """
+    names, zone = list(rock.zones), np.full(centre.shape[:-1], -1)
+    limits = [sum(given is not None for given in (z.x, z.y, z.z)) for z in rock.zones.values()]
+    for k in sorted(range(len(names)), key=lambda k: -limits[k]):
+        inside = _inside(rock.zones[names[k]], centre) & rock_cells
+        both = inside & np.isin(zone, [j for j in range(len(names)) if j != k and limits[j] == limits[k]])
+        if both.any():
+            x, y, z = centre[both][0]
+            other = names[int(zone[both][0])]
+            raise ConfigError(
+                f"{place}.rock.zones: {int(both.sum())} cells, the first around ({x:.4g}, {y:.4g}, "
+                f"{z:.4g}), are in "
+                f"{other!r} and in {names[k]!r}, which have limits along as many axes ({limits[k]}), "
+                "limit one zone; let their ranges meet, or give the smaller one a range along a further axis"
+            )
+        own = inside & (zone < 0)
+        if not own.any():
+            raise ConfigError(
+                f"{place}.rock.zones.{names[k]}: covers nothing: none of the {int(rock_cells.sum())} "
+                "cells of "
+                "rock has its centre in it (or zones with limits along more axes took them); widen it, or "
+                "remove it"
+            )
+        zone[own] = k
+    return zone
 
 
 def _inside(limits: ZoneConfig, centre: Floats) -> Bools:

@@ -13,9 +13,12 @@ from romdam.scene.boxes import box_block
 from romdam.scene.elements import Floats
 from romdam.scene.held import refuse_free_blocks
 from romdam.scene.joints import build_joint
+from romdam.scene.mesh_files import MeshFiles
 from romdam.scene.model import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
+from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
+from romdam.scene.sizes import refuse_large
 from romdam.scene.stress_sites import stress_sites
 from romdam.scene.ties import build_tie, tied_parts
 
@@ -38,6 +41,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     MeshError
         for mesh files, and for joints whose meshes do not conform.
     """
+    refuse_large(config, source)
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
     dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
     blocks = dam.blocks | _blocks(config, materials, folder, source)
@@ -50,7 +54,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         for name, joint in config.every_joint.items()
     }
     refuse_free_blocks(blocks, joints, fixed, source, ties)
-    return Scene(
+    scene = Scene(
         blocks=blocks,
         joints=joints,
         fixed=fixed,
@@ -67,19 +71,19 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
     )
+    say_odd(scene, materials, source)
+    return scene
 
 
 def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:
-    blocks = {}
+    blocks, files = {}, MeshFiles(folder)
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
             blocks[name] = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
         elif block.mesh is not None:
-            from romdam.scene.mesh_files import mesh_file_block  # it loads meshio
-
-            place = f"{source}: blocks.{name}.mesh"
-            blocks[name] = mesh_file_block(name, block.mesh, constants, folder, place)
+            blocks[name] = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
+    files.say_unused(source)
     return blocks
 
 

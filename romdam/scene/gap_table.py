@@ -9,9 +9,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from romdam.errors import ConfigError
+from romdam.files import check_file
 from romdam.scene.elements import Floats
 
 _COLUMNS = ("x", "y", "z", "gap")
+_LARGEST = 100e6  # bytes
 _FLAT = 1e-6  # a table narrower than this share of its length is a line
 
 
@@ -52,6 +54,10 @@ def _linear(points: Floats, gap: Floats, at: Floats, nearest: Floats) -> Floats:
 
 
 def _read(path: Path, place: str) -> Floats:
+    try:
+        check_file(path, _LARGEST, ConfigError)
+    except ConfigError as error:
+        raise ConfigError(f"{place}: {error}; give a CSV file with x,y,z,gap") from None
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream, skipinitialspace=True))

@@ -6,8 +6,8 @@ import numpy as np
 
 from romdam.config.water import WaterConfig
 from romdam.errors import ConfigError
-from romdam.scene.elements import Floats
-from romdam.scene.facets import area_vectors, facet_normals
+from romdam.scene.elements import Floats, facet_element
+from romdam.scene.facets import area_vectors, boundary_facets, facet_normals
 from romdam.scene.model import Block, Bools, Joint, Reservoir, Tie, WetFace
 from romdam.scene.select import select_facets
 
@@ -47,7 +47,7 @@ def build_reservoir(
     for k, (face, height) in enumerate(zip(faces, heights, strict=True)):
         at = f"{place}.faces[{k}]"
         _refuse_dry(config.level, height, at)
-        _refuse_contact(face, contacts, at)
+        _refuse_contact(face, contacts, blocks, at)
         _refuse_held(face, fixed[face.block], at)
     _refuse_floor(config, place)
     bottom = min(float(height.min()) for height in heights)
@@ -99,15 +99,32 @@ def _refuse_dry(level: float, height: Floats, place: str) -> None:
         )
 
 
-def _refuse_contact(face: WetFace, contacts: tuple[Joint | Tie, ...], place: str) -> None:
+def _refuse_contact(
+    face: WetFace, contacts: tuple[Joint | Tie, ...], blocks: dict[str, Block], place: str
+) -> None:
     for contact in contacts:
-        for block, nodes in zip(contact.blocks, contact.nodes, strict=True):
-            inside = int(np.isin(face.facets, nodes).all(axis=1).sum()) if block == face.block else 0
+        for side, block in enumerate(contact.blocks):
+            inside = int(_across(face, contact, side, blocks).sum()) if block == face.block else 0
             if inside:
                 raise ConfigError(
                     f"{place}: the face is not wet: {inside} of its {len(face.facets)} facets lie in the "
                     f"contact {contact.name!r} with a neighbour; name the upstream face"
                 )
+
+
+def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Block]) -> Bools:
+    """Which facets have one of the neighbour on them: in a block one element wide all nodes may be contacts."""
+    partner = np.full(len(blocks[face.block].points), -1)
+    partner[contact.nodes[side]] = contact.nodes[1 - side]
+    corners = facet_element(face.facets).corners
+    images = np.sort(partner[face.facets[:, :corners]], axis=1)
+    found: Bools = np.asarray((images >= 0).all(axis=1))
+    if found.any():
+        other = blocks[contact.blocks[1 - side]]
+        facets = boundary_facets(other.cells, other.element)
+        known = set(map(tuple, np.sort(facets[:, : facet_element(facets).corners], axis=1).tolist()))
+        found[found] = [tuple(image) in known for image in images[found].tolist()]
+    return found
 
 
 def _refuse_held(face: WetFace, fixed: Bools, place: str) -> None:

@@ -1,5 +1,7 @@
 """The parametric arch dam: a conforming mesh of the shape asked for, and refusals with numbers."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 from arch_dams import DIVISIONS, JOINTS, PERIMETER, ROCK, arch_dam
@@ -191,7 +193,18 @@ WRONG = {
     "shallow": ({"rock": ROCK | {"depth": 2.0}}, r"rock\.depth: .* 2 m, but .* reach 4"),
     "empty zone": (
         {"rock": ROCK | {"zones": {"all": {"material": "rock_a"}, "more": {"material": "rock_b"}}}},
-        r"rock\.zones\.more: covers nothing: none of the \d+ cells",
+        r"rock\.zones: \d+ cells, .* are in 'all' and in 'more', which have limits along as many axes \(0\)",
+    ),
+    "nowhere": (
+        {
+            "rock": ROCK
+            | {"zones": {"all": {"material": "rock_a"}, "far": {"material": "rock_b", "x": [900, 999]}}}
+        },
+        r"rock\.zones\.far: covers nothing: none of the \d+ cells",
+    ),
+    "layers without thickness": (
+        {"divisions": DIVISIONS | {"rock": 40, "growth": 5.0}},
+        r"divisions\.rock: 40 layers that grow by 5 make the first one .* of the whole, limit 0\.0001",
     ),
     "left out": (
         {"rock": ROCK | {"zones": {"left": {"material": "rock_a", "x": [-1000, 0]}}}},
@@ -214,6 +227,16 @@ def test_wrong_dams_are_refused_with_numbers(make, case):
     keys, message = WRONG[case]
     with pytest.raises((ConfigError, MeshError), match=message):
         make(arch_dam(**keys))
+
+
+def test_zones_do_not_depend_on_the_order_of_their_keys(make):
+    scenes = [
+        make(arch_dam(rock=ROCK | {"zones": dict(order)})) for order in permutations(ROCK["zones"].items())
+    ]
+    for scene in scenes[1:]:
+        for name, block in scenes[0].blocks.items():
+            assert np.array_equal(scene.blocks[name].points, block.points)
+            assert scene.blocks[name].material == block.material
 
 
 def test_names_that_the_dam_makes_are_taken(make):

@@ -1,4 +1,4 @@
-"""Mesh files: 16 files written by Gmsh, round trips through meshio, and every wrong file."""
+"""Mesh files: 32 files written by Gmsh, round trips through meshio, and every wrong file."""
 
 from pathlib import Path
 
@@ -43,19 +43,22 @@ def off_middle(block):
     return max(distance)
 
 
-@pytest.mark.parametrize("ending", [".msh", "_22.msh", ".bdf", ".inp"])
+@pytest.mark.parametrize(
+    "ending",
+    [".msh", "_binary.msh", "_22.msh", "_22_binary.msh", ".bdf", "_free.bdf", "_large.bdf", ".inp"],
+)
 @pytest.mark.parametrize("element", FACET_OF)
 def test_files_written_by_gmsh(element, ending):
     numbers = {"lower": 11, "upper": 12}
     for name, volume in VOLUMES.items():
-        block = read(f"{element}{ending}", group=numbers[name] if ending == ".bdf" else name)
+        block = read(f"{element}{ending}", group=numbers[name] if ending.endswith("bdf") else name)
         _, M = assemble(block)
         assert block.element == element
         assert off_middle(block) < 1e-12
         assert M.sum() / 3 == pytest.approx(CONCRETE.rho * volume, rel=1e-12)
-    base = read(f"{element}{ending}", group=numbers["lower"] if ending == ".bdf" else "lower").faces
-    facets = base["21" if ending == ".bdf" else "base"]
-    lower = read(f"{element}{ending}", group=11 if ending == ".bdf" else "lower")
+    base = read(f"{element}{ending}", group=numbers["lower"] if ending.endswith("bdf") else "lower").faces
+    facets = base["21" if ending.endswith("bdf") else "base"]
+    lower = read(f"{element}{ending}", group=11 if ending.endswith("bdf") else "lower")
     assert facet_areas(lower.points, facets).sum() == pytest.approx(2.0, rel=1e-12)
     assert np.abs(facet_normals(lower.points, facets) - [0, 0, -1]).max() < 1e-12
     assert "crest" not in base and "22" not in base
@@ -211,7 +214,7 @@ BAD = {
     "empty.msh": ("", "{path} cannot be read as a gmsh file ("),
     "m.vtu": ("<VTKFile", "{path} cannot be read as a vtu file ("),
     "m.bdf": ("CHEXA,1,1,1,2,3,4,5,6,+\n+,7,8\n", "{path} cannot be read as a nastran file ("),
-    "m.inp": ("*HEADING\n", "{path} cannot be read as an abaqus file: no *NODE block"),
+    "m.inp": ("*HEADING\n", "{path} cannot be read as an abaqus file (no *NODE block)"),
     "inverted.inp": (
         NODES + "\n*ELEMENT, TYPE=C3D8\n1,5,6,7,8,1,2,3,4\n",
         "{path}: element 0 of block 'b' (hex8, counted from 0, around (0, 0, 0)) has a Jacobian determinant "
@@ -237,21 +240,25 @@ BAD = {
     "parts.inp": (NODES + "\n" + NODES, "node 1 is given twice (several parts?), limit once"),
     "lost.inp": (
         NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4,99\n",
-        "elements use node 99, which is not given; repair the file",
+        "elements use node 99, which is not given (the first is element 1, tetra; 1 such uses); repair "
+        "the file",
     ),
-    "short.inp": (NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4\n", "has 4 numbers, not a multiple of 5"),
+    "short.inp": (NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4\n", "element 1 has 3 nodes, expected 4"),
     "word.inp": (NODES + "\n*ELEMENT, TYPE=C3D4\n1,1,2,4,x\n", "holds 'x', expected whole numbers"),
-    "include.inp": ("*INCLUDE, INPUT=other.inp\n", "*INCLUDE is not followed; put the mesh into one file"),
+    "include.inp": ("*INCLUDE, INPUT=other.inp\n", "there is no such file beside include.inp"),
     "moved.inp": ("*INSTANCE, NAME=P-1, PART=P\n1., 0., 0.\n", "*INSTANCE P-1 moves its part"),
-    "shells.inp": (NODES + "\n*ELEMENT, TYPE=S4\n1,1,2,3,4\n", "has no solid elements in this block"),
+    "shells.inp": (
+        NODES + "\n*ELEMENT, TYPE=S4\n1,1,2,3,4\n2,5,6,7,8\n",
+        "has no solid elements in this block",
+    ),
     "large.nas": (
         "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,0.,0.,1.\n"
-        "CTETRA,1,1,1,2,3,4\nCTETRA* 2               1               1               2\n* 3 4\n",
-        "has 2 solid elements but 1 can be read; write elements in small or free field format",
+        "CTETRA,1,1,1,2,3,4\nCTETRA* 2               1               1               2\n*       3\nENDDATA\n",
+        "line 6: CTETRA 2 has 3 nodes, expected 4 or 10; a continuation line is missing",
     ),
     "system.nas": (
-        "GRID,1,5,0.,0.,0.\nGRID,2,5,1.,0.,0.\nGRID,3,5,0.,1.,0.\nGRID,4,5,0.,0.,1.\nCTETRA,1,1,1,2,3,4\n",
-        "gives grid points in coordinate system 5, limit 0 (the basic one); export with basic coordinates",
+        "GRID,1,5,0.,0.,0.\nGRID,2,5,1.,0.,0.\nGRID,3,5,0.,1.,0.\nGRID,4,5,0.,0.,1.\nCTETRA,1,1,1,2,3,4\nENDDATA\n",
+        "coordinate system 5 is not given as CORD2R, CORD2C or CORD2S; export with basic coordinates",
     ),
 }
 

@@ -1,0 +1,27 @@
+"""What the machine has: how much memory a model may take."""
+
+from __future__ import annotations
+
+import os
+
+_SHARE = 0.8  # of the machine's memory, where no limit is given
+
+
+def memory_limit(given: float | None) -> float:
+    """Bytes that may be taken: those given, else four fifths of the machine's."""
+    return _SHARE * machine_memory() if given is None else given
+
+
+def machine_memory() -> float:
+    """Bytes of memory of the machine; inf where it does not tell."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):
+        return float("inf")
+
+
+def shown_size(count: float) -> str:
+    """Bytes as a message shows them."""
+    if count >= 1e14:
+        return f"{count / 1e9:.2g} GB"
+    return f"{count / 1e9:.1f} GB" if count >= 1e8 else f"{count / 1e6:.0f} MB"
