@@ -21,6 +21,8 @@ ALLOWED = {
     "files": set(),
     "fingerprint": set(),
     "jit": set(),
+    "sealed": set(),
+    "trial": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -40,7 +42,7 @@ TYPES = {
     "romdam.dynamics.system": {"fem", "reduction", "outputs"},
     "romdam.reduction.store": {"outputs"},
 }
-ANYWHERE = {"errors", "config", "files", "fingerprint", "jit"}
+ANYWHERE = {"errors", "config", "files", "fingerprint", "jit", "sealed"}
 ONLY_IN = {
     "xarray": {"outputs", "pipelines", "terminal"},
     "matplotlib": {"outputs"},
