@@ -95,7 +95,7 @@ def is_sealed(path: Path) -> bool:
             file.seek(max(0, size - _LENGTH))
             seal = _SEAL.fullmatch(file.read(_LENGTH))
         if not head.startswith(_MAGIC):
-            raise ResultError(f"{path}: is not a NetCDF-4 or HDF5 file, or its beginning is damaged")
+            raise ResultError(f"{path}: is not a NetCDF-4 file nor another of HDF5, or its head is damaged")
         if seal:
             if _digest(path, size - _LENGTH) != seal[1].decode():
                 raise ResultError(f"{path}: is damaged, its bytes are not those that were written")
@@ -169,6 +169,13 @@ def reading(path: Path, only_sealed: bool = False) -> Iterator[h5py.File]:
         raise ResultError(f"{path}: carries no digest of romdam's")
     if not only_sealed:
         examine(path)
+    with opened(path) as file:
+        yield file
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file that has been examined already; as `reading`."""
     try:
         with h5py.File(path, "r") as file:
             yield file

@@ -64,8 +64,8 @@ def _digest(blocks: Iterable[tuple[str, str, int, tuple[int, ...], Sequence[Any]
     return content.hexdigest()
 
 
-def _stored_digest(file: h5py.File) -> str:
-    """The same of what stands in a basis file."""
+def stored_digest(file: h5py.File) -> str:
+    """SHA-256 of the content of a basis file."""
     return _digest(
         (
             name,
@@ -253,4 +253,4 @@ def _open_model(result: Path, name: str) -> h5py.File:
             f"{result}: a full-order result keeps displacements at its output nodes only; "
             "name more under outputs.nodes, or run with model.order: reduced"
         )
-    return open_beside(result, name, ("model", FORMAT), _stored_digest)
+    return open_beside(result, name, ("model", FORMAT), stored_digest)

@@ -7,8 +7,9 @@ from pathlib import Path
 import h5py
 
 from romdam.errors import ResultError
+from romdam.outputs.fields import stored_digest
 from romdam.reduction.store import LAYOUT, read_block
-from romdam.sealed import examine, reading
+from romdam.sealed import examine, opened
 
 
 def model_lines(path: str | Path) -> list[str]:
@@ -21,12 +22,16 @@ def model_lines(path: str | Path) -> list[str]:
     """
     path = Path(path)
     sealed = examine(path).sealed
-    state = "whole, by the digest of its bytes" if sealed else "not vouched for, its bytes carry no digest"
-    with reading(path) as file:
+    with opened(path) as file:
         blocks = dict(file["blocks"]) if "blocks" in file else {"(cache)": file}
         if any(group.attrs.get("layout") != LAYOUT for group in blocks.values()):
             raise ResultError(f"{path}: is not a file of reduced blocks of this version ({LAYOUT})")
         digest = file.attrs.get("key", file.attrs.get("content_sha256", "none"))
+        if not sealed and not ("blocks" in file and stored_digest(file) == digest):
+            raise ResultError(
+                f"{path}: was damaged or changed since it was written; the next run makes it again"
+            )
+        state = "whole" if sealed else "mesh and basis whole, frequencies and report not vouched for"
         lines = [f"{path.name}: {len(blocks)} reduced block{'s' * (len(blocks) > 1)}, {state}"]
         lines += [f"layout         {LAYOUT}, written by {file.attrs.get('source', 'an unknown version')}"]
         lines += [f"SHA-256        {digest}"]
