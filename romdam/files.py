@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
@@ -141,18 +142,18 @@ def prepare_folder(folder: Path) -> Path:
     Raises
     ------
     ResultError
-        where it cannot be made or written.
+        where it cannot be made or written; a WriteError where that is for want of room.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultError(f"{folder}: the output folder cannot be made ({error}); choose another") from error
-    sweep_parts(folder)
-    try:
+        sweep_parts(folder)
         with _own_folder(folder):
             pass
     except OSError as error:
-        raise ResultError(f"{folder}: takes no files ({error}); choose another folder") from error
+        kind = WriteError if error.errno in (errno.ENOSPC, errno.EDQUOT) else ResultError
+        raise kind(
+            f"{folder}: the output folder cannot be made or written ({error}); choose another"
+        ) from error
     return folder
 
 
