@@ -45,8 +45,8 @@ def damage_bytes(path: Path, others: list[Path], rng: np.random.Generator) -> st
     return f"{kind} at {at}, {size}"
 
 
-BYTES = ["flips", "zeros", "zeros in the head", "noise", "moved", "cut", "cut by little", "appended", "swapped",
-         "empty", "text"]  # fmt: skip
+BYTES = ["flips", "zeros", "zeros in the head", "noise", "moved", "cut", "cut by little", "appended",
+         "swapped", "empty", "text"]  # fmt: skip
 
 
 def displace(path: Path, rng: np.random.Generator) -> str:
