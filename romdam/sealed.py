@@ -47,7 +47,9 @@ _SEAL = re.compile(_HEAD + rb"([0-9a-f]{64})\n")
 _LENGTH = len(_HEAD) + 65
 _LARGE, _SPAN, _BUFFER = 64 << 20, 32 << 20, 1 << 20  # bytes: a large file, a thread's part of it, a piece
 _SECONDS, _PACE = 20.0, 20e6  # that a trial may take, and bytes of a file for every further one
-_FAILURES = (OSError, RuntimeError, ValueError, KeyError, TypeError)  # HDF5's own, of files it cannot read
+FAILURES = (  # HDF5's own of a file that it cannot read, and ours of one that holds something else
+    OSError, RuntimeError, ValueError, KeyError, TypeError, IndexError, AttributeError, MemoryError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -179,10 +181,16 @@ def opened(path: Path) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             yield file
-    except _FAILURES as error:
+    except FAILURES as error:
         raise ResultError(
             f"{path}: is not what it should be ({error!r}); have romdam write it again"
         ) from error
+
+
+def text_of(item: h5py.Group, name: str) -> str:
+    """An attribute that is a text; empty where there is none, or it is something else."""
+    value = item.attrs.get(name)
+    return value if isinstance(value, str) else ""
 
 
 @contextmanager

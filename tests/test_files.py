@@ -10,11 +10,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from test_cli import SMALL
 
+import romdam
 from romdam.errors import ResultError, WriteError
 from romdam.files import hold, prepare_folder, replacing, sweep_parts
 from romdam.reduction import columns
 from romdam.reduction.columns import Columns
+from romdam.sealed import is_sealed
 
 WRITER = """
 import sys, time
@@ -109,6 +112,16 @@ def test_a_folder_that_takes_no_files_is_named_before_anything_is_computed(tmp_p
     with pytest.raises(ResultError, match="loop: the output folder cannot be made or written") as caught:
         prepare_folder(tmp_path / "loop")
     assert not isinstance(caught.value, WriteError)
+
+
+def test_runs_of_one_process_share_a_folder_and_a_cache(tmp_path):
+    np.savetxt(tmp_path / "pulse.txt", np.sin(np.arange(20.0)))
+    (tmp_path / "job.yaml").write_text(SMALL.rstrip() + "\n  plots: false\n")
+    job = romdam.load_config(tmp_path / "job.yaml")
+    with ThreadPoolExecutor(4) as threads:
+        made = [threads.submit(romdam.run, job, tmp_path / "out", cache=tmp_path / "c") for _ in range(8)]
+    assert all(one.result().paths for one in made)
+    assert is_sealed(tmp_path / "out" / "pulse.nc") and len(list((tmp_path / "out").iterdir())) == 2
 
 
 def test_a_held_file_is_not_held_twice(tmp_path):

@@ -14,7 +14,7 @@ import h5py
 
 import romdam
 from romdam.errors import ResultError, shown
-from romdam.sealed import creating, examine, reading
+from romdam.sealed import FAILURES, creating, examine, reading, text_of
 
 _DIGITS = 12
 
@@ -51,7 +51,7 @@ def _is_written(path: Path, digest: str) -> bool:
         return False
     try:
         with reading(path, only_sealed=True) as file:
-            return bool(file.attrs.get("content_sha256") == digest)
+            return text_of(file, "content_sha256") == digest
     except ResultError:
         return False
 
@@ -93,14 +93,14 @@ def open_beside(
 
 def _check(file: h5py.File, path: Path, expected: tuple[str, bool, Callable[[h5py.File], str]]) -> None:
     layout, sealed, content = expected
-    if file.attrs.get("format") != layout:
+    if text_of(file, "format") != layout:
         raise ResultError(
-            f"{path}: is of format {shown(file.attrs.get('format'))}, this version reads {layout!r}; "
+            f"{path}: is of format {shown(text_of(file, 'format'))}, this version reads {layout!r}; "
             "run it again"
         )
     try:
-        digest = str(file.attrs.get("content_sha256")) if sealed else content(file)
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        digest = text_of(file, "content_sha256") if sealed else content(file)
+    except FAILURES as error:
         raise ResultError(f"{path}: is not what romdam writes ({error!r}); run it again") from error
     if not path.stem.endswith(digest[:_DIGITS]):
         raise ResultError(

@@ -24,7 +24,7 @@ _TEXTS = (
 _NUMBERS = ("record_dt", "record_peak_acceleration", "dt")
 _OPTIONAL_TEXTS = ("model_file", "stress_file", "error_statement", "error_estimate", "certificate_statement")
 _TIMINGS = ("solver_", "wall_seconds_", "cpu_seconds_")
-_WHOLE = ("gap", "joint_state", "stress_node_number", "status")
+_WHOLE = ("gap", "joint_state", "stress_node_number", "status", "sample")
 _LATER = ("normal_force", "shear_force", "mean_")  # only a certificate needs them, and says so
 _PACKING = ("scale_factor", "add_offset", "missing_value")
 _RUN = ("record", "scale", "sample")
@@ -127,7 +127,7 @@ def _variable_flaws(name: str, dims: tuple[str, ...], units: str | None, found: 
     """`units` is "" for texts, and None for numbers that state none."""
     if found.dims != dims:
         yield f"{name} must have the dimensions {dims}, got {found.dims}"
-    kinds = "OUST" if units == "" else "iu" if name in _WHOLE else "fiu"
+    kinds = "OUST" if units == "" else "iu" if name in _WHOLE else "f"
     if found.dtype.kind not in kinds:
         yield f"{name} must hold {'texts' if units == '' else 'numbers'}, got {found.dtype}"
     if units and found.attrs.get("units") != units:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from romdam.errors import ResultError
 from romdam.files import check_file, replacing
 from romdam.fingerprint import fingerprint
-from romdam.sealed import changing, reading
+from romdam.sealed import changing, reading, text_of
 
 log = logging.getLogger(__name__)
 
@@ -176,11 +176,11 @@ def statement_attributes(statement: dict[str, object]) -> dict[str, object]:
     return {"error_statement": statement["statement"], "verification": json.dumps(statement)}
 
 
-def _digest(path: Path) -> object:
+def _digest(path: Path) -> str:
     """The configuration's digest that a result states; a file that is damaged is left as it is."""
     try:
         with reading(path) as file:
-            return file.attrs.get("configuration_sha256", "")
+            return text_of(file, "configuration_sha256")
     except ResultError as error:
         log.warning("%s; it gets no statement of its error", error)
         return ""

@@ -171,7 +171,7 @@ def open_netcdf(path: Path) -> tuple[xr.Dataset, Opened]:
         )
     known = examine(path)
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf")
+        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
     except Exception as error:
         raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
     return dataset, known

@@ -9,7 +9,7 @@ import h5py
 from romdam.errors import ResultError
 from romdam.outputs.fields import stored_digest
 from romdam.reduction.store import LAYOUT, read_block
-from romdam.sealed import examine, opened
+from romdam.sealed import examine, opened, text_of
 
 
 def model_lines(path: str | Path) -> list[str]:
@@ -24,16 +24,16 @@ def model_lines(path: str | Path) -> list[str]:
     sealed = examine(path).sealed
     with opened(path) as file:
         blocks = dict(file["blocks"]) if "blocks" in file else {"(cache)": file}
-        if any(group.attrs.get("layout") != LAYOUT for group in blocks.values()):
+        if any(text_of(group, "layout") != LAYOUT for group in blocks.values()):
             raise ResultError(f"{path}: is not a file of reduced blocks of this version ({LAYOUT})")
-        digest = file.attrs.get("key", file.attrs.get("content_sha256", "none"))
+        digest = text_of(file, "key") or text_of(file, "content_sha256")
         if not sealed and not ("blocks" in file and stored_digest(file) == digest):
             raise ResultError(
                 f"{path}: was damaged or changed since it was written; the next run makes it again"
             )
         state = "whole" if sealed else "mesh and basis whole, frequencies and report not vouched for"
         lines = [f"{path.name}: {len(blocks)} reduced block{'s' * (len(blocks) > 1)}, {state}"]
-        lines += [f"layout         {LAYOUT}, written by {file.attrs.get('source', 'an unknown version')}"]
+        lines += [f"layout         {LAYOUT}, written by {text_of(file, 'source') or 'an unknown version'}"]
         lines += [f"SHA-256        {digest}"]
         return lines + [line for name, group in blocks.items() for line in _block_lines(name, group)]
 

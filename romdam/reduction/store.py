@@ -37,7 +37,7 @@ from romdam.fingerprint import fingerprint
 from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.interface import Interface
 from romdam.scene.model import Block, Bools
-from romdam.sealed import creating, reading
+from romdam.sealed import creating, reading, text_of
 
 log = logging.getLogger(__name__)
 
@@ -107,21 +107,40 @@ def read_block(group: h5py.Group) -> BlockBasis:
     ResultError
         where it has another layout, or its arrays do not fit each other.
     """
-    if group.attrs.get("layout") != LAYOUT:
-        raise ResultError(f"layout {shown(group.attrs.get('layout'))}, expected {LAYOUT!r}")
+    if text_of(group, "layout") != LAYOUT:
+        raise ResultError(f"layout {shown(text_of(group, 'layout'))}, expected {LAYOUT!r}")
     data, first = group["basis"], int(group["basis"].attrs["first"])
-    nodes, width, columns = data.shape
-    omega2, participation = group["omega2"][()], group["participation"][()]
-    expected = (len(group["points"]), 3, (columns,), (columns, 3))
-    if (nodes, width, omega2.shape, participation.shape) != expected or data.dtype != np.float64:
+    nodes, _, columns = data.shape
+    omega2, participation = group["omega2"], group["participation"]
+    shapes = (data.shape, group["points"].shape, omega2.shape, participation.shape)
+    expected = ((nodes, 3, columns), (nodes, 3), (columns,), (columns, 3))
+    if shapes != expected or data.dtype != np.float64:
         raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
     return BlockBasis(
         matrix=_array(data).reshape(3 * nodes, columns),
         columns=slice(first, first + columns),
-        omega2=omega2,
-        participation=participation,
+        omega2=omega2[()],
+        participation=participation[()],
         report=json.loads(group.attrs["report"]),
     )
+
+
+def read_block_file(path: Path, key: str | None = None) -> BlockBasis:
+    """Read the block of a cache file; see `read_block`.
+
+    Parameters
+    ----------
+    key : what it must be of; not asked if not given
+
+    Raises
+    ------
+    ResultError
+        where the file is damaged, or of another key.
+    """
+    with reading(path, only_sealed=True) as file:
+        if key not in (None, text_of(file, "key")):
+            raise ResultError(f"made for key {shown(text_of(file, 'key'))}")
+        return read_block(file)
 
 
 def _array(data: h5py.Dataset) -> Floats:
@@ -173,10 +192,7 @@ class BlockStore:
         if not path.is_file():
             return None
         try:
-            with reading(path, only_sealed=True) as file:
-                if file.attrs.get("key") != key:
-                    raise ResultError(f"made for key {shown(file.attrs.get('key'))}")
-                return read_block(file)
+            return read_block_file(path, key)
         except ResultError as error:
             log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
             return None

@@ -99,6 +99,7 @@ def _change_dataset(file: h5py.File, data: h5py.Dataset, rng: np.random.Generato
     if kind in ("NaN", "inf") and dtype.kind == "f":
         data[...] = np.where(rng.random(shape) < 0.5, np.nan if kind == "NaN" else np.inf, data[...])
         return f"{kind} in {name}"
+    kind = "text" if kind in ("scalar", "longer") and shape == () else kind
     attributes = {k: data.attrs[k] for k in data.attrs if k in ("units", "element", "first", "long_name")}
     del file[name]
     if kind == "longer":
@@ -108,7 +109,7 @@ def _change_dataset(file: h5py.File, data: h5py.Dataset, rng: np.random.Generato
     elif kind == "text":
         file[name] = np.full(shape, "x", dtype=h5py.string_dtype())
     elif kind == "whole numbers":
-        file[name] = np.ones(shape, dtype=np.uint16)
+        file[name] = np.ones(shape, dtype=np.uint16 if dtype.kind == "f" else np.float32)
     elif kind == "huge":
         huge = tuple(max(n, 20_000) for n in shape) or (3_000_000_000,)
         file.create_dataset(name, shape=huge, dtype="f8", chunks=tuple(min(n, 16) for n in huge))
