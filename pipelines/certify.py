@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import romdam
 from romdam.config.load import Job, load_config, parse_config
 from romdam.dynamics.certificate import (
     Defect,
@@ -21,7 +22,7 @@ from romdam.dynamics.certificate import (
 )
 from romdam.dynamics.options import TransientOptions
 from romdam.dynamics.system import History, System
-from romdam.errors import ConfigError, ResultError
+from romdam.errors import ConfigError, ResultError, shown
 from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.outputs.certificate import (
@@ -102,6 +103,12 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     stored = parse_config(json.loads(str(run.attributes["configuration"])), f"{run.path}: configuration")
     folder = run.path.parent / str(run.attributes.get(FOLDER, "."))
     job = Job(stored, folder / str(run.attributes["configuration_file"]))
+    ours = run.attributes.get("source") == f"romdam {romdam.__version__}"  # else keys may have come since
+    if ours and job.digest != run.attributes["configuration_sha256"]:
+        raise ResultError(
+            f"{run.path}: its attribute configuration is not the one of SHA-256 "
+            f"{shown(run.attributes['configuration_sha256'])} that it states; run it again"
+        )
     if config is None:
         return job
     given = load_config(config)

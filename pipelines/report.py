@@ -14,12 +14,12 @@ import xarray as xr
 from romdam.config.load import Job
 from romdam.config.quantities import to_si
 from romdam.errors import ConfigError, ResultError
-from romdam.outputs.dataset import open_dataset, write_dataset
+from romdam.outputs.dataset import write_dataset
 from romdam.outputs.report import write_report
 from romdam.outputs.report_data import DATA, read_report_data, report_data
 from romdam.outputs.report_study import Study, Wanted, responses
 from romdam.outputs.responses import response_of
-from romdam.outputs.suite import SUMMARY
+from romdam.outputs.suite import SUMMARY, open_summary
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suite import read_records
 from romdam.scene.build import build_scene
@@ -81,11 +81,7 @@ def _open_summary(folder: Path) -> xr.Dataset:
             f"{folder}: holds no {SUMMARY}, so there is nothing to report; "
             "`romdam run CONFIG --out DIR` with `pipeline: suite` makes it"
         )
-    summary = open_dataset(folder / SUMMARY)
-    if "status" not in summary or "record" not in summary.dims:
-        summary.close()
-        raise ResultError(f"{folder / SUMMARY}: is not the summary of a suite")
-    return summary
+    return open_summary(folder)
 
 
 def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import romdam
-from romdam.errors import ConvergenceError, RecordError, RomdamError
+from romdam.errors import ConvergenceError, RecordError, RomdamError, WriteError
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 FAILED, BAD_INPUT, STOPPED = 1, 2, 130
 EXIT_CODES = """
-Exit codes: 0 all is well; 1 a record failed or a step did not converge; 2 bad input (nothing was computed);
-130 stopped by Ctrl-C.
+Exit codes: 0 all is well; 1 a record failed, a step did not converge, or the disk is full; 2 bad input
+(nothing was computed); 130 stopped by Ctrl-C.
 """
 
 app = typer.Typer(
@@ -390,7 +390,7 @@ def main() -> None:
     """Run the command; every error of romdam's own is one message and an exit code."""
     try:
         app()
-    except ConvergenceError as error:
+    except (ConvergenceError, WriteError) as error:
         _stop(error, FAILED)
     except RomdamError as error:
         _stop(error, BAD_INPUT)

@@ -38,6 +38,10 @@ class ResultError(RomdamError):
     """A result or model file cannot be read or written."""
 
 
+class WriteError(ResultError):
+    """The disk or the folder does not take a file."""
+
+
 @contextmanager
 def placed(path: Path) -> Iterator[None]:
     """Errors of a configuration that the body raises begin with its file, unless they name it already."""

@@ -1,4 +1,4 @@
-"""What the jitted functions of the march share: whether array views count references, and a copy.
+"""What jitted functions share: a cache that may be missing or damaged, whether views count references.
 
 Every view (a row of a run's state) takes an atomic increment and a decrement, dozens per step: a quarter of
 the time of the march on the two-cantilever model (24 -> 17 us a step without them). The march itself makes no
@@ -8,13 +8,99 @@ functions that are called.
 
 from __future__ import annotations
 
+import functools
+import logging
+import os
+import stat
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
-from numba import njit
+import numba
 from numpy.typing import NDArray
+
+log = logging.getLogger(__name__)
+
+_SETTINGS: Any = numba.config
 
 VIEWS: dict[str, Any] = {"cache": True, "_nrt": False}  # no arrays are made here, nor by what is called
 ARRAYS: dict[str, Any] = {"cache": True, "_nrt": True}  # arrays may be made, by what is called too
+
+
+def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """`numba.njit`; where its cache cannot be written, or is damaged, that costs time and nothing else."""
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        try:
+            made = numba.njit(**options)(function)
+        except RuntimeError as error:
+            if "no locator" not in str(error):
+                raise
+            made = _cached_elsewhere(function, options)
+        if options.get("cache"):
+            _guard(made._cache)
+        return made
+
+    return compiled
+
+
+def _cached_elsewhere(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Compile with a cache where one can be, where neither the package nor the user's home takes one."""
+    folder, before = _temporary_cache(), _SETTINGS.CACHE_DIR
+    if folder is None:
+        return numba.njit(**options | {"cache": False})(function)
+    _SETTINGS.CACHE_DIR = str(folder)
+    try:
+        return numba.njit(**options)(function)
+    finally:
+        _SETTINGS.CACHE_DIR = before
+
+
+@functools.cache
+def _temporary_cache() -> Path | None:
+    """This user's own folder for compiled functions among the temporary ones; None where it cannot be had.
+
+    What is cached is unpickled: a folder that another user has made, or may write into, is not used.
+    """
+    try:
+        folder = Path(tempfile.gettempdir()) / f"romdam-numba-{os.getuid()}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        about = folder.lstat()
+        private = about.st_uid == os.geteuid() and stat.S_IMODE(about.st_mode) & 0o077 == 0
+        if not (private and stat.S_ISDIR(about.st_mode)):
+            raise OSError(f"{folder} is not this user's alone")
+        tempfile.TemporaryFile(dir=folder).close()
+    except (OSError, AttributeError) as error:  # AttributeError: Windows has no getuid
+        log.warning(
+            "no folder takes compiled functions (%s): compiling takes a minute; set NUMBA_CACHE_DIR", error
+        )
+        return None
+    log.warning("compiled functions are kept in %s; set NUMBA_CACHE_DIR to another folder", folder)
+    return folder
+
+
+def _guard(cache: Any) -> None:
+    """Make a cache that cannot be read or written count as empty: numba unpickles whatever it finds."""
+    load, save = cache.load_overload, cache.save_overload
+
+    def load_overload(*place: Any) -> Any:
+        try:
+            return load(*place)
+        except Exception as error:
+            log.info("%s: compiled functions cannot be read (%s); compiling again", cache.cache_path, error)
+            with suppress(OSError):
+                cache.flush()
+            return None
+
+    def save_overload(*compiled: Any) -> None:
+        try:
+            save(*compiled)
+        except Exception as error:
+            log.info("%s: compiled functions cannot be kept (%s)", cache.cache_path, error)
+
+    cache.load_overload, cache.save_overload = load_overload, save_overload
 
 
 @njit(cache=True)

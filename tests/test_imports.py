@@ -22,6 +22,8 @@ ALLOWED = {
     "fingerprint": set(),
     "jit": set(),
     "machine": set(),
+    "sealed": set(),
+    "trial": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -41,7 +43,7 @@ TYPES = {
     "romdam.dynamics.system": {"fem", "reduction", "outputs"},
     "romdam.reduction.store": {"outputs"},
 }
-ANYWHERE = {"errors", "config", "files", "fingerprint", "jit", "machine"}
+ANYWHERE = {"errors", "config", "files", "fingerprint", "jit", "machine", "sealed"}
 ONLY_IN = {
     "xarray": {"outputs", "pipelines", "terminal"},
     "matplotlib": {"outputs"},

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import ModalModel, ModalState
 from romdam.dynamics.modes import add_rows
-from romdam.jit import ARRAYS
+from romdam.jit import ARRAYS, njit
 from romdam.joints.problem import GapMemory, GapProblem
 from romdam.joints.step import solve_gaps
 

@@ -22,7 +22,6 @@ step it would take alone; only the products with G and R are made for all at onc
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import Levels, ModalModel, ModalState, Runs, Track, Work
@@ -37,7 +36,7 @@ from romdam.dynamics.modes import (
     residual_jumps,
 )
 from romdam.dynamics.propagator import Propagator
-from romdam.jit import ARRAYS, VIEWS, copy
+from romdam.jit import ARRAYS, VIEWS, copy, njit
 from romdam.joints.problem import GapMemory, GapProblem, Limits, Strength
 from romdam.joints.step import commit_gaps, solve_gaps
 

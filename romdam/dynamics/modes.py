@@ -8,12 +8,11 @@ BLAS, which packs them anew at every step, take 1.1 times as long for 32 runs, 1
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from romdam.dynamics.arrays import Ints, ModalModel, ModalState
 from romdam.dynamics.propagator import Propagator
-from romdam.jit import ARRAYS, VIEWS, copy
+from romdam.jit import ARRAYS, VIEWS, copy, njit
 
 Floats = NDArray[np.float64]
 

@@ -24,10 +24,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from romdam.jit import copy
+from romdam.jit import copy, njit
 from romdam.joints.held import let_all_go, let_go_where_not_stuck, multiply, note_stuck, tableau
 from romdam.joints.laws import project_shear
 from romdam.joints.newton import add_row, natural_residual, natural_residuals, newton, response, worst_gap

@@ -19,10 +19,9 @@ Cottle, Pang, Stone, The Linear Complementarity Problem (SIAM, 2009), 2.3: princ
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from romdam.jit import ARRAYS
+from romdam.jit import ARRAYS, njit
 from romdam.joints.laws import project_shear, slides
 from romdam.joints.problem import GapMemory, Limits
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
+from romdam.jit import njit
 
 OPEN, STICK, SLIP = 0, 1, 2
 

@@ -15,10 +15,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from romdam.jit import copy
+from romdam.jit import copy, njit
 from romdam.joints.laws import project_shear
 from romdam.joints.problem import GapMemory, Limits
 

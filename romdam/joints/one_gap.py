@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from romdam.jit import njit
 
 Floats = NDArray[np.float64]
 

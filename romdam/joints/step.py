@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from romdam.jit import ARRAYS, copy
+from romdam.jit import ARRAYS, copy, njit
 from romdam.joints.frictional import solve_frictional
 from romdam.joints.laws import OPEN, SLIP, STICK, project_shear, slides
 from romdam.joints.problem import GapMemory, GapProblem

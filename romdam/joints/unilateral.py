@@ -20,10 +20,9 @@ Judice, Pires, Computers Oper. Res. 21 (1994) 587: block principal pivoting.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from romdam.jit import copy
+from romdam.jit import copy, njit
 from romdam.joints.problem import ActiveSet, GapMemory, GapProblem
 
 Floats = NDArray[np.float64]

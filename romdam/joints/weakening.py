@@ -8,8 +8,7 @@ accepted step.
 
 from __future__ import annotations
 
-from numba import njit
-
+from romdam.jit import njit
 from romdam.joints.laws import SLIP, shear_limit, slides
 from romdam.joints.newton import add_row
 from romdam.joints.problem import Floats, GapMemory, GapProblem

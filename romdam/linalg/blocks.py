@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix
 
-from romdam.jit import VIEWS
+from romdam.jit import VIEWS, njit
 from romdam.linalg.conjugate import WIDTH
 
 Reals = NDArray[Any]

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from romdam.errors import ResultError
 from romdam.files import replacing
-from romdam.outputs.dataset import open_dataset
+from romdam.outputs.dataset import open_run
+from romdam.sealed import changing
 
 Floats = NDArray[np.float64]
 FOLDER = "configuration_folder"  # attribute: from the result's folder to the configuration's
@@ -56,7 +55,7 @@ def read_run(path: Path) -> StoredRun:
     ResultError
         where the file is no romdam result, is of full order, or holds no joint forces.
     """
-    with open_dataset(path) as dataset:
+    with open_run(path) as dataset:
         _refuse(dataset, path)
         disp = dataset.displacement.values if "displacement" in dataset else np.zeros((dataset.time.size, 0))
         return StoredRun(
@@ -124,11 +123,9 @@ def write_certificate(path: Path, statement: dict[str, object]) -> Path:
     target = path.with_suffix(".certificate.json")
     with replacing(target) as part:
         part.write_text(json.dumps(statement, indent=2) + "\n")
-    with replacing(path) as part:
-        shutil.copyfile(path, part)
-        with h5py.File(part, "r+") as file:
-            file.attrs["certificate"] = json.dumps(statement)
-            file.attrs["certificate_statement"] = statement["statement"]
+    with changing(path) as file:
+        file.attrs["certificate"] = json.dumps(statement)
+        file.attrs["certificate_statement"] = statement["statement"]
     return target
 
 

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import json
-import shutil
+import logging
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.errors import ResultError
-from romdam.files import replacing
+from romdam.files import check_file, replacing
+from romdam.fingerprint import fingerprint
+from romdam.sealed import changing, reading, text_of
+
+log = logging.getLogger(__name__)
 
 Floats = NDArray[np.float64]
 STATEMENT_FILE = "verification.json"
+_SELF = "content_sha256"  # of everything else in that file
+_MOST = 4e9  # bytes of a file that is read whole
+_UNREADABLE = (
+    OSError, KeyError, ValueError, TypeError, IndexError, AttributeError, EOFError, MemoryError, RuntimeError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -110,24 +122,42 @@ def read_reference(path: Path) -> Openings:
         where it cannot be read or lacks an array.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            time, gap = stored["time"], stored["gap"]
-            position = stored.get("position")
-        if position is None:
-            with np.load(path.with_name("model.npz"), allow_pickle=False) as model:
-                position = model["points"][model["pairs"][:, 0]]
-    except (OSError, KeyError, ValueError) as error:
+        time, gap, position = _arrays(path)
+    except _UNREADABLE as error:
         raise ResultError(
             f"{path}: is no reference ({error}); it needs `time`, `gap`, and `position` or a model.npz"
         ) from error
-    return Openings(np.asarray(time), np.asarray(gap), np.asarray(position))
+    found = Openings(*(np.asarray(array, dtype=float) for array in (time, gap, position)))
+    fitting = found.opening.shape == (*found.time.shape, len(found.position)) and found.position.shape[
+        1:
+    ] == (3,)
+    if not (fitting and found.time.ndim == 1):
+        raise ResultError(
+            f"{path}: time {found.time.shape}, gap {found.opening.shape} and position {found.position.shape} "
+            "do not fit; (nt,), (nt, gaps) and (gaps, 3) do"
+        )
+    for name, array in (("time", found.time), ("gap", found.opening), ("position", found.position)):
+        if not np.isfinite(array).all():
+            raise ResultError(f"{path}: {name} has values that are no numbers")
+    return found
+
+
+def _arrays(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    check_file(path, _MOST, ResultError)
+    with np.load(path, allow_pickle=False) as stored:
+        time, gap, position = stored["time"], stored["gap"], stored.get("position")
+    if position is None:
+        with np.load(path.with_name("model.npz"), allow_pickle=False) as model:
+            position = model["points"][model["pairs"][:, 0]]
+    return time, gap, position
 
 
 def write_statement(folder: Path, statement: dict[str, object]) -> Path:
     """Write the error statement, and put it into every result here that has the same configuration."""
     path = folder / STATEMENT_FILE
+    stated = statement | {_SELF: fingerprint(json.dumps(statement))}
     with replacing(path) as part:
-        part.write_text(json.dumps(statement, indent=2) + "\n")
+        part.write_text(json.dumps(stated, indent=2) + "\n", encoding="utf-8")
     for result in sorted(folder.glob("*.nc")):
         if _digest(result) == statement["configuration_sha256"]:
             _attach(result, statement_attributes(statement))
@@ -136,12 +166,20 @@ def write_statement(folder: Path, statement: dict[str, object]) -> Path:
 
 def read_statement(folder: Path, digest: str) -> dict[str, object]:
     """Attributes for a result of the configuration `digest`, from a statement made earlier; else none."""
-    try:
-        statement = json.loads((folder / STATEMENT_FILE).read_text())
-    except (OSError, ValueError):
+    path = folder / STATEMENT_FILE
+    if not path.exists():
         return {}
-    same = isinstance(statement, dict) and statement.get("configuration_sha256") == digest
-    return statement_attributes(statement) if same else {}
+    try:
+        check_file(path, _MOST, ResultError)
+        statement = json.loads(path.read_text(encoding="utf-8"))
+        own = statement.pop(_SELF, None)
+    except (OSError, ValueError, RecursionError, AttributeError, TypeError, ResultError) as error:
+        log.warning("%s: cannot be read (%s); `romdam verify` writes it again", path, error)
+        return {}
+    if own != fingerprint(json.dumps(statement)):
+        log.warning("%s: is not as it was written; `romdam verify` writes it again", path)
+        return {}
+    return statement_attributes(statement) if statement.get("configuration_sha256") == digest else {}
 
 
 def statement_attributes(statement: dict[str, object]) -> dict[str, object]:
@@ -150,15 +188,15 @@ def statement_attributes(statement: dict[str, object]) -> dict[str, object]:
 
 
 def _digest(path: Path) -> str:
+    """The configuration's digest that a result states; a file that is damaged is left as it is."""
     try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs.get("configuration_sha256", ""))
-    except OSError:
+        with reading(path) as file:
+            return text_of(file, "configuration_sha256")
+    except ResultError as error:
+        log.warning("%s; it gets no statement of its error", error)
         return ""
 
 
 def _attach(path: Path, attributes: dict[str, object]) -> None:
-    with replacing(path) as part:
-        shutil.copyfile(path, part)
-        with h5py.File(part, "r+") as file:
-            file.attrs.update(attributes)
+    with changing(path) as file:
+        file.attrs.update(attributes)

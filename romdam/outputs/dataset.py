@@ -11,16 +11,19 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+import h5netcdf
 import numpy as np
 import xarray as xr
+from xarray.backends import H5NetCDFStore
 
 import romdam
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.errors import ResultError
-from romdam.files import replacing
+from romdam.outputs.checking import check_run
 from romdam.outputs.concerns import concerns
 from romdam.outputs.variables import COORDINATES, VARIABLES, Case, Variable
+from romdam.sealed import Opened, examine, sealing
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
 COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
@@ -122,27 +125,57 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
         for name, v in dataset.variables.items()
         if v.dtype.kind in "fiu" and v.ndim > 0
     }
-    with replacing(path, dataset.nbytes) as part:
-        dataset.to_netcdf(part, engine="h5netcdf", encoding=encoding)
+    with sealing(path, dataset.nbytes) as stream, h5netcdf.File(stream, "w") as file:
+        dataset.dump_to_store(H5NetCDFStore(file), encoding=encoding)
 
 
 def open_dataset(path: Path) -> xr.Dataset:
-    """Open a result lazily.
+    """Open a file of romdam's lazily, once it is known to be whole.
 
     Raises
     ------
     ResultError
-        where there is no such file, or it is not a romdam result.
+        where there is no such file, it is damaged, or romdam has not written it.
     """
-    if not path.is_file():
-        raise ResultError(
-            f"{path}: no such result file; `romdam run CONFIG --out DIR` writes DIR/<record>.nc"
-        )
-    try:
-        dataset = xr.open_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError, KeyError) as error:
-        raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
+    dataset, _ = open_netcdf(path)
     if not str(dataset.attrs.get("source", "")).startswith("romdam"):
         dataset.close()
         raise ResultError(f"{path}: was not written by romdam; it has no `source` attribute that says so")
     return dataset
+
+
+def open_run(path: Path) -> xr.Dataset:
+    """Open the result of a record lazily, once it is known to be one.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, it is damaged, or it is not the result of a record.
+    """
+    dataset, known = open_netcdf(path)
+    try:
+        check_run(dataset, known, path)
+    except ResultError:
+        dataset.close()
+        raise
+    return dataset
+
+
+def open_netcdf(path: Path) -> tuple[xr.Dataset, Opened]:
+    """Open a NetCDF file lazily, once it is known to be whole, and what is known of it.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, or it is damaged.
+    """
+    if not path.exists():
+        raise ResultError(
+            f"{path}: no such result file; `romdam run CONFIG --out DIR` writes DIR/<record>.nc"
+        )
+    known = examine(path)
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
+    except Exception as error:
+        raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
+    return dataset, known

@@ -9,7 +9,7 @@ The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per mo
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -19,10 +19,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-import romdam
 from romdam.errors import ResultError
-from romdam.files import replacing
-from romdam.outputs.dataset import open_dataset
+from romdam.outputs.beside import in_order, open_beside, write_beside
+from romdam.outputs.dataset import open_run
 from romdam.outputs.stress import COMPONENTS
 from romdam.outputs.stress_file import read_stress
 from romdam.reduction.store import BlockBasis, write_block
@@ -38,39 +37,45 @@ def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> 
 
     Raises
     ------
-    ResultError
+    WriteError
         where the folder or the disk refuses it.
     """
-    digest = _digest(scene, basis)
-    path = folder / f"model-{digest[:12]}.h5"
-    if not _is_written(path, digest):
-        with replacing(path) as part, h5py.File(part, "w") as file:
-            file.attrs.update(format=FORMAT, content_sha256=digest, source=f"romdam {romdam.__version__}")
-            for name, block in scene.blocks.items():
-                write_block(file.create_group(f"blocks/{name}"), block, basis[name])
-    return path.name
+
+    def fill(file: h5py.File) -> None:
+        for name, block in scene.blocks.items():
+            write_block(file.create_group(f"blocks/{name}"), block, basis[name])
+
+    blocks = ((name, block, basis[name]) for name, block in scene.blocks.items())
+    digest = _digest(
+        (name, block.element, part.columns.start, part.matrix.shape, (block.points, block.cells, part.matrix))
+        for name, block, part in blocks
+    )
+    return write_beside(folder, "model", (FORMAT, digest), fill, sum(p.matrix.nbytes for p in basis.values()))
 
 
-def _digest(scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
+def _digest(blocks: Iterable[tuple[str, str, int, tuple[int, ...], Sequence[Any]]]) -> str:
+    """SHA-256 of blocks: name, element, first column, shape of the basis; points, cells and basis."""
     content = hashlib.sha256(FORMAT.encode())
-    for name, block in scene.blocks.items():
-        part = basis[name]
-        content.update(f"{name} {block.element} {part.columns.start} {part.matrix.shape}".encode())
-        for array in (block.points, block.cells, part.matrix):
+    for name, element, column, shape, arrays in blocks:
+        content.update(f"{name} {element} {column} {shape}".encode())
+        for array in arrays:
             for first in range(0, array.shape[0], _ROWS):
                 content.update(np.ascontiguousarray(array[first : first + _ROWS]).data)
     return content.hexdigest()
 
 
-def _is_written(path: Path, digest: str) -> bool:
-    """Whether the file is there and whole: a foreign or broken one is written again."""
-    if not path.is_file():
-        return False
-    try:
-        with h5py.File(path, "r") as file:
-            return bool(file.attrs.get("content_sha256") == digest)
-    except OSError:
-        return False
+def stored_digest(file: h5py.File) -> str:
+    """SHA-256 of the content of a basis file."""
+    return _digest(
+        (
+            name,
+            str(group["cells"].attrs["element"]),
+            int(group["basis"].attrs["first"]),
+            (3 * group["basis"].shape[0], group["basis"].shape[2]),
+            (group["points"], group["cells"], group["basis"]),
+        )
+        for name, group in in_order(file)
+    )
 
 
 class Result:
@@ -84,7 +89,7 @@ class Result:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.dataset: xr.Dataset = open_dataset(self.path)
+        self.dataset: xr.Dataset = open_run(self.path)
         self._model: h5py.File | None = None
 
     def __enter__(self) -> Self:
@@ -148,7 +153,7 @@ class Result:
         matrix = self._block(block)["basis"]
         chosen = self._nodes(matrix.shape[0], block, nodes)
         first, count = int(matrix.attrs["first"]), matrix.shape[2]
-        q = _at_times(self.dataset.reduced_coordinates, times)[:, first : first + count]
+        q = self._coordinates(times, slice(first, first + count))
         rows, back = np.unique(chosen, return_inverse=True)
         field = np.einsum("ncm,tm->tnc", matrix[rows][back], q.values, optimize=True)
         return xr.DataArray(
@@ -183,7 +188,7 @@ class Result:
             for an unknown block, a node without stress, or a full-order result.
         """
         kept = read_stress(self.path, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
-        q = _at_times(self.dataset.reduced_coordinates, times)[:, kept.columns]
+        q = self._coordinates(times, kept.columns)
         return xr.DataArray(
             np.einsum("ncm,tm->tnc", kept.fields, q.values, optimize=True) + kept.offset,
             dims=("time", "point", "stress_component"),
@@ -191,6 +196,16 @@ class Result:
             name="stress",
             attrs={"units": "Pa", "long_name": f"stress of block {block}, tension positive"},
         )
+
+    def _coordinates(self, times: float | Sequence[float] | slice | None, columns: slice) -> xr.DataArray:
+        q = self.dataset.get("reduced_coordinates")
+        modes = 0 if q is None else q.sizes["mode"]
+        if q is None or columns.stop > modes:
+            raise ResultError(
+                f"{self.path}: has {modes} reduced coordinates, the files beside it are of {columns.stop} or "
+                "more, of another model; run it again"
+            )
+        return _at_times(q, times)[:, columns]
 
     def _nodes(self, count: int, block: str, nodes: Any) -> NDArray[np.int64]:
         chosen = np.arange(count) if nodes is None else np.atleast_1d(np.asarray(nodes, dtype=np.int64))
@@ -238,12 +253,4 @@ def _open_model(result: Path, name: str) -> h5py.File:
             f"{result}: a full-order result keeps displacements at its output nodes only; "
             "name more under outputs.nodes, or run with model.order: reduced"
         )
-    path = result.with_name(Path(name).name)  # a result never points outside its own folder
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise ResultError(f"{path}: the basis file of {result.name} cannot be read ({error})") from error
-    if file.attrs.get("format") != FORMAT:
-        file.close()
-        raise ResultError(f"{path}: is not a basis file of this version ({FORMAT})")
-    return file
+    return open_beside(result, name, ("model", FORMAT), stored_digest)

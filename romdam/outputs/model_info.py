@@ -7,7 +7,9 @@ from pathlib import Path
 import h5py
 
 from romdam.errors import ResultError
+from romdam.outputs.fields import stored_digest
 from romdam.reduction.store import LAYOUT, read_block
+from romdam.sealed import examine, opened, text_of
 
 
 def model_lines(path: str | Path) -> list[str]:
@@ -19,26 +21,26 @@ def model_lines(path: str | Path) -> list[str]:
         where there is no such file, or it is not one of reduced blocks.
     """
     path = Path(path)
-    try:
-        with h5py.File(path, "r") as file:
-            blocks = dict(file["blocks"]) if "blocks" in file else {"(cache)": file}
-            if any(group.attrs.get("layout") != LAYOUT for group in blocks.values()):
-                raise ResultError(f"{path}: is not a file of reduced blocks of this version ({LAYOUT})")
-            digest = file.attrs.get("key", file.attrs.get("content_sha256", "none"))
-            lines = [f"{path.name}: {len(blocks)} reduced block{'s' * (len(blocks) > 1)}"]
-            lines += [f"layout         {LAYOUT}, written by {file.attrs.get('source', 'an unknown version')}"]
-            lines += [f"SHA-256        {digest}"]
-            return lines + [line for name, group in blocks.items() for line in _block_lines(name, group)]
-    except (OSError, KeyError) as error:
-        raise ResultError(
-            f"{path}: is not a file of reduced blocks ({error}); give a .h5 of romdam"
-        ) from error
+    sealed = examine(path).sealed
+    with opened(path) as file:
+        blocks = dict(file["blocks"]) if "blocks" in file else {"(cache)": file}
+        if any(text_of(group, "layout") != LAYOUT for group in blocks.values()):
+            raise ResultError(f"{path}: is not a file of reduced blocks of this version ({LAYOUT})")
+        digest = text_of(file, "key") or text_of(file, "content_sha256")
+        if not sealed and not ("blocks" in file and stored_digest(file) == digest):
+            raise ResultError(
+                f"{path}: was damaged or changed since it was written; the next run makes it again"
+            )
+        state = "whole" if sealed else "mesh and basis whole, frequencies and report not vouched for"
+        lines = [f"{path.name}: {len(blocks)} reduced block{'s' * (len(blocks) > 1)}, {state}"]
+        lines += [f"layout         {LAYOUT}, written by {text_of(file, 'source') or 'an unknown version'}"]
+        lines += [f"SHA-256        {digest}"]
+        return lines + [line for name, group in blocks.items() for line in _block_lines(name, group)]
 
 
 def _block_lines(name: str, group: h5py.Group) -> list[str]:
     try:
         block = read_block(group)
-        state = "whole: matches its checksum"
     except ResultError as error:
         return [f"block {name}: damaged, {error}"]
     report = block.report
@@ -54,5 +56,5 @@ def _block_lines(name: str, group: h5py.Group) -> list[str]:
         f"{report.get('corrections')} corrections",
         f"  frequencies  {lowest} Hz with the joints open; fixed interface up to "
         f"{report.get('highest_fixed_interface_hz', 0.0):.4g} Hz",
-        f"  basis        {block.matrix.nbytes / 1e6:.1f} MB, {state}",
+        f"  basis        {block.matrix.nbytes / 1e6:.1f} MB",
     ]

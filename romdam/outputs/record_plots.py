@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from romdam.files import replacing
 from romdam.outputs.record_measures import PERIODS
 from romdam.outputs.style import COLOURS, GREY, STYLE
 from romdam.records.integrate import displacement, velocity
@@ -54,7 +55,9 @@ def write_record_plots(pairs: Iterable[tuple[GroundMotion, GroundMotion | None]]
     for motion, recorded in pairs:
         path = folder / f"{motion.name}.png"
         with mpl.rc_context(STYLE):
-            plot_record(motion, recorded).savefig(path, dpi=130)
+            figure = plot_record(motion, recorded)
+            with replacing(path) as part:
+                figure.savefig(part, format="png", dpi=130)
         paths.append(path)
     return paths
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 import romdam
+from romdam.errors import ResultError
 from romdam.outputs.dataset import open_dataset
 from romdam.records.motion import GroundMotion
 from romdam.records.spectra import pseudo_acceleration
@@ -70,6 +71,10 @@ def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:
     if not (folder / DATA).is_file():
         return None
     with open_dataset(folder / DATA) as data:
+        if missing := [name for name in ("psa", "picture", "record", "period") if name not in data.variables]:
+            raise ResultError(
+                f"{folder / DATA}: lacks {', '.join(missing)}; `romdam report --config` writes it again"
+            )
         same = data.attrs.get(_KEY) == summary.attrs.get(_KEY)
         same = same and list(data.record.values) == list(summary.record.values)
         return data.load() if same else None

@@ -12,7 +12,7 @@ The file (HDF5, `stress-<first 12 of its content's SHA-256>.h5`, one per model, 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-import romdam
 from romdam.errors import ResultError
-from romdam.files import replacing
+from romdam.outputs.beside import in_order, open_beside, write_beside
 
 FORMAT = "romdam-stress-1"
 Floats = NDArray[np.float64]
@@ -56,31 +55,40 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
     ResultError
         where the folder or the disk refuses it.
     """
+
+    def fill(file: h5py.File) -> None:
+        for name, part in blocks.items():
+            group = file.create_group(f"blocks/{name}")
+            group["nodes"], group["fields"], group["offset"] = part.nodes, part.fields, part.offset
+            group["fields"].attrs["first"] = part.columns.start
+
+    digest = _digest(
+        (name, part.columns.start, (part.nodes, part.fields, part.offset)) for name, part in blocks.items()
+    )
+    size = sum(part.fields.nbytes + part.offset.nbytes for part in blocks.values())
+    return write_beside(folder, "stress", (FORMAT, digest), fill, size)
+
+
+def _digest(blocks: Iterable[tuple[str, int, tuple[NDArray[Any], Floats, Floats]]]) -> str:
+    """SHA-256 of blocks: name, first column; nodes, fields and offset."""
     content = hashlib.sha256(FORMAT.encode())
-    for name, part in blocks.items():
-        content.update(f"{name} {part.columns.start} {part.fields.shape}".encode())
-        for array in (part.nodes, part.fields, part.offset):
+    for name, first, arrays in blocks:
+        content.update(f"{name} {first} {arrays[1].shape}".encode())
+        for array in arrays:
             content.update(np.ascontiguousarray(array).data)
-    digest = content.hexdigest()
-    path = folder / f"stress-{digest[:12]}.h5"
-    if not _is_written(path, digest):
-        with replacing(path) as part_path, h5py.File(part_path, "w") as file:
-            file.attrs.update(format=FORMAT, content_sha256=digest, source=f"romdam {romdam.__version__}")
-            for name, part in blocks.items():
-                group = file.create_group(f"blocks/{name}")
-                group["nodes"], group["fields"], group["offset"] = part.nodes, part.fields, part.offset
-                group["fields"].attrs["first"] = part.columns.start
-    return path.name
+    return content.hexdigest()
 
 
-def _is_written(path: Path, digest: str) -> bool:
-    if not path.is_file():
-        return False
-    try:
-        with h5py.File(path, "r") as file:
-            return bool(file.attrs.get("content_sha256") == digest)
-    except OSError:
-        return False
+def _stored_digest(file: h5py.File) -> str:
+    """The same of what stands in a stress file."""
+    return _digest(
+        (
+            name,
+            int(group["fields"].attrs["first"]),
+            (group["nodes"][()], group["fields"][()], group["offset"][()]),
+        )
+        for name, group in in_order(file)
+    )
 
 
 def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFields:
@@ -101,14 +109,8 @@ def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFiel
             f"{result}: no stress was kept of every node; name blocks, faces or nodes under outputs.stress, "
             "and run again with model.order: reduced"
         )
-    path = result.with_name(Path(name).name)  # a result never points outside its own folder
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
-                raise ResultError(f"{path}: is not a stress file of this version ({FORMAT})")
-            return _read_block(file["blocks"], result, block, nodes)
-    except OSError as error:
-        raise ResultError(f"{path}: the stress file of {result.name} cannot be read ({error})") from error
+    with open_beside(result, name, ("stress", FORMAT), _stored_digest) as file:
+        return _read_block(file["blocks"], result, block, nodes)
 
 
 def _read_block(blocks: h5py.Group, result: Path, block: str, nodes: Nodes) -> StressFields:

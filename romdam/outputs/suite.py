@@ -17,7 +17,8 @@ import romdam
 from romdam.config.load import Job
 from romdam.errors import ResultError
 from romdam.outputs.case import Array
-from romdam.outputs.dataset import library_versions, open_dataset, write_dataset
+from romdam.outputs.checking import check_summary
+from romdam.outputs.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.outputs.record_measures import MEASURES
 from romdam.outputs.stress import MEASURES as STRESS
 from romdam.outputs.suite_rows import DONE, FAILED, Row, attributes_of, dims_of
@@ -213,6 +214,23 @@ def write_summary(dataset: xr.Dataset, folder: Path) -> Path:
     return folder / SUMMARY
 
 
+def open_summary(folder: Path) -> xr.Dataset:
+    """Open a suite's summary lazily, once it is known to be one.
+
+    Raises
+    ------
+    ResultError
+        where it is damaged, or no summary.
+    """
+    dataset, known = open_netcdf(folder / SUMMARY)
+    try:
+        check_summary(dataset, known, folder / SUMMARY)
+    except ResultError:
+        dataset.close()
+        raise
+    return dataset
+
+
 def open_suite(folder: str | Path) -> xr.DataTree:
     """Open a suite lazily: the summary at the root, `design`, and every kept result under `runs/<name>`.
 
@@ -226,9 +244,9 @@ def open_suite(folder: str | Path) -> xr.DataTree:
         raise ResultError(
             f"{folder}: holds no {SUMMARY}; `romdam run CONFIG --out DIR` with `suite:` makes it"
         )
-    parts = {"/": open_dataset(folder / SUMMARY)}
+    parts = {"/": open_summary(folder)}
     if (folder / DESIGN).is_file():
-        parts["/design"] = xr.open_dataset(folder / DESIGN, engine="h5netcdf")
+        parts["/design"] = open_netcdf(folder / DESIGN)[0]
     for path in sorted((folder / RUNS_FOLDER).glob("*.nc")):
         parts[f"/runs/{path.stem}"] = open_dataset(path)
     return xr.DataTree.from_dict(parts)

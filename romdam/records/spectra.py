@@ -15,11 +15,11 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.errors import RecordError
+from romdam.jit import njit
 
 Array = NDArray[np.float64]
 TURNS = 8.0  # substeps a period, at least
@@ -181,7 +181,7 @@ def _recursion(omega: Array, xi: float, h: float) -> Array:
     )  # fmt: skip
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _march(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, Array]:
     """Run all oscillators; of each chunk: the state at its start, the largest |u|, |v|, |u'' + ag|."""
     a11, a12, b11, b12, a21, a22, b21, b22, w2, cw = (
@@ -220,7 +220,7 @@ def _march(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, Arra
     return states, peaks
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _refine(acc: Array, substeps: int, c: Array, states: Array, peaks: Array) -> Array:
     """Peaks between samples, (3, np): the chunks whose samples come near the largest are run once more."""
     count = c.shape[1]
@@ -235,7 +235,7 @@ def _refine(acc: Array, substeps: int, c: Array, states: Array, peaks: Array) ->
     return best
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _chunk_peak(acc: Array, substeps: int, c: Array, state: Array, first: int, kind: int) -> float:
     """Largest |u|, |v| or |u'' + ag| (kind 0, 1, 2) in one chunk, from the derivatives at each substep."""
     u, v, best, h = state[0], state[1], 0.0, c[10]
@@ -260,7 +260,7 @@ def _chunk_peak(acc: Array, substeps: int, c: Array, state: Array, first: int, k
     return best
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _step_peak(x: Array, h: float) -> float:
     """Largest |value| in [0, h] of a quantity with derivatives x[0..4]: start, end, and turn between."""
     best = max(abs(x[0]), abs(x[0] + h * (x[1] + h * (x[2] / 2 + h * (x[3] / 6 + h * x[4] / 24)))))
@@ -275,7 +275,7 @@ def _step_peak(x: Array, h: float) -> float:
     return max(best, abs(x[0] + t * (x[1] + t * (x[2] / 2 + t * (x[3] / 6 + t * x[4] / 24)))))
 
 
-@numba.njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True)
 def _history(acc: Array, substeps: int, c: Array) -> Array:
     """Relative displacement at every substep, ((nt - 1) substeps + 1,)."""
     out = np.zeros((acc.size - 1) * substeps + 1)
@@ -290,7 +290,7 @@ def _history(acc: Array, substeps: int, c: Array) -> Array:
     return out
 
 
-@numba.njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True)
 def _rotated_peaks(
     first: Array, second: Array, radius: Array, order: NDArray[np.int64], cosines: Array, sines: Array
 ) -> Array:

@@ -9,13 +9,12 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
                     attribute first: the block's first column of the reduced coordinates (0 in a cache file)
     omega2          (m,) [1/s2]
     participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
-    attributes      layout, key, content_sha256 (of the three arrays and the report), report (JSON);
-                    a basis of 64 MB or more counts by `folded`, which a million unknowns take a second for
+    attributes      layout, key, report (JSON)
 
 The key is the SHA-256 of everything the basis depends on: mesh, element, material, supports, the DOFs that
 the joints retain (with their turned frames), the choice of modes, the versions of romdam and of this layout.
-Stiffness and friction of joints, gaps, damping, loads and records are not. A file that is not whole, not ours
-or does not match its own checksum counts as none.
+Stiffness and friction of joints, gaps, damping, loads and records are not. A cache file whose bytes are not
+those that were written (`romdam.sealed`), or of another key, counts as none.
 """
 
 from __future__ import annotations
@@ -23,30 +22,28 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 import romdam
-from romdam.errors import ResultError
-from romdam.files import replacing
+from romdam.errors import ResultError, shown
+from romdam.files import sweep_parts
 from romdam.fingerprint import fingerprint
 from romdam.reduction.craig_bampton import ModeChoice
 from romdam.reduction.interface import Interface
 from romdam.scene.model import Block, Bools
+from romdam.sealed import creating, reading, text_of
 
 log = logging.getLogger(__name__)
 
 LAYOUT = "romdam-block-2"
 Floats = NDArray[np.float64]
 _CHUNK_BYTES = 1 << 20
-_SPAN = 32 * _CHUNK_BYTES  # read by one thread at a time
 _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
@@ -99,8 +96,7 @@ def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     group["basis"].attrs["first"] = basis.columns.start
     group["omega2"] = basis.omega2
     group["participation"] = basis.participation
-    checksum = _checksum(basis, group["basis"])
-    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report), content_sha256=checksum)
+    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report))
 
 
 def read_block(group: h5py.Group) -> BlockBasis:
@@ -109,26 +105,41 @@ def read_block(group: h5py.Group) -> BlockBasis:
     Raises
     ------
     ResultError
-        where it has another layout or does not match its checksum.
+        where it has another layout, or its arrays do not fit each other.
     """
-    if group.attrs.get("layout") != LAYOUT:
-        raise ResultError(f"layout {group.attrs.get('layout')!r}, expected {LAYOUT!r}")
-    matrix, first = _array(group["basis"]), int(group["basis"].attrs["first"])
-    basis = BlockBasis(
-        matrix=np.ascontiguousarray(matrix.reshape(3 * matrix.shape[0], -1)),
-        columns=slice(first, first + matrix.shape[2]),
-        omega2=group["omega2"][()],
-        participation=group["participation"][()],
+    if text_of(group, "layout") != LAYOUT:
+        raise ResultError(f"layout {shown(text_of(group, 'layout'))}, expected {LAYOUT!r}")
+    data, first = group["basis"], int(group["basis"].attrs["first"])
+    nodes, _, columns = data.shape
+    omega2, participation = group["omega2"], group["participation"]
+    shapes = (data.shape, group["points"].shape, omega2.shape, participation.shape)
+    expected = ((nodes, 3, columns), (nodes, 3), (columns,), (columns, 3))
+    if shapes != expected or data.dtype != np.float64:
+        raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
+    return BlockBasis(
+        matrix=_array(data).reshape(3 * nodes, columns),
+        columns=slice(first, first + columns),
+        omega2=omega2[()],
+        participation=participation[()],
         report=json.loads(group.attrs["report"]),
     )
-    if group.attrs.get("content_sha256") != _checksum(basis, group["basis"]):
-        raise ResultError("the arrays do not match their checksum")
-    return basis
 
 
-def read_block_file(path: Path) -> BlockBasis:
-    """Read the block of a cache file; see `read_block`."""
-    with h5py.File(path, "r") as file:
+def read_block_file(path: Path, key: str | None = None) -> BlockBasis:
+    """Read the block of a cache file; see `read_block`.
+
+    Parameters
+    ----------
+    key : what it must be of; not asked if not given
+
+    Raises
+    ------
+    ResultError
+        where the file is damaged, or of another key.
+    """
+    with reading(path, only_sealed=True) as file:
+        if key not in (None, text_of(file, "key")):
+            raise ResultError(f"made for key {shown(text_of(file, 'key'))}")
         return read_block(file)
 
 
@@ -181,11 +192,8 @@ class BlockStore:
         if not path.is_file():
             return None
         try:
-            with h5py.File(path, "r") as file:
-                if file.attrs.get("key") != key:
-                    raise ResultError(f"made for key {file.attrs.get('key')!r}")
-                return read_block(file)
-        except (OSError, KeyError, ValueError, TypeError, RuntimeError, ResultError) as error:
+            return read_block_file(path, key)
+        except ResultError as error:
             log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
             return None
 
@@ -198,12 +206,12 @@ class BlockStore:
             where the folder or the disk refuses it.
         """
         self._prepare()
-        with replacing(self.path(key), basis.matrix.nbytes) as part, h5py.File(part, "w") as file:
+        with creating(self.path(key), basis.matrix.nbytes) as file:
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             write_block(file, block, basis)
         if basis.matrix.nbytes < _MAPPED:
             return basis
-        return replace(basis, matrix=read_block_file(self.path(key)).matrix)
+        return replace(basis, matrix=self._mapped(key))
 
     def write_streamed(
         self,
@@ -227,64 +235,27 @@ class BlockStore:
         pieces, inertia = rows
         size = (len(block.points), 3, len(omega2))
         participation, first = np.zeros((len(omega2), 3)), 0
-        with replacing(self.path(key), 8 * int(np.prod(size))) as part, h5py.File(part, "w") as file:
+        with creating(self.path(key), 8 * int(np.prod(size))) as file:
             data = file.create_dataset("basis", shape=size, dtype="f8")
             for piece in pieces:
                 last = first + len(piece) // 3
                 data[first:last] = piece.reshape(-1, 3, size[2])
                 participation += piece.T @ inertia[3 * first : 3 * last]
                 first = last
-            file.flush()
-            whole = _array(data).reshape(3 * size[0], -1)
-            basis = BlockBasis(whole, slice(0, size[2]), omega2, participation, report)
+            basis = BlockBasis(np.zeros((0, 0)), slice(0, size[2]), omega2, participation, report)
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             _write_beside(file, block, basis)
-        return replace(basis, matrix=read_block_file(self.path(key)).matrix)
+        return replace(basis, matrix=self._mapped(key))
+
+    def _mapped(self, key: str) -> Floats:
+        """The basis in a file that this store has just written."""
+        with h5py.File(self.path(key), "r") as file:
+            found = _array(file["basis"])
+        return found.reshape(3 * found.shape[0], found.shape[2])
 
     def _prepare(self) -> None:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ResultError(f"{self.folder}: the cache folder cannot be made ({error})") from error
-
-
-def _checksum(basis: BlockBasis, data: h5py.Dataset) -> str:
-    """SHA-256 of a block; of a large basis what stands in its dataset counts, by `folded`."""
-    content: NDArray[Any] = basis.matrix
-    offset = data.id.get_offset()
-    if basis.matrix.nbytes >= _MAPPED:
-        in_memory = offset is None  # it stands in chunks
-        content = folded(content[:]) if in_memory else _folded_file(data.file.filename, offset, data.nbytes)
-    return fingerprint((json.dumps(basis.report), content, basis.omega2, basis.participation))
-
-
-def folded(matrix: Floats) -> NDArray[np.int64]:
-    """Exclusive or and sum of every megabyte of an array, (pieces, 2) 64-bit words.
-
-    Any word that changes changes them; SHA-256 would take eight times as long as reading does.
-    """
-    words, step = matrix.reshape(-1).view(np.int64), _CHUNK_BYTES // 8
-    pieces = (words[k : k + step] for k in range(0, len(words), step))
-    sums = [(np.bitwise_xor.reduce(piece), np.add.reduce(piece)) for piece in pieces]
-    return np.array(sums, dtype=np.int64).reshape(-1, 2)
-
-
-def _folded_file(path: str, offset: int, size: int) -> NDArray[np.int64]:
-    """`folded` of an array in a file, read through a small buffer in each of two threads.
-
-    Pages of a map come in at half the speed, and would count as this process' memory.
-    """
-
-    def of(first: int) -> NDArray[np.int64]:
-        last, buffer, found = min(first + _SPAN, size), bytearray(_CHUNK_BYTES), []
-        with open(path, "rb", buffering=0) as file:
-            file.seek(offset + first)
-            for at in range(first, last, _CHUNK_BYTES):
-                piece = memoryview(buffer)[: last - at]
-                if file.readinto(piece) < len(piece):
-                    raise ResultError("the file ends early")
-                found.append(folded(np.frombuffer(piece)))
-        return np.concatenate(found)
-
-    with ThreadPoolExecutor(2) as threads:
-        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *threads.map(of, range(0, size, _SPAN))])
+        sweep_parts(self.folder)

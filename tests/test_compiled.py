@@ -1,0 +1,88 @@
+"""Compiled functions work where nothing may be written, and where what is kept of them is damaged."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROBE = """
+import sys
+from numba.core import caching
+if {closed}:  # an installation and a home that take no files
+    for locator in (caching.InTreeCacheLocator, caching.UserWideCacheLocator):
+        locator.from_function = classmethod(lambda cls, *_: None)
+import numpy as np
+from romdam.jit import copy
+target = np.zeros(3)
+copy(np.arange(3.0), target)
+print(target.sum(), copy._cache.cache_path, sum(copy.stats.cache_hits.values()))
+"""
+
+
+def probe(closed: bool, **environment: str) -> tuple[list[str], str]:
+    """What a fresh process prints, and what it says on stderr."""
+    kept = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "TMPDIR")}
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE.format(closed=closed)],
+        env=kept | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split(), done.stderr
+
+
+def test_a_closed_installation_keeps_what_is_compiled_among_temporary_files(tmp_path):
+    own = tmp_path / f"romdam-numba-{os.getuid()}"
+    (total, where, hits), said = probe(True, TMPDIR=str(tmp_path), HOME="/nonexistent")
+    assert float(total) == 3.0 and where.startswith(str(own)) and hits == "0"
+    assert said.count("compiled functions are kept in") == 1 and own.stat().st_mode & 0o077 == 0
+    (total, where, hits), _ = probe(True, TMPDIR=str(tmp_path), HOME="/nonexistent")
+    assert float(total) == 3.0 and hits == "1"
+
+
+@pytest.mark.parametrize("kind", ["open to others", "a link", "a file"])
+def test_a_planted_folder_is_not_used(tmp_path, kind):
+    """What is cached is unpickled: whoever may write it may have anything run."""
+    own = tmp_path / f"romdam-numba-{os.getuid()}"
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    if kind == "open to others":
+        own.mkdir()
+        own.chmod(0o777)
+    elif kind == "a link":
+        own.symlink_to(tmp_path / "elsewhere")
+    else:
+        own.touch()
+    (total, where, _), said = probe(True, TMPDIR=str(tmp_path), HOME="/nonexistent")
+    assert float(total) == 3.0 and where == "None"
+    assert said.count("no folder takes compiled functions") == 1
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("suffix", "damage"), [(".nbi", b""), (".nbi", b"\x80\x04K\x01."), (".nbc", b"no pickle")]
+)
+def test_damaged_compiled_functions_are_compiled_again(tmp_path, suffix, damage):
+    (total, where, hits), _ = probe(False, NUMBA_CACHE_DIR=str(tmp_path))
+    assert hits == "0"
+    for path in Path(where).glob(f"*{suffix}"):
+        path.write_bytes(damage)
+    (total, _, hits), said = probe(False, NUMBA_CACHE_DIR=str(tmp_path))
+    assert float(total) == 3.0 and hits == "0" and "Traceback" not in said
+    assert probe(False, NUMBA_CACHE_DIR=str(tmp_path))[0][2] == "1", "and kept again"
+
+
+def test_compiled_functions_on_a_full_disk_are_not_kept(tmp_path):
+    code = (
+        "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code + PROBE.format(closed=False)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0 and done.stdout.startswith("3.0"), done.stderr
+    assert not [path for path in tmp_path.rglob("*") if path.suffix == ".nbc"]
