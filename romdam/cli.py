@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import romdam
-from romdam.errors import ConvergenceError, RomdamError
+from romdam.errors import ConvergenceError, RomdamError, WorkerError
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -330,9 +330,11 @@ def _terminal(quiet: bool, verbose: bool) -> tuple[Stages, Callable[..., None]]:
 
     errors, output = Console(stderr=True), Console(soft_wrap=True, highlight=False)
     level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
-    logging.basicConfig(
-        level=level, format="%(message)s", handlers=[RichHandler(console=errors, show_path=False)]
-    )
+    handler = RichHandler(console=errors, show_path=False)
+    handler.addFilter(
+        lambda record: not record.name.startswith(("asyncio", "distributed"))
+    )  # in messages here
+    logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
 
     def say(*lines: object) -> None:
         for line in lines if not quiet else ():
@@ -345,7 +347,7 @@ def main() -> None:
     """Run the command; every error of romdam's own is one message and an exit code."""
     try:
         app()
-    except ConvergenceError as error:
+    except (ConvergenceError, WorkerError) as error:
         _stop(error, FAILED)
     except RomdamError as error:
         _stop(error, BAD_INPUT)

@@ -35,6 +35,10 @@ class ResultError(RomdamError):
     """A result or model file cannot be read or written."""
 
 
+class WorkerError(RomdamError):
+    """Processes that compute were lost while they did."""
+
+
 def shown(value: object) -> str:
     """A value as messages quote it: its repr cut to a part of a line.
 

@@ -111,6 +111,6 @@ def children(process: int) -> list[int]:
     return [one.pid for one in psutil.Process(process).children(recursive=True)]
 
 
-def test_one_worker_runs_here():
-    with open_pool(1, None, "romdam") as pool:
+def test_one_worker_runs_here(tmp_path):
+    with open_pool(1, None, "romdam", tmp_path) as pool:
         assert list(pool.map(square, 2, [3])) == [(0, 18)]
