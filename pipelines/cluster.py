@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from romdam.errors import ConfigError, ResultError, WorkerError, shown
 from romdam.pipelines import admission
-from romdam.pipelines.workers import LocalPool, prepare
+from romdam.pipelines.workers import LocalPool, cores, prepare
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -253,7 +253,7 @@ def prepare_pool(workers: int | None, scheduler: str | None, module: str) -> Non
 
 
 def _count(workers: int | None) -> int:
-    return workers or len(os.sched_getaffinity(0))
+    return workers or (cores() if hasattr(os, "fork") else 1)
 
 
 def _client(scheduler: str) -> Client:

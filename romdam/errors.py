@@ -35,6 +35,10 @@ class ResultError(RomdamError):
     """A result or model file cannot be read or written."""
 
 
+class OutputError(RomdamError):
+    """Standard output takes no more."""
+
+
 class WorkerError(RomdamError):
     """Processes that compute were lost while they did."""
 

@@ -21,6 +21,7 @@ ALLOWED = {
     "files": set(),
     "fingerprint": set(),
     "jit": set(),
+    "surroundings": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -32,7 +33,8 @@ ALLOWED = {
     "outputs": {"records"},
     "pipelines": EVERY_ROOM,
     "terminal": {"pipelines", "outputs"},
-    "cli": {"pipelines", "outputs", "records", "terminal"},
+    "cli": {"pipelines", "outputs", "records", "surroundings", "terminal"},
+    "__main__": {"cli"},
     "__init__": {"pipelines", "outputs"},
 }
 TYPES = {

@@ -18,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from suite_jobs import command, differing, summary, write_job
 
 import romdam
 from romdam.errors import ConfigError, ResultError, WorkerError
@@ -25,8 +26,6 @@ from romdam.pipelines import admission
 from romdam.pipelines import cluster as cluster_module
 from romdam.pipelines.cluster import open_pool
 from romdam.pipelines.suite import SuiteOptions, run_suite
-
-from suite_jobs import command, differing, summary, write_job
 
 distributed = pytest.importorskip("distributed")
 
