@@ -143,7 +143,7 @@ def _answers(
     try:
         while waiting or running:
             while waiting and len(running) < count:
-                worker = _Worker(caller, function, data)
+                worker = _Worker([caller, *running], function, data)
                 running[worker.connection] = worker
                 worker.give(waiting.popleft())
             for connection in wait([*running, caller]):
@@ -170,10 +170,13 @@ def _answers(
 class _Worker:
     """One process and the task it is at."""
 
-    def __init__(self, caller: Connection, function: Function, data: tuple[object, Sequence[Any]]) -> None:
+    def __init__(
+        self, others: list[Connection], function: Function, data: tuple[object, Sequence[Any]]
+    ) -> None:
         self.connection, theirs = multiprocessing.Pipe()
         process = multiprocessing.get_context("fork").Process
-        self._process = process(target=_work, args=(theirs, caller, function, data), daemon=True)
+        args = (theirs, [self.connection, *others], function, data)
+        self._process = process(target=_work, args=args, daemon=True)
         self._process.start()
         theirs.close()
         self._number = -1
@@ -208,10 +211,14 @@ class _Worker:
 
 
 def _work(
-    connection: Connection, caller: Connection, function: Function, data: tuple[object, Sequence[Any]]
+    connection: Connection,
+    others: list[Connection],
+    function: Function,
+    data: tuple[object, Sequence[Any]],
 ) -> None:
     """What a worker does until nobody asks any more."""
-    caller.close()  # or the caller would not see the nursery die
+    for one in others:  # or nobody would see the nursery die
+        one.close()
     shared, tasks = data
     with suppress(EOFError, OSError):  # nobody asks any more
         while True:
