@@ -387,3 +387,19 @@ def test_runs_that_miss_the_accuracy_are_counted():
     assert accuracy_lines(found, 0.03) == [] and accuracy_lines(found, None) == []
     (line,) = accuracy_lines(found, 0.01)
     assert line.startswith("2 of 4 runs did not reach 1 %") and line.endswith("2 % at most")
+
+
+def test_gap_table_that_changes_under_a_suite_is_told(tmp_path):
+    """A run would land under the key of the other table."""
+    joint = BASE["joints"]["gap"] | {"gap": {"table": "gaps.csv"}}
+    parameters = {"mu": {"path": "joints.gap.friction", "values": [0.0, 0.6]}}
+    job = write_job(tmp_path, suite={"parameters": parameters}, joints={"gap": joint})
+    table = tmp_path / "gaps.csv"
+    table.write_text("x,y,z,gap\n0,0,0,0.001\n5,0,0,0.001\n0,0,20,0.001\n")
+
+    def told(line):
+        table.write_text(table.read_text().replace("0.001", "0.002"))
+
+    with pytest.raises(ConfigError, match="gap tables have changed since the suite was started"):
+        run_suite(romdam.load_config(job), tmp_path / "out", HERE, tell=told)
+    assert not list((tmp_path / "out" / "rows").glob("*.nc"))
