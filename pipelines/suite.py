@@ -105,9 +105,9 @@ def run_suite(
         for bad input, and where the disk refuses a file; a run or record that fails becomes a failed row.
     """
     job, options, clock = _suite_job(job), options or SuiteOptions(), Clock(show)
-    folder = prepare_folder(Path(out))
+    folder = prepare_folder(Path(out).absolute())
     one_thread = threadpool_limits(limits=1)  # the bits of a result must not depend on the number of cores
-    with one_thread, open_pool(options.workers, options.scheduler, run_task.__module__) as pool:
+    with one_thread, open_pool(options.workers, options.scheduler, run_task.__module__, folder) as pool:
         with clock.stage("records", "reading records"):
             records = read_records(job)
         motions = [record.motion for record in records if record.motion is not None]
@@ -203,6 +203,7 @@ def build_study(
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     model = with_finer(job, Model(scene, reduced.system, reduced), clock, store)
     model = replace(model, stress=stress_fields(scene, reduced))
+    job = replace(job, path=job.path.absolute())  # a worker of a cluster has a working folder of its own
     study = Study(job, model, places, samples, folder / RUNS_FOLDER, {})
     if study.keeps_results:
         study = replace(study, files=write_shared(prepare_folder(study.folder), model))

@@ -13,11 +13,10 @@ from pathlib import Path
 import romdam
 from romdam.config.load import Job
 from romdam.config.parameters import vary
-from romdam.fem.gaps import gap_law
 from romdam.fingerprint import fingerprint
 from romdam.outputs.suite import ROWS_FOLDER, SuiteRecord
 from romdam.outputs.suite_rows import Row, read_rows, result_key
-from romdam.pipelines.suite_runs import Run, Study, Task, sample_scene
+from romdam.pipelines.suite_runs import Run, Study, Task, sample_key, sample_scene
 from romdam.records.motion import GroundMotion
 from romdam.scene.model import Scene
 
@@ -38,7 +37,7 @@ def plan_runs(study: Study, records: Sequence[SuiteRecord]) -> list[Run]:
         motion = record.motion
         own = fingerprint((about, motion.acc, motion.dt, str(motion.provenance.get("resampling"))))
         runs += [
-            Run(record.name, k, s, float(factor), fingerprint((own, float(factor), sample)))
+            Run(record.name, k, s, float(factor), fingerprint((own, float(factor), sample)), sample)
             for k, factor in enumerate(record.factors)
             for s, sample in enumerate(samples)
         ]
@@ -66,8 +65,7 @@ def _model_key(job: Job, scene: Scene) -> str:
 def _sample_key(study: Study, number: int) -> str:
     job = study.job
     varied = vary(job.config, study.places, study.samples[number], str(job.path))
-    law = gap_law(sample_scene(job, study.model.scene, varied))
-    return fingerprint((law, varied.damping.model_dump_json()))
+    return sample_key(sample_scene(job, study.model.scene, varied), varied)
 
 
 def finished(study: Study, out: Path, runs: Sequence[Run]) -> dict[Run, Row]:

@@ -20,9 +20,10 @@ from romdam.config.parameters import Place, Varied, vary
 from romdam.config.suite import KeepConfig, SuiteConfig
 from romdam.dynamics.batch import with_parameters
 from romdam.dynamics.system import History
-from romdam.errors import RomdamError
+from romdam.errors import ConfigError, RomdamError
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
+from romdam.fingerprint import fingerprint
 from romdam.outputs.certificate import FOLDER
 from romdam.outputs.dataset import Timing, build_dataset, single_precision, write_dataset
 from romdam.outputs.suite_rows import RUN_KEY, Row, row_values
@@ -83,6 +84,7 @@ class Run:
     scale, sample : numbers
     factor : what the record is multiplied by
     key : SHA-256 of everything the run depends on
+    sample_key : SHA-256 of the joints and the damping of its sample
     """
 
     record: str
@@ -90,6 +92,7 @@ class Run:
     sample: int
     factor: float
     key: str
+    sample_key: str
 
     @property
     def name(self) -> str:
@@ -106,19 +109,24 @@ class Task:
     motions: dict[str, GroundMotion]
 
 
-def sample_model(study: Study, number: int) -> Model:
+def sample_model(study: Study, number: int, key: str) -> Model:
     """The model with the joints and the damping of one sample; nothing is reduced.
 
     Raises
     ------
     ConfigError
-        for values that do not fit together.
+        for values that do not fit together, and joints that are not those of `key`.
     """
     if not study.places:
         return study.model
     job, model = study.job, study.model
     varied = vary(job.config, study.places, study.samples[number], str(job.path))
     scene = sample_scene(job, model.scene, varied)
+    if sample_key(scene, varied) != key:
+        raise ConfigError(
+            f"{job.path}: joints: their gap tables have changed since the suite was started, or are others "
+            f"on a worker; leave those in {job.folder} as they are, and run the same command again"
+        )
     assert model.reduced is not None
     reduced, finer = _with_sample(model.reduced, scene, varied), model.finer
     if finer is not None:
@@ -135,6 +143,11 @@ def sample_scene(job: Job, scene: Scene, varied: Varied) -> Scene:
     return replace(scene, joints=joints)
 
 
+def sample_key(scene: Scene, varied: Varied) -> str:
+    """SHA-256 of the joints and the damping of one sample."""
+    return fingerprint((gap_law(scene), varied.damping.model_dump_json()))
+
+
 def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> ReducedModel:
     damping = modal_coefficients(varied.damping, reduced.system.K.diagonal())
     return replace(reduced, system=with_parameters(reduced.system, gap_law(scene), damping))
@@ -143,9 +156,9 @@ def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> Reduced
 def run_task(study: Study, task: Task) -> list[Row]:
     """March the runs of a task together; their rows in its order, those that failed with a message."""
     wall, cpu = time.perf_counter(), time.process_time()
-    samples = dict.fromkeys(run.sample for run in task.runs)
+    samples = {run.sample: run.sample_key for run in task.runs}
     with threadpool_limits(limits=1):  # the bits of a result must not depend on the number of cores
-        models = {number: sample_model(study, number) for number in samples}
+        models = {number: sample_model(study, number, key) for number, key in samples.items()}
         motions = [scaled(task.motions[run.record], run) for run in task.runs]
         outcomes = march(study.job, [models[run.sample] for run in task.runs], motions)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)

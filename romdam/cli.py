@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import romdam
-from romdam.errors import ConvergenceError, RecordError, RomdamError, WriteError
+from romdam.errors import (
+    ConvergenceError,
+    OutputError,
+    RecordError,
+    RomdamError,
+    WorkerError,
+    WriteError,
+)
+from romdam.files import keep_standard_files
+from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -18,9 +27,10 @@ if TYPE_CHECKING:
 
 FAILED, BAD_INPUT, STOPPED = 1, 2, 130
 EXIT_CODES = """
-Exit codes: 0 all is well; 1 a record failed, a step did not converge, or the disk is full; 2 bad input
-(nothing was computed); 130 stopped by Ctrl-C.
+Exit codes: 0 all is well; 1 a record failed, a step did not converge, the disk is full, or workers or the
+output were lost; 2 bad input (nothing was computed); 130 stopped by Ctrl-C, 143 by SIGTERM.
 """
+_WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
 
 app = typer.Typer(
     help="Reduced-order seismic analysis of concrete dams cut by contraction joints.",
@@ -64,7 +74,7 @@ def _options(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
     ] = False,
 ) -> None:
-    pass
+    check_surroundings()
 
 
 @app.command(epilog=EXIT_CODES)
@@ -352,14 +362,15 @@ def records(
     from romdam.records.table import format_table, list_records
 
     folder = prepare_folder(plot) if plot else None
+    _, say = _terminal(quiet=False, verbose=False)
     listed = list_records(sources)
     if listed and all(one.no_source for one in listed):
         raise RecordError("\n".join(one.error for one in listed))
-    typer.echo(format_table(listed))
+    say(format_table(listed))
     if folder:
         pairs = [(one.motion, one.recorded) for one in listed if one.motion]
         for path in write_record_plots(pairs, folder):
-            typer.echo(f"written: {path}")
+            say(f"written: {path}")
     if any(one.motion is None for one in listed):
         raise typer.Exit(FAILED)
 
@@ -373,11 +384,14 @@ def _terminal(quiet: bool, verbose: bool) -> tuple[Stages, Callable[..., None]]:
 
     from romdam.terminal import Stages
 
-    errors, output = Console(stderr=True), Console(soft_wrap=True, highlight=False)
+    errors = Console(stderr=True)
+    output = Console(soft_wrap=True, highlight=False, emoji=False, width=_WIDE)
     level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
-    logging.basicConfig(
-        level=level, format="%(message)s", handlers=[RichHandler(console=errors, show_path=False)]
-    )
+    handler = RichHandler(console=errors, show_path=False)
+    handler.addFilter(
+        lambda record: not record.name.startswith(("asyncio", "distributed"))
+    )  # in messages here
+    logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
 
     def say(*lines: object) -> None:
         for line in lines if not quiet else ():
@@ -388,14 +402,19 @@ def _terminal(quiet: bool, verbose: bool) -> tuple[Stages, Callable[..., None]]:
 
 def main() -> None:
     """Run the command; every error of romdam's own is one message and an exit code."""
+    keep_standard_files()
+    sys.stdout, sys.stderr = Output.of(sys.stdout, told=True), Output.of(sys.stderr, told=False)
+    hear_signals()
     try:
         app()
-    except (ConvergenceError, WriteError) as error:
+    except Signalled as stopped:
+        _stop(stopped, 128 + stopped.number)
+    except (ConvergenceError, WorkerError, OutputError, WriteError) as error:
         _stop(error, FAILED)
     except RomdamError as error:
         _stop(error, BAD_INPUT)
 
 
-def _stop(error: RomdamError, code: int) -> None:
+def _stop(error: BaseException, code: int) -> None:
     typer.echo(f"romdam: {error}", err=True)
     raise SystemExit(code)

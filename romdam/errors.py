@@ -42,6 +42,14 @@ class WriteError(ResultError):
     """The disk or the folder does not take a file."""
 
 
+class OutputError(RomdamError):
+    """Standard output takes no more."""
+
+
+class WorkerError(RomdamError):
+    """Processes that compute were lost while they did."""
+
+
 @contextmanager
 def placed(path: Path) -> Iterator[None]:
     """Errors of a configuration that the body raises begin with its file, unless they name it already."""

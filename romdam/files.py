@@ -157,6 +157,18 @@ def prepare_folder(folder: Path) -> Path:
     return folder
 
 
+def keep_standard_files() -> None:
+    """Open what is closed of standard input, output and error on the null device.
+
+    Else the next file that is opened gets its number, and what a library writes there lands in a result.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+
+
 def check_file(path: Path, most: float, error: type[RomdamError]) -> None:
     """Refuse what is not an ordinary file, or larger than anything of its kind, before it is opened.
 

@@ -24,6 +24,7 @@ ALLOWED = {
     "machine": set(),
     "sealed": set(),
     "trial": set(),
+    "surroundings": set(),
     "config": set(),
     "records": set(),
     "scene": set(),
@@ -35,7 +36,8 @@ ALLOWED = {
     "outputs": {"records"},
     "pipelines": EVERY_ROOM,
     "terminal": {"pipelines", "outputs"},
-    "cli": {"pipelines", "outputs", "records", "terminal"},
+    "cli": {"pipelines", "outputs", "records", "surroundings", "terminal"},
+    "__main__": {"cli"},
     "__init__": {"pipelines", "outputs"},
 }
 TYPES = {

@@ -100,7 +100,7 @@ def load_entry(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
         if not paths:
             yield Loaded(entry.name or entry.files, None, f"{folder / entry.files}: no record files found")
         for path in paths:
-            one = entry.model_copy(update={"files": None, "file": path})
+            one = entry.model_copy(update={"files": None, "file": path.absolute()})
             yield from _load(path.stem, partial(find_records, one, folder), entry)
     elif entry.manifest is not None:
         yield from _manifest(entry, folder)

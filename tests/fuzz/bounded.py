@@ -27,7 +27,7 @@ class Outcome:
     refusal : message of the RomdamError it raised; empty where it did not
     crash : traceback of any other exception, or how the process died; empty where neither happened
     seconds : wall time
-    grown : how much more memory than its parent the process had at most [bytes]
+    grown : how much memory the call took at most; all that the process had, where it died [bytes]
     """
 
     value: object
@@ -44,7 +44,7 @@ def bounded(call: Callable[[], object], seconds: float = 30.0) -> Outcome:
     ----------
     call : returns something that pickles
     """
-    began, before = time.perf_counter(), _resident()
+    began = time.perf_counter()
     ours, theirs = os.pipe()
     child = os.fork()
     if child == 0:
@@ -55,18 +55,20 @@ def bounded(call: Callable[[], object], seconds: float = 30.0) -> Outcome:
     if late:
         os.kill(child, signal.SIGKILL)
     _, status, usage = os.wait4(child, 0)
-    took, grown = time.perf_counter() - began, max(0, 1024 * usage.ru_maxrss - before)
+    took, peak = time.perf_counter() - began, 1024 * usage.ru_maxrss
     if late:
-        return Outcome(None, "", f"killed after {seconds:g} s", took, grown)
+        return Outcome(None, "", f"killed after {seconds:g} s", took, peak)
     if not data:
-        return Outcome(None, "", f"the process died, wait status {status}", took, grown)
-    value, refusal, crash = pickle.loads(data)
+        return Outcome(None, "", f"the process died, wait status {status}", took, peak)
+    value, refusal, crash, grown = pickle.loads(data)
     return Outcome(value, refusal, crash, took, grown)
 
 
 def _answer(call: Callable[[], object], pipe: int) -> None:
     """What the child does; it never returns."""
-    space = 1024 * int(_status("VmSize"))
+    space, before = 1024 * int(_status("VmSize")), _resident()
+    with open("/proc/self/clear_refs", "w") as file:
+        file.write("5")  # the peak is counted from here, not from what the parent has ever had
     resource.setrlimit(resource.RLIMIT_AS, (space + _ROOM, resource.RLIM_INFINITY))
     try:
         answer = (call(), "", "")
@@ -75,7 +77,7 @@ def _answer(call: Callable[[], object], pipe: int) -> None:
     except BaseException:
         answer = (None, "", traceback.format_exc())
     with os.fdopen(pipe, "wb") as file:
-        file.write(pickle.dumps(answer))
+        file.write(pickle.dumps((*answer, 1024 * int(_status("VmHWM")) - before)))
     os._exit(0)
 
 

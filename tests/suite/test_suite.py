@@ -378,3 +378,19 @@ def test_latin_hypercube_and_table_are_the_samples(tmp_path):
     (tmp_path / "b" / "s.csv").write_text("\n".join(lines))
     same = made(job, tmp_path / "b" / "out").summary
     np.testing.assert_array_equal(same.peak_opening, found.peak_opening)
+
+
+def test_gap_table_that_changes_under_a_suite_is_told(tmp_path):
+    """A run would land under the key of the other table."""
+    joint = BASE["joints"]["gap"] | {"gap": {"table": "gaps.csv"}}
+    parameters = {"mu": {"path": "joints.gap.friction", "values": [0.0, 0.6]}}
+    job = write_job(tmp_path, suite={"parameters": parameters}, joints={"gap": joint})
+    table = tmp_path / "gaps.csv"
+    table.write_text("x,y,z,gap\n0,0,0,0.001\n5,0,0,0.001\n0,0,20,0.001\n")
+
+    def told(line):
+        table.write_text(table.read_text().replace("0.001", "0.002"))
+
+    with pytest.raises(ConfigError, match="gap tables have changed since the suite was started"):
+        run_suite(romdam.load_config(job), tmp_path / "out", HERE, tell=told)
+    assert not list((tmp_path / "out" / "rows").glob("*.nc"))

@@ -5,10 +5,12 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 
-from romdam.errors import RecordError
+from romdam.errors import RecordError, WorkerError
+from romdam.pipelines import workers
 from romdam.pipelines.cluster import open_pool
 from romdam.pipelines.workers import LocalPool, WorkerDied
 
@@ -37,8 +39,9 @@ def refuse(shared: type[Exception], task: int) -> int:
     raise shared(f"task {task}")
 
 
-def sleep(shared: float, task: int) -> int:
-    time.sleep(shared)
+def sleep(shared: list[float], task: int) -> int:
+    """So many seconds for the first task, and for each of the others."""
+    time.sleep(shared[min(task, 1)])
     return task
 
 
@@ -71,38 +74,93 @@ def test_any_other_error_ends_the_worker_with_its_traceback():
 
 def test_workers_end_when_nobody_asks_for_more():
     psutil = pytest.importorskip("psutil")
-    asked = LocalPool(2).map(sleep, 0.0, range(100))
+    asked = LocalPool(2).map(sleep, [0.0, 0.0], range(100))
     next(asked)
     busy = {one for one in psutil.Process().children(recursive=True) if one.status() != "zombie"}
     asked.close()
     left = {one for one in psutil.Process().children(recursive=True) if one.status() != "zombie"}
-    assert len(busy - left) >= 2  # what they are forked from stays
+    assert len(busy - left) == 3 and not left
 
 
 SCRIPT = """
 import os, sys, time
 from romdam.pipelines.workers import LocalPool
+from romdam.surroundings import hear_signals
 from test_workers import sleep
-if __name__ == "__main__":
-    for number, result in LocalPool(2).map(sleep, 0.2, range(1000)):
-        print(os.getpid(), flush=True)
+hear_signals()
+for number, result in LocalPool(2).map(sleep, [0.0, 60.0], range(1000)):
+    print(os.getpid(), flush=True)
 """
 
 
-def test_workers_end_when_their_parent_is_killed(tmp_path):
+@pytest.fixture
+def busy_family(tmp_path):
+    """A process whose workers are at tasks of a minute, and all that it has started."""
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    here = os.path.dirname(__file__)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([here, *sys.path])}
-    process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, env=environment, text=True)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([os.path.dirname(__file__), *sys.path])}
+    process = subprocess.Popen(
+        [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment, text=True
+    )
     assert process.stdout is not None and int(process.stdout.readline()) == process.pid
     family = children(process.pid)
-    process.kill()
-    process.wait()
-    limit = time.perf_counter() + 20.0
-    while any(os.path.exists(f"/proc/{one}") for one in family) and time.perf_counter() < limit:
-        time.sleep(0.05)
-    assert len(family) >= 3 and not any(os.path.exists(f"/proc/{one}") for one in family)
+    assert len(family) == 3, "one that loads, two that work"
+    yield process, family
+    for one in family:
+        with suppress(ProcessLookupError):
+            os.kill(one, signal.SIGKILL)
+
+
+def seconds_until_gone(family: list[int]) -> float:
+    began = time.perf_counter()
+    while any(os.path.exists(f"/proc/{one}") for one in family) and time.perf_counter() - began < 20.0:
+        time.sleep(0.02)
+    return time.perf_counter() - began
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_workers_end_at_once_with_their_parent(busy_family, number):
+    process, family = busy_family
+    process.send_signal(number)
+    _, message = process.communicate(timeout=20.0)
+    assert process.returncode == (-number if number == signal.SIGKILL else 1)
+    assert number == signal.SIGKILL or f"Signalled: stopped by {number.name}; what is finished" in message
+    assert seconds_until_gone(family) < 5.0
+
+
+def test_worker_ends_after_its_task_where_the_one_it_comes_from_was_killed(tmp_path):
+    psutil = pytest.importorskip("psutil")
+    asked = LocalPool(2).map(sleep, [0.0, 1.0], range(100))
+    next(asked)
+    (nursery,) = (one for one in psutil.Process().children() if len(one.children()) == 2)
+    family = [one.pid for one in nursery.children()]
+    nursery.kill()
+    with pytest.raises(WorkerError, match="with more memory or fewer --workers where it was killed"):
+        list(asked)
+    assert len(family) == 2 and seconds_until_gone(family) < 5.0
+
+
+@pytest.mark.parametrize(
+    ("files", "cores"),
+    [
+        ({"cpu.max": "150000 100000\n"}, 2),
+        ({"cpu.max": "max 100000\n"}, 64),
+        ({"cpu.max": ""}, 64),
+        ({"cpu/cpu.cfs_quota_us": "400000\n", "cpu/cpu.cfs_period_us": "100000\n"}, 4),
+        ({"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, 64),
+        ({}, 64),
+    ],
+)
+def test_limit_of_a_container_is_kept(tmp_path, files, cores):
+    (tmp_path / "cpu").mkdir()
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    assert workers._limit(tmp_path, 64) == cores
+
+
+def test_cores_are_counted_where_there_is_no_affinity(monkeypatch):
+    monkeypatch.delattr("os.sched_getaffinity")
+    assert 1 <= workers.cores() <= (os.cpu_count() or 1)
 
 
 def children(process: int) -> list[int]:
@@ -111,6 +169,6 @@ def children(process: int) -> list[int]:
     return [one.pid for one in psutil.Process(process).children(recursive=True)]
 
 
-def test_one_worker_runs_here():
-    with open_pool(1, None, "romdam") as pool:
+def test_one_worker_runs_here(tmp_path):
+    with open_pool(1, None, "romdam", tmp_path) as pool:
         assert list(pool.map(square, 2, [3])) == [(0, 18)]

@@ -1,0 +1,102 @@
+"""What surrounds the command: signals, standard streams, the environment, the working folder."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+from typing import Any
+
+from romdam.errors import ConfigError, OutputError, shown
+
+_THREADS = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "NUMEXPR"))
+
+
+class Signalled(BaseException):
+    """The command is to end, with its workers and unfinished files; not an error that something handles."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        super().__init__(f"stopped by {signal.Signals(number).name}; what is finished is kept")
+
+
+def hear_signals() -> None:
+    """Let SIGTERM, and a terminal that closes, end the command as Ctrl-C does."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, signal.SIGTERM)  # Windows has no SIGHUP
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores SIGHUP
+            signal.signal(number, _raise)
+
+
+def _raise(number: int, _: object) -> None:
+    signal.signal(number, signal.SIG_DFL)  # a second one ends it at once
+    raise Signalled(number)
+
+
+def check_surroundings() -> None:
+    """Refuse what makes libraries fail when they are imported, or relative paths mean nothing.
+
+    Raises
+    ------
+    ConfigError
+        for a working folder that is gone, and a number of threads that is none.
+    """
+    try:
+        os.getcwd()
+    except OSError as error:
+        raise ConfigError(f"the working folder is gone ({error}); change to one that is there") from None
+    for name in _THREADS:
+        value = os.environ.get(name, "1")
+        if not (value.isascii() and value.isdigit() and int(value) > 0):
+            raise ConfigError(
+                f"{name}: this environment variable must be a whole number above 0, "
+                f"got {shown(value)}; unset it"
+            )
+
+
+class Output(io.TextIOWrapper):
+    """A standard stream that may be full, read by nobody, or know few characters.
+
+    Whoever stops reading (`| head`) does not stop the work. What the stream's encoding lacks is escaped.
+    """
+
+    @classmethod
+    def of(cls, stream: Any, told: bool) -> Any:
+        """The same stream; one that is closed, or stands for another thing, is left as it is.
+
+        Parameters
+        ----------
+        told : whether a stream that takes no more is an error
+        """
+        if not isinstance(stream, io.TextIOWrapper):
+            return stream
+        encoding = stream.encoding
+        made = cls(stream.detach(), encoding=encoding, errors="backslashreplace", line_buffering=True)
+        made._told = told
+        return made
+
+    _told = True
+
+    def write(self, text: str) -> int:
+        """Write and flush.
+
+        Raises
+        ------
+        OutputError
+            where the stream takes no more, and that is to be told.
+        """
+        try:
+            count = super().write(text)
+            super().flush()
+        except OSError as error:
+            self._drop()
+            if self._told and not isinstance(error, BrokenPipeError):
+                raise OutputError(f"standard output cannot be written ({error}); free the disk") from None
+            return len(text)
+        return count
+
+    def _drop(self) -> None:
+        """Lead all that comes, and what is in the buffer, to the null device."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self.fileno())
+        os.close(nowhere)
