@@ -13,6 +13,7 @@ from romdam.config.quantities import Acceleration, Dimensionless, Time
 Name = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
 Number = float | str
 Positive = Field(gt=0.0)
+MOST_SAMPLES = 1_000_000
 
 
 class IntensityConfig(Model):
@@ -41,7 +42,7 @@ class ParameterConfig(Model):
     values: Annotated[tuple[Number, ...], Field(min_length=1)] | None = None
     low: Number | None = None
     high: Number | None = None
-    count: Annotated[int, Field(ge=2)] | None = None
+    count: Annotated[int, Field(ge=2, le=MOST_SAMPLES)] | None = None
     distribution: Literal["uniform", "loguniform"] = "uniform"
 
     @model_validator(mode="after")
@@ -58,7 +59,7 @@ class ParameterConfig(Model):
 class LatinHypercubeConfig(Model):
     """A Latin hypercube of so many samples."""
 
-    latin_hypercube: Annotated[int, Field(ge=1)]
+    latin_hypercube: Annotated[int, Field(ge=1, le=MOST_SAMPLES)]
     seed: Annotated[int, Field(ge=0)] = 1
 
 
@@ -85,7 +86,7 @@ class SuiteConfig(Model):
     memory if not given), `cache` the folder of reduced blocks (OUT/cache if not given).
     """
 
-    scales: Annotated[tuple[Annotated[float, Positive], ...], Field(min_length=1)] = (1.0,)
+    scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)
     intensities: IntensityConfig | None = None
     parameters: dict[Name, ParameterConfig] = Field(default_factory=dict)
     design: Annotated[
