@@ -110,8 +110,7 @@ def summary_dataset(
     for name, values in measures.items():
         data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, job.config.suite.period))
     data |= _status(shape, records, rows)
-    if job.config.suite.keep != "peaks":
-        data["file"] = _files(shape, rows)
+    data["file"] = _files(shape, rows)
     return xr.Dataset(data, _coordinates(job, scene, design, records, data), _attributes(job, design))
 
 
@@ -119,7 +118,7 @@ def _files(shape: tuple[int, ...], rows: Mapping[Place, Row]) -> Any:
     files = np.full(shape, "", dtype=object)
     for at, row in rows.items():
         files[at] = "" if row.kept is None else row.kept.file
-    about = {"long_name": f"the run's own result, in {RUNS_FOLDER}"}
+    about = {"long_name": f"the run's own result in {RUNS_FOLDER}, if kept"}
     return ("record", "scale", "sample"), files.astype(str), about
 
 
