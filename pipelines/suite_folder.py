@@ -124,6 +124,9 @@ def clean(job: Job, out: str | Path, remove: bool = False, show: Stage = silent)
         present = {key: rows[key] for key in plan.first if key in rows}
         others = [path for path in leftovers(folder, plan) if path.parent != folder]
         ours = tuple(path for path in others if _is_ours(path, rows))
+        left = {path.name: path for path in others if path not in ours}
+        # the row of a result that was altered stays: it is what tells that the file is not as romdam wrote it
+        staying = present | {key: row for key, row in rows.items() if row.kept and row.kept.file in left}
         size = sum(path.stat().st_size for path in ours)
         if remove and rows and not present:
             raise ResultError(
@@ -132,8 +135,8 @@ def clean(job: Job, out: str | Path, remove: bool = False, show: Stage = silent)
             )
         if remove:
             _remove(ours)
-            rewrite_rows(folder / JOURNAL, present.values())
-    return Cleaned(ours, len(rows) - len(present), size, tuple(path for path in others if path not in ours))
+            rewrite_rows(folder / JOURNAL, staying.values())
+    return Cleaned(ours, len(rows) - len(staying), size, tuple(left.values()))
 
 
 def _remove(paths: Sequence[Path]) -> None:

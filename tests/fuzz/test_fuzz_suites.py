@@ -1,7 +1,7 @@
 """A suite edited and killed again and again ends in the bits of one that was made at once.
 
-Every sequence draws edits of a tiny suite: records exchanged, copied, renamed, removed and altered; scales and
-samples added in front, reordered, repeated and removed; parameters renamed; what is kept, how many march
+Every sequence draws edits of a tiny suite: records exchanged, copied, renamed, removed and altered; scales
+and samples added in front, reordered, repeated and removed; parameters renamed; what is kept, how many march
 together, the joints and the step. Each edit is run in a process of its own, killed at a random moment or let
 end; the last is let end. Left out of the comparison are the seconds that runs took and the time of writing.
 """
