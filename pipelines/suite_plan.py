@@ -198,9 +198,10 @@ def _refuse_many(job: Job, records: int, samples: int) -> None:
 
 def _try_summary(plan: Plan) -> None:
     """Write a summary without runs to nowhere: a name that it cannot hold is found before the first run."""
+    unmeasured = [replace(record, motion=None) for record in plan.records]
     with TemporaryDirectory() as folder:
         try:
-            write_summary(summary_dataset(plan.job, plan.scene, plan.design, plan.records, {}), Path(folder))
+            write_summary(summary_dataset(plan.job, plan.scene, plan.design, unmeasured, {}), Path(folder))
         except (ValueError, TypeError) as error:
             raise ConfigError(
                 f"{plan.job.path}: the title or a name cannot be written to a NetCDF file ({error}); use "

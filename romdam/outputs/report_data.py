@@ -16,7 +16,7 @@ from romdam.records.spectra import pseudo_acceleration
 DATA = "report-data.nc"
 PERIODS = np.geomspace(0.02, 5.0, 60)  # [s]
 DAMPING = 0.05
-_KEY = "configuration_sha256"
+_KEYS = ("configuration_sha256", "runs_sha256")  # attributes of the summary that the data belong to
 
 
 def report_data(
@@ -53,7 +53,7 @@ def report_data(
         "source": f"romdam {romdam.__version__}",
         "damping": DAMPING,
         "scaled": scaled,
-        _KEY: str(summary.attrs.get(_KEY, "")),
+        **{key: str(summary.attrs.get(key, "")) for key in _KEYS},
     }
     coords = {"record": summary.record.values, "period": ("period", PERIODS, {"units": "s"})}
     return xr.Dataset(data, coords, attributes)
@@ -70,6 +70,6 @@ def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:
     if not (folder / DATA).is_file():
         return None
     with open_dataset(folder / DATA) as data:
-        same = data.attrs.get(_KEY) == summary.attrs.get(_KEY)
+        same = all(data.attrs.get(key, "") == summary.attrs.get(key, "") for key in _KEYS)
         same = same and list(data.record.values) == list(summary.record.values)
         return data.load() if same else None

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 import romdam
 from romdam.config.load import Job
 from romdam.errors import ResultError
+from romdam.fingerprint import fingerprint
 from romdam.outputs.case import Array
 from romdam.outputs.dataset import library_versions, open_dataset, write_dataset
 from romdam.outputs.record_measures import MEASURES
@@ -111,7 +113,9 @@ def summary_dataset(
         data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, job.config.suite.period))
     data |= _status(shape, records, rows)
     data["file"] = _files(shape, rows)
-    return xr.Dataset(data, _coordinates(job, scene, design, records, data), _attributes(job, design))
+    contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
+    attributes = _attributes(job, design) | {"runs_sha256": contents}
+    return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
 
 
 def _files(shape: tuple[int, ...], rows: Mapping[Place, Row]) -> Any:

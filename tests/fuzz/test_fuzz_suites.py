@@ -1,9 +1,10 @@
-"""A suite edited and killed again and again ends in the bits of one that was made at once.
+"""A suite edited, killed and damaged again and again ends in the bits of one that was made at once.
 
 Every sequence draws edits of a tiny suite: records exchanged, copied, renamed, removed and altered; scales
 and samples added in front, reordered, repeated and removed; parameters renamed; what is kept, how many march
 together, the joints and the step. Each edit is run in a process of its own, killed at a random moment or let
-end; the last is let end. Left out of the comparison are the seconds that runs took and the time of writing.
+end, and now and then a file is damaged after it; the last is let end. Left out of the comparison are the
+seconds that runs took and the time of writing.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import xarray as xr
 import yaml
 
 import romdam
+from romdam.outputs.suite_journal import JOURNAL
 from romdam.pipelines.suite import SuiteOptions, run_suite
 from romdam.pipelines.suite_folder import clean
 
@@ -173,6 +175,25 @@ def in_child(config: Path, out: Path, seconds: float | None) -> None:
         assert status == 0, "a suite that was let run failed"
 
 
+def damage(draw: random.Random, out: Path) -> str:
+    """Change the rows or a kept result: some bits, a stretch of zeros, or its end; which."""
+    paths = [path for path in (out / JOURNAL, *(out / "runs").glob("*.nc")) if path.exists()]
+    if not paths:
+        return "nothing to damage"
+    path, kind = draw.choice(sorted(paths)), draw.choice(["bits", "zeros", "cut"])
+    data = bytearray(path.read_bytes())
+    at = draw.randrange(len(data))
+    if kind == "bits":
+        for place in draw.choices(range(len(data)), k=8):
+            data[place] ^= 1 << draw.randrange(8)
+    elif kind == "zeros":
+        data[at : at + 2000] = bytes(len(data[at : at + 2000]))
+    else:
+        del data[at:]
+    path.write_bytes(data)
+    return f"{kind} of {path.name}"
+
+
 def attributes(dataset: xr.Dataset) -> dict[str, str]:
     kept = {str(name): value for name, value in dataset.attrs.items() if not str(name).endswith(CLOCK)}
     return {name: repr(np.asarray(value).tolist()) for name, value in kept.items()}
@@ -215,6 +236,8 @@ def sequence(number: int, folder: Path, usual: float) -> None:
         killed = draw.random() < 0.6
         in_child(edited.write(), folder / "out", draw.uniform(0.0, 1.2 * usual) if killed else None)
         told += ["killed" if killed else "ended", *(edited.edit() for _ in range(draw.randint(1, 3)))]
+        if draw.random() < 0.25:
+            told.append(damage(draw, folder / "out"))
     config = edited.write()
     if draw.random() < 0.3:
         run_here(config, folder / "out")
