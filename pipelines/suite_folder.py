@@ -12,7 +12,7 @@ import re
 import socket
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -50,16 +50,16 @@ def suite_lock(folder: Path) -> Iterator[None]:
         where another process is at work there.
     """
     try:
-        file = (folder / LOCK).open("a+b")
+        file = (folder / LOCK).open("a+b", buffering=0)
     except OSError as error:
         raise ResultError(f"{folder / LOCK}: cannot be written ({error}); choose another folder") from error
     with file:
         if sys.platform != "win32":
             _hold(file.fileno(), folder)
-        file.truncate(0)
         when = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
-        file.write(f"process {os.getpid()} on {socket.gethostname()} since {when}".encode())
-        file.flush()
+        with suppress(OSError):  # a full disk: nobody can read who holds the lock, but it is held
+            file.truncate(0)
+            file.write(f"process {os.getpid()} on {socket.gethostname()} since {when}".encode())
         yield
 
 

@@ -39,7 +39,7 @@ MOST_RUNS = 2_000_000
 TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
 MOST_TOGETHER = 32
 _COPIES = 3.0  # of a history while it is made, compared and written
-_LONGEST_NAME = 180  # characters of a record's name, which names files
+_LONGEST_NAME = 180  # bytes of a record's name, which names files
 
 
 @dataclass(frozen=True)
@@ -160,12 +160,25 @@ def read_records(job: Job) -> list[SuiteRecord]:
         factors, message = np.full(len(targets), np.nan), one.error
         if one.motion is not None:
             factors, message = _factors(suite, one.motion)
-        if len(one.name) > _LONGEST_NAME:
-            message = f"{one.name}: has {len(one.name)} letters, at most {_LONGEST_NAME}; give it a `name`"
+            message = message or _unusable(job, one.motion)
         records.append(SuiteRecord(one.name, None if message else one.motion, message, factors))
     if all(record.motion is None for record in records):
         raise RecordError("\n".join(f"{record.name}: {record.message}" for record in records))
     return records
+
+
+def _unusable(job: Job, motion: GroundMotion) -> str:
+    """What of a record would be found when its result is written, or never; empty where nothing would."""
+    letters, every = len(motion.name.encode()), job.config.outputs.every
+    duration = job.config.transient.duration or motion.duration
+    if letters > _LONGEST_NAME:
+        return f"{motion.name}: its name has {letters} bytes, at most {_LONGEST_NAME}; give it a `name`"
+    if every is not None and every > duration:
+        return (
+            f"{motion.name}: of its {duration:g} s only the start would be written, outputs.every or "
+            f"suite.keep.every is {every:g} s; write more often"
+        )
+    return ""
 
 
 def _factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[np.ndarray, str]:

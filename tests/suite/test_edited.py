@@ -117,7 +117,7 @@ def test_failures_follow_their_records(tmp_path):
     config = write_job(tmp_path, records=2, suite={"keep": "full"})
     np.savetxt(tmp_path / "records" / "r0.txt", pulse(0)[:6])  # shorter than one step
     raw = yaml.safe_load(config.read_text())
-    raw["transient"], raw["outputs"]["every"] = {"dt": "0.1 s"}, "0.1 s"
+    raw["transient"], raw["outputs"]["every"] = {"dt": "0.1 s", "duration": "1 s"}, "0.1 s"
     config.write_text(yaml.safe_dump(raw))
     named_records(config, short=0, whole=1)
     first = made(config, tmp_path / "out")
@@ -287,6 +287,16 @@ def test_clean_refuses_what_is_not_the_suite(tmp_path):
     config.write_text(yaml.safe_dump(raw))
     with pytest.raises(ConfigError, match="is no suite"):
         clean(romdam.load_config(config), tmp_path / "out")
+
+
+def test_records_that_cannot_be_written_are_told_before_the_first_run(tmp_path):
+    config = write_job(tmp_path, records=1)
+    named_records(config, **{"n" * 181: 0, "fits": 0})
+    assert "at most 180" in made(config, tmp_path / "a").failures["n" * 181]
+    np.savetxt(tmp_path / "records" / "r1.txt", pulse(0)[:5])
+    named_records(config, short=1, whole=0)
+    edited(config, keep={"every": "0.1 s"})
+    assert "only the start would be written" in made(config, tmp_path / "b").failures["short"]
 
 
 def test_results_of_other_runs_in_the_folder_are_named(tmp_path):
