@@ -102,7 +102,7 @@ def run_suite(
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, placed)
             write_dataset(plan.design, folder / DESIGN)
             path = write_summary(summary, folder)
-        left = leftovers(folder, plan)
+        left = leftovers(folder, plan, rows)
     if left:
         tell(of_no_run(left, job.path, folder))
     return SuiteOutcome(path, summary, summary.status.size, made, _failures(plan, rows), left)
@@ -165,8 +165,8 @@ def _announcement(study: Study, plan: Plan, missing: int, folder: Path) -> str:
         size += rows * row_bytes(study) * (0.5 if single else 1.0)
     before = f", {len(runs) - missing} of them there already" if missing < len(runs) else ""
     return (
-        f"{len(runs)} runs{before}; up to {size / 1e6:.0f} MB in {folder}, "
-        f"and {memory / 1e6:.0f} MB of memory for the summary"
+        f"{len(runs)} runs{before}; up to {max(1.0, size / 1e6):.0f} MB in {folder}, "
+        f"and {max(1.0, memory / 1e6):.0f} MB of memory for the summary"
     )
 
 

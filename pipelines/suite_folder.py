@@ -11,7 +11,7 @@ import os
 import re
 import socket
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -122,7 +122,7 @@ def clean(job: Job, out: str | Path, remove: bool = False, show: Stage = silent)
         plan = make_plan(job, Clock(show))
         rows = read_rows(folder / JOURNAL)
         present = {key: rows[key] for key in plan.first if key in rows}
-        others = [path for path in leftovers(folder, plan) if path.parent != folder]
+        others = [path for path in leftovers(folder, plan, present) if path.parent != folder]
         ours = tuple(path for path in others if _is_ours(path, rows))
         left = {path.name: path for path in others if path not in ours}
         # the row of a result that was altered stays: it is what tells that the file is not as romdam wrote it
@@ -147,10 +147,14 @@ def _remove(paths: Sequence[Path]) -> None:
             raise ResultError(f"{path}: cannot be removed ({error})") from error
 
 
-def leftovers(folder: Path, plan: Plan) -> tuple[Path, ...]:
-    """Files of results in a suite's folder that are of no run of the design, or of no suite."""
-    rows = read_rows(folder / JOURNAL)
-    kept = [row.kept for key in plan.first if (row := rows.get(key)) is not None and row.kept is not None]
+def leftovers(folder: Path, plan: Plan, rows: Mapping[str, Row]) -> tuple[Path, ...]:
+    """Files of results in a suite's folder that are of no run of the design, or of no suite.
+
+    Parameters
+    ----------
+    rows : key -> row of the design's runs that are done
+    """
+    kept = [row.kept for row in rows.values() if row.kept is not None]
     known = {file_name(run) for run in plan.first.values()} if plan.keeps_results else set()
     known |= {name for one in kept for name in one.shared.values()}
     runs = [

@@ -113,6 +113,17 @@ def test_a_sample_with_friction_changes_the_basis_of_the_others(tmp_path):
     assert float(both.peak_opening[0, 0, 0, 0]) != alone  # its basis has the tangential directions by now
 
 
+def test_parameters_that_say_what_was_so_before_change_no_bit(tmp_path):
+    joints = {"gap": BASE["joints"]["gap"] | {"friction": 0.3}}
+    config = write_job(tmp_path, records=2, suite={"keep": "full"}, joints=joints)
+    made(config, tmp_path / "out")
+    ratio = {"path": "damping.rayleigh.ratio", "values": ["5 %"]}
+    edited(config, parameters={"mu": MU["mu"] | {"values": [0.3]}, "ratio": ratio})
+    as_fresh(config, tmp_path, calls=0)
+    edited(config, parameters={})
+    as_fresh(config, tmp_path, calls=0)
+
+
 def test_failures_follow_their_records(tmp_path):
     config = write_job(tmp_path, records=2, suite={"keep": "full"})
     np.savetxt(tmp_path / "records" / "r0.txt", pulse(0)[:6])  # shorter than one step
