@@ -1,7 +1,7 @@
 """The folder of a suite: one suite at a time works in it, and what earlier designs have left can be removed.
 
 The lock is that of the operating system on `.romdam-lock`: it goes with the process that holds it, however
-that ends. Windows has no such lock in Python's library; there nothing keeps two suites out of one folder.
+that ends. Windows has no flock; there nothing keeps two suites out of one folder.
 """
 
 from __future__ import annotations
