@@ -12,9 +12,17 @@ from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
 from romdam.config.suite import KeepConfig
+from romdam.errors import ResultError
 from romdam.files import prepare_folder, sweep_parts
 from romdam.outputs.dataset import write_dataset
-from romdam.outputs.suite import CACHE_FOLDER, DESIGN, RUNS_FOLDER, summary_dataset, write_summary
+from romdam.outputs.suite import (
+    CACHE_FOLDER,
+    DESIGN,
+    RUNS_FOLDER,
+    SUMMARY,
+    summary_dataset,
+    write_summary,
+)
 from romdam.outputs.suite_journal import JOURNAL, append_rows
 from romdam.outputs.suite_rows import Row
 from romdam.pipelines.cluster import Pool, open_pool
@@ -28,6 +36,8 @@ from romdam.reduction.store import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 
 log = logging.getLogger(__name__)
+
+_ROW = 4e3  # bytes of the objects of a row, beside its numbers
 
 
 @dataclass(frozen=True)
@@ -91,6 +101,7 @@ def run_suite(
     """
     options, clock = options or SuiteOptions(), Clock(show)
     folder = prepare_folder(Path(out))
+    _refuse_folders(folder)
     one_thread = threadpool_limits(limits=1)  # the bits of a result must not depend on the number of cores
     workers = open_pool(options.workers, options.scheduler, run_task.__module__)
     with suite_lock(folder), one_thread, workers as pool:
@@ -106,6 +117,15 @@ def run_suite(
     if left:
         tell(of_no_run(left, job.path, folder))
     return SuiteOutcome(path, summary, summary.status.size, made, _failures(plan, rows), left)
+
+
+def _refuse_folders(folder: Path) -> None:
+    """Refuse what would be found when the summary is written, after all runs."""
+    for name in (SUMMARY, DESIGN):
+        if (folder / name).is_dir():
+            raise ResultError(
+                f"{folder / name}: is a folder, the suite writes a file there; choose another --out"
+            )
 
 
 def build_study(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Study:
@@ -157,7 +177,7 @@ def _announcement(study: Study, plan: Plan, missing: int, folder: Path) -> str:
     """What is going to be made."""
     gaps, joints, runs = len(study.model.system.law), len(study.model.scene.joints), plan.runs
     row = 8.0 * (8 * joints + 20 + 3 * len(study.model.scene.probes))
-    size, memory = len(runs) * (32.0 * gaps + 3.0 * row), 2.0 * len(runs) * (12.0 * gaps + row)
+    size, memory = len(runs) * (32.0 * gaps + 3.0 * row), len(runs) * (_ROW + 20.0 * gaps + 2.0 * row)
     if study.keeps_results:
         single = isinstance(study.suite.keep, KeepConfig) and study.suite.keep.precision == "single"
         motions = plan.motions

@@ -35,7 +35,7 @@ from romdam.scene.build import build_scene
 from romdam.scene.model import Scene
 
 LAYOUT = "romdam-suite-2"
-MOST_RUNS = 2_000_000
+MOST_RUNS = 1_000_000
 TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
 MOST_TOGETHER = 32
 _COPIES = 3.0  # of a history while it is made, compared and written

@@ -145,6 +145,8 @@ def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
     lines = _lines(path)
     if len(lines) < 2:
         raise ConfigError(f"{path}: holds no samples; expected a line of names, then a line for each sample")
+    if len(lines) > MOST_SAMPLES + 1:
+        raise ConfigError(f"{path}: holds {len(lines) - 1} samples, limit {MOST_SAMPLES}; split the table")
     columns = lines[0][1]
     if sorted(columns) != sorted(places):
         raise ConfigError(

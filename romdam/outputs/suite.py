@@ -256,7 +256,7 @@ def _kept_results(summary: xr.Dataset, folder: Path) -> dict[str, Path]:
         return {path.stem: path for path in sorted((folder / RUNS_FOLDER).glob("*.nc"))}
     names = summary.record.values
     return {
-        f"{names[i]}__{k}__{s}": folder / RUNS_FOLDER / str(file)
+        f"{names[i]}__{k}__{s}": folder / RUNS_FOLDER / Path(str(file)).name
         for (i, k, s), file in np.ndenumerate(summary.file.values)
         if file
     }

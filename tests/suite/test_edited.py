@@ -196,6 +196,14 @@ def test_something_else_in_the_place_of_the_rows_is_refused(tmp_path, what):
         made(config, tmp_path / "out")
 
 
+@pytest.mark.parametrize("name", ["summary.nc", "design.nc"])
+def test_a_folder_in_the_place_of_the_summary_is_told_beforehand(tmp_path, name):
+    (tmp_path / "out" / name).mkdir(parents=True)
+    with pytest.raises(ResultError, match="is a folder"):
+        made(write_job(tmp_path, records=1), tmp_path / "out")
+    assert not (tmp_path / "out" / JOURNAL).exists()
+
+
 SHADOWS = ("gap", "joint", "component", "scale", "record", "sample", "node", "peak_opening", "status",
            "run_key", "parameter_gap", "record_pga", "time", "file")  # fmt: skip
 
