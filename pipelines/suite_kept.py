@@ -11,6 +11,7 @@ import logging
 import os
 import shutil
 from dataclasses import replace
+from multiprocessing import parent_process
 
 import h5py
 
@@ -52,8 +53,12 @@ def write_kept(study: Study, run: Run, case: Case, attributes: dict[str, object]
     Raises
     ------
     ResultError
-        where the folder or the disk refuses it.
+        where the folder or the disk refuses it, and in a worker whose suite was killed: another may be at
+        work in the folder by now.
     """
+    parent = parent_process()
+    if parent is not None and not parent.is_alive():
+        raise ResultError(f"{study.folder}: nothing more is written, the suite of this worker was killed")
     dataset = build_dataset(case, study.job, Timing({}, {}), study.files.get("model_file"))
     dataset.attrs.pop("solver_batch", None)  # how many runs marched together is not of this one
     labels = _labels(study, job_labels(study.job), run, case.motion)

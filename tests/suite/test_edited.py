@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from romdam.errors import ConfigError, ResultError
 from romdam.outputs.responses import PARAMETER, parameters
 from romdam.outputs.suite_journal import JOURNAL, read_rows
 from romdam.pipelines import suite as pipeline
+from romdam.pipelines import suite_kept
 from romdam.pipelines.suite import SuiteOptions, run_suite
 from romdam.pipelines.suite_folder import LOCK, clean, suite_lock
 
@@ -253,6 +255,19 @@ def test_the_lock_goes_with_a_process_that_is_killed(tmp_path):
     running.wait()
     assert not _is_held(lock)
     assert made(config, tmp_path / "out").summary.status.values.tolist() == [[[0]]]
+
+
+def test_a_worker_whose_suite_was_killed_writes_nothing_more(tmp_path, monkeypatch):
+    monkeypatch.setattr(suite_kept, "parent_process", lambda: SimpleNamespace(is_alive=lambda: False))
+    with pytest.raises(ResultError, match="was killed"):
+        made(write_job(tmp_path, records=1, suite={"keep": "full"}), tmp_path / "out")
+    assert not list((tmp_path / "out" / "runs").glob("*.nc"))
+
+
+def test_workers_of_a_suite_that_lives_write_what_is_kept(tmp_path):
+    job = romdam.load_config(write_job(tmp_path, records=2, suite={"keep": "full", "batch": 1}))
+    assert run_suite(job, tmp_path / "out", SuiteOptions(workers=2)).made == 2
+    assert len(list((tmp_path / "out" / "runs").glob("*.nc"))) == 2
 
 
 def _is_held(path):
