@@ -21,7 +21,7 @@ from romdam.outputs.report_study import Study, Wanted, responses
 from romdam.outputs.responses import response_of
 from romdam.outputs.suite import SUMMARY, open_summary
 from romdam.pipelines.run import Clock, Stage, silent
-from romdam.pipelines.suite import read_records
+from romdam.pipelines.suite_plan import read_records
 from romdam.scene.build import build_scene
 from romdam.scene.model import Scene
 

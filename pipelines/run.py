@@ -52,10 +52,12 @@ class Outcome:
     ----------
     paths : result files, in the order of the records
     failures : record name -> message
+    others : result files in the folder that this run did not write
     """
 
     paths: tuple[Path, ...]
     failures: dict[str, str]
+    others: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,8 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
             if len(motions) + len(failures) == 1:
                 raise
             failures[motion.name] = str(error)
-    return Outcome(tuple(paths), failures)
+    others = tuple(path for path in sorted(folder.glob("*.nc")) if path not in paths)
+    return Outcome(tuple(paths), failures, others)
 
 
 def write_shared(folder: Path, model: Model) -> dict[str, str]:

@@ -3,49 +3,41 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
-from romdam.config.parameters import Place, vary
-from romdam.config.suite import KeepConfig, SuiteConfig
-from romdam.errors import ConfigError, RecordError, placed
-from romdam.fem.gaps import gap_law
+from romdam.config.suite import KeepConfig
+from romdam.errors import ResultError, placed
 from romdam.files import prepare_folder, sweep_parts
 from romdam.outputs.dataset import write_dataset
-from romdam.outputs.design import design_dataset, parameter_places
 from romdam.outputs.suite import (
     CACHE_FOLDER,
     DESIGN,
-    ROWS_FOLDER,
     RUNS_FOLDER,
-    SuiteRecord,
-    intensity,
+    SUMMARY,
     summary_dataset,
     write_summary,
 )
-from romdam.outputs.suite_rows import Row, write_rows
+from romdam.outputs.suite_journal import JOURNAL, append_rows
+from romdam.outputs.suite_rows import Row
 from romdam.pipelines.cluster import Pool, open_pool
-from romdam.pipelines.doubts import tell_doubts
-from romdam.pipelines.run import Clock, Model, Stage, settled, silent, with_finer, write_shared
-from romdam.pipelines.shaking import check_interval
-from romdam.pipelines.sizes import refuse_lengths
+from romdam.pipelines.run import Clock, Model, Stage, silent, with_finer, write_shared
 from romdam.pipelines.stresses import stress_fields
-from romdam.pipelines.suite_plan import divide, finished, plan_runs, row_bytes, tasks_of, written_rows
-from romdam.pipelines.suite_runs import Run, Study, Task, run_task, sample_scene
-from romdam.records.motion import GroundMotion
-from romdam.records.tolerant import load_each
+from romdam.pipelines.suite_folder import leftovers, of_no_run, suite_lock
+from romdam.pipelines.suite_plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
+from romdam.pipelines.suite_runs import run_task
+from romdam.pipelines.suite_study import Study, Task
 from romdam.reduction.store import BlockStore
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene.build import build_scene
-from romdam.scene.model import Scene
 
 log = logging.getLogger(__name__)
+
+_ROW = 4e3  # bytes of the objects of a row, beside its numbers
 
 
 @dataclass(frozen=True)
@@ -74,6 +66,7 @@ class SuiteOutcome:
     summary : the summary
     runs, made : all runs, and those of them that this call made
     failures : name of a record or a run -> message
+    leftovers : files in the folder that are of no run of this design
     """
 
     path: Path
@@ -81,6 +74,7 @@ class SuiteOutcome:
     runs: int
     made: int
     failures: dict[str, str]
+    leftovers: tuple[Path, ...] = ()
 
 
 def run_suite(
@@ -97,175 +91,110 @@ def run_suite(
     job : a configuration with `pipeline: suite`
     out : folder, made if needed; what is finished there is kept
     show : told of every stage and its progress
-    tell : told what is going to be made, and its size, before it is; then what is odd about the records
+    tell : told what is going to be made, and its size, before it is; then what is odd about the records, and
+        what else lies in the folder
 
     Raises
     ------
     RomdamError
-        for bad input, and where the disk refuses a file; a run or record that fails becomes a failed row.
+        for bad input, where another suite works in the folder, and where the disk refuses a file; a run or
+        record that fails becomes a failed row.
     """
-    job, options, clock = _suite_job(job), options or SuiteOptions(), Clock(show)
+    options, clock = options or SuiteOptions(), Clock(show)
     folder = prepare_folder(Path(out).absolute())
+    _refuse_folders(folder)
     one_thread = threadpool_limits(limits=1)  # the bits of a result must not depend on the number of cores
-    with one_thread, open_pool(options.workers, options.scheduler, run_task.__module__, folder) as pool:
-        with clock.stage("records", "reading records"):
-            records = read_records(job)
-        motions = [record.motion for record in records if record.motion is not None]
-        refuse_lengths(job, motions)
-        tell_doubts(job, ())  # of the records there may be hundreds
-        job = settled(job, motions, clock)
-        places = parameter_places(job, _suite(job))
-        design = design_dataset(job, _suite(job), places)
-        write_dataset(design, folder / DESIGN)
-        study = build_study(job, (places, design), folder, options.cache, clock)
-        rows, made = _make_missing(study, records, folder, (pool, clock, tell))
-    for record in records:
-        if record.motion is not None and record.motion.warnings:
-            tell(f"warning: {record.name}: {'; '.join(record.motion.warnings)}")
-    with clock.stage("summary", "writing the summary"):
-        summary = summary_dataset(job, study.model.scene, design, records, rows)
-        path = write_summary(summary, folder)
-    return SuiteOutcome(path, summary, summary.status.size, made, _failures(records, rows))
+    workers = open_pool(options.workers, options.scheduler, run_task.__module__, folder)
+    with suite_lock(folder), one_thread, workers as pool:
+        plan = make_plan(job, clock)
+        study = build_study(plan, folder, options.cache, clock)
+        rows, made = _make_missing(study, plan, folder, (pool, clock, tell))
+        with clock.stage("summary", "writing the summary"):
+            found = {run.place: rows[run.key] for run in plan.runs if run.key in rows}
+            summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
+            write_dataset(plan.design, folder / DESIGN)
+            path = write_summary(summary, folder)
+        left = leftovers(folder, plan, rows)
+    for name, motion in plan.motions.items():
+        if motion.warnings:
+            tell(f"warning: {name}: {'; '.join(motion.warnings)}")
+    if left:
+        tell(of_no_run(left, job.path, folder))
+    return SuiteOutcome(path, summary, summary.status.size, made, _failures(plan, rows), left)
 
 
-def _suite(job: Job) -> SuiteConfig:
-    return job.config.suite or SuiteConfig()
+def _refuse_folders(folder: Path) -> None:
+    """Refuse what would be found when the summary is written, after all runs."""
+    for name in (SUMMARY, DESIGN):
+        if (folder / name).is_dir():
+            raise ResultError(
+                f"{folder / name}: is a folder, the suite writes a file there; choose another --out"
+            )
 
 
-def _suite_job(job: Job) -> Job:
-    """The job with what its suite implies for the single runs.
-
-    Raises
-    ------
-    ConfigError
-        for a full-order model, and an output interval that the step does not divide.
-    """
-    suite, config = _suite(job), job.config
-    if config.model.order == "full":
-        raise ConfigError(
-            f"{job.path}: model.order: a suite needs a reduced model, got full; set order: reduced, "
-            "or use pipeline: run"
-        )
-    outputs = config.outputs
-    if isinstance(suite.keep, KeepConfig):
-        outputs = outputs.model_copy(update={"every": suite.keep.every})
-    job = replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
-    check_interval(job)
-    return job
-
-
-def read_records(job: Job) -> list[SuiteRecord]:
-    """Every record of a suite with its scale factors, those that cannot be used too.
-
-    Raises
-    ------
-    RecordError
-        where no record can be used.
-    """
-    suite = _suite(job)
-    records = []
-    for one in load_each(job.config.records, job.folder):
-        factors = np.full(len(suite.scales), np.nan)
-        message = one.error
-        if one.motion is not None:
-            factors, message = _factors(suite, one.motion)
-        records.append(SuiteRecord(one.name, None if message else one.motion, message, factors))
-    if all(record.motion is None for record in records):
-        raise RecordError("\n".join(f"{record.name}: {record.message}" for record in records))
-    return records
-
-
-def _factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[np.ndarray, str]:
-    """What a record is multiplied by at each scale; or why it cannot be scaled."""
-    target = suite.intensities
-    if target is None:
-        return np.array(suite.scales), ""
-    has = intensity(motion, target.measure, target.period, target.damping)
-    if has <= 0.0:
-        nothing = np.full(len(target.values), np.nan)
-        return nothing, f"{motion.name}: cannot be scaled to {target.measure}, it does not move"
-    return np.array(target.values) / has, ""
-
-
-def build_study(
-    job: Job, design: tuple[dict[str, Place], xr.Dataset], folder: Path, cache: Path | None, clock: Clock
-) -> Study:
-    """Scene and reduced model, once for all samples."""
-    places, table = design
-    samples = tuple(
-        {name: float(table[name].values[i]) for name in places} for i in range(table.sizes["sample"])
-    )
-    with clock.stage("scene", "building the scene"):
-        scene = _roughest(job, build_scene(job.config, job.folder, str(job.path)), places, samples)
-    own = _suite(job).cache
+def build_study(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Study:
+    """The reduced model, once for all samples."""
+    job, scene = plan.job, plan.scene
+    own = job.config.suite.cache if job.config.suite else None
     store = BlockStore(cache or (job.folder / own if own else folder / CACHE_FOLDER))
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     model = with_finer(job, Model(scene, reduced.system, reduced), clock, store)
     model = replace(model, stress=stress_fields(scene, reduced))
     job = replace(job, path=job.path.absolute())  # a worker of a cluster has a working folder of its own
-    study = Study(job, model, places, samples, folder / RUNS_FOLDER, {})
+    study = Study(job, model, plan.samples, folder / RUNS_FOLDER, {})
     if study.keeps_results:
         study = replace(study, files=write_shared(prepare_folder(study.folder), model))
     return study
 
 
-def _roughest(job: Job, scene: Scene, places: dict[str, Place], samples: Sequence[dict[str, float]]) -> Scene:
-    """The scene with the joints of a sample with shear, if there is one: its basis serves all samples."""
-    for values in samples if places else ():
-        varied = sample_scene(job, scene, vary(job.config, places, values, str(job.path)))
-        if gap_law(varied).directions == 3:
-            return varied
-    return scene
-
-
 def _make_missing(
-    study: Study,
-    records: Sequence[SuiteRecord],
-    folder: Path,
-    means: tuple[Pool, Clock, Callable[[str], None]],
-) -> tuple[list[Row], int]:
-    """Rows of all runs, and how many had to be made."""
+    study: Study, plan: Plan, folder: Path, means: tuple[Pool, Clock, Callable[[str], None]]
+) -> tuple[dict[str, Row], int]:
+    """Key -> row of all runs, and how many had to be made."""
     pool, clock, tell = means
-    motions = {record.name: record.motion for record in records if record.motion is not None}
-    with clock.stage("plan", "looking for finished runs"):
-        runs = plan_runs(study, records)
-        done = finished(study, folder, runs)
-        tasks = tasks_of(divide(study, runs, motions), done, motions)
-    tell(_announcement(study, runs, motions, len(done), folder))
-    sweep_parts(prepare_folder(folder / ROWS_FOLDER))
+    sweep_parts(folder)
     sweep_parts(study.folder)
-    rows = list(done.values())
-    with clock.stage("runs", f"{len(runs) - len(done)} runs") as progress:
+    with clock.stage("plan", "looking for finished runs"):
+        rows = finished(study, folder, plan)
+        tasks = tasks_of(study, plan, rows)
+    missing = sum(len(task.runs) for task in tasks)
+    tell(_announcement(study, plan, missing, folder))
+    left = missing
+    with clock.stage("runs", f"{missing} runs") as progress:
         for number, found in pool.map(run_task, study, tasks):
-            rows += _land(tasks[number], found, folder)
-            progress(len(rows) - len(done), len(runs) - len(done))
-    return rows, len(runs) - len(done)
+            rows |= {row.key: row for row in _land(tasks[number], found, folder)}
+            left -= len(tasks[number].runs)
+            progress(missing - left, missing)
+    return rows, missing
 
 
 def _land(task: Task, found: list[Row] | Exception, folder: Path) -> list[Row]:
     """Write the rows of a task; those of one whose workers died are left to be made again."""
     if isinstance(found, Exception):
         message = f"its workers died, {found}; lower suite.batch, or give the workers more memory"
-        return [Row(run.record, run.scale, run.sample, run.key, message) for run in task.runs]
-    write_rows(found, folder / ROWS_FOLDER / f"{task.name}.nc")
+        return [Row(run.key, message, lasts=False) for run in task.runs]
+    append_rows(folder / JOURNAL, [row for row in found if row.lasts])
     return found
 
 
-def _announcement(
-    study: Study, runs: Sequence[Run], motions: dict[str, GroundMotion], done: int, folder: Path
-) -> str:
+def _announcement(study: Study, plan: Plan, missing: int, folder: Path) -> str:
     """What is going to be made."""
-    gaps, joints = len(study.model.system.law), len(study.model.scene.joints)
-    size = len(runs) * (12.0 * gaps + 8.0 * (8 * joints + 20 + 3 * len(study.model.scene.probes)))
+    gaps, joints, runs = len(study.model.system.law), len(study.model.scene.joints), plan.runs
+    row = 8.0 * (8 * joints + 20 + 3 * len(study.model.scene.probes))
+    size, memory = len(runs) * (32.0 * gaps + 3.0 * row), len(runs) * (_ROW + 20.0 * gaps + 2.0 * row)
     if study.keeps_results:
         single = isinstance(study.suite.keep, KeepConfig) and study.suite.keep.precision == "single"
+        motions = plan.motions
         rows = sum(written_rows(study.job, motions[run.record]) for run in runs)
         size += rows * row_bytes(study) * (0.5 if single else 1.0)
-    before = f", {done} of them there already" if done else ""
-    return f"{len(runs)} runs{before}; up to {size / 1e6:.0f} MB in {folder}"
+    before = f", {len(runs) - missing} of them there already" if missing < len(runs) else ""
+    return (
+        f"{len(runs)} runs{before}; up to {max(1.0, size / 1e6):.0f} MB in {folder}, "
+        f"and {max(1.0, memory / 1e6):.0f} MB of memory for the summary"
+    )
 
 
-def _failures(records: Sequence[SuiteRecord], rows: Sequence[Row]) -> dict[str, str]:
-    bad = {record.name: record.message for record in records if record.motion is None}
-    return bad | {f"{row.record}__{row.scale}__{row.sample}": row.message for row in rows if row.message}
+def _failures(plan: Plan, rows: dict[str, Row]) -> dict[str, str]:
+    bad = {record.name: record.message for record in plan.records if record.motion is None}
+    return bad | {run.name: rows[run.key].message for run in plan.runs if rows[run.key].message}

@@ -114,6 +114,7 @@ def run(
     outcome = run_job(job, out, stages, cache)
     say(peaks_table({path.stem: romdam.open_result(path).dataset for path in outcome.paths}))
     say(*(f"written: {path}" for path in outcome.paths))
+    say(*(f"not of this run, but there from before: {path}" for path in outcome.others))
     for name, message in outcome.failures.items():
         typer.echo(f"{name}: {message}", err=True)
     if outcome.failures:
@@ -150,6 +151,8 @@ def _run_suite(
         typer.echo(line, err=True)
     if job.config.outputs.plots:
         say(f"written: {write_report(out, job=job, show=stages)}")
+    elif (out / "report.html").exists():
+        say(f"{out / 'report.html'}: is of an earlier summary; `romdam report {out}` writes it again")
     if outcome.failures:
         raise typer.Exit(FAILED)
 
@@ -178,6 +181,27 @@ def report(
     stages, say = _terminal(quiet, verbose)
     job = romdam.load_config(config) if config else None
     say(f"written: {write(folder, Options(response, intensity, tuple(threshold or ())), job, stages)}")
+
+
+@app.command(epilog=EXIT_CODES)
+def clean(
+    config: Config,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder that the suite was written to.")],
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Remove what is listed; without it nothing is changed.")
+    ] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """List, and with --remove remove, what earlier designs of the suite CONFIG have left in OUT.
+
+    Rows and results of runs that CONFIG no longer asks for go; files that romdam did not write stay.
+    """
+    from romdam.pipelines.suite_folder import clean as clean_folder
+    from romdam.terminal import clean_lines
+
+    stages, say = _terminal(quiet, verbose)
+    say(*clean_lines(clean_folder(romdam.load_config(config), out, remove, stages), remove))
 
 
 @app.command(epilog=EXIT_CODES)

@@ -1,11 +1,11 @@
-"""SHA-256 of plain data: what a stored file was made from."""
+"""SHA-256 of plain data: what a stored file was made from; and of a file's bytes."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,6 +26,18 @@ def fingerprint(value: object) -> str:
     content = hashlib.sha256()
     _add(content, value)
     return content.hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file's bytes.
+
+    Raises
+    ------
+    OSError
+        where it cannot be read.
+    """
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _add(content: _Hash, value: Any) -> None:

@@ -211,8 +211,8 @@ def creating(path: Path, size: int = 0) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def changing(path: Path) -> Iterator[h5py.File]:
-    """Give a copy of an HDF5 file that takes the file's place once the body has ended well.
+def changing(path: Path, target: Path | None = None) -> Iterator[h5py.File]:
+    """Give a copy of an HDF5 file that takes its place, or that of `target`, once the body has ended well.
 
     Raises
     ------
@@ -220,7 +220,7 @@ def changing(path: Path) -> Iterator[h5py.File]:
         where the file cannot be read, or the disk or the folder refuses the copy.
     """
     examine(path)
-    with replacing(path, path.stat().st_size) as part:
+    with replacing(target or path, path.stat().st_size) as part:
         shutil.copyfile(path, part)
         with SteadyStream(part, "r+") as stream, h5py.File(stream, "r+") as file:
             yield file

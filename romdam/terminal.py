@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from romdam.pipelines.check import Check
     from romdam.pipelines.suite import SuiteOutcome
+    from romdam.pipelines.suite_folder import Cleaned
 
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
 
@@ -155,6 +156,15 @@ def failure_lines(outcome: SuiteOutcome) -> list[str]:
         lines.append(f"{', '.join(names[:_SHOWN])}{more}: {message}")
     failed = int((outcome.summary.status > 0).sum())
     return [*lines, f"{failed} of {outcome.runs} runs failed"] if lines else []
+
+
+def clean_lines(found: Cleaned, removed: bool) -> list[str]:
+    """What of a suite's folder is of no run of its design."""
+    does = "removed" if removed else "would be removed"
+    lines = [f"{does}: {path}" for path in found.files]
+    lines += [f"left, romdam did not write it so: {path}" for path in found.kept]
+    lines.append(f"{does}: {len(found.files)} files, {found.size / 1e6:.1f} MB, and {found.rows} rows")
+    return lines if removed or not (found.files or found.rows) else [*lines, "--remove removes them"]
 
 
 def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError
@@ -109,13 +110,18 @@ def si_value(place: Place, value: float | str, name: str, source: str) -> float:
     if value == "rigid" and place.keys == ("normal_stiffness",):
         return float("inf")
     try:
-        found = TypeAdapter(_annotation(place)).validate_python(value)
+        found = _adapter(place).validate_python(value)
     except ValidationError as error:
         message = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise ConfigError(
             f"{source}: suite.parameters.{name}: {place.path}: {message}, got {shown(value)}"
         ) from None
     return float(found[0] if isinstance(found, tuple) else found)
+
+
+@cache
+def _adapter(place: Place) -> TypeAdapter[Any]:
+    return TypeAdapter(_annotation(place))
 
 
 def _annotation(place: Place) -> Any:

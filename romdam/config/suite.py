@@ -60,7 +60,7 @@ class ParameterConfig(Model):
 class LatinHypercubeConfig(Model):
     """A Latin hypercube of so many samples."""
 
-    latin_hypercube: Annotated[Whole, Field(ge=1)]
+    latin_hypercube: Annotated[Whole, Field(ge=1, le=MOST_RUNS)]
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
 
 

@@ -305,10 +305,11 @@ def sensitivity(
     ResultError
         for a response that the suite does not have.
     """
-    values, names = response_of(summary, response), parameters(summary)
+    values, given = response_of(summary, response), parameters(summary)
+    names = list(given)
     effect, logarithmic = _effects(values)
     there = np.isfinite(effect)
-    varied = {n: summary[n].values[there] for n in names if len(np.unique(summary[n].values[there])) > 1}
+    varied = {n: v.values[there] for n, v in given.items() if len(np.unique(v.values[there])) > 1}
     count = int(there.sum())
     about = about_runs(summary, values) | {
         "samples": count,

@@ -23,6 +23,7 @@ from romdam.errors import ResultError
 from romdam.outputs.checking import check_run
 from romdam.outputs.concerns import concerns
 from romdam.outputs.variables import COORDINATES, VARIABLES, Case, Variable
+from romdam.records.motion import GroundMotion
 from romdam.sealed import Opened, examine, sealing
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
@@ -71,29 +72,45 @@ def library_versions() -> str:
     return json.dumps({name: version(name) for name in LIBRARIES} | {"python": platform.python_version()})
 
 
-def _attributes(case: Case, job: Job) -> dict[str, object]:
-    motion = case.motion
+def job_labels(job: Job) -> dict[str, object]:
+    """What a result says of the configuration that it belongs to."""
     return {
-        "Conventions": "CF-1.11",
         "title": job.config.title or job.path.stem,
-        "source": f"romdam {romdam.__version__}",
-        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "record": motion.name,
-        "record_provenance": json.dumps(motion.provenance, default=str),
-        "record_warnings": json.dumps(list(motion.warnings)),
-        "run_warnings": json.dumps(concerns(case.history.stats)),
-        "record_dt": motion.dt,
-        "record_peak_acceleration": float(np.abs(motion.acc).max()),
         "configuration_file": job.path.name,
         "configuration": json.dumps(job.config.model_dump(mode="json")),
         "configuration_sha256": job.digest,
         "configuration_doubts": json.dumps(doubts(job.config)),
-        "model_order": job.config.model.order,
-        "integrator": case.history.integrator,
-        "dt": case.history.stats["finest_step"],
-        "versions": library_versions(),
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
     }
+
+
+def record_labels(motion: GroundMotion) -> dict[str, object]:
+    """What a result says of where its ground motion comes from."""
+    return {
+        "record": motion.name,
+        "record_provenance": json.dumps(motion.provenance, default=str),
+        "record_warnings": json.dumps(list(motion.warnings)),
+    }
+
+
+def _attributes(case: Case, job: Job) -> dict[str, object]:
+    motion = case.motion
+    return (
+        job_labels(job)
+        | record_labels(motion)
+        | {
+            "Conventions": "CF-1.11",
+            "source": f"romdam {romdam.__version__}",
+            "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "record_dt": motion.dt,
+            "record_peak_acceleration": float(np.abs(motion.acc).max()),
+            "run_warnings": json.dumps(concerns(case.history.stats)),
+            "model_order": job.config.model.order,
+            "integrator": case.history.integrator,
+            "dt": case.history.stats["finest_step"],
+            "versions": library_versions(),
+            "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        }
+    )
 
 
 def _timing_attributes(case: Case, timing: Timing) -> dict[str, object]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,12 +14,20 @@ from numpy.typing import NDArray
 
 from romdam.config.load import Job
 from romdam.config.parameters import Place, find_place, si_value
-from romdam.config.suite import DesignTableConfig, LatinHypercubeConfig, ParameterConfig, SuiteConfig
-from romdam.errors import ConfigError
+from romdam.config.suite import (
+    MOST_RUNS,
+    DesignTableConfig,
+    LatinHypercubeConfig,
+    ParameterConfig,
+    SuiteConfig,
+)
+from romdam.errors import ConfigError, shown
+from romdam.files import check_file
 from romdam.fingerprint import fingerprint
+from romdam.outputs.responses import PARAMETER
 
 Floats = NDArray[np.float64]
-MOST_SAMPLES = 1_000_000
+_MOST_TABLE = 1e9  # bytes
 
 
 def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
@@ -49,7 +58,7 @@ def _beside(one: Place, other: Place) -> bool:
 
 
 def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) -> xr.Dataset:
-    """The samples of a suite: dims sample, a variable for each parameter, SI.
+    """The samples of a suite: dims sample, a variable `parameter_<name>` for each parameter, SI.
 
     Raises
     ------
@@ -68,7 +77,7 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) ->
         kind = "full grid"
     count = len(next(iter(values.values()))) if values else 1
     data = {
-        name: ("sample", column, {"units": places[name].units, "long_name": places[name].path})
+        PARAMETER + name: ("sample", column, {"units": places[name].units, "long_name": places[name].path})
         for name, column in values.items()
     }
     attributes = {"design": kind, "content_sha256": fingerprint(values)}
@@ -99,13 +108,13 @@ def _range(name: str, one: ParameterConfig, place: Place, source: str) -> tuple[
 def _grid(
     parameters: Mapping[str, ParameterConfig], places: Mapping[str, Place], source: str
 ) -> dict[str, Floats]:
-    levels = {name: _levels(name, one, places[name], source) for name, one in parameters.items()}
-    count = int(np.prod([len(values) for values in levels.values()], dtype=np.int64)) if levels else 1
-    if count > MOST_SAMPLES:
+    count = math.prod(len(one.values or ()) or one.count or 2 for one in parameters.values())
+    if count > MOST_RUNS:
         raise ConfigError(
-            f"{source}: suite.parameters: the full grid has {count} samples, limit {MOST_SAMPLES}; "
+            f"{source}: suite.parameters: the full grid has {count} samples, limit {MOST_RUNS}; "
             "use design: {latin_hypercube: 1000}"
         )
+    levels = {name: _levels(name, one, places[name], source) for name, one in parameters.items()}
     rows = list(itertools.product(*levels.values()))
     return {name: np.array([row[i] for row in rows]) for i, name in enumerate(levels)}
 
@@ -133,28 +142,42 @@ def _latin_hypercube(
 
 
 def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
-    try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines(), skipinitialspace=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
-    if not rows:
+    lines = _lines(path)
+    if len(lines) < 2:
         raise ConfigError(f"{path}: holds no samples; expected a line of names, then a line for each sample")
-    if set(rows[0]) != set(places):
+    if len(lines) > MOST_RUNS + 1:
+        raise ConfigError(f"{path}: holds {len(lines) - 1} samples, limit {MOST_RUNS}; split the table")
+    columns = lines[0][1]
+    if sorted(columns) != sorted(places):
         raise ConfigError(
-            f"{path}: has the columns {', '.join(map(str, rows[0]))}, expected one for each parameter: "
+            f"{path}: has the columns {shown(', '.join(columns))}, expected one for each parameter, once: "
             f"{', '.join(places)}"
         )
+    for number, cells in lines[1:]:
+        if len(cells) != len(columns):
+            raise ConfigError(
+                f"{path}: line {number}: has {len(cells)} values for {len(columns)} columns; separate them "
+                "by commas, and write numbers with a decimal point"
+            )
     return {
-        name: np.array([_cell(path, number, row[name], name, place) for number, row in enumerate(rows, 2)])
+        name: np.array([_cell(path, number, cells[at], name, place) for number, cells in lines[1:]])
         for name, place in places.items()
+        for at in (columns.index(name),)
     }
 
 
-def _cell(path: Path, line: int, value: str | None, name: str, place: Place) -> float:
-    text = (value or "").strip()
+def _lines(path: Path) -> list[tuple[int, list[str]]]:
+    """Number and cells of every line of a table that is not empty."""
+    check_file(path, _MOST_TABLE, ConfigError)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, skipinitialspace=True, strict=True)
+            return [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
+
+
+def _cell(path: Path, line: int, text: str, name: str, place: Place) -> float:
     if not text:
         raise ConfigError(f"{path}: line {line}: no value for {name}")
-    try:
-        return si_value(place, float(text), name, f"{path}: line {line}")
-    except ValueError:
-        return si_value(place, text, name, f"{path}: line {line}")
+    return si_value(place, text, name, f"{path}: line {line}")

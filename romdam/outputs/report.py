@@ -102,7 +102,7 @@ def _what(study: Study) -> Section:
         ["modes", modes],
         ["time stepping", step],
     ]
-    varied = [_range(summary[name]) for name in parameters(summary)]
+    varied = [_range(name, values) for name, values in parameters(summary).items()]
     joints = []
     for name in summary.joint.values if "joint" in summary.coords else ():
         chosen = summary.gap_joint.values == name
@@ -119,10 +119,10 @@ def _what(study: Study) -> Section:
     )
 
 
-def _range(values: xr.DataArray) -> list[object]:
+def _range(name: str, values: xr.DataArray) -> list[object]:
     low, middle, high = (float(np.quantile(values, q, method="nearest")) for q in (0.0, 0.5, 1.0))
     unit = plots.unit_text(str(values.attrs.get("units", "1")))
-    return [str(values.name), unit, low, middle, high, str(values.attrs.get("long_name", ""))]
+    return [name, unit, low, middle, high, str(values.attrs.get("long_name", ""))]
 
 
 def _records(study: Study) -> Section:

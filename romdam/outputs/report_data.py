@@ -17,7 +17,7 @@ from romdam.records.spectra import pseudo_acceleration
 DATA = "report-data.nc"
 PERIODS = np.geomspace(0.02, 5.0, 60)  # [s]
 DAMPING = 0.05
-_KEY = "configuration_sha256"
+_KEYS = ("configuration_sha256", "runs_sha256")  # attributes of the summary that the data belong to
 
 
 def report_data(
@@ -54,7 +54,7 @@ def report_data(
         "source": f"romdam {romdam.__version__}",
         "damping": DAMPING,
         "scaled": scaled,
-        _KEY: str(summary.attrs.get(_KEY, "")),
+        **{key: str(summary.attrs.get(key, "")) for key in _KEYS},
     }
     coords = {"record": summary.record.values, "period": ("period", PERIODS, {"units": "s"})}
     return xr.Dataset(data, coords, attributes)
@@ -75,6 +75,6 @@ def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:
             raise ResultError(
                 f"{folder / DATA}: lacks {', '.join(missing)}; `romdam report --config` writes it again"
             )
-        same = data.attrs.get(_KEY) == summary.attrs.get(_KEY)
+        same = all(data.attrs.get(key, "") == summary.attrs.get(key, "") for key in _KEYS)
         same = same and list(data.record.values) == list(summary.record.values)
         return data.load() if same else None

@@ -13,6 +13,7 @@ from romdam.errors import ResultError
 Floats = NDArray[np.float64]
 RUNS = ("record", "scale", "sample")
 MEASURE = "record_"  # how the summary's variables of the records' measures begin
+PARAMETER = "parameter_"  # and those of the samples' parameters, which a user may call `gap` or `scale`
 
 
 def response_of(summary: xr.Dataset, response: str) -> xr.DataArray:
@@ -64,9 +65,10 @@ def measures(summary: xr.Dataset) -> list[str]:
     return [str(n).removeprefix(MEASURE) for n in summary.data_vars if str(n).startswith(MEASURE)]
 
 
-def parameters(summary: xr.Dataset) -> list[str]:
-    """Names of the parameters that the samples vary."""
-    return [str(n) for n, v in summary.coords.items() if v.dims == ("sample",) and n != "sample"]
+def parameters(summary: xr.Dataset) -> dict[str, xr.DataArray]:
+    """Name -> values (sample) of the parameters that the samples vary; 0.1 wrote them without prefix."""
+    found = {str(n): v for n, v in summary.coords.items() if v.dims == ("sample",) and n != "sample"}
+    return {name.removeprefix(PARAMETER): values for name, values in found.items()}
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +17,21 @@ from numpy.typing import NDArray
 import romdam
 from romdam.config.load import Job
 from romdam.errors import ResultError
+from romdam.fingerprint import fingerprint
 from romdam.outputs.case import Array
 from romdam.outputs.checking import check_summary
 from romdam.outputs.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.outputs.record_measures import MEASURES
 from romdam.outputs.stress import MEASURES as STRESS
-from romdam.outputs.suite_rows import DONE, FAILED, Row, attributes_of, dims_of
+from romdam.outputs.suite_rows import DONE, FAILED, ROWS, STATED, Row, attributes_of, dims_of
 from romdam.records.measures import measure
 from romdam.records.motion import GroundMotion
 from romdam.records.spectra import pseudo_acceleration
 from romdam.scene.model import Scene
 
 Floats = NDArray[np.float64]
-SUMMARY, DESIGN, ROWS_FOLDER, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "rows", "runs", "cache"
+Place = tuple[int, int, int]  # numbers of record, scale and sample
+SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
 # how a measure grows with the scale of the record; the others do not change
 _POWER = {"pga": 1, "pgv": 1, "pgd": 1, "cav": 1, "sa": 1, "arias": 2}
 _SINGLE = ("gap_peak_opening",)  # maps, in single precision
@@ -78,7 +81,7 @@ def intensity(motion: GroundMotion, name: str, period: float | None, damping: fl
 
 
 def summary_dataset(
-    job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], rows: Sequence[Row]
+    job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], rows: Mapping[Place, Row]
 ) -> xr.Dataset:
     """Put the rows of a suite into one Dataset.
 
@@ -88,42 +91,50 @@ def summary_dataset(
     scene : for the joints and gaps
     design : the samples
     records : all of them, in order, those that failed too
-    rows : of the runs; a run without a row has not been made
+    rows : (record, scale, sample) -> row; a run without a row has not been made
 
     Returns
     -------
     Dataset with dims record, scale, sample, and joint, gap, node, component, stress_measure where they apply
     """
     assert job.config.suite is not None
-    numbers = {record.name: i for i, record in enumerate(records)}
     shape = (len(records), len(_scales(job)[0]), design.sizes["sample"])
-    place = [(numbers[row.record], row.scale, row.sample) for row in rows]
     data: dict[str, Any] = {}
-    for name in dict.fromkeys(n for row in rows for n in row.values):
-        known = next(row.values[name] for row in rows if name in row.values)
+    # in the order of the table: that of the rows is one of chance
+    present = {name for row in rows.values() for name in row.values}
+    for name in (name for name in (*ROWS, *STATED) if name in present):
+        known = next(row.values[name] for row in rows.values() if name in row.values)
         whole = np.full((*shape, *known.shape), np.nan, np.float32 if name in _SINGLE else np.float64)
-        for at, row in zip(place, rows, strict=True):
+        for at, row in rows.items():
             if name in row.values:
                 whole[at] = row.values[name]
         data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
     measures = record_measures(records, job.config.suite.period)
     for name, values in measures.items():
         data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, job.config.suite.period))
-    data |= _status(shape, place, records, rows)
-    return xr.Dataset(data, _coordinates(job, scene, design, records, data), _attributes(job, design))
+    data |= _status(shape, records, rows)
+    data["file"] = _files(shape, rows)
+    contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
+    attributes = _attributes(job, design) | {"runs_sha256": contents}
+    return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+
+
+def _files(shape: tuple[int, ...], rows: Mapping[Place, Row]) -> Any:
+    files = np.full(shape, "", dtype=object)
+    for at, row in rows.items():
+        files[at] = "" if row.kept is None else row.kept.file
+    about = {"long_name": f"the run's own result in {RUNS_FOLDER}, if kept"}
+    return ("record", "scale", "sample"), files.astype(str), about
 
 
 def _status(
-    shape: tuple[int, ...],
-    place: Sequence[tuple[int, int, int]],
-    records: Sequence[SuiteRecord],
-    rows: Sequence[Row],
+    shape: tuple[int, ...], records: Sequence[SuiteRecord], rows: Mapping[Place, Row]
 ) -> dict[str, Any]:
     status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)
     for i, record in enumerate(records):
         if record.motion is None:
             message[i] = record.message
-    for at, row in zip(place, rows, strict=True):
+    for at, row in rows.items():
         status[at], message[at] = FAILED if row.message else DONE, row.message
     dims = ("record", "scale", "sample")
     flags = {"flag_values": np.array([DONE, FAILED], dtype=np.int8), "flag_meanings": "done failed"}
@@ -170,7 +181,7 @@ def _coordinates(
             {"units": "1", "long_name": "what the record is multiplied by"},
         ),
     }
-    coords |= {str(name): ("sample", v.values, dict(v.attrs)) for name, v in design.data_vars.items()}
+    coords |= {str(name): ("sample", v.values, v.attrs) for name, v in design.data_vars.items()}
     joints = list(scene.joints.values())
     if joints:
         coords["joint"] = ("joint", np.array([joint.name for joint in joints], dtype=str))
@@ -232,21 +243,38 @@ def open_summary(folder: Path) -> xr.Dataset:
 
 
 def open_suite(folder: str | Path) -> xr.DataTree:
-    """Open a suite lazily: the summary at the root, `design`, and every kept result under `runs/<name>`.
+    """Open a suite lazily: the summary at the root, `design`, and every kept result.
+
+    The result of the third record at the first scale with the second sample is `runs/<record>__0__1`.
 
     Raises
     ------
     ResultError
-        where the folder holds no summary.
+        where the folder holds no summary, or not the kept results that the summary names.
     """
     folder = Path(folder)
     if not (folder / SUMMARY).is_file():
         raise ResultError(
             f"{folder}: holds no {SUMMARY}; `romdam run CONFIG --out DIR` with `suite:` makes it"
         )
-    parts = {"/": open_summary(folder)}
+    summary = open_summary(folder)
+    parts = {"/": summary}
     if (folder / DESIGN).is_file():
-        parts["/design"] = open_netcdf(folder / DESIGN)[0]
-    for path in sorted((folder / RUNS_FOLDER).glob("*.nc")):
-        parts[f"/runs/{path.stem}"] = open_dataset(path)
+        design = open_netcdf(folder / DESIGN)[0]
+        if design.attrs.get("content_sha256") == summary.attrs.get("design_sha256"):
+            parts["/design"] = design
+    for name, path in _kept_results(summary, folder).items():
+        parts[f"/runs/{name}"] = open_dataset(path)
     return xr.DataTree.from_dict(parts)
+
+
+def _kept_results(summary: xr.Dataset, folder: Path) -> dict[str, Path]:
+    """<record>__<scale>__<sample> -> file of every result that is kept."""
+    if "file" not in summary:  # romdam 0.1 named them so
+        return {path.stem: path for path in sorted((folder / RUNS_FOLDER).glob("*.nc"))}
+    names = summary.record.values
+    return {
+        f"{names[i]}__{k}__{s}": folder / RUNS_FOLDER / Path(str(file)).name
+        for (i, k, s), file in np.ndenumerate(summary.file.values)
+        if file
+    }

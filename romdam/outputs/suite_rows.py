@@ -1,54 +1,59 @@
-"""One run of a suite as a row of numbers, and the files that hold finished rows.
-
-`rows/<task>.nc` holds the rows of one task with dims run and those of the variables; it is written whole
-or not at all, so a row that is there is finished. `key` is the SHA-256 of everything the run depends on.
-"""
+"""One run of a suite as a row of numbers."""
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from romdam.dynamics.system import History
-from romdam.files import replacing
 from romdam.outputs.case import Array, Case, Variable
 from romdam.outputs.stress import MEASURES as STRESS
-
-log = logging.getLogger(__name__)
 
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
 OPEN, SLIP = 0, 2
 DONE, FAILED = 0, 1
-RUN_KEY = "suite_run_key"  # attribute of a kept result
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Row:
-    """What a suite keeps of one run.
+class Kept:
+    """The result file of a run that is kept whole.
 
     Attributes
     ----------
-    record, scale, sample : the run's place in the suite: name and two numbers
-    key : SHA-256 of what the run depends on
-    message : why it failed; empty where it did not
-    values : name -> array, see `ROWS`; empty where it failed
+    file : its name
+    sha256 : of its bytes
+    labels : fingerprint of its attributes that name the run: they follow the design, not the run's content
+    shared : what it shares with others: attribute -> file name
     """
 
-    record: str
-    scale: int
-    sample: int
+    file: str
+    sha256: str
+    labels: str
+    shared: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a suite keeps of one run; it says nothing of the run's place in the suite, which may change.
+
+    Attributes
+    ----------
+    key : SHA-256 of everything the run depends on
+    message : why it failed; empty where it did not
+    values : name -> array, see `ROWS`; empty where it failed
+    kept : its result file, where results are kept whole
+    lasts : whether it fails again wherever it is made; a row that does not is not kept
+    """
+
     key: str
     message: str = ""
     values: dict[str, Array] = field(default_factory=dict)
+    kept: Kept | None = None
+    lasts: bool = True
 
 
 def _joints(case: Case) -> bool:
@@ -201,7 +206,9 @@ STATED: dict[str, tuple[str, str]] = {
 def row_values(case: Case, stated: dict[str, float]) -> dict[str, Array]:
     """The numbers of a finished run."""
     values = {n: np.asarray(v.get(case), dtype=float) for n, v in ROWS.items() if v.when(case)}
-    return values | {name: np.asarray(value) for name, value in stated.items()}
+    values |= {name: np.asarray(value) for name, value in stated.items()}
+    # one NaN, of the many that there are: a row that was read again has that of JSON
+    return {name: np.where(np.isnan(value), np.nan, value) for name, value in values.items()}
 
 
 def attributes_of(name: str) -> dict[str, str]:
@@ -213,70 +220,3 @@ def attributes_of(name: str) -> dict[str, str]:
 def dims_of(name: str) -> tuple[str, ...]:
     """Dimensions of a variable of the rows, besides those of the suite."""
     return ROWS[name].dims if name in ROWS else ()
-
-
-def write_rows(rows: Sequence[Row], path: Path) -> None:
-    """Write the rows of a task, whole or not at all.
-
-    Raises
-    ------
-    ResultError
-        where the folder or the disk refuses it.
-    """
-    names = dict.fromkeys(name for row in rows for name in row.values)
-    data: dict[str, Any] = {
-        name: (("run", *dims_of(name)), _stacked([row.values.get(name) for row in rows]), attributes_of(name))
-        for name in names
-    }
-    for name in ("record", "key", "message"):
-        data[name] = ("run", np.array([getattr(row, name) for row in rows], dtype=object).astype(str))
-    for name in ("scale", "sample"):
-        data[name] = ("run", np.array([getattr(row, name) for row in rows], dtype=np.int64))
-    dataset = xr.Dataset(data)
-    with replacing(path, dataset.nbytes) as part:
-        dataset.to_netcdf(part, engine="h5netcdf")
-
-
-def _stacked(values: Sequence[Array | None]) -> Array:
-    """One array of all rows, NaN where a row has none."""
-    known = next(value for value in values if value is not None)
-    return np.stack([np.full(known.shape, np.nan) if value is None else value for value in values])
-
-
-def read_rows(paths: Iterable[Path]) -> list[Row]:
-    """Every row of the files; a file that cannot be read counts as not there."""
-    rows: list[Row] = []
-    for path in paths:
-        try:
-            with xr.load_dataset(path, engine="h5netcdf") as dataset:
-                rows += _rows_of(dataset)
-        except (OSError, ValueError, KeyError, RuntimeError) as error:
-            log.warning("%s: cannot be read (%s); its runs are made again", path, error)
-    return rows
-
-
-def result_key(path: Path) -> str | None:
-    """The key of the run that a kept result is of; None where there is no such file."""
-    try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs.get(RUN_KEY))
-    except OSError:
-        return None
-
-
-def _rows_of(dataset: xr.Dataset) -> list[Row]:
-    text = {name: dataset[name].values.astype(str) for name in ("record", "key", "message")}
-    place = {name: dataset[name].values for name in ("scale", "sample")}
-    names = [str(n) for n in dataset.data_vars if n not in text and n not in place]
-    columns = {name: dataset[name].values for name in names}
-    return [
-        Row(
-            str(text["record"][i]),
-            int(place["scale"][i]),
-            int(place["sample"][i]),
-            str(text["key"][i]),
-            str(text["message"][i]),
-            {} if text["message"][i] else {name: columns[name][i] for name in names},
-        )
-        for i in range(dataset.sizes["run"])
-    ]

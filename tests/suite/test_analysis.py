@@ -316,7 +316,7 @@ def test_compression_is_turned_and_names_that_are_not_there_are_refused():
     force = (("record", "scale", "sample", "joint"), -sa[..., None, None], about)
     summary = summary_of(sa[..., None], sa, peak_compression=force)
     assert list(response_of(summary, "peak_compression").values.ravel()) == [1.0, 2.0, 3.0]
-    assert measures(summary) == ["sa", "pga"] and parameters(summary) == []
+    assert measures(summary) == ["sa", "pga"] and parameters(summary) == {}
     assert intensity_of(summary, "scale").dims == ("record", "scale")
     with pytest.raises(ResultError, match="nothing: is no response of this suite; it has peak_opening"):
         response_of(summary, "nothing")

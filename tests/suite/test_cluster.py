@@ -124,7 +124,7 @@ def test_two_processes_give_the_bits_of_one_and_ctrl_c_ends_them(tmp_path):
         text=True,
         start_new_session=True,
     )
-    while not list((tmp_path / "out" / "rows").glob("*.nc")) and running.poll() is None:
+    while not (tmp_path / "out" / "rows.jsonl").exists() and running.poll() is None:
         time.sleep(0.01)
     os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to every process
     _, stderr = running.communicate(timeout=60)

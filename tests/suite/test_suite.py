@@ -1,10 +1,11 @@
 """A suite as a person meets it: what it makes, what it keeps, how it goes on, what it says of failures."""
 
+import errno
+import io
 import logging
 import subprocess
 import sys
 import time
-from collections import namedtuple
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import yaml
 
 import romdam
 from romdam.errors import ConfigError, ResultError
+from romdam.outputs.suite_journal import JOURNAL, read_rows
 from romdam.pipelines import suite as pipeline
 from romdam.pipelines.suite import SuiteOptions, run_suite
 from romdam.reduction import synthesis
@@ -54,8 +56,8 @@ def test_summary_is_what_single_runs_give(whole, tmp_path):
     assert not found.status.any() and outcome.failures == {} and outcome.made == outcome.runs == 24
     for name, sample in (("r1", 0), ("r2", 3)):
         raw = yaml.safe_load(config.read_text()) | {"pipeline": "run"}
-        raw["joints"]["gap"]["friction"] = float(found.mu[sample])
-        raw["damping"]["rayleigh"]["ratio"] = float(found.ratio[sample])
+        raw["joints"]["gap"]["friction"] = float(found.parameter_mu[sample])
+        raw["damping"]["rayleigh"]["ratio"] = float(found.parameter_ratio[sample])
         raw["records"] = [
             {**BASE["records"][0], "files": f"{config.parent}/records/{name}.txt", "scale": 0.5}
         ]
@@ -96,7 +98,7 @@ def test_a_run_of_a_suite_has_the_bits_of_a_single_one(tmp_path, friction):
 
 def test_frictionless_samples_have_no_slip_and_rough_ones_have(whole):
     found = whole[1].summary
-    rough = found.mu.values > 0
+    rough = found.parameter_mu.values > 0
     assert np.isnan(found.peak_slip.values[:, :, ~rough]).all()
     assert (found.peak_slip.values[:, :, rough] > 0.0).all()
 
@@ -112,7 +114,7 @@ def test_record_measures_follow_the_scale(whole):
 def test_every_variable_says_what_it_is(whole):
     with xr.open_dataset(whole[1].path, engine="h5netcdf") as found:
         assert all(v.attrs.get("long_name") for v in found.data_vars.values())
-        assert found.mu.attrs == {"units": "1", "long_name": "joints.gap.friction"}
+        assert found.parameter_mu.attrs == {"units": "1", "long_name": "joints.gap.friction"}
 
 
 def test_second_call_makes_nothing_and_reduces_nothing(whole, monkeypatch):
@@ -152,22 +154,22 @@ def test_interrupted_suite_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch
     with pytest.raises(KeyboardInterrupt):
         made(config, tmp_path)
     monkeypatch.undo()
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "rows").glob("*.nc")}
-    assert len(kept) == 4
+    kept = (tmp_path / JOURNAL).read_bytes()
+    assert len(kept.split()) > 8 and len(read_rows(tmp_path / JOURNAL)) == 8
     resumed = made(config, tmp_path)
     assert resumed.made == resumed.runs - 8
-    assert all(path.stat().st_mtime_ns == at for path, at in kept.items())
+    assert (tmp_path / JOURNAL).read_bytes().startswith(kept)
     assert differing(outcome.summary, resumed.summary) == []
 
 
 def test_damaged_rows_are_made_again(whole, tmp_path, caplog):
     config, outcome = whole
     made(config, tmp_path)
-    path = next((tmp_path / "rows").glob("*.nc"))
+    path = tmp_path / JOURNAL
     path.write_bytes(path.read_bytes()[:-300])
     with caplog.at_level(logging.WARNING):
         again = made(config, tmp_path)
-    assert path.name in caplog.text and again.made == 2
+    assert path.name in caplog.text and again.made == 1
     assert differing(outcome.summary, again.summary) == []
 
 
@@ -176,16 +178,16 @@ def kill_at_random(config, out, times, seed):
     draw, seen = np.random.default_rng(seed), []
     for _ in range(times):
         running = subprocess.Popen(command(config, out, "--workers", 1), start_new_session=True)
-        rows, before = out / "rows", len(list((out / "rows").glob("*.nc")))
+        rows, before = out / JOURNAL, len(read_rows(out / JOURNAL))
         end = time.monotonic() + 60.0
         while running.poll() is None and time.monotonic() < end:
-            if len(list(rows.glob("*.nc"))) > before:
+            if len(read_rows(rows)) > before:
                 break
             time.sleep(0.01)
         time.sleep(draw.uniform(0.0, 0.5))
         running.kill()
         running.wait()
-        seen.append({path: path.read_bytes() for path in rows.glob("*.nc")})
+        seen.append(rows.read_bytes())
     return seen
 
 
@@ -199,9 +201,9 @@ def test_kill_9_costs_at_most_the_runs_in_flight(tmp_path, times, batch):
     subprocess.run(command(job, tmp_path / "undisturbed", "--workers", 1), check=True)
     seen = kill_at_random(job, tmp_path / "out", times, 5)
     subprocess.run(command(job, tmp_path / "out", "--workers", 1), check=True)
-    final = {path: path.read_bytes() for path in (tmp_path / "out" / "rows").glob("*.nc")}
-    assert len(seen[-1]) >= times and len(final) == runs / batch
-    assert all(files.items() <= final.items() for files in seen), "finished rows are never made again"
+    final = (tmp_path / "out" / JOURNAL).read_bytes()
+    assert len(seen[-1].split(b'{"key"')) > times and len(final.split(b'{"key"')) == runs + 1
+    assert all(final.startswith(rows) for rows in seen), "finished rows are never made again"
     assert differing(summary(tmp_path / "undisturbed"), summary(tmp_path / "out")) == []
 
 
@@ -271,17 +273,19 @@ def test_whole_results_land_and_open_as_one_tree(tmp_path):
     largest = tree["runs/r1__1__0"].gap_peak_opening.max()
     assert tree.peak_opening.sel(record="r1").isel(scale=1).item() == pytest.approx(float(largest))
     assert tree["design"].sizes["sample"] == 1
-    with romdam.open_result(tmp_path / "out" / "runs" / "r1__1__0.nc") as result:
+    names = tree.file.sel(record=["r1", "r0"]).values
+    with romdam.open_result(tmp_path / "out" / "runs" / str(names[0, 1, 0])) as result:
         top = result.displacement("right", nodes=[0], times=[0.2])
         assert top.shape == (1, 1, 3) and result.dataset.attrs["suite_run_key"]
-    (tmp_path / "out" / "runs" / "r0__0__0.nc").unlink()
+    (tmp_path / "out" / "runs" / str(names[1, 0, 0])).unlink()
     assert made(job, tmp_path / "out").made == 1 and outcome.made == 6
 
 
 def test_decimated_results_are_single_and_sparse(tmp_path):
     job = write_job(tmp_path, suite={"keep": {"every": "0.05 s"}})
     made(job, tmp_path / "out")
-    with xr.open_dataset(tmp_path / "out" / "runs" / "r0__0__0.nc", engine="h5netcdf") as result:
+    (path,) = (tmp_path / "out" / "runs").glob("r0__0__0-*.nc")
+    with xr.open_dataset(path, engine="h5netcdf") as result:
         assert result.opening.dtype == np.float32 and result.time.dtype == np.float64
         np.testing.assert_allclose(np.diff(result.time), 0.05)
 
@@ -300,22 +304,36 @@ def test_target_intensities_are_reached(tmp_path):
     np.testing.assert_allclose(found.scale, [0.980665, 2.941995])
 
 
+class FullDisk(io.BytesIO):
+    """A disk that takes half of what is written and refuses the rest."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.path = path
+
+    def write(self, data):
+        with open(self.path, "ab") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
 def test_full_disk_stops_the_suite_and_loses_nothing(whole, tmp_path, monkeypatch):
     config, outcome = whole
-    usage = namedtuple("usage", "total used free")
-    calls = []
+    real, calls = Path.open, []
 
-    def disk_usage(path):
-        calls.append(path)
-        full = path.name == "rows" and sum(p.name == "rows" for p in calls) > 3
-        return usage(10**9, 0, 1000 if full else 10**9)
+    def opened(path, mode="r", *rest, **more):
+        if path.name == JOURNAL and mode == "ab":
+            calls.append(path)
+            if len(calls) > 3:
+                return FullDisk(path)
+        return real(path, mode, *rest, **more)
 
-    monkeypatch.setattr("romdam.files.shutil.disk_usage", disk_usage)
-    with pytest.raises(ResultError, match=r"may take 1\.\d MB and 0\.0 MB are free; free the disk"):
+    monkeypatch.setattr(Path, "open", opened)
+    with pytest.raises(ResultError, match=r"rows\.jsonl: cannot be written .*No space.*; free the disk"):
         made(config, tmp_path)
-    assert len(list((tmp_path / "rows").glob("*.nc"))) == 3
-    (tmp_path / "rows" / ".left.nc.123.part").write_text("by a writer that was killed")
     monkeypatch.undo()
+    assert len(read_rows(tmp_path / JOURNAL)) >= 6
+    (tmp_path / ".left.nc.123.part").write_text("by a writer that was killed")
     assert differing(outcome.summary, made(config, tmp_path).summary) == []
     assert not list(tmp_path.rglob("*.part"))
 
@@ -357,7 +375,7 @@ def test_names_of_records_stay_in_the_folder(tmp_path):
     job.write_text(yaml.safe_dump(raw))
     outcome = made(job, tmp_path / "out")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["list.csv", "out", "records", "suite.yaml"]
-    assert (tmp_path / "out" / "runs" / "a_b_c__0__0.nc").is_file()
+    assert len(list((tmp_path / "out" / "runs").glob("a_b_c__0__0-*.nc"))) == 1
     assert any("../../escape" in message or "name" in message for message in outcome.failures.values())
 
 
@@ -369,12 +387,12 @@ def test_latin_hypercube_and_table_are_the_samples(tmp_path):
     }  # fmt: skip
     suite = {"parameters": parameters, "design": {"latin_hypercube": 8, "seed": 3}}
     found = made(write_job(tmp_path / "a", records=1, suite=suite), tmp_path / "a" / "out").summary
-    strata = np.sort(np.floor(8 * (found.mu.values - 0.2) / 0.6).astype(int))
-    assert strata.tolist() == list(range(8))
-    assert np.sort(np.floor(8 * np.log10(found.K.values / 1e9) / 2).astype(int)).tolist() == list(range(8))
+    mu, K = found.parameter_mu.values, found.parameter_K.values
+    assert np.sort(np.floor(8 * (mu - 0.2) / 0.6).astype(int)).tolist() == list(range(8))
+    assert np.sort(np.floor(8 * np.log10(K / 1e9) / 2).astype(int)).tolist() == list(range(8))
     table = {"parameters": {n: {"path": p["path"]} for n, p in parameters.items()}}
     job = write_job(tmp_path / "b", records=1, suite=table | {"design": {"table": "s.csv"}})
-    lines = ["mu,K", *(f"{float(m)!r},{float(k)!r}" for m, k in zip(found.mu, found.K, strict=True))]
+    lines = ["mu,K", *(f"{float(m)!r},{float(k)!r}" for m, k in zip(mu, K, strict=True))]
     (tmp_path / "b" / "s.csv").write_text("\n".join(lines))
     same = made(job, tmp_path / "b" / "out").summary
     np.testing.assert_array_equal(same.peak_opening, found.peak_opening)
