@@ -164,7 +164,8 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
     RecordError
         where no record can be read, or two share a name.
     """
-    motions, failures = list[GroundMotion](), dict[str, str]()
+    motions: list[GroundMotion] = []
+    failures: dict[str, str] = {}
     for entry in job.config.records:
         for one in load_entry(entry, job.folder):
             if one.motion is not None:
