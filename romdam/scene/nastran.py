@@ -69,6 +69,8 @@ class _Entry:
     def whole(self, k: int, default: int | None = None) -> int:
         """Field k from 1 on as a whole number."""
         word = self.fields[k - 1] if k <= len(self.fields) else ""
+        if word.isdigit() and word.isascii() and len(word) < 19:
+            return int(word)
         if not word and default is not None:
             return default
         if not re.fullmatch(r"[+-]?\d{1,18}", word):
@@ -90,7 +92,10 @@ class _Entry:
     @property
     def given(self) -> int:
         """Number of the last field that is not blank."""
-        return max((k for k, word in enumerate(self.fields, start=1) if word), default=0)
+        last = len(self.fields)
+        while last and not self.fields[last - 1]:
+            last -= 1
+        return last
 
 
 @dataclass
@@ -149,7 +154,7 @@ def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
         where = f"line {k + 1}" if not above else f"{path.name} line {k + 1}"
         if not text or k == begin:
             continue
-        if text.lstrip().upper().startswith("INCLUDE"):
+        if text.lstrip()[:7].upper() == "INCLUDE":
             yield from _lines(_included(text, path, where), (*above, here), place)
         elif k > begin:
             yield _fields(text, where)
@@ -190,7 +195,7 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
     entry: _Entry | None = None
     for line in lines:
         if line.name and line.name[0] not in "+*":
-            if not re.fullmatch(r"[A-Z][A-Z0-9]*", line.name):
+            if not (line.name.isalnum() and line.name.isascii() and line.name[0].isalpha()):
                 raise ValueError(f"{line.where}: {shown(line.name)} is no name of an entry")
             if entry is not None:
                 yield entry
@@ -198,7 +203,7 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
             continue
         if entry is None:
             raise ValueError(f"{line.where} continues nothing")
-        own, awaited = (re.sub(r"^[+*]\s*", "", mark) for mark in (line.name, entry.marker))
+        own, awaited = line.name[1:].lstrip(), entry.marker.lstrip("+*").lstrip()
         if own and own != awaited:
             raise ValueError(
                 f"{line.where} continues {shown(line.name)}, and {shown(entry.marker)} of {entry.name} in "
