@@ -205,7 +205,7 @@ def verdict(outcome, right, ending, kind):
 
 
 def test_files_changed_at_random(cases, tmp_path):
-    """Right, said or refused; an entry gone from a format that counts none shows in its sets, nodes or numbers."""
+    """Right, said or refused; what is gone shows in sets, nodes or numbers."""
     number = cases(150, 3000)
     wrong, ends = [], {"refused": 0, "read": 0, "said": 0}
     rights = {}
