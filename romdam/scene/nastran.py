@@ -18,7 +18,15 @@ import numpy as np
 
 from romdam.errors import MeshError, shown
 from romdam.files import check_file
-from romdam.scene.mesh_data import LARGEST, Cells, MeshFile, cannot_be_read, checked_mesh, missing_ids
+from romdam.scene.mesh_data import (
+    LARGEST,
+    Cells,
+    MeshFile,
+    by_value,
+    cannot_be_read,
+    checked_mesh,
+    missing_ids,
+)
 from romdam.scene.model import Floats, Ints
 
 _DEEPEST = 10  # of files that include each other
@@ -133,11 +141,9 @@ def read_nastran(path: Path, place: str) -> MeshFile:
         raise cannot_be_read(place, "nastran", str(error)) from None
     cells, properties = _cells(deck)
     mesh = checked_mesh(np.array(deck.tags, dtype=np.int64), points, cells, place)
-    groups = {
-        str(number): [np.flatnonzero(own == number) for own in properties]
-        for number in sorted({int(p) for own in properties for p in np.unique(own)})
-    }
-    return replace(mesh, groups=groups, remarks=(*mesh.remarks, *_remarks(deck), *missing_ids(cells)))
+    return replace(
+        mesh, groups=by_value(properties), remarks=(*mesh.remarks, *_remarks(deck), *missing_ids(cells))
+    )
 
 
 def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
@@ -268,7 +274,7 @@ def _read_element(deck: _Deck, entry: _Entry) -> None:
             f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
             "nodes are left out"
         )
-    row = [entry.whole(1), entry.whole(2, entry.whole(1)), *(entry.whole(k) for k in range(3, last + 1))]
+    row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
     deck.rows.setdefault(sizes[count], []).append(row)
 
 
