@@ -141,9 +141,10 @@ def read_nastran(path: Path, place: str) -> MeshFile:
         raise cannot_be_read(place, "nastran", str(error)) from None
     cells, properties = _cells(deck)
     mesh = checked_mesh(np.array(deck.tags, dtype=np.int64), points, cells, place)
-    return replace(
-        mesh, groups=by_value(properties), remarks=(*mesh.remarks, *_remarks(deck), *missing_ids(cells))
-    )
+    groups = by_value(properties)
+    groups.pop("0", None)  # elements without a property
+    remarks = (*mesh.remarks, *_remarks(deck), *missing_ids(cells))
+    return replace(mesh, groups=groups, remarks=remarks)
 
 
 def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
