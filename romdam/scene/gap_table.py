@@ -57,7 +57,9 @@ def _read(path: Path, place: str) -> Floats:
     try:
         check_file(path, _LARGEST, ConfigError)
     except ConfigError as error:
-        raise ConfigError(f"{place}: {error}; give a CSV file with x,y,z,gap") from None
+        raise ConfigError(
+            f"{place}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
+        ) from None
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream, skipinitialspace=True))

@@ -156,6 +156,23 @@ def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tupl
     )
 
 
+def by_value(values: list[Ints]) -> Groups:
+    """Groups of elements with one value.
+
+    Parameters
+    ----------
+    values : of every element, kind by kind
+    """
+    nothing = np.zeros(0, dtype=np.int64)
+    found: Groups = {}
+    for k, own in enumerate(values):
+        order = np.argsort(own, kind="stable")
+        present, start = np.unique(own[order], return_index=True)
+        for value, members in zip(present.tolist(), np.split(order, start[1:]), strict=False):
+            found.setdefault(str(value), [nothing] * len(values))[k] = members
+    return dict(sorted(found.items(), key=lambda item: int(item[0])))
+
+
 def missing_ids(cells: list[Cells]) -> tuple[str, ...]:
     """A remark on numbers left out among the elements', for formats that do not say how many there are."""
     ids = np.unique(np.concatenate([c.ids for c in cells])) if cells else np.zeros(0, int)

@@ -18,7 +18,15 @@ import numpy as np
 
 from romdam.errors import MeshError, shown
 from romdam.files import check_file
-from romdam.scene.mesh_data import LARGEST, Cells, MeshFile, cannot_be_read, checked_mesh, missing_ids
+from romdam.scene.mesh_data import (
+    LARGEST,
+    Cells,
+    MeshFile,
+    by_value,
+    cannot_be_read,
+    checked_mesh,
+    missing_ids,
+)
 from romdam.scene.model import Floats, Ints
 
 _DEEPEST = 10  # of files that include each other
@@ -69,6 +77,8 @@ class _Entry:
     def whole(self, k: int, default: int | None = None) -> int:
         """Field k from 1 on as a whole number."""
         word = self.fields[k - 1] if k <= len(self.fields) else ""
+        if word.isdigit() and word.isascii() and len(word) < 19:
+            return int(word)
         if not word and default is not None:
             return default
         if not re.fullmatch(r"[+-]?\d{1,18}", word):
@@ -90,7 +100,10 @@ class _Entry:
     @property
     def given(self) -> int:
         """Number of the last field that is not blank."""
-        return max((k for k, word in enumerate(self.fields, start=1) if word), default=0)
+        last = len(self.fields)
+        while last and not self.fields[last - 1]:
+            last -= 1
+        return last
 
 
 @dataclass
@@ -128,11 +141,10 @@ def read_nastran(path: Path, place: str) -> MeshFile:
         raise cannot_be_read(place, "nastran", str(error)) from None
     cells, properties = _cells(deck)
     mesh = checked_mesh(np.array(deck.tags, dtype=np.int64), points, cells, place)
-    groups = {
-        str(number): [np.flatnonzero(own == number) for own in properties]
-        for number in sorted({int(p) for own in properties for p in np.unique(own)})
-    }
-    return replace(mesh, groups=groups, remarks=(*mesh.remarks, *_remarks(deck), *missing_ids(cells)))
+    groups = by_value(properties)
+    groups.pop("0", None)  # elements without a property
+    remarks = (*mesh.remarks, *_remarks(deck), *missing_ids(cells))
+    return replace(mesh, groups=groups, remarks=remarks)
 
 
 def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
@@ -149,7 +161,7 @@ def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
         where = f"line {k + 1}" if not above else f"{path.name} line {k + 1}"
         if not text or k == begin:
             continue
-        if text.lstrip().upper().startswith("INCLUDE"):
+        if text.lstrip()[:7].upper() == "INCLUDE":
             yield from _lines(_included(text, path, where), (*above, here), place)
         elif k > begin:
             yield _fields(text, where)
@@ -190,7 +202,7 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
     entry: _Entry | None = None
     for line in lines:
         if line.name and line.name[0] not in "+*":
-            if not re.fullmatch(r"[A-Z][A-Z0-9]*", line.name):
+            if not (line.name.isalnum() and line.name.isascii() and line.name[0].isalpha()):
                 raise ValueError(f"{line.where}: {shown(line.name)} is no name of an entry")
             if entry is not None:
                 yield entry
@@ -198,7 +210,7 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
             continue
         if entry is None:
             raise ValueError(f"{line.where} continues nothing")
-        own, awaited = (re.sub(r"^[+*]\s*", "", mark) for mark in (line.name, entry.marker))
+        own, awaited = line.name[1:].lstrip(), entry.marker.lstrip("+*").lstrip()
         if own and own != awaited:
             raise ValueError(
                 f"{line.where} continues {shown(line.name)}, and {shown(entry.marker)} of {entry.name} in "
@@ -263,7 +275,7 @@ def _read_element(deck: _Deck, entry: _Entry) -> None:
             f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
             "nodes are left out"
         )
-    row = [entry.whole(1), entry.whole(2, entry.whole(1)), *(entry.whole(k) for k in range(3, last + 1))]
+    row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
     deck.rows.setdefault(sizes[count], []).append(row)
 
 

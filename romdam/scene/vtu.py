@@ -21,7 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.errors import MeshError
-from romdam.scene.mesh_data import LARGEST, Cells, Groups, MeshFile, cannot_be_read, checked_mesh, numbers_of
+from romdam.scene.mesh_data import (
+    LARGEST,
+    Cells,
+    MeshFile,
+    by_value,
+    cannot_be_read,
+    checked_mesh,
+    numbers_of,
+)
 from romdam.scene.model import Ints
 
 _TYPES = {
@@ -85,10 +93,7 @@ def read_vtu(path: Path, place: str) -> MeshFile:
     ) as error:
         raise cannot_be_read(place, "vtu", " ".join(str(error).split()) or type(error).__name__) from None
     mesh = checked_mesh(np.arange(len(points)), points, cells, place)
-    groups: Groups = {
-        str(v): [np.flatnonzero(values[r] == v) for r in rows] for v in np.unique(values).tolist()
-    }
-    return replace(mesh, groups=groups)
+    return replace(mesh, groups=by_value([values[r] for r in rows]) if len(values) else {})
 
 
 def _parse(data: bytes) -> _Grid:

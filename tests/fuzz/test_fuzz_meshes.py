@@ -197,8 +197,7 @@ def verdict(outcome, right, ending, kind):
         lost = f"{len(elements)} of {len(right[0])} elements"
         if said:
             return ""
-        countless = ending.endswith((".bdf", ".inp")) and set(elements) < set(right[0])
-        return "gone without a trace" if countless else f"elements read in silence: {lost}"
+        return f"elements read in silence: {lost}"
     if ending.endswith(".msh") and sorted(groups.values()) != sorted(right[1].values()) and not said:
         return f"groups read in silence: {groups}"
     share = overlap(block) if block.element in ("tet4", "hex8") else 0.0
@@ -206,9 +205,9 @@ def verdict(outcome, right, ending, kind):
 
 
 def test_files_changed_at_random(cases, tmp_path):
-    """At most one in a thousand is an entry gone without a trace from a format that counts nothing."""
+    """Right, said or refused; what is gone shows in sets, nodes or numbers."""
     number = cases(150, 3000)
-    wrong, gone, ends = [], [], {"refused": 0, "read": 0, "said": 0}
+    wrong, ends = [], {"refused": 0, "read": 0, "said": 0}
     rights = {}
     for seed in range(number):
         rng = np.random.default_rng(seed)
@@ -222,15 +221,12 @@ def test_files_changed_at_random(cases, tmp_path):
         path.write_bytes(changed)
         outcome = bounded(lambda path=path: facts(path), SECONDS)
         found = verdict(outcome, rights[element, ending], ending, kind)
-        if found == "gone without a trace":
-            gone.append(seed)
-        elif found:
+        if found:
             wrong.append(f"seed {seed} ({element}{ending}, {kind}): {found}")
         else:
             ends["refused" if outcome.refusal else "said" if outcome.value[3] else "read"] += 1
-    print(ends, f"gone without a trace: {gone}")
+    print(ends)
     assert not wrong, "\n".join(wrong)
-    assert len(gone) <= max(1, number // 200)
 
 
 @pytest.mark.parametrize("name", HAND)

@@ -12,7 +12,7 @@ from romdam.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import ELEMENTS, FACET_OF
 from romdam.scene.facets import facet_areas, facet_normals
-from romdam.scene.mesh_files import SOLIDS, mesh_file_block
+from romdam.scene.mesh_files import SOLIDS, mesh_file_block, read_mesh_file
 
 DATA = Path(__file__).parent / "data"
 PLACE = "s.yaml: blocks.b.mesh"
@@ -300,3 +300,12 @@ def test_vtu_with_several_integer_arrays(tmp_path):
     meshio.Mesh(block.points, [("tetra", block.cells)], cell_data=data).write(tmp_path / "m.vtu")
     error = error_of("m.vtu", tmp_path, group=1)
     assert "has 2 integer cell arrays (a, b) and none is named group or region or material" in error
+
+
+def test_vtu_group_0_is_a_group(tmp_path):
+    block = mesh("tet4")
+    group = [np.arange(len(block.cells)) % 2]
+    meshio.Mesh(block.points, [("tetra", block.cells)], cell_data={"group": group}).write(tmp_path / "m.vtu")
+    assert "groups of solid elements are 0, 1" in error_of("m.vtu", tmp_path, group=2)
+    groups = read_mesh_file(tmp_path / "m.vtu", PLACE).groups
+    assert [len(groups[g][0]) for g in "01"] == [len(block.cells) // 2] * 2
