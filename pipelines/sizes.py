@@ -52,7 +52,8 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
     for motion in motions:
         length = seconds or transient.duration or motion.duration
         dt, key = transient.dt or min(every or motion.dt, motion.dt), "dt" if transient.dt else "duration"
-        refuse_steps(length, dt, f"{job.path}: transient.{key}: {motion.name}")
+        for span in (length, motion.duration):  # the whole record is resampled, whatever is run of it
+            refuse_steps(span, dt, f"{job.path}: transient.{key}: {motion.name}")
         if every is not None and every > length * _SLACK:
             raise ConfigError(
                 f"{job.path}: outputs.every: nothing but the start would be written of {motion.name}, "

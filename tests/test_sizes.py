@@ -38,6 +38,7 @@ def job(transient=None, **outputs):
         ({"dt": None, "accuracy": 0.01, "duration": 1e7}, {}, ["transient.duration", "steps, limit 1e+08"]),
         ({"dt": None, "accuracy": 0.01}, {"every": 1e-8}, ["transient", "steps, limit 1e+08"]),
         ({"dt": 0.01, "duration": 1e-3}, {"every": None}, ["shorter than one step of 0.01 s"]),
+        ({"dt": 40.0, "duration": 100.0}, {"every": None}, ["29.99 s are shorter than one step of 40 s"]),
         ({}, {"every": 100.0}, ["outputs.every", "29.99 s at intervals of 100 s", "0.01 s suits"]),
     ],
 )

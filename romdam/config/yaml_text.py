@@ -17,7 +17,7 @@ import yaml
 from romdam.errors import ConfigError, shown
 from romdam.files import check_file
 
-MOST_BYTES = 1e6  # 20 s of parsing on a busy machine
+MOST_BYTES = 1e6
 MOST_VALUES = 100_000  # anchors counted wherever they are used: a few of them can stand for billions
 MOST_LEVELS = 50
 
@@ -40,9 +40,17 @@ Value = TypeVar("Value")
 
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader with other scalars."""
+    """The safe loader with other scalars, which does not go on beyond the most values."""
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+    composed = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        self.composed += 1
+        if self.composed > MOST_VALUES:
+            problem = f"more than {MOST_VALUES} values; is this the file that was meant?"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=self.peek_event().start_mark)
+        return super().compose_node(parent, index)
 
 
 for _name, (_pattern, _first) in _SCALARS.items():
@@ -105,7 +113,7 @@ def _foreign(call: Callable[[], Value], source: str) -> Value:
 
 def _wrong(mark: yaml.Mark | None, problem: str, source: str) -> ConfigError:
     place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    return ConfigError(f"{source}: not valid YAML{place}: {problem}")
+    return ConfigError(f"{source}: not valid YAML{place}: {problem[:200]}")
 
 
 def _measure(node: yaml.Node, known: dict[int, tuple[int, int]], source: str) -> tuple[int, int]:

@@ -6,7 +6,7 @@ import time
 import pytest
 import yaml
 
-from romdam.config import load_config
+from romdam.config import load_config, yaml_text
 from romdam.config.records import is_manifest
 from romdam.config.yaml_text import MOST_BYTES, _measure, parse_yaml, read_yaml
 from romdam.errors import ConfigError
@@ -77,6 +77,13 @@ def test_what_is_refused_is_one_line(text, parts):
     message = str(caught.value)
     assert message.startswith("dam.yaml: ") and "\n" not in message and len(message) < 400
     assert all(part in message for part in parts), message
+
+
+def test_parsing_ends_where_a_file_has_more_values_than_can_be_meant(monkeypatch):
+    monkeypatch.setattr(yaml_text, "MOST_VALUES", 1000)
+    assert len(parse_yaml(f"[{'1, ' * 998}1]", "x")) == 999
+    with pytest.raises(ConfigError, match=r"x: not valid YAML, line 1, column \d+: more than 1000 values"):
+        parse_yaml("[" + "1, " * 1000 + "[" * 10**5, "x")
 
 
 def test_merged_keys_give_way_to_those_written():
