@@ -114,24 +114,26 @@ def test_one_of_two_workers_started_by_hand_is_killed(tmp_path, cluster):
 
 
 @pytest.mark.slow
-def test_two_processes_give_the_bits_of_one_and_ctrl_c_ends_them(tmp_path):
-    job = write_job(tmp_path, records=5, suite=SUITE)
+def test_two_processes_give_the_bits_of_one_and_signals_end_them(tmp_path):
+    job = write_job(tmp_path, records=10, suite=SUITE)
     alone = run_suite(romdam.load_config(job), tmp_path / "alone", SuiteOptions(workers=1))
-    running = subprocess.Popen(
-        command(job, tmp_path / "out", "--workers", 2),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    while not list((tmp_path / "out" / "rows").glob("*.nc")) and running.poll() is None:
-        time.sleep(0.01)
-    os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to every process
-    _, stderr = running.communicate(timeout=60)
-    assert running.returncode == 130 and "goes on when run again" in stderr and "Traceback" not in stderr
-    assert not (tmp_path / "out" / "summary.nc").exists()
-    subprocess.run(command(job, tmp_path / "out", "--workers", 2), check=True)
-    assert differing(alone.summary, summary(tmp_path / "out")) == []
+    out = tmp_path / "out"
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        before = len(list(out.glob("rows/*.nc")))
+        running = subprocess.Popen(
+            command(job, out, "--workers", 2), stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        while len(list(out.glob("rows/*.nc"))) == before and running.poll() is None:
+            time.sleep(0.01)
+        os.killpg(running.pid, number)  # as a terminal does: to every process
+        _, stderr = running.communicate(timeout=60)
+        assert running.returncode == 128 + number and "Traceback" not in stderr
+        assert "what is finished is kept" in stderr and stderr.count("romdam: ") == 1
+        assert not (out / "summary.nc").exists() and not list(out.glob("**/.*.part"))
+        with pytest.raises(ProcessLookupError):
+            os.killpg(running.pid, 0)  # nobody of its group is left
+    subprocess.run(command(job, out, "--workers", 2), check=True)
+    assert differing(alone.summary, summary(out)) == []
 
 
 @pytest.mark.slow
