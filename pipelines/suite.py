@@ -227,6 +227,7 @@ def _make_missing(
     tell(_announcement(study, runs, motions, len(done), folder))
     sweep_parts(prepare_folder(folder / ROWS_FOLDER))
     sweep_parts(study.folder)
+    sweep_parts(folder)
     rows = list(done.values())
     with clock.stage("runs", f"{len(runs) - len(done)} runs") as progress:
         for number, found in pool.map(run_task, study, tasks):

@@ -203,6 +203,19 @@ def double(shared: int, task: int) -> int:
     return shared * task
 
 
+def fail(shared: type[Exception], task: int) -> int:
+    raise shared(f"task {task}")
+
+
+def test_what_the_function_raises_is_told_from_a_lost_cluster(tmp_path, small_cluster):
+    with open_pool(None, small_cluster, "romdam", tmp_path) as pool:
+        for error in (OSError, TimeoutError):
+            with pytest.raises(RuntimeError, match=r"a worker stopped with an error \(task "):
+                list(pool.map(fail, error, range(1)))
+        with pytest.raises(ConfigError, match="task 0"):
+            list(pool.map(fail, ConfigError, range(1)))
+
+
 def test_worker_that_came_later_and_is_not_fit_ends_the_suite(tmp_path, small_cluster):
     with open_pool(None, small_cluster, "romdam", tmp_path) as pool:
         assert sorted(pool.map(double, 2, range(5))) == [(n, 2 * n) for n in range(5)]
