@@ -283,6 +283,13 @@ def test_code_that_changed_since_the_process_started_is_told(tmp_path):
     assert len(before) == 16 and after == "changed on disk since the process started"
 
 
+def test_code_that_changed_on_both_sides_may_not_be_the_same(tmp_path, monkeypatch):
+    (tmp_path / "seen").touch()
+    assert admission.problem(admission.installed(), str(tmp_path / "seen")) == ""
+    monkeypatch.setattr(admission, "_code", lambda: admission._CHANGED)
+    assert "changed on disk" in admission.problem(admission.installed(), str(tmp_path / "seen"))
+
+
 def listener(answer: bytes | None) -> Iterator[str]:
     """Address of a port that answers whoever calls with these bytes and hangs up; None: says nothing."""
     with socket.create_server(("127.0.0.1", 0)) as server:
