@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 _NUMERICAL = ("numpy", "scipy", "numba")
+_CHANGED = "changed on disk since the process started"
 _SLACK = 1.0  # seconds that the start of a process is known to
 
 
@@ -43,7 +44,7 @@ def _code() -> str:
                 for path in folder.rglob("*.py")
             }
     if max(path.stat().st_ctime for path in files.values()) > started + _SLACK:
-        return "changed on disk since the process started"
+        return _CHANGED
     whole = hashlib.sha256()
     for name, path in sorted(files.items()):
         whole.update(f"{name}\n".encode() + path.read_bytes())
@@ -60,10 +61,12 @@ def problem(expected: dict[str, str], path: str) -> str:
     """
     found = installed()
     wrong = [
-        f"{name} is {found[name]}, here {value}" for name, value in expected.items() if found[name] != value
+        f"{name} is {found[name]}, here {value}"
+        for name, value in expected.items()
+        if found[name] != value or value == _CHANGED
     ]
     if wrong:
-        return f"{'; '.join(wrong)}; install the same there as here and start the worker again"
+        return f"{'; '.join(wrong)}; install the same there as here and start both again"
     try:
         open(path, "rb").close()
     except OSError as error:

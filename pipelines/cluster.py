@@ -136,11 +136,7 @@ class DaskPool:
         """Address of each worker of the cluster -> its threads."""
         try:
             return dict(self._client.nthreads(callback_timeout=_ANSWER))
-        except (
-            TimeoutError,
-            OSError,
-            AttributeError,
-        ) as error:  # AttributeError: the client has closed itself
+        except (OSError, AttributeError) as error:  # AttributeError: the client has closed itself
             raise WorkerError(f"{self._place}: the scheduler is lost ({_cause(error)}); {_KEPT}") from None
 
     def _next(self, ready: SimpleQueue[Future]) -> tuple[Future, Any]:
@@ -168,9 +164,11 @@ class DaskPool:
             refusal, result = future.result(timeout=_BEAT)
         except KilledWorker as error:
             return error
-        except TimeoutError:
-            raise
         except (CancelledError, OSError) as error:
+            if future.status == "error":
+                raise RuntimeError(f"a worker stopped with an error ({_cause(error)})") from error
+            if isinstance(error, TimeoutError):
+                raise
             raise WorkerError(f"{self._place}: the scheduler is lost ({_cause(error)}); {_KEPT}") from None
         if refusal:
             raise WorkerError(f"{self._place}: {refusal}; {_KEPT}")
@@ -225,7 +223,8 @@ def open_pool(workers: int | None, scheduler: str | None, module: str, folder: P
 
     Parameters
     ----------
-    workers : processes on this machine; as many as there are cores if not given. One runs here
+    workers : processes on this machine; as many as there are cores if not given. One runs here,
+        and stands for all where processes cannot be forked
     scheduler : address of an existing dask scheduler, instead
     module : what the workers will need; it is loaded for them while the body goes on
     folder : of the results, absolute; the workers of a cluster must see it
@@ -253,7 +252,7 @@ def prepare_pool(workers: int | None, scheduler: str | None, module: str) -> Non
 
 
 def _count(workers: int | None) -> int:
-    return workers or (cores() if hasattr(os, "fork") else 1)
+    return (workers or cores()) if hasattr(os, "fork") else 1
 
 
 def _client(scheduler: str) -> Client:

@@ -94,6 +94,11 @@ class _Nursery:
         self.connection.close()
         return self._process.wait()
 
+    def kill(self) -> None:
+        """End it at once, before it has any workers."""
+        self._process.kill()
+        self.end()
+
 
 _ready: list[_Nursery] = []  # started ahead
 
@@ -108,10 +113,11 @@ def prepare(module: str) -> None:
 def _leave() -> None:
     """End what was started ahead and not needed."""
     while _ready:
-        _ready.pop().end()
+        _ready.pop().kill()
 
 
-os.register_at_fork(after_in_child=_ready.clear)  # it serves the process that has started it
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_ready.clear)  # it serves the process that has started it
 
 
 @contextmanager
@@ -195,13 +201,10 @@ class _Worker:
             self._process.join()
             self.connection.close()
             code = self._process.exitcode
-            if code == _RAISED:
-                return (
-                    self._number,
-                    True,
-                    RuntimeError("a worker stopped with an error; its traceback stands above"),
-                )
-            return self._number, False, WorkerDied(f"exit code {code}, {_TRIES} times")
+            if code != _RAISED:
+                return self._number, False, WorkerDied(f"exit code {code}, {_TRIES} times")
+            error = RuntimeError("a worker stopped with an error; its traceback stands above")
+            return self._number, True, error
 
     def end(self) -> None:
         """Stop it, whatever it is at."""
@@ -220,13 +223,16 @@ def _work(
     for one in others:  # or nobody would see the nursery die
         one.close()
     shared, tasks = data
-    with suppress(EOFError, OSError):  # nobody asks any more
-        while True:
+    while True:
+        try:
             number = connection.recv()
-            try:
-                answer = False, function(shared, tasks[number])
-            except RomdamError as error:
-                answer = True, error
+        except (EOFError, OSError):
+            return
+        try:
+            answer = False, function(shared, tasks[number])
+        except RomdamError as error:
+            answer = True, error
+        with suppress(OSError):  # nobody asks any more
             connection.send(answer)
 
 

@@ -36,11 +36,14 @@ def _raise(number: int, _: object) -> None:
 def check_surroundings() -> None:
     """Refuse what makes libraries fail when they are imported, or relative paths mean nothing.
 
+    Which windows matplotlib would open is of no concern: figures are files.
+
     Raises
     ------
     ConfigError
         for a working folder that is gone, and a number of threads that is none.
     """
+    os.environ["MPLBACKEND"] = "agg"
     try:
         os.getcwd()
     except OSError as error:

@@ -113,25 +113,32 @@ def test_one_of_two_workers_started_by_hand_is_killed(tmp_path, cluster):
     assert differing(alone.summary, found.summary) == []
 
 
+def _journal_size(out):
+    journal = out / "rows.jsonl"
+    return journal.stat().st_size if journal.exists() else 0
+
+
 @pytest.mark.slow
-def test_two_processes_give_the_bits_of_one_and_ctrl_c_ends_them(tmp_path):
-    job = write_job(tmp_path, records=5, suite=SUITE)
+def test_two_processes_give_the_bits_of_one_and_signals_end_them(tmp_path):
+    job = write_job(tmp_path, records=10, suite=SUITE)
     alone = run_suite(romdam.load_config(job), tmp_path / "alone", SuiteOptions(workers=1))
-    running = subprocess.Popen(
-        command(job, tmp_path / "out", "--workers", 2),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    while not (tmp_path / "out" / "rows.jsonl").exists() and running.poll() is None:
-        time.sleep(0.01)
-    os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to every process
-    _, stderr = running.communicate(timeout=60)
-    assert running.returncode == 130 and "goes on when run again" in stderr and "Traceback" not in stderr
-    assert not (tmp_path / "out" / "summary.nc").exists()
-    subprocess.run(command(job, tmp_path / "out", "--workers", 2), check=True)
-    assert differing(alone.summary, summary(tmp_path / "out")) == []
+    out = tmp_path / "out"
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        before = _journal_size(out)
+        running = subprocess.Popen(
+            command(job, out, "--workers", 2), stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        while _journal_size(out) == before and running.poll() is None:
+            time.sleep(0.01)
+        os.killpg(running.pid, number)  # as a terminal does: to every process
+        _, stderr = running.communicate(timeout=60)
+        assert running.returncode == 128 + number and "Traceback" not in stderr
+        assert "what is finished is kept" in stderr and stderr.count("romdam: ") == 1
+        assert not (out / "summary.nc").exists() and not list(out.glob("**/.*.part"))
+        with pytest.raises(ProcessLookupError):
+            os.killpg(running.pid, 0)  # nobody of its group is left
+    subprocess.run(command(job, out, "--workers", 2), check=True)
+    assert differing(alone.summary, summary(out)) == []
 
 
 @pytest.mark.slow
@@ -201,6 +208,19 @@ def double(shared: int, task: int) -> int:
     return shared * task
 
 
+def fail(shared: type[Exception], task: int) -> int:
+    raise shared(f"task {task}")
+
+
+def test_what_the_function_raises_is_told_from_a_lost_cluster(tmp_path, small_cluster):
+    with open_pool(None, small_cluster, "romdam", tmp_path) as pool:
+        for error in (OSError, TimeoutError):
+            with pytest.raises(RuntimeError, match=r"a worker stopped with an error \(task "):
+                list(pool.map(fail, error, range(1)))
+        with pytest.raises(ConfigError, match="task 0"):
+            list(pool.map(fail, ConfigError, range(1)))
+
+
 def test_worker_that_came_later_and_is_not_fit_ends_the_suite(tmp_path, small_cluster):
     with open_pool(None, small_cluster, "romdam", tmp_path) as pool:
         assert sorted(pool.map(double, 2, range(5))) == [(n, 2 * n) for n in range(5)]
@@ -266,6 +286,13 @@ def test_code_that_changed_since_the_process_started_is_told(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     before, after = ast.literal_eval(done.stdout)
     assert len(before) == 16 and after == "changed on disk since the process started"
+
+
+def test_code_that_changed_on_both_sides_may_not_be_the_same(tmp_path, monkeypatch):
+    (tmp_path / "seen").touch()
+    assert admission.problem(admission.installed(), str(tmp_path / "seen")) == ""
+    monkeypatch.setattr(admission, "_code", lambda: admission._CHANGED)
+    assert "changed on disk" in admission.problem(admission.installed(), str(tmp_path / "seen"))
 
 
 def listener(answer: bytes | None) -> Iterator[str]:

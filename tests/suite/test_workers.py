@@ -67,9 +67,11 @@ def test_what_the_function_raises_is_raised_here():
         list(LocalPool(1).map(refuse, RecordError, range(2)))
 
 
-def test_any_other_error_ends_the_worker_with_its_traceback():
+@pytest.mark.parametrize("error", [ValueError, OSError, EOFError])
+def test_any_other_error_ends_the_worker_with_its_traceback(error, capfd):
     with pytest.raises(RuntimeError, match="its traceback stands above"):
-        list(LocalPool(1).map(refuse, ValueError, range(2)))
+        list(LocalPool(1).map(refuse, error, range(2)))
+    assert f"{error.__name__}: task 0" in capfd.readouterr().err
 
 
 def test_workers_end_when_nobody_asks_for_more():
