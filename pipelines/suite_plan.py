@@ -40,7 +40,6 @@ LAYOUT = "romdam-suite-2"
 TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
 MOST_TOGETHER = 32
 _COPIES = 3.0  # of a history while it is made, compared and written
-_LONGEST_NAME = 180  # bytes of a record's name, which names files
 
 
 @dataclass(frozen=True)
@@ -173,9 +172,6 @@ def read_records(job: Job) -> list[SuiteRecord]:
 
 def _unusable(job: Job, motion: GroundMotion) -> str:
     """What of a record would be found when its result is written, or never; empty where nothing would."""
-    letters = len(motion.name.encode())
-    if letters > _LONGEST_NAME:
-        return f"{motion.name}: its name has {letters} bytes, at most {_LONGEST_NAME}; give it a `name`"
     try:
         refuse_lengths(job, [motion])
     except ConfigError as error:

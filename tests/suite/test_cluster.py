@@ -22,6 +22,7 @@ from suite_jobs import command, differing, summary, write_job
 
 import romdam
 from romdam.errors import ConfigError, ResultError, WorkerError
+from romdam.outputs.suite_journal import JOURNAL, read_rows
 from romdam.pipelines import admission
 from romdam.pipelines import cluster as cluster_module
 from romdam.pipelines.cluster import open_pool
@@ -114,7 +115,7 @@ def test_one_of_two_workers_started_by_hand_is_killed(tmp_path, cluster):
 
 
 def _journal_size(out):
-    journal = out / "rows.jsonl"
+    journal = out / JOURNAL
     return journal.stat().st_size if journal.exists() else 0
 
 
@@ -161,7 +162,7 @@ def test_worker_with_other_code_is_refused_before_the_first_task(tmp_path, clust
         client.wait_for_workers(2, timeout=30)
     code, message = refused(job, tmp_path / "out", cluster.address)
     assert code == 2 and part in message and f"--scheduler {cluster.address}: worker tcp://" in message
-    assert not list(tmp_path.glob("out/rows/*"))
+    assert _journal_size(tmp_path / "out") == 0
 
 
 @pytest.mark.slow
@@ -173,12 +174,12 @@ def test_suite_goes_on_after_its_scheduler_was_lost(tmp_path, cluster, number):
     running = subprocess.Popen(
         command(job, out, "--scheduler", cluster.address), stderr=subprocess.PIPE, text=True
     )
-    while not list(out.glob("rows/*.nc")) and running.poll() is None:
+    while _journal_size(out) == 0 and running.poll() is None:
         time.sleep(0.01)
     cluster.scheduler.send_signal(number)
     _, message = running.communicate(timeout=30)
     assert running.returncode == 1 and "the scheduler is lost" in message and "Traceback" not in message
-    kept = len(list(out.glob("rows/*.nc")))
+    kept = len(read_rows(out / JOURNAL))
     assert 0 < kept < 30 and not list(out.glob(".*.part"))
     again = run_suite(romdam.load_config(job), out, SuiteOptions(workers=1))
     alone = run_suite(romdam.load_config(job), tmp_path / "alone", SuiteOptions(workers=1))

@@ -321,8 +321,6 @@ def test_clean_refuses_what_is_not_the_suite(tmp_path):
 
 def test_records_that_cannot_be_written_are_told_before_the_first_run(tmp_path):
     config = write_job(tmp_path, records=1)
-    named_records(config, **{"n" * 181: 0, "fits": 0})
-    assert "at most 180" in made(config, tmp_path / "a").failures["n" * 181]
     np.savetxt(tmp_path / "records" / "r1.txt", pulse(0)[:5])
     named_records(config, short=1, whole=0)
     edited(config, keep={"every": "0.1 s"})
