@@ -42,6 +42,7 @@ log = logging.getLogger(__name__)
 MOST = 1e13  # bytes of a file
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # version of a superblock -> where it has the file's end
+_SHORTEST = 52  # bytes that hold any of these
 _HEAD = b"romdam-seal-1 "
 _SEAL = re.compile(_HEAD + rb"([0-9a-f]{64})\n")
 _LENGTH = len(_HEAD) + 65
@@ -93,10 +94,10 @@ def is_sealed(path: Path) -> bool:
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
-            head = file.read(64)
+            head = file.read(_SHORTEST)
             file.seek(max(0, size - _LENGTH))
             seal = _SEAL.fullmatch(file.read(_LENGTH))
-        if not head.startswith(_MAGIC):
+        if len(head) < _SHORTEST or not head.startswith(_MAGIC):
             raise ResultError(f"{path}: is not a NetCDF-4 file nor another of HDF5, or its head is damaged")
         if seal:
             if _digest(path, size - _LENGTH) != seal[1].decode():
@@ -104,7 +105,7 @@ def is_sealed(path: Path) -> bool:
             return True
     except OSError as error:
         raise ResultError(f"{path}: cannot be read ({error})") from error
-    at = _END_AT.get(head[8], len(head))
+    at = _END_AT.get(head[8], _SHORTEST)
     if int.from_bytes(head[at : at + 8], "little") != size:
         raise ResultError(f"{path}: is damaged or cut, it does not end where its head says or in its digest")
     return False

@@ -82,7 +82,10 @@ def open_beside(
         raise ResultError(
             f"{error}; it stands beside {result.name}, which cannot be read without; run it again"
         ) from error
-    file = h5py.File(path, "r")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise ResultError(f"{path}: cannot be opened ({error})") from error
     try:
         _check(file, path, (layout, sealed, content))
     except BaseException:
@@ -102,7 +105,7 @@ def _check(file: h5py.File, path: Path, expected: tuple[str, bool, Callable[[h5p
         digest = text_of(file, "content_sha256") if sealed else content(file)
     except FAILURES as error:
         raise ResultError(f"{path}: is not what romdam writes ({error!r}); run it again") from error
-    if not path.stem.endswith(digest[:_DIGITS]):
+    if path.stem.rpartition("-")[2] != digest[:_DIGITS]:
         raise ResultError(
             f"{path}: holds another model than its name says (SHA-256 {shown(digest[:_DIGITS])}); "
             "run it again"

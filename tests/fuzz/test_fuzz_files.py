@@ -21,7 +21,7 @@ from romdam.outputs.comparison import STATEMENT_FILE, read_statement, write_stat
 from romdam.outputs.maxima import maxima
 from romdam.outputs.model_info import model_lines
 from romdam.reduction.store import BlockStore
-from romdam.sealed import seal
+from romdam.sealed import is_sealed, seal
 from romdam.terminal import info_lines, peaks_table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -177,6 +177,14 @@ def test_statements_that_changed_are_left_out(tmp_path, cases):
     for foreign in ("null", "[]", '{"configuration_sha256": "abc"}', "[" * 100_000, '{"a": NaN}'):
         (tmp_path / STATEMENT_FILE).write_text(foreign)
         assert read_statement(tmp_path, "abc") == {}
+
+
+@pytest.mark.parametrize("size", [0, 7, 8, 9, 48, 51, 52, 79, 96])
+def test_the_shortest_files_are_refused(tmp_path, size):
+    path = tmp_path / "a.h5"
+    path.write_bytes((b"\x89HDF\r\n\x1a\n" + bytes(99))[:size])
+    with pytest.raises(ResultError, match=r"a\.h5: is "):
+        is_sealed(path)
 
 
 def test_a_swapped_basis_or_one_of_another_version_is_named(job, whole):
