@@ -284,7 +284,9 @@ def test_code_that_changed_since_the_process_started_is_told(tmp_path):
     path = other_romdam(tmp_path, romdam.__version__)
     time.sleep(1.5)
     environment = os.environ | {"PYTHONPATH": path}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True
+    )
     before, after = ast.literal_eval(done.stdout)
     assert len(before) == 16 and after == "changed on disk since the process started"
 
