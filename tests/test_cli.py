@@ -288,6 +288,7 @@ def test_a_list_of_nothing_is_bad_input(config):
 
 
 def test_what_is_odd_about_a_record_is_told(config, tmp_path, caplog):
+    np.savetxt(tmp_path / "pulse.txt", np.sin(np.linspace(0.0, 3.0, 60)))
     assert call("run", config, "--out", tmp_path / "out")[0] == 0
     assert any(line.startswith("pulse: the velocity ends at") for line in caplog.messages)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -108,12 +107,6 @@ def _range(name: str, one: ParameterConfig, place: Place, source: str) -> tuple[
 def _grid(
     parameters: Mapping[str, ParameterConfig], places: Mapping[str, Place], source: str
 ) -> dict[str, Floats]:
-    count = math.prod(len(one.values or ()) or one.count or 2 for one in parameters.values())
-    if count > MOST_RUNS:
-        raise ConfigError(
-            f"{source}: suite.parameters: the full grid has {count} samples, limit {MOST_RUNS}; "
-            "use design: {latin_hypercube: 1000}"
-        )
     levels = {name: _levels(name, one, places[name], source) for name, one in parameters.items()}
     rows = list(itertools.product(*levels.values()))
     return {name: np.array([row[i] for row in rows]) for i, name in enumerate(levels)}

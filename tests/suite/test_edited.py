@@ -15,11 +15,11 @@ import xarray as xr
 import yaml
 
 import romdam
-from romdam.errors import ConfigError, ResultError
+from romdam.errors import ConfigError, ConvergenceError, ResultError
 from romdam.outputs.responses import PARAMETER, parameters
 from romdam.outputs.suite_journal import JOURNAL, read_rows
 from romdam.pipelines import suite as pipeline
-from romdam.pipelines import suite_kept
+from romdam.pipelines import suite_kept, suite_runs
 from romdam.pipelines.suite import SuiteOptions, run_suite
 from romdam.pipelines.suite_folder import LOCK, clean, suite_lock
 
@@ -125,18 +125,23 @@ def test_parameters_that_say_what_was_so_before_change_no_bit(tmp_path):
     as_fresh(config, tmp_path, calls=0)
 
 
-def test_failures_follow_their_records(tmp_path):
-    config = write_job(tmp_path, records=2, suite={"keep": "full"})
-    np.savetxt(tmp_path / "records" / "r0.txt", pulse(0)[:6])  # shorter than one step
-    raw = yaml.safe_load(config.read_text())
-    raw["transient"], raw["outputs"]["every"] = {"dt": "0.1 s", "duration": "1 s"}, "0.1 s"
-    config.write_text(yaml.safe_dump(raw))
-    named_records(config, short=0, whole=1)
-    first = made(config, tmp_path / "out")
-    assert list(first.failures) == ["short__0__0"]
-    named_records(config, whole=0, short=1)
+def test_failures_follow_their_records(tmp_path, monkeypatch):
+    """The shorter record's run fails, under whatever name."""
+    marching = suite_runs.shake_together
+
+    def failing(job, systems, motions):
+        for motion in motions:
+            if motion.acc.shape[1] == 60:
+                raise ConvergenceError(f"record {motion.name}: step 3 did not converge")
+        return marching(job, systems, motions)
+
+    monkeypatch.setattr(suite_runs, "shake_together", failing)
+    config = write_job(tmp_path, records=2, suite={"keep": "full", "scales": [1]})
+    named_records(config, one=0, other=1)
+    assert list(made(config, tmp_path / "out").failures) == ["one__0__0"]
+    named_records(config, other=0, one=1)
     again = as_fresh(config, tmp_path, calls=0)
-    assert list(again.failures) == ["whole__0__0"] and "short" not in again.failures["whole__0__0"]
+    assert again.failures == {"other__0__0": "its record: step 3 did not converge"}
 
 
 def test_what_is_kept_is_believed_by_its_bytes(tmp_path, caplog):
@@ -324,7 +329,7 @@ def test_records_that_cannot_be_written_are_told_before_the_first_run(tmp_path):
     np.savetxt(tmp_path / "records" / "r1.txt", pulse(0)[:5])
     named_records(config, short=1, whole=0)
     edited(config, keep={"every": "0.1 s"})
-    assert "only the start would be written" in made(config, tmp_path / "b").failures["short"]
+    assert "nothing but the start would be written" in made(config, tmp_path / "b").failures["short"]
 
 
 def test_results_of_other_runs_in_the_folder_are_named(tmp_path):
@@ -371,11 +376,10 @@ def test_whom_a_run_marches_with_does_not_change_its_bits(tmp_path, batch):
         ({"parameters": MU, "design": {"latin_hypercube": 0}}, {}, "latin_hypercube"),
         ({"parameters": MU, "design": {"latin_hypercube": 10**9}}, {}, "1000000"),
         ({"parameters": {n: {"path": p, "low": 0.1, "high": 0.2, "count": 9999} for n, p in
-          (("a", "joints.gap.friction"), ("b", "joints.gap.gap"))}}, {}, "full grid has 99980001 samples"),
+          (("a", "joints.gap.friction"), ("b", "joints.gap.gap"))}}, {}, "1 scales of 9.998e+07 samples"),
         ({"parameters": {"a": {"path": "joints.gap.friction", "low": 0.1, "high": 0.2, "count": 999_999}},
-          "scales": [1, 2]}, {}, "split it into several suites"),
+          "scales": [1, 2]}, {}, "2 scales of 999999 samples are 2e+06 runs"),
         ({"keep": {"every": "7 ms"}}, {}, "whole multiple of transient.dt"),
-        ({}, {"title": "a\0b"}, "title"),
         ({"parameters": {"m": {"path": "joints.gap.frictoin", "values": [0.1]}}}, {}, "frictoin"),
         ({"parameters": {"m": {"path": "joints..friction", "values": [0.1]}}}, {}, "no joint ''"),
     ],
