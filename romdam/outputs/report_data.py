@@ -75,6 +75,6 @@ def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:
             raise ResultError(
                 f"{folder / DATA}: lacks {', '.join(missing)}; `romdam report --config` writes it again"
             )
-        same = data.attrs.get(_KEY) == summary.attrs.get(_KEY)
+        same = str(data.attrs.get(_KEY)) == str(summary.attrs.get(_KEY))
         same = same and list(data.record.values) == list(summary.record.values)
         return data.load() if same else None
