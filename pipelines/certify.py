@@ -103,7 +103,9 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     stored = parse_config(json.loads(str(run.attributes["configuration"])), f"{run.path}: configuration")
     folder = run.path.parent / str(run.attributes.get(FOLDER, "."))
     job = Job(stored, folder / str(run.attributes["configuration_file"]))
-    ours = run.attributes.get("source") == f"romdam {romdam.__version__}"  # else keys may have come since
+    ours = (
+        str(run.attributes.get("source")) == f"romdam {romdam.__version__}"
+    )  # else keys may have come since
     if ours and job.digest != run.attributes["configuration_sha256"]:
         raise ResultError(
             f"{run.path}: its attribute configuration is not the one of SHA-256 "

@@ -130,7 +130,8 @@ def _variable_flaws(name: str, dims: tuple[str, ...], units: str | None, found: 
     kinds = "OUST" if units == "" else "iu" if name in _WHOLE else "f"
     if found.dtype.kind not in kinds:
         yield f"{name} must hold {'texts' if units == '' else 'numbers'}, got {found.dtype}"
-    if units and found.attrs.get("units") != units:
+    stated = found.attrs.get("units")
+    if units and not (isinstance(stated, str) and stated == units):
         yield f"{name} must have the units {units!r}, got {_got(found.attrs, 'units')}"
     fill = found.encoding.get("_FillValue", math.nan)
     masked = units != "" and isinstance(fill, int | float | np.number) and not np.isnan(fill)

@@ -75,6 +75,6 @@ def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:
             raise ResultError(
                 f"{folder / DATA}: lacks {', '.join(missing)}; `romdam report --config` writes it again"
             )
-        same = all(data.attrs.get(key, "") == summary.attrs.get(key, "") for key in _KEYS)
+        same = all(str(data.attrs.get(key, "")) == str(summary.attrs.get(key, "")) for key in _KEYS)
         same = same and list(data.record.values) == list(summary.record.values)
         return data.load() if same else None
