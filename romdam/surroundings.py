@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import os
 import signal
+import sys
+import threading
 from typing import Any
 
 from romdam.errors import ConfigError, OutputError, shown
@@ -26,11 +28,24 @@ def hear_signals() -> None:
         number = getattr(signal, name, signal.SIGTERM)  # Windows has no SIGHUP
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores SIGHUP
             signal.signal(number, _raise)
+    sys.unraisablehook = _raise_again
 
 
 def _raise(number: int, _: object) -> None:
     signal.signal(number, signal.SIG_DFL)  # a second one ends it at once
     raise Signalled(number)
+
+
+def _raise_again(lost: sys.UnraisableHookArgs) -> None:
+    """Signal once more, a little later, where a library's callback has swallowed what a signal raised."""
+    if not isinstance(lost.exc_value, Signalled | KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    number = signal.SIGINT
+    if isinstance(lost.exc_value, Signalled):
+        number = signal.Signals(lost.exc_value.number)
+        signal.signal(number, _raise)
+    threading.Timer(0.05, os.kill, (os.getpid(), number)).start()
 
 
 def check_surroundings() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from romdam.config.models import MeshFileConfig
 from romdam.config.quantities import to_si
-from romdam.errors import ConfigError, MeshError
+from romdam.errors import MeshError
 from romdam.files import check_file
 from romdam.scene.abaqus import read_abaqus
 from romdam.scene.elements import ELEMENTS
@@ -47,7 +47,7 @@ class MeshFiles:
     def block(self, name: str, config: MeshFileConfig, material: Material, place: str) -> Block:
         """Make a block of one group of a file, see `mesh_file_block`."""
         path = self.folder / config.file
-        scale = _metres(config.unit, place)
+        scale = to_si(f"1 {config.unit}", "m")
         if path not in self._read:
             file = self._read[path] = read_mesh_file(path, f"{place}.file")
             self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
@@ -203,13 +203,6 @@ def _block(
     block = Block(name, element, points, cells, material, faces)
     refuse_bad_cells(block, f"{place}.file: {path}")
     return block
-
-
-def _metres(unit: str, place: str) -> float:
-    try:
-        return to_si(f"1 {unit}", "m")
-    except ValueError as error:
-        raise ConfigError(f"{place}.unit: {error}") from None
 
 
 def _members(file: MeshFile, group: str | int | None, path: Path, place: str) -> list[Ints]:

@@ -165,11 +165,17 @@ def peaks(file: Path) -> bytes:
         return found.peak_opening.values.tobytes()
 
 
-@pytest.mark.parametrize("number", range(len(CASES)), ids=lambda number: CASES[number].name)
-def test_numbers_are_the_same_or_one_message_says_why(number, cases, jobs, plain, tmp_path):
-    if number >= cases(3, len(CASES)):
-        pytest.skip("with --fuzz")
-    case = CASES[number]
+SHARE = 2  # of the cases, the first ones, with the other tests
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=case.name, marks=[pytest.mark.fuzz] * (i >= SHARE))
+        for i, case in enumerate(CASES)
+    ],
+)
+def test_numbers_are_the_same_or_one_message_says_why(case, jobs, plain, tmp_path):
     shutil.copytree(jobs, tmp_path, dirs_exist_ok=True, ignore=lambda *_: ["plain"])
     done = start(case, tmp_path)
     about = f"{case.name}: exit {done.returncode}\n{done.stdout}\n{done.stderr}"
