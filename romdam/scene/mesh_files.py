@@ -99,8 +99,6 @@ def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folde
 
     Raises
     ------
-    ConfigError
-        for an unknown length unit.
     MeshError
         for a file that cannot be read, a missing group, unsupported, inverted or overlapping elements.
     """

@@ -82,7 +82,7 @@ def test_nothing_is_said_of_what_is_not_odd(make, caplog):
     assert not caplog.messages
 
 
-@pytest.mark.parametrize("size", [1e-3, 1e-9, 1e-300, [1e-6, 1.0, 1e-6]])
+@pytest.mark.parametrize("size", [1e-3, 1e-9, 1e-6, [1e-6, 1.0, 1e-6]])
 @pytest.mark.parametrize("element", ["hex8", "hex20", "tet4", "tet10"])
 def test_a_box_too_fine_for_memory_is_refused_before_it_is_meshed(size, element, make):
     raw = two_boxes(element) | {"model": {"order": "full", "memory": "1 GB"}}
