@@ -9,6 +9,7 @@ functions that are called.
 from __future__ import annotations
 
 import functools
+import hashlib
 import logging
 import os
 import stat
@@ -39,8 +40,9 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             if "no locator" not in str(error):
                 raise
             made = _cached_elsewhere(function, options)
-        if options.get("cache"):
+        if hasattr(made._cache, "_cache_file"):
             _guard(made._cache)
+            _stamp(made._cache, Path(function.__code__.co_filename).parent)
         return made
 
     return compiled
@@ -79,6 +81,25 @@ def _temporary_cache() -> Path | None:
         return None
     log.warning("compiled functions are kept in %s; set NUMBA_CACHE_DIR to another folder", folder)
     return folder
+
+
+def _stamp(cache: Any, folder: Path) -> None:
+    """Make a cache of other code count as empty: numba asks for the function's own file alone.
+
+    What it calls stands in other files, and those of a checkout that is brought up to date change one by one.
+    """
+    index = cache._cache_file
+    index._source_stamp = (index._source_stamp, _code_of(folder))
+
+
+@functools.cache
+def _code_of(folder: Path) -> str:
+    """SHA-256 of what compiled functions of a room may call: its files, those of `joints`, and this one."""
+    here, content = Path(__file__), hashlib.sha256()
+    for path in (*sorted({*folder.glob("*.py"), *here.parent.glob("joints/*.py")}), here):
+        with suppress(OSError):  # a package in an archive, which does not change file by file
+            content.update(path.read_bytes())
+    return content.hexdigest()
 
 
 def _guard(cache: Any) -> None:

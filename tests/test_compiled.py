@@ -1,11 +1,14 @@
 """Compiled functions work where nothing may be written, and where what is kept of them is damaged."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+import romdam
 
 PROBE = """
 import sys
@@ -86,3 +89,31 @@ def test_compiled_functions_on_a_full_disk_are_not_kept(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0 and done.stdout.startswith("3.0"), done.stderr
     assert not [path for path in tmp_path.rglob("*") if path.suffix == ".nbc"]
+
+
+STUCK = """
+import numpy as np
+from romdam.joints.held import is_stuck
+from romdam.joints.problem import Limits
+limits = Limits(np.zeros((1, 2)), np.full((1, 2), 0.6), np.zeros(1))
+print(is_stuck(limits, np.array([1.0, 0.1, 0.0]), 0), sum(is_stuck.stats.cache_hits.values()))
+"""
+
+
+def test_a_function_is_compiled_again_when_what_it_calls_has_changed(tmp_path):
+    """`is_stuck` calls `slides`, in another file: numba alone would go on with the old one."""
+    shutil.copytree(Path(romdam.__file__).parent, tmp_path / "romdam", ignore=shutil.ignore_patterns("__*__"))
+    shutil.copy(romdam.__file__, tmp_path / "romdam")
+
+    def stuck() -> list[str]:
+        environment = os.environ | {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        command = [sys.executable, "-c", STUCK]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        return done.stdout.split()
+
+    assert stuck() == ["True", "0"] and stuck() == ["True", "1"]
+    laws = tmp_path / "romdam" / "joints" / "laws.py"
+    start = "near_j, near_k = "
+    assert laws.read_text().count(start) == 1
+    laws.write_text(laws.read_text().replace(start, f"return True\n    {start}"))
+    assert stuck() == ["False", "0"]
