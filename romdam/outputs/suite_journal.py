@@ -34,10 +34,17 @@ def append_rows(path: Path, rows: Iterable[Row]) -> None:
     WriteError
         where the folder or the disk refuses them.
     """
+    # a line of its own, whatever a process that was killed has left before it
+    lines = memoryview(b"".join(b"\n" + _line(row) + b"\n" for row in rows))
     try:
-        with path.open("ab") as file:
-            # a line of its own, whatever a process that was killed has left before it
-            file.write(b"".join(b"\n" + _line(row) + b"\n" for row in rows))
+        with path.open("ab", buffering=0) as file:
+            before = file.tell()
+            try:
+                while lines:
+                    lines = lines[file.write(lines) :]
+            except OSError:
+                file.truncate(before)
+                raise
     except OSError as error:
         raise WriteError(
             f"{path}: cannot be written ({error}); free the disk or choose another folder"

@@ -20,26 +20,34 @@ from romdam.errors import ResultError, WriteError
 from romdam.sealed import creating, is_sealed
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))
 
+from suite_jobs import BASE, write_job
 from test_cli import SMALL, call
 
 SECONDS = 120.0
 VARYING = ("date_created", "configuration_folder")
 
 
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    """A job, and its result where nothing is in the way."""
-    made = tmp_path_factory.mktemp("job")
-    time = np.arange(40) * 0.01
-    np.savetxt(made / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-4 * time))
-    (made / "job.yaml").write_text(SMALL)
+@pytest.fixture(scope="module", params=["job", "suite"])
+def small(request, tmp_path_factory):
+    """A job, or a suite that keeps its runs, and its results where nothing is in the way."""
+    made = tmp_path_factory.mktemp(request.param)
+    if request.param == "suite":
+        outputs = BASE["outputs"] | {"plots": False}
+        path = write_job(made, records=2, suite={"keep": "full", "scales": [1], "batch": 1}, outputs=outputs)
+        path.rename(made / "job.yaml")
+    else:
+        time = np.arange(40) * 0.01
+        np.savetxt(made / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-4 * time))
+        (made / "job.yaml").write_text(SMALL)
     assert run(made, made / "out")[0] == 0
     return made
 
 
 def run(made, out):
-    return call("run", made / "job.yaml", "--out", out, "--cache", out / "cache", "--quiet")
+    alone = ("--workers", 1) if (made / "records").exists() else ()
+    return call("run", made / "job.yaml", "--out", out, "--cache", out / "cache", "--quiet", *alone)
 
 
 @pytest.fixture
@@ -60,11 +68,22 @@ def disk(tmp_path):
     subprocess.run(["umount", "--lazy", str(folder)], capture_output=True, check=False)
 
 
-def content(path: Path) -> dict[str, bytes]:
-    with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        found = {str(name): np.asarray(v.values).tobytes() for name, v in dataset.variables.items()}
-        stated = {k: v for k, v in dataset.attrs.items() if k not in VARYING and "seconds" not in k}
-        return found | {"attributes": repr(sorted(stated.items())).encode()}
+def contents(out: Path) -> dict[str, bytes]:
+    """Every variable and attribute of every result, but seconds and dates."""
+    found = {}
+    for path in sorted(out.rglob("*.nc")):
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            values = {
+                str(name): v.values for name, v in dataset.variables.items() if "seconds" not in str(name)
+            }
+            stated = {k: v for k, v in dataset.attrs.items() if k not in VARYING and "seconds" not in k}
+        found |= {f"{path.name}: {name}": _plain(value).tobytes() for name, value in values.items()}
+        found[path.name] = repr(sorted(stated.items())).encode()
+    return found
+
+
+def _plain(values) -> np.ndarray:
+    return values.astype(str) if values.dtype.kind == "O" else values
 
 
 def only_whole_files(out: Path, where: str) -> None:
@@ -86,8 +105,8 @@ def one_message(outcome, where: str) -> int:
 
 def test_a_disk_that_fills_at_any_byte(small, disk, cases):
     taken = sum(path.stat().st_size for path in (small / "out").rglob("*") if path.is_file())
-    expected, stopped = content(small / "out" / "pulse.nc"), 0
-    for case in range(cases(3, 50)):
+    expected, stopped = contents(small / "out"), 0
+    for case in range(cases(2, 50)):
         size = 4096 * int(np.random.default_rng([1, case]).integers(2, taken // 4096 + 20))
         where, folder = f"case {case}, {size} of {taken} bytes", disk(size)
         code = one_message(bounded(lambda folder=folder: run(small, folder / "out"), SECONDS), where)
@@ -97,7 +116,7 @@ def test_a_disk_that_fills_at_any_byte(small, disk, cases):
         code, _, err = bounded(lambda folder=folder: run(small, folder / "out"), SECONDS).value
         assert code == 0, f"{where}: {err}"
         only_whole_files(folder, where)
-        assert content(folder / "out" / "pulse.nc") == expected, where
+        assert contents(folder / "out") == expected, where
         subprocess.run(["umount", str(folder)], check=True)
     assert stopped > 0
 
@@ -105,8 +124,8 @@ def test_a_disk_that_fills_at_any_byte(small, disk, cases):
 def test_files_that_may_not_grow_beyond_any_byte(small, tmp_path, cases):
     """As a quota does; the limit holds for every file alone."""
     largest = max(path.stat().st_size for path in (small / "out").rglob("*") if path.is_file())
-    expected = content(small / "out" / "pulse.nc")
-    for case in range(cases(3, 50)):
+    expected = contents(small / "out")
+    for case in range(cases(2, 50)):
         most = int(np.random.default_rng([2, case]).integers(1, largest))
         where, out = f"case {case}, {most} of {largest} bytes", tmp_path / f"{case}"
         outcome = bounded(lambda out=out, most=most: limited(most, lambda: run(small, out)), SECONDS)
@@ -114,7 +133,7 @@ def test_files_that_may_not_grow_beyond_any_byte(small, tmp_path, cases):
         only_whole_files(out, where)
         code, _, err = bounded(lambda out=out: run(small, out), SECONDS).value
         assert code == 0, f"{where}: {err}"
-        assert content(out / "pulse.nc") == expected, where
+        assert contents(out) == expected, where
         shutil.rmtree(out)
 
 

@@ -1,7 +1,9 @@
 """A suite that is edited and run again gives every run its own numbers; its folder, and damage to it."""
 
 import fcntl
+import multiprocessing
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -17,7 +19,8 @@ import yaml
 import romdam
 from romdam.errors import ConfigError, ConvergenceError, ResultError
 from romdam.outputs.responses import PARAMETER, parameters
-from romdam.outputs.suite_journal import JOURNAL, read_rows
+from romdam.outputs.suite_journal import JOURNAL, append_rows, read_rows
+from romdam.outputs.suite_rows import Row
 from romdam.pipelines import suite as pipeline
 from romdam.pipelines import suite_kept, suite_runs
 from romdam.pipelines.suite import SuiteOptions, run_suite
@@ -425,3 +428,21 @@ def test_a_table_of_a_spreadsheet_is_read(tmp_path):
     found = made(config, tmp_path / "out").summary
     assert found.parameter_gap.values.tolist() == [0.005, 0.002]
     assert found.parameter_friction.values.tolist() == [0.3, 0.5]
+
+
+def test_rows_that_the_disk_refuses_leave_nothing_behind(tmp_path):
+    """A quota in the middle of a line: the journal is as it was, and says so."""
+    journal, row = tmp_path / JOURNAL, Row("a" * 64, "", {"peak_opening": np.ones(50)})
+    append_rows(journal, [row])
+    before = journal.read_bytes()
+
+    def refused():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 100, resource.RLIM_INFINITY))
+        append_rows(journal, [row])
+
+    process = multiprocessing.get_context("fork").Process(target=refused)
+    process.start()
+    process.join()
+    assert process.exitcode == 1 and journal.read_bytes() == before
+    assert list(read_rows(journal)) == [row.key]
