@@ -8,11 +8,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import romdam
 from romdam.config.load import Job, load_config, parse_config
-from romdam.dynamics.certificate import (
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError, ResultError, shown
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History, System
+from romdam.error.comparison import peak_error
+from romdam.error.replay import (
     Defect,
     Forces,
     Replayed,
@@ -20,12 +24,14 @@ from romdam.dynamics.certificate import (
     measure_defect,
     replay_start,
 )
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.system import History, System
-from romdam.errors import ConfigError, ResultError, shown
 from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
-from romdam.outputs.certificate import (
+from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
+from romdam.pipelines.shaking import ground_at_steps, options_at
+from romdam.records.record_set import load_motions
+from romdam.reduction.refinement import embedding, much_finer
+from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
+from romdam.results.certificate import (
     FOLDER,
     Figures,
     StoredRun,
@@ -34,18 +40,11 @@ from romdam.outputs.certificate import (
     read_run,
     write_certificate,
 )
-from romdam.outputs.comparison import peak_error
-from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
-from romdam.pipelines.shaking import ground_at_steps, options_at
-from romdam.records.motion import GroundMotion
-from romdam.records.suite import load_motions
-from romdam.reduction.refinement import embedding, much_finer
-from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
+from romdam.timestepping.options import TransientOptions
 
 REPLAY_STEP = (
     0.0025  # [s] longest step of the replay; at twice it the main job's defect doubles, the error stays
 )
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from romdam.config.load import Job
-from romdam.dynamics.options import TransientOptions
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
 from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.shaking import check_interval, refuse_large, transient_options
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
-from romdam.records.motion import GroundMotion
-from romdam.records.suite import load_motions
-from romdam.scene.model import Scene
+from romdam.records.record_set import load_motions
+from romdam.timestepping.options import TransientOptions
 
 # Measured on one core of a 2-core x86-64 machine, two cantilevers, 100 gaps; good to a factor of three
 SECONDS_PER_STEP = 5e-6

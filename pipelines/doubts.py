@@ -9,7 +9,7 @@ import numpy as np
 
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
-from romdam.records.motion import GroundMotion
+from romdam.core.motion import GroundMotion
 
 _CONTENT = 0.9  # of the power of the acceleration lies below the frequency that the step is judged by
 _STEPS = 20.0  # of a period, for a step that follows it

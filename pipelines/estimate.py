@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from scipy.sparse import csr_matrix
 
 from romdam.config.load import Job
-from romdam.dynamics.certificate import run_window
-from romdam.dynamics.system import History
-from romdam.outputs.certificate import Figures, figures
-from romdam.outputs.comparison import peak_error
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.system import History
+from romdam.error.comparison import peak_error
+from romdam.error.replay import run_window
 from romdam.pipelines.shaking import ground_at_steps, options_at
-from romdam.records.motion import GroundMotion
 from romdam.reduction.refinement import embedding, slightly_finer
-from romdam.reduction.store import BlockStore
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
-from romdam.scene.model import Scene
+from romdam.results.certificate import Figures, figures
 
 WINDOW = 3.0  # [s]
 SHARE = 0.65  # of the true L2 error, that the window shows: 0.39 to 1.09 on the 30 cases of tests/reference

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from romdam.config.load import Job
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
 from romdam.pipelines.estimate import estimate_error, finer_model
 from romdam.pipelines.shaking import shake
-from romdam.records.motion import GroundMotion
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene.model import Scene
 
 FIRST = 20  # modes of each block
 GROWTH = 1.5

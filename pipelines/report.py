@@ -13,17 +13,17 @@ import xarray as xr
 
 from romdam.config.load import Job
 from romdam.config.quantities import to_si
-from romdam.errors import ConfigError, ResultError
-from romdam.outputs.dataset import write_dataset
-from romdam.outputs.report import write_report
-from romdam.outputs.report_data import DATA, read_report_data, report_data
-from romdam.outputs.report_study import Study, Wanted, responses
-from romdam.outputs.responses import response_of
-from romdam.outputs.suite import SUMMARY, open_summary
+from romdam.core.errors import ConfigError, ResultError
+from romdam.core.scene import Scene
 from romdam.pipelines.run import Clock, Stage, silent
-from romdam.pipelines.suite_plan import read_records
+from romdam.pipelines.suites.plan import read_records
+from romdam.postprocess.responses import response_of
+from romdam.results.dataset import write_dataset
+from romdam.results.suite.report_data import DATA, read_report_data, report_data
+from romdam.results.suite.summary import SUMMARY, open_summary
 from romdam.scene.build import build_scene
-from romdam.scene.model import Scene
+from romdam.visual.report.sections import write_report
+from romdam.visual.report.study import Study, Wanted, responses
 
 _BESIDE = ("outputs", "suite", "pipeline", "title", "study")  # what changes neither scene nor records
 
@@ -131,8 +131,8 @@ def _data(job: Job, summary: xr.Dataset, clock: Clock) -> xr.Dataset:
 
 def _picture(scene: Scene) -> bytes | None:
     """A PNG of the scene; None where this machine draws no 3-D pictures."""
-    from romdam.outputs.rendering import refuse_without_renderer
-    from romdam.outputs.scene_view import draw_scene
+    from romdam.visual.rendering import refuse_without_renderer
+    from romdam.visual.scene_view import draw_scene
 
     try:
         refuse_without_renderer()

@@ -13,30 +13,30 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.config.load import Job
-from romdam.dynamics.system import System
-from romdam.errors import RecordError, RomdamError, placed
+from romdam.core.errors import RecordError, RomdamError, placed
+from romdam.core.files import prepare_folder
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.system import System
+from romdam.error.comparison import read_statement
 from romdam.fem.unreduced import assemble_full
-from romdam.files import prepare_folder
-from romdam.outputs.certificate import FOLDER
-from romdam.outputs.comparison import read_statement
-from romdam.outputs.concerns import concerns
-from romdam.outputs.dataset import Timing, build_dataset, write_dataset
-from romdam.outputs.fields import write_model
-from romdam.outputs.stress_file import StressFields, write_stress
-from romdam.outputs.variables import Case
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.shaking import check_interval, shake
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
-from romdam.records.motion import GroundMotion
-from romdam.records.suite import check_names
-from romdam.records.tolerant import load_entry
-from romdam.reduction.store import BlockStore
+from romdam.records.formats.tolerant import load_entry
+from romdam.records.record_set import check_names
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
+from romdam.results.certificate import FOLDER
+from romdam.results.concerns import concerns
+from romdam.results.dataset import Timing, build_dataset, write_dataset
+from romdam.results.fields import write_model
+from romdam.results.stress.file import StressFields, write_stress
+from romdam.results.variables import Case
 from romdam.scene.build import build_scene
-from romdam.scene.model import Scene
 
 log = logging.getLogger(__name__)
 
@@ -230,6 +230,6 @@ def run_motion(
 
 def draw(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
     """Draw every figure of a result."""
-    from romdam.outputs.plots import write_plots  # here: a run without figures need not load matplotlib
+    from romdam.visual.plots import write_plots  # here: a run without figures need not load matplotlib
 
     return write_plots(dataset, folder, stem)

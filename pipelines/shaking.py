@@ -8,20 +8,18 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from romdam.config.load import Job
-from romdam.dynamics.accuracy import integrate_cases_to, integrate_to, refined_step
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.runs import Case, Progress
-from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import integrate, integrate_cases
-from romdam.errors import ConfigError, ConvergenceError, placed
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError, ConvergenceError, placed
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History, System
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
-from romdam.records.motion import GroundMotion
-from romdam.records.resampling import resample_motion
-
-Floats = NDArray[np.float64]
+from romdam.records.processing.resampling import resample_motion
+from romdam.timestepping.modal.runs import Case, Progress
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate, integrate_cases
+from romdam.timestepping.step_control import integrate_cases_to, integrate_to, refined_step
 
 
 def shake(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from romdam.config.load import Job
-from romdam.dynamics.system import System
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
+from romdam.core.motion import GroundMotion
+from romdam.core.system import System
 from romdam.linalg.solvers import Solving
-from romdam.records.motion import GroundMotion
 
 MOST_STEPS = 10**8  # of a run: 300 s at 3 us, and a quarter of an hour at the quickest
 _STEP = 120.0  # bytes while a record is resampled: its three components, times, places and weights

@@ -10,35 +10,33 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from romdam.config.load import Job
-from romdam.dynamics.accuracy import refined_step
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import integrate
-from romdam.errors import ConfigError, ConvergenceError
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.files import prepare_folder, replacing
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.system import History, System
+from romdam.error.comparison import Openings, compare_openings, read_reference
+from romdam.error.study import CaseResult, study_dataset, study_figure, study_table
 from romdam.fem.unreduced import assemble_full
-from romdam.files import prepare_folder, replacing
-from romdam.outputs.comparison import Openings, compare_openings, read_reference
-from romdam.outputs.dataset import write_dataset
-from romdam.outputs.study import CaseResult, study_dataset, study_figure, study_table
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.shaking import choose_integrator, fixed_step, ground_at_steps, transient_options
 from romdam.pipelines.sizes import refuse_lengths
-from romdam.records.motion import GroundMotion
-from romdam.records.suite import load_motions
-from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice
+from romdam.records.record_set import load_motions
+from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
+from romdam.results.dataset import write_dataset
 from romdam.scene.build import build_scene
-from romdam.scene.model import Scene
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
+from romdam.timestepping.step_control import refined_step
 
 MOST_DENSE = 12_000  # free DOFs up to which all modes of the mesh are the reference
 FINER = 16  # the reference's step is this part of the finest one studied
 PARTS = (4, 8, 16, 32)  # of the record's step, the steps that are studied unless the configuration says
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage 
     ----------
     job : a configuration with model.order reduced
     out : folder for study.nc, study.md and study.png
-    reference : an .npz to compare with instead of a run, see `romdam.outputs.comparison.read_reference`
+    reference : an .npz to compare with instead of a run, see `romdam.error.comparison.read_reference`
     show : told of every stage and its progress
 
     Raises
@@ -222,7 +220,7 @@ def _result(setup: _Setup, case: _Case, runs: list[History], reference: tuple[Op
 
 
 def _write(folder: Path, dataset: xr.Dataset) -> Study:
-    from romdam.outputs.plots import save_figure
+    from romdam.visual.plots import save_figure
 
     table = study_table(dataset)
     paths = folder / "study.nc", folder / "study.md"

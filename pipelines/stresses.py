@@ -6,18 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from romdam.dynamics.system import History, System
+from romdam.core.scene import Scene
+from romdam.core.system import History, System
 from romdam.fem.stress import modal_stress, observed_stress
-from romdam.outputs.stress import StressHistory, StressSummary, summarise
-from romdam.outputs.stress_file import StressFields
-from romdam.reduction.staging import initial_stress
+from romdam.postprocess.stress import StressHistory, StressSummary, summarise
+from romdam.reduction.storage.staging import initial_stress
 from romdam.reduction.synthesis import ReducedModel
-from romdam.scene.model import Scene
-
-Floats = NDArray[np.float64]
+from romdam.results.stress.file import StressFields
 
 
 def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, StressFields]:

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from romdam.config.load import Job
-from romdam.dynamics.system import History
-from romdam.dynamics.transient import integrate
-from romdam.errors import ConfigError
-from romdam.fem.unreduced import assemble_full
-from romdam.files import prepare_folder
-from romdam.outputs.comparison import (
+from romdam.core.errors import ConfigError
+from romdam.core.files import prepare_folder
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.system import History
+from romdam.error.comparison import (
     Difference,
     Openings,
     compare_openings,
@@ -21,16 +21,16 @@ from romdam.outputs.comparison import (
     read_reference,
     write_statement,
 )
-from romdam.outputs.stress import StressSummary
-from romdam.outputs.stress_file import StressFields
+from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
 from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
-from romdam.records.motion import GroundMotion
-from romdam.records.suite import load_motions
-from romdam.scene.model import Scene
+from romdam.postprocess.stress import StressSummary
+from romdam.records.record_set import load_motions
+from romdam.results.stress.file import StressFields
+from romdam.timestepping.simulate import integrate
 
 REFINEMENT = 4  # the full order steps at the reduced model's finest step / 4, where its own error is about
 # 0.3 of the reduced model's,
@@ -73,7 +73,7 @@ def verify(
     job : a configuration with model.order reduced
     out : folder for verification.json and the figure; results there get the statement too
     duration : seconds of the record [s]
-    reference : an .npz to compare with as well, see `romdam.outputs.comparison.read_reference`
+    reference : an .npz to compare with as well, see `romdam.error.comparison.read_reference`
     show : told of every stage and its progress
 
     Raises
@@ -212,7 +212,7 @@ def _against_reference(path: Path, stored: Openings, reduced: Marched, full: Mar
 
 
 def _draw(folder: Path, motion: GroundMotion, reduced: Marched, full: Marched) -> Path:
-    from romdam.outputs.plots import opening_comparison, save_figure
+    from romdam.visual.plots import opening_comparison, save_figure
 
     labels = (f"reduced, dt {reduced.dt:g} s", f"full order, dt {full.dt:g} s")
     histories = {

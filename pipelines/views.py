@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from romdam.config.load import Job
-from romdam.files import prepare_folder
-from romdam.outputs.fields import Result
+from romdam.core.files import prepare_folder
 from romdam.pipelines.run import Clock, Stage, silent
+from romdam.results.fields import Result
 from romdam.scene.build import build_scene
 
 
@@ -38,8 +38,8 @@ def show_scene(job: Job, out: str | Path, show: Stage = silent) -> Path:
     RomdamError
         for a scene that cannot be built, and where 3-D pictures cannot be drawn.
     """
-    from romdam.outputs.rendering import refuse_without_renderer
-    from romdam.outputs.scene_view import draw_scene
+    from romdam.visual.rendering import refuse_without_renderer
+    from romdam.visual.scene_view import draw_scene
 
     refuse_without_renderer()
     folder, clock = prepare_folder(Path(out)), Clock(show)
@@ -57,9 +57,9 @@ def plot_result(result: Result, out: str | Path, wanted: Wanted, show: Stage = s
     RomdamError
         for a result without fields, and where 3-D pictures cannot be drawn or files not be written.
     """
-    from romdam.outputs.maxima import write_maxima
-    from romdam.outputs.plots import write_plots
-    from romdam.outputs.rendering import refuse_without_renderer
+    from romdam.results.maxima import write_maxima
+    from romdam.visual.plots import write_plots
+    from romdam.visual.rendering import refuse_without_renderer
 
     if wanted.fields or wanted.animation:
         refuse_without_renderer()
@@ -67,17 +67,17 @@ def plot_result(result: Result, out: str | Path, wanted: Wanted, show: Stage = s
     with clock.stage("figures", "drawing figures"):
         paths = [*write_plots(result.dataset, folder, stem), write_maxima(result.dataset, folder, stem)]
     if wanted.fields:
-        from romdam.outputs.field_views import draw_fields
+        from romdam.visual.field_views import draw_fields
 
         with clock.stage("fields", "drawing fields"):
             paths += draw_fields(result, folder, stem)
     if wanted.vtu:
-        from romdam.outputs.export import write_series
+        from romdam.results.export import write_series
 
         with clock.stage("vtu", "writing the series") as progress:
             paths.append(write_series(result, folder, stem, (wanted.frames, wanted.window), progress))
     if wanted.animation:
-        from romdam.outputs.field_views import write_animation
+        from romdam.visual.field_views import write_animation
 
         with clock.stage("animation", "drawing the animation") as progress:
             paths.append(write_animation(result, folder, stem, (wanted.frames, wanted.window), progress))

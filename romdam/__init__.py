@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from romdam.config.load import load_config
-    from romdam.outputs.fields import Result, open_result
-    from romdam.outputs.suite import open_suite
     from romdam.pipelines.run import run
-    from romdam.pipelines.suite import run_suite
+    from romdam.pipelines.suites.run import run_suite
+    from romdam.results.fields import Result, open_result
+    from romdam.results.suite.summary import open_suite
 
 __version__ = "0.1.0"
 __all__ = ["Result", "__version__", "load_config", "open_result", "open_suite", "run", "run_suite"]
@@ -24,11 +24,11 @@ __all__ = ["Result", "__version__", "load_config", "open_result", "open_suite", 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
     "load_config": "romdam.config.load",
-    "open_result": "romdam.outputs.fields",
-    "open_suite": "romdam.outputs.suite",
-    "Result": "romdam.outputs.fields",
+    "open_result": "romdam.results.fields",
+    "open_suite": "romdam.results.suite.summary",
+    "Result": "romdam.results.fields",
     "run": "romdam.pipelines.run",
-    "run_suite": "romdam.pipelines.suite",
+    "run_suite": "romdam.pipelines.suites.run",
 }
 
 

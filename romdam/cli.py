@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import romdam
-from romdam.errors import (
+from romdam.core.errors import (
     ConvergenceError,
     OutputError,
     RecordError,
@@ -18,7 +18,7 @@ from romdam.errors import (
     WorkerError,
     WriteError,
 )
-from romdam.files import keep_standard_files
+from romdam.core.files import keep_standard_files
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals
 
 if TYPE_CHECKING:
@@ -131,13 +131,13 @@ def _run_suite(
     where: tuple[int | None, str | None, Path | None],
     terminal: tuple[Stages, Callable[..., None]],
 ) -> None:
-    from romdam.pipelines.cluster import prepare_pool
+    from romdam.pipelines.suites.cluster import prepare_pool
 
     prepare_pool(
-        where[0], where[1], "romdam.pipelines.suite_runs"
+        where[0], where[1], "romdam.pipelines.suites.runs"
     )  # loads it while this process loads the rest
     from romdam.pipelines.report import report as write_report
-    from romdam.pipelines.suite import SuiteOptions, run_suite
+    from romdam.pipelines.suites.run import SuiteOptions, run_suite
     from romdam.terminal import concern_lines, failure_lines, suite_table
 
     stages, say = terminal
@@ -197,7 +197,7 @@ def clean(
 
     Rows and results of runs that CONFIG no longer asks for go; files that romdam did not write stay.
     """
-    from romdam.pipelines.suite_folder import clean as clean_folder
+    from romdam.pipelines.suites.folder import clean as clean_folder
     from romdam.terminal import clean_lines
 
     stages, say = _terminal(quiet, verbose)
@@ -295,7 +295,7 @@ def info(
 
     _, say = _terminal(quiet=False, verbose=False)
     if result.suffix == ".h5":
-        from romdam.outputs.model_info import model_lines
+        from romdam.results.model_info import model_lines
 
         say(*model_lines(result))
         return
@@ -381,9 +381,9 @@ def records(
 
     Where nothing of LIST is a source of records, that is bad input.
     """
-    from romdam.files import prepare_folder
-    from romdam.outputs.record_plots import write_record_plots
-    from romdam.records.table import format_table, list_records
+    from romdam.core.files import prepare_folder
+    from romdam.records.formats.table import format_table, list_records
+    from romdam.visual.record_plots import write_record_plots
 
     folder = prepare_folder(plot) if plot else None
     _, say = _terminal(quiet=False, verbose=False)

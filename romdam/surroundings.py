@@ -9,7 +9,7 @@ import sys
 import threading
 from typing import Any
 
-from romdam.errors import ConfigError, OutputError, shown
+from romdam.core.errors import ConfigError, OutputError, shown
 
 _THREADS = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "NUMEXPR"))
 

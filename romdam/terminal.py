@@ -19,14 +19,14 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from romdam.outputs.concerns import LEDGER_LIMIT
+from romdam.results.concerns import LEDGER_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from romdam.pipelines.check import Check
-    from romdam.pipelines.suite import SuiteOutcome
-    from romdam.pipelines.suite_folder import Cleaned
+    from romdam.pipelines.suites.folder import Cleaned
+    from romdam.pipelines.suites.run import SuiteOutcome
 
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
 
@@ -90,7 +90,7 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
 
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
-    from romdam.outputs.maxima import HEAD, maxima
+    from romdam.results.maxima import HEAD, maxima
 
     table = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4]))
     for name, value, unit, where, when in maxima(dataset):

@@ -10,8 +10,8 @@ import yaml
 from test_cli import SMALL, call
 
 from romdam.config import load_config
-from romdam.errors import ConvergenceError
-from romdam.outputs.study import pareto_front, study_table
+from romdam.core.errors import ConvergenceError
+from romdam.error.study import pareto_front, study_table
 
 
 @pytest.fixture(scope="module")

@@ -237,7 +237,7 @@ def test_help_loads_no_numerical_library():
 
 
 def test_failure_of_one_record_of_two_leaves_the_other(config, tmp_path, monkeypatch):
-    from romdam.errors import ConvergenceError
+    from romdam.core.errors import ConvergenceError
     from romdam.pipelines import run as pipeline
 
     record = yaml.safe_load(SMALL)["records"][0]
@@ -294,7 +294,7 @@ def test_what_is_odd_about_a_record_is_told(config, tmp_path, caplog):
 
 
 def test_lone_record_that_does_not_converge_ends_with_one(config, tmp_path, monkeypatch):
-    from romdam.errors import ConvergenceError
+    from romdam.core.errors import ConvergenceError
     from romdam.pipelines import run as pipeline
 
     def fail(*args):

@@ -17,7 +17,7 @@ if {closed}:  # an installation and a home that take no files
     for locator in (caching.InTreeCacheLocator, caching.UserWideCacheLocator):
         locator.from_function = classmethod(lambda cls, *_: None)
 import numpy as np
-from romdam.jit import copy
+from romdam.core.jit import copy
 target = np.zeros(3)
 copy(np.arange(3.0), target)
 print(target.sum(), copy._cache.cache_path, sum(copy.stats.cache_hits.values()))
@@ -93,8 +93,8 @@ def test_compiled_functions_on_a_full_disk_are_not_kept(tmp_path):
 
 STUCK = """
 import numpy as np
-from romdam.joints.held import is_stuck
-from romdam.joints.problem import Limits
+from romdam.contact.solvers.condensation import is_stuck
+from romdam.contact.problem import Limits
 limits = Limits(np.zeros((1, 2)), np.full((1, 2), 0.6), np.zeros(1))
 print(is_stuck(limits, np.array([1.0, 0.1, 0.0]), 0), sum(is_stuck.stats.cache_hits.values()))
 """
@@ -112,7 +112,7 @@ def test_a_function_is_compiled_again_when_what_it_calls_has_changed(tmp_path):
         return done.stdout.split()
 
     assert stuck() == ["True", "0"] and stuck() == ["True", "1"]
-    laws = tmp_path / "romdam" / "joints" / "laws.py"
+    laws = tmp_path / "romdam" / "contact" / "laws" / "point.py"
     start = "near_j, near_k = "
     assert laws.read_text().count(start) == 1
     laws.write_text(laws.read_text().replace(start, f"return True\n    {start}"))

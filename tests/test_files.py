@@ -13,16 +13,16 @@ import pytest
 from test_cli import SMALL
 
 import romdam
-from romdam.errors import ResultError, WriteError
-from romdam.files import hold, prepare_folder, replacing, sweep_parts
-from romdam.reduction import columns
-from romdam.reduction.columns import Columns
-from romdam.sealed import is_sealed
+from romdam.core.errors import ResultError, WriteError
+from romdam.core.files import hold, prepare_folder, replacing, sweep_parts
+from romdam.core.sealed import is_sealed
+from romdam.reduction.storage import columns
+from romdam.reduction.storage.columns import Columns
 
 WRITER = """
 import sys, time
 from pathlib import Path
-from romdam.files import replacing
+from romdam.core.files import replacing
 with replacing(Path(sys.argv[1])) as part:
     part.write_text("whole")
     print("writing", flush=True)

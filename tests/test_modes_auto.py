@@ -9,7 +9,7 @@ import yaml
 import romdam
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 from romdam.pipelines.modes import FIRST, settle_modes
 from romdam.pipelines.run import read_motions
 from romdam.scene.build import build_scene

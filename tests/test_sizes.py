@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import romdam
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
+from romdam.core.motion import GroundMotion
 from romdam.linalg.solvers import Solving
 from romdam.pipelines.run import Clock, build_model, silent
 from romdam.pipelines.shaking import ground_at_steps, refuse_large, shake, transient_options
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
-from romdam.records.motion import GroundMotion
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "two_cantilevers.yaml"
 MOTION = GroundMotion("northridge", np.sin(np.arange(9000.0)).reshape(3, 3000), 0.01)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from romdam.errors import shown
+from romdam.core.errors import shown
 
 Location = tuple[int | str, ...]
 

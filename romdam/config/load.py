@@ -10,9 +10,9 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from romdam.config.explain import explain
-from romdam.config.models import Config
+from romdam.config.sections.job import Config
 from romdam.config.yaml_text import read_yaml
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 
 
 @dataclass(frozen=True)

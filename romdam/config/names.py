@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from romdam.errors import shown
+from romdam.core.errors import shown
 
 LONGEST = 100  # bytes; a file's name has at most 255, and figures and runs add to it
 _FORBIDDEN = '/\\:*?"<>|'  # of file names on one system or another; of groups in HDF5; "*" is every joint

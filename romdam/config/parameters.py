@@ -11,11 +11,11 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
-from romdam.config.joint_laws import ShearKeyConfig
-from romdam.config.joints import JointConfig
-from romdam.config.models import Config, DampingConfig, RayleighConfig
 from romdam.config.quantities import Stiffness
-from romdam.errors import ConfigError, listed, shown
+from romdam.config.sections.job import Config, DampingConfig, RayleighConfig
+from romdam.config.sections.joint_laws import ShearKeyConfig
+from romdam.config.sections.joints import JointConfig
+from romdam.core.errors import ConfigError, listed, shown
 
 Section = TypeVar("Section", bound=Model)
 

@@ -7,10 +7,8 @@ from collections.abc import Iterator
 
 from pydantic import BaseModel
 
-from romdam.config.correction import CornersStep
-from romdam.config.joint_laws import ShearKeyConfig
-from romdam.config.joints import JointConfig, JointProperties
-from romdam.config.models import (
+from romdam.config.sections.correction import CornersStep
+from romdam.config.sections.job import (
     BoxConfig,
     Config,
     DampingConfig,
@@ -23,10 +21,12 @@ from romdam.config.models import (
     TemperatureConfig,
     TransientConfig,
 )
-from romdam.config.records import RecordConfig, ScaleConfig, unit_in_si
-from romdam.config.stress import StressConfig
-from romdam.config.suite import IntensityConfig, SuiteConfig
-from romdam.config.water import WaterConfig
+from romdam.config.sections.joint_laws import ShearKeyConfig
+from romdam.config.sections.joints import JointConfig, JointProperties
+from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
+from romdam.config.sections.stress import StressConfig
+from romdam.config.sections.suite import IntensityConfig, SuiteConfig
+from romdam.config.sections.water import WaterConfig
 
 Range = tuple[float, float, str, str]  # least and largest magnitude in SI, the unit, what is usual
 _RATIO = (0.0, 0.2, "", "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)")

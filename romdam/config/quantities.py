@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BeforeValidator
 
-from romdam.errors import shown
+from romdam.core.errors import shown
 
 if TYPE_CHECKING:
     import pint

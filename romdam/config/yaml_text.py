@@ -14,8 +14,8 @@ from typing import TypeVar
 
 import yaml
 
-from romdam.errors import ConfigError, shown
-from romdam.files import check_file
+from romdam.core.errors import ConfigError, shown
+from romdam.core.files import check_file
 
 MOST_BYTES = 1e6
 MOST_VALUES = 100_000  # anchors counted wherever they are used: a few of them can stand for billions

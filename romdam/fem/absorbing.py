@@ -21,10 +21,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.scene import Absorbing, Block
 from romdam.fem.material import lame
 from romdam.scene.elements import ELEMENTS, gauss_rule, simplex_rule
 from romdam.scene.facets import area_elements, facet_element
-from romdam.scene.model import Absorbing, Block
 
 _ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0  # springs, in units of G / R
 

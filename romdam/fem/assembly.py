@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.scene import Block, Ints, Material
 from romdam.fem.absorbing import boundary_springs
 from romdam.fem.material import lame
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
-from romdam.scene.model import Block, Ints, Material
-from romdam.scene.quality import refuse_inverted
+from romdam.scene.meshes.quality import refuse_inverted
 
 _CHUNK = 512  # cells at a time: element matrices that stay in the cache, 4 MB for tet10
 

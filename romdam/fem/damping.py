@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from romdam.config.models import DampingConfig, RayleighConfig
-
-Floats = NDArray[np.float64]
+from romdam.config.sections.job import DampingConfig, RayleighConfig
+from romdam.core.arrays import Floats
 
 
 def rayleigh_coefficients(rayleigh: RayleighConfig | None) -> tuple[float, float]:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix, vstack
 
-from romdam.dynamics.system import GapLaw
-from romdam.scene.model import Joint, Scene
-
-Floats = NDArray[np.float64]
+from romdam.core.arrays import Floats
+from romdam.core.scene import Joint, Scene
+from romdam.core.system import GapLaw
 
 
 def gap_law(scene: Scene) -> GapLaw:

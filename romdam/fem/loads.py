@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.scene import Block, Hydrostatic, Ints, Scene
 from romdam.scene.elements import (
     ELEMENTS,
     Element,
@@ -17,7 +18,6 @@ from romdam.scene.elements import (
     simplex_rule,
 )
 from romdam.scene.facets import area_elements, area_vectors
-from romdam.scene.model import Block, Hydrostatic, Ints, Scene
 
 _CUTS = 6  # parts of an edge of a facet that the water's level cuts
 

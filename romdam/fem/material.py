@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from romdam.scene.model import Material
+from romdam.core.scene import Material
 
 
 def lame(material: Material) -> tuple[float, float]:

@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.scene import Block, Bools, Scene
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import Floats
-from romdam.scene.model import Block, Bools, Scene
 from romdam.scene.ties import Part, scene_parts
 
 

@@ -25,10 +25,10 @@ from typing import Protocol
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
+from romdam.core.scene import Block, Ints, Material, Scene
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
 from romdam.scene.elements import ELEMENTS, Element, Floats, gauss_rule, jacobians, simplex_rule
-from romdam.scene.model import Block, Ints, Material, Scene
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))

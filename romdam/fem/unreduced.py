@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 
-from romdam.config.models import DampingConfig
-from romdam.dynamics.system import System
-from romdam.errors import ConfigError
+from romdam.config.sections.job import DampingConfig
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Scene
+from romdam.core.system import System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import rayleigh_coefficients
@@ -16,11 +17,8 @@ from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.loads import surface_force, weight_force
 from romdam.fem.parts import Unknowns, assemble_part, part_inertia, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
-from romdam.scene.held import held_rigidly
-from romdam.scene.model import Scene
+from romdam.scene.supports import held_rigidly
 from romdam.scene.ties import scene_parts
-
-Floats = NDArray[np.float64]
 
 _ENTRIES = 40_000_000  # of incompressible water's added mass, at most: 0.5 GB, and as much in its factors
 

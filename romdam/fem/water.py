@@ -26,10 +26,10 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
-from romdam.errors import ReductionError
+from romdam.core.errors import ReductionError
+from romdam.core.scene import Block, Ints, Reservoir, Scene
 from romdam.fem.wet_mesh import WetMesh, WetPieces, wet_mesh
 from romdam.scene.elements import Floats, gauss_rule, simplex_rule
-from romdam.scene.model import Block, Ints, Reservoir, Scene
 
 _WESTERGAARD = 7.0 / 8.0
 _GROWTH = 1.2  # of a layer's thickness over the one before it, away from the dam

@@ -9,8 +9,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from romdam.core.scene import Block, Ints, Reservoir
 from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element, gauss_rule, simplex_rule
-from romdam.scene.model import Block, Ints, Reservoir
 
 _SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
 _LEVEL = 1e-9  # of the depth: nodes so near to the level are on it

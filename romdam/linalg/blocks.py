@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix
 
-from romdam.jit import VIEWS, njit
+from romdam.core.jit import VIEWS, njit
 from romdam.linalg.conjugate import WIDTH
 
 Reals = NDArray[Any]

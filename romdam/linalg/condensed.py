@@ -16,17 +16,13 @@ measured there (`CondensedSingle.sharpen`).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular, svd
 from scipy.sparse import coo_matrix, csr_matrix
 
+from romdam.core.arrays import Bools, Floats, Singles
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 from romdam.linalg.pardiso import SINGLE_TOLERANCE, PardisoFactor, PardisoSchur, Upper
 from romdam.linalg.symmetric import Symmetric, upper
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 _MOST = 6  # refinements; two are usual
 _WIDE = 600_000  # unknowns from which on half as many columns are solved for at a time

@@ -10,11 +10,9 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from romdam.errors import ReductionError
-
-Floats = NDArray[np.float64]
+from romdam.core.arrays import Floats
+from romdam.core.errors import ReductionError
 
 TOLERANCE = 1e-10  # of a column's residual, relative to its right-hand side
 WIDTH = 16  # columns at a time: wider ones gain little and take memory

@@ -10,7 +10,8 @@ from scipy.linalg import LinAlgError, eigh
 from scipy.sparse import csr_matrix, spmatrix
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from romdam.errors import ReductionError
+from romdam.core.arrays import Floats
+from romdam.core.errors import ReductionError
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.factor import Factor
@@ -19,8 +20,6 @@ from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
 from romdam.linalg.multigrid import Multigrid
 from romdam.linalg.solvers import SMALL, Solver
 from romdam.linalg.symmetric import Symmetric
-
-Floats = NDArray[np.float64]
 
 _DENSE_SHARE = 0.4  # of all pairs, above which a dense solve is quicker than Lanczos
 _DENSE_SIZE = 300  # unknowns, below which it always is

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, spmatrix
 from scipy.sparse.linalg import splu
 
-from romdam.errors import ReductionError
-
-Floats = NDArray[np.float64]
+from romdam.core.arrays import Floats
+from romdam.core.errors import ReductionError
 
 
 class Factor:

@@ -19,15 +19,14 @@ from functools import partial
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, spmatrix
 
-from romdam.errors import ReductionError
+from romdam.core.arrays import Floats
+from romdam.core.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.lobpcg import Wanted, independent
 
-Floats = NDArray[np.float64]
 Apply = Callable[[Floats], Floats]
 
 RESIDUAL = 1e-7  # of a mode found: |D M x - mu x| relative to mu, in the norm of M

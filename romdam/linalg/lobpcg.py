@@ -19,13 +19,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import spmatrix
 
-from romdam.errors import ReductionError
+from romdam.core.arrays import Floats
+from romdam.core.errors import ReductionError
 
-Floats = NDArray[np.float64]
 Apply = Callable[[Floats], Floats]
 
 RESIDUAL = 1e-7  # of a mode found, relative to its inertia forces

@@ -22,15 +22,13 @@ from scipy.linalg import pinvh
 from scipy.sparse import bsr_matrix, csr_matrix, diags_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from romdam.errors import ReductionError
+from romdam.core.arrays import Floats, Ints, Singles
+from romdam.core.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 
 if TYPE_CHECKING:
     from romdam.linalg.blocks import Blocks
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
 
 _STRENGTH = 0.08  # couplings weaker than that do not aggregate
 _DEGREE = 2  # of the smoother

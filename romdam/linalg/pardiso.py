@@ -16,14 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, spmatrix, triu
 
-from romdam.errors import ReductionError
+from romdam.core.arrays import Bools, Floats, Ints, Singles
+from romdam.core.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 from romdam.linalg.symmetric import Symmetric, upper
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 _POSITIVE_DEFINITE, _SYMMETRIC = 2, -2  # kinds of matrix
 _ANALYSE, _FACTOR, _SOLVE, _FORWARD, _BACKWARD, _RELEASE = 11, 22, 33, 331, 333, -1  # phases

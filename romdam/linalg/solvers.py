@@ -22,21 +22,19 @@ from importlib.util import find_spec
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from romdam.errors import ReductionError
+from romdam.core.arrays import Bools, Floats
+from romdam.core.errors import ReductionError
+from romdam.core.machine import memory_limit, shown_size
 from romdam.linalg.condensed import CondensedSingle, is_condensable
 from romdam.linalg.factor import Factor
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
 from romdam.linalg.symmetric import Symmetric, upper, whole
-from romdam.machine import memory_limit, shown_size
 
 log = logging.getLogger(__name__)
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SMALL = 20_000  # unknowns up to which SuperLU is taken, so that a small job gives the same with any extra
 _WRONG = 1e-3  # error of a trial solve, relative to the answer: a matrix that spans 13 decades or more

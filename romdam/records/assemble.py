@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.records import RecordConfig, ScaleConfig, unit_in_si
-from romdam.errors import RecordError, shown
-from romdam.records.align import align
+from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
+from romdam.core.errors import RecordError, shown
+from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation, check_channel, missing, one_record
-from romdam.records.correction import Signal, check_processed, correct
-from romdam.records.motion import GroundMotion
-from romdam.records.orientation import rotation
 from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
+from romdam.records.processing.align import align
+from romdam.records.processing.correction import Signal, check_processed, correct
+from romdam.records.processing.orientation import rotation
 from romdam.records.sources import Found
 from romdam.records.spectra import pseudo_acceleration
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.records import LONGEST_DT, SHORTEST_DT
-from romdam.errors import RecordError
+from romdam.config.sections.records import LONGEST_DT, SHORTEST_DT
+from romdam.core.errors import RecordError
 
 MIN_SAMPLES = 3  # two steps
 SENTINELS = (  # of missing values

@@ -1,4 +1,4 @@
-"""Intensity measures of ground acceleration, as plain arrays; romdam.outputs wraps them with units.
+"""Intensity measures of ground acceleration, as plain arrays; romdam.results wraps them with units.
 
 References
 ----------
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.records.integrate import displacement, velocity
+from romdam.records.processing.integrate import displacement, velocity
 
 Array = NDArray[np.float64]
 GRAVITY = 9.80665  # m/s2, the Arias intensity's g
@@ -62,7 +62,7 @@ def measure(acc: Array, dt: float) -> dict[str, Array]:
 
     Returns
     -------
-    dict from name (romdam.config.records.MEASURES) to (k,) values in SI
+    dict from name (romdam.config.sections.records.MEASURES) to (k,) values in SI
     """
     rows = np.atleast_2d(acc)
     length = np.full(rows.shape[0], (rows.shape[1] - 1) * dt)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from romdam.errors import RecordError
-from romdam.files import check_file
+from romdam.core.errors import RecordError
+from romdam.core.files import check_file
 from romdam.records.channel import Channel, Orientation, parse_orientation
-from romdam.records.text import MAX_BYTES, read_bytes
+from romdam.records.formats.text import MAX_BYTES, read_bytes
 
 if TYPE_CHECKING:
     from obspy import Stream, Trace

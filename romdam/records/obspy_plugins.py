@@ -7,11 +7,11 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from romdam.errors import RecordError
+from romdam.core.errors import RecordError
 from romdam.records.channel import Channel
-from romdam.records.formats import FORMATS, HEAD
+from romdam.records.formats.registry import FORMATS, HEAD
+from romdam.records.formats.text import decode
 from romdam.records.obspy_bridge import channel_of
-from romdam.records.text import decode
 
 if TYPE_CHECKING:
     from obspy import Stream, Trace

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from romdam.errors import RecordError
+from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, parse_orientation
 
 SETS = ("farfield", "nearfield_pulse", "nearfield_no_pulse")

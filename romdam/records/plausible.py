@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.records import RecordConfig
-from romdam.errors import RecordError
+from romdam.config.sections.records import RecordConfig
+from romdam.core.errors import RecordError
 from romdam.records.channel import Channel
 
 FLAT_TOP = 6  # samples in a row at the extreme; real peaks of digital records repeat two or three times

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.records import RecordConfig, read_manifest
-from romdam.errors import RecordError, shown
+from romdam.config.sections.records import RecordConfig, read_manifest
+from romdam.core.errors import RecordError, shown
 from romdam.records.channel import Channel, one_record
-from romdam.records.formats import FORMATS, Declared, read_channels
-from romdam.records.text import NUMBER, read_bytes
+from romdam.records.formats.registry import FORMATS, Declared, read_channels
+from romdam.records.formats.text import NUMBER, read_bytes
 
 MOST_FILES = 10_000  # of one folder or glob
 NOT_RECORDS = {".md", ".yaml", ".yml", ".csv", ".json", ".xml", ".py", ".pdf", ".png"}
@@ -185,7 +185,7 @@ def _from_manifest(config: RecordConfig, folder: Path) -> Iterator[Found]:
 
 
 def record_of_row(manifest: Path, row: RecordConfig, about: dict[str, object]) -> Found:
-    """Read the record of one row of a manifest, see `romdam.config.records.read_row`.
+    """Read the record of one row of a manifest, see `romdam.config.sections.records.read_row`.
 
     Raises
     ------

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.errors import RecordError
-from romdam.jit import njit
+from romdam.core.errors import RecordError
+from romdam.core.jit import njit
 
 Array = NDArray[np.float64]
 TURNS = 8.0  # substeps a period, at least

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, eye_array
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from romdam.core.arrays import Bools, Floats
 
 _PARALLEL = 1e-10  # second singular value of the jump directions at a node, relative to the first
 _ALIGNED = 1e-12  # distance of a unit normal from a coordinate axis

@@ -1,7 +1,7 @@
 """A finer reduced model beside a reduced one: what the error statement compares with.
 
 On the two-cantilever model three times the modes leave 2 to 10 % of the coarser model's error, and almost
-nothing of it once the full order's defect is fed back (see `romdam.dynamics.certificate`).
+nothing of it once the full order's defect is fed back (see `romdam.error.replay`).
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble
-from romdam.reduction.craig_bampton import ModeChoice
+from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import ReducedModel
 from romdam.reduction.water import on_unknowns
-from romdam.scene.model import Scene
 
 _CORRECTIONS = 10
 _ENOUGH = 60  # modes a block: with them a handful of corrections is worth more than further modes

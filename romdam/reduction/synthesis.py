@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
-from romdam.config.models import DampingConfig, ModelConfig
-from romdam.dynamics.system import GapLaw, System
-from romdam.errors import ReductionError
+from romdam.config.sections.job import DampingConfig, ModelConfig
+from romdam.core.arrays import Floats
+from romdam.core.errors import ReductionError
+from romdam.core.scene import Block, Scene
+from romdam.core.system import GapLaw, System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
@@ -25,20 +27,17 @@ from romdam.fem.loads import surface_force
 from romdam.fem.water import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
-from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice, reduce_block
 from romdam.reduction.interface import Interface, joint_interface
-from romdam.reduction.large import LargeBlock, is_large, reduce_large, turned
-from romdam.reduction.store import BlockBasis, BlockStore, block_key
-from romdam.reduction.tied import Acting, tied_bases, tied_keys
+from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice, reduce_block
+from romdam.reduction.methods.free_interface import Acting, tied_bases, tied_keys
+from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
+from romdam.reduction.storage.model_file import BlockBasis, BlockStore, block_key
 from romdam.reduction.water import with_water
-from romdam.scene.held import held_rigidly, rigid_motions
-from romdam.scene.model import Block, Scene
-from romdam.scene.quality import refuse_loose_nodes
+from romdam.scene.meshes.quality import refuse_loose_nodes
+from romdam.scene.supports import held_rigidly, rigid_motions
 from romdam.scene.ties import Part, scene_parts
 
 log = logging.getLogger(__name__)
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,16 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
-from romdam.config.models import DampingConfig
-from romdam.dynamics.system import System
-from romdam.errors import ReductionError
+from romdam.config.sections.job import DampingConfig
+from romdam.core.arrays import Floats
+from romdam.core.errors import ReductionError
+from romdam.core.system import System
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.water import AddedMass
-from romdam.linalg.product import Product
-from romdam.reduction.craig_bampton import without_roundoff
-from romdam.reduction.large import LARGE
-from romdam.reduction.store import BlockBasis
-
-Floats = NDArray[np.float64]
+from romdam.linalg.lazy_product import Product
+from romdam.reduction.methods.craig_bampton import without_roundoff
+from romdam.reduction.methods.out_of_core import LARGE
+from romdam.reduction.storage.model_file import BlockBasis
 
 _MOST = 3000  # modes that take the water; higher ones, which answer as flexibilities, stay dry
 

@@ -6,11 +6,11 @@ from itertools import permutations
 
 import numpy as np
 
-from romdam.config.models import BoxConfig
-from romdam.errors import ConfigError
+from romdam.config.sections.job import BoxConfig
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Ints, Material
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets, facets_in_plane, row_numbers
-from romdam.scene.model import Block, Ints, Material
 
 _DIVIDES = 1e-6  # relative: element sizes such as 10/3 are written with a few digits
 

@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.models import Config
-from romdam.errors import ConfigError
-from romdam.scene.arch_dam import ArchDam, arch_dam
+from romdam.config.sections.job import Config
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
+from romdam.scene.arch_dam.generator import ArchDam, arch_dam
 from romdam.scene.boxes import box_block
 from romdam.scene.elements import Floats
-from romdam.scene.held import refuse_free_blocks
 from romdam.scene.joints import build_joint
-from romdam.scene.mesh_files import MeshFiles
-from romdam.scene.model import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
+from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.sizes import refuse_large
 from romdam.scene.stress_sites import stress_sites
+from romdam.scene.supports import refuse_free_blocks
 from romdam.scene.ties import build_tie, tied_parts
 
 _NO_DAM = ArchDam({}, (), {}, frozenset(), frozenset())

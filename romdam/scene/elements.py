@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from romdam.core.arrays import Floats
 
 Rule = tuple[Floats, Floats]
 

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 from scipy.sparse import csr_matrix, eye_array
 
+from romdam.core.scene import Bools, Ints
 from romdam.scene.elements import ELEMENTS, Floats, Rule, facet_element, gauss_rule, simplex_rule
-from romdam.scene.model import Bools, Ints
 
 
 def boundary_facets(cells: Ints, element: str) -> Ints:

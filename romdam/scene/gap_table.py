@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from romdam.errors import ConfigError
-from romdam.files import check_file
+from romdam.core.errors import ConfigError
+from romdam.core.files import check_file
 from romdam.scene.elements import Floats
 
 _COLUMNS = ("x", "y", "z", "gap")

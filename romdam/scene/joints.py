@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from romdam.config.joints import GapTable, JointConfig, PerGap, SurfaceStiffness
-from romdam.errors import ConfigError
+from romdam.config.sections.joints import GapTable, JointConfig, PerGap, SurfaceStiffness
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Bools, Ints, Joint
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import gap_weights, node_normals
 from romdam.scene.gap_table import table_gap
-from romdam.scene.model import Block, Bools, Ints, Joint
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.ties import Part
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from romdam.errors import ConfigError, MeshError
+from romdam.core.errors import ConfigError, MeshError
+from romdam.core.scene import Block, Bools, Ints
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import boundary_facets, facet_normals
-from romdam.scene.model import Block, Bools, Ints
 
 _OPPOSED = -0.5  # cosine: faces that touch look at each other
 _SHOWN = 3

@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from romdam.core.scene import Block, Joint, Material, Scene
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets, facet_areas, facet_normals
-from romdam.scene.model import Block, Joint, Material, Scene
 
 log = logging.getLogger(__name__)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from romdam.config.water import WaterConfig
-from romdam.errors import ConfigError
+from romdam.config.sections.water import WaterConfig
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Bools, Joint, Reservoir, Tie, WetFace
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import area_vectors, boundary_facets, facet_normals
-from romdam.scene.model import Block, Bools, Joint, Reservoir, Tie, WetFace
 from romdam.scene.select import select_facets
 
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.places import FaceRef, PlaneRef
-from romdam.errors import ConfigError
+from romdam.config.sections.places import FaceRef, PlaneRef
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Ints
 from romdam.scene.facets import boundary_facets, facets_in_plane
-from romdam.scene.model import Block, Ints
 
 
 def select_facets(block: Block, face: FaceRef, place: str) -> Ints:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import prod
 
-from romdam.config.arch_dam import ArchDamConfig
-from romdam.config.models import BoxConfig, Config
-from romdam.errors import ConfigError
-from romdam.machine import memory_limit, shown_size
+from romdam.config.sections.arch_dam import ArchDamConfig
+from romdam.config.sections.job import BoxConfig, Config
+from romdam.core.errors import ConfigError
+from romdam.core.machine import memory_limit, shown_size
 
 _MOST = 1e12  # elements along an edge that are told apart
 _ROOM = 1.05  # coarser than would just fit

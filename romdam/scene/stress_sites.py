@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from romdam.config.stress import StressConfig
-from romdam.errors import ConfigError
+from romdam.config.sections.stress import StressConfig
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Ints, Joint, StressFace, StressNodes, StressSites
 from romdam.scene.elements import Floats
 from romdam.scene.facets import gap_weights, node_normals
-from romdam.scene.model import Block, Ints, Joint, StressFace, StressNodes, StressSites
 from romdam.scene.select import nearest_node, select_facets
 
 _UP = np.array([0.0, 0.0, 1.0])

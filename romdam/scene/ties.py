@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from romdam.config.joints import TieConfig
-from romdam.scene.model import Block, Bools, Ints, Scene, Tie
+from romdam.config.sections.joints import TieConfig
+from romdam.core.scene import Block, Bools, Ints, Scene, Tie
 from romdam.scene.pairing import coincident_facets
 
 _NAMED = 3  # blocks of a part that its name lists

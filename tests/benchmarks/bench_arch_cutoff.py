@@ -27,18 +27,18 @@ from bench_arch_mesh import CONFIG, MESHES
 
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.dynamics.accuracy import refined_step
-from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import integrate
+from romdam.core.scene import Scene
+from romdam.core.system import History, System
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.shaking import fixed_step, ground_at_steps, transient_options
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
-from romdam.records.suite import load_motions
-from romdam.reduction.craig_bampton import ModeChoice
+from romdam.records.record_set import load_motions
+from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.elements import Floats
-from romdam.scene.model import Scene
+from romdam.timestepping.simulate import integrate
+from romdam.timestepping.step_control import refined_step
 
 EVERY = 0.01
 COLUMNS = {

@@ -28,14 +28,14 @@ import yaml
 
 from romdam.config import parse_config
 from romdam.config.load import Job
+from romdam.core.scene import Probe, Scene
 from romdam.fem.parts import unknowns
 from romdam.pipelines.shaking import shake
 from romdam.pipelines.stresses import stress_fields, stress_of
-from romdam.records.suite import load_motions
+from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.elements import Floats
-from romdam.scene.model import Probe, Scene
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
 MESHES: dict[str, dict[str, float]] = {

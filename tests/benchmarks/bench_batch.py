@@ -25,15 +25,15 @@ import yaml
 from numpy.typing import NDArray
 
 from romdam.config import parse_config
-from romdam.dynamics import transient
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.runs import Case
-from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import integrate_cases
+from romdam.core.system import History, System
 from romdam.pipelines.shaking import ground_at_steps
-from romdam.records.suite import load_motions
+from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping import simulate as transient
+from romdam.timestepping.modal.runs import Case
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate_cases
 
 CONFIG = Path(__file__).parents[2] / "configs" / "suite_p695.yaml"
 DIVISIONS = {100: (4, 20), 400: (9, 40), 1500: (19, 75)}  # of the joint's width and height

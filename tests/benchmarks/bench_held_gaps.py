@@ -26,14 +26,14 @@ import yaml
 
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.dynamics import runs
-from romdam.dynamics.system import History
-from romdam.dynamics.transient import integrate
+from romdam.core.system import History
 from romdam.pipelines.shaking import ground_at_steps, transient_options
-from romdam.records.suite import load_motions
-from romdam.reduction.store import BlockStore
+from romdam.records.record_set import load_motions
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.modal import runs
+from romdam.timestepping.simulate import integrate
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
 NEVER = -(10**9)  # solutions for which a gap has been stuck

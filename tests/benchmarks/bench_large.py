@@ -40,9 +40,9 @@ SOLVERS_OF_GAPS = ("pardiso", "pardiso_single", "multigrid")
 
 
 def block_of(divisions: tuple[int, ...]):
-    from romdam.config.models import BoxConfig
+    from romdam.config.sections.job import BoxConfig
+    from romdam.core.scene import Material
     from romdam.scene.boxes import box_block
-    from romdam.scene.model import Material
 
     edges = tuple(s / n for s, n in zip(SIZE, divisions, strict=True))
     box = BoxConfig(origin=(0.0, 0.0, 0.0), size=SIZE, element_size=edges, element="tet10")
@@ -56,10 +56,10 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     from scipy.sparse import eye_array
 
     from romdam.linalg.solvers import Solving
-    from romdam.reduction.craig_bampton import ModeChoice
     from romdam.reduction.interface import Interface
-    from romdam.reduction.large import LargeBlock, reduce_large
-    from romdam.reduction.store import BlockStore, block_key, read_block_file
+    from romdam.reduction.methods.craig_bampton import ModeChoice
+    from romdam.reduction.methods.out_of_core import LargeBlock, reduce_large
+    from romdam.reduction.storage.model_file import BlockStore, block_key, read_block_file
 
     logging.basicConfig(level=logging.INFO, format="%(relativeCreated)8d ms  %(message)s")
     block = block_of(divisions)
@@ -90,7 +90,7 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
 def distance(divisions: tuple[int, ...], one: Path, other: Path) -> dict[str, float]:
     """How far the space that one basis spans is from another's (M-norm), and their open-joint omega^2."""
     from romdam.fem.assembly import assemble
-    from romdam.reduction.store import read_block_file
+    from romdam.reduction.storage.model_file import read_block_file
 
     M = assemble(block_of(divisions))[1]
     X, Y = read_block_file(one), read_block_file(other)

@@ -36,7 +36,7 @@ def one(mesh: str, solver: str, memory: float, folder: Path) -> dict[str, object
     logging.basicConfig(level=logging.INFO, format="%(relativeCreated)8d ms  %(message)s")
     start, cpu = time.perf_counter(), time.process_time()
     from romdam.config import parse_config
-    from romdam.reduction.store import BlockStore
+    from romdam.reduction.storage.model_file import BlockStore
     from romdam.reduction.synthesis import reduce_scene
     from romdam.scene.build import build_scene
 

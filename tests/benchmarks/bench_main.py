@@ -31,12 +31,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 
 from reference_run import ROOT, errors, job, march
 
-from romdam.dynamics.accuracy import refined_step
-from romdam.dynamics.propagator import modal_propagator
-from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import INTEGRATORS
+from romdam.core.system import History, System
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
+from romdam.timestepping.modal.propagator import modal_propagator
+from romdam.timestepping.simulate import INTEGRATORS
+from romdam.timestepping.step_control import refined_step
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]

@@ -27,12 +27,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 from reference_run import CONFIG, march
 
 from romdam.config import parse_config
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.runs import Case
-from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import integrate_cases
+from romdam.core.system import History, System
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.modal.runs import Case
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate_cases
 
 
 def reduced(element: float) -> System:

@@ -19,14 +19,14 @@ import numpy as np
 import pyrotd
 import pytest
 
-from romdam.config.records import RecordConfig
-from romdam.records.correction import correct
-from romdam.records.integrate import displacement, velocity
+from romdam.config.sections.records import RecordConfig
 from romdam.records.measures import GRAVITY, measure, significant_duration
 from romdam.records.p695 import SETS, read_p695
-from romdam.records.resampling import resample
+from romdam.records.processing.correction import correct
+from romdam.records.processing.integrate import displacement, velocity
+from romdam.records.processing.resampling import resample
+from romdam.records.record_set import load_motions
 from romdam.records.spectra import pseudo_acceleration
-from romdam.records.suite import load_motions
 
 PERIODS = np.geomspace(0.01, 10.0, 100)
 REPEATS = 5

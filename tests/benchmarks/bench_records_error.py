@@ -27,14 +27,14 @@ import numpy as np
 from campaign import CASES, CONFIG, ROOT, Row, case_config, case_system, motions, raw_config
 
 from romdam.config import parse_config
-from romdam.dynamics.accuracy import refined_step
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.system import History, System
-from romdam.dynamics.transient import integrate
-from romdam.records.motion import GroundMotion
-from romdam.records.resampling import resample_motion
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History, System
+from romdam.records.processing.resampling import resample_motion
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
+from romdam.timestepping.step_control import refined_step
 
 RECORDS = ("nearfield_no_pulse_18_b", "nearfield_pulse_09_a", "farfield_07_a")
 STEPS = (0.005, 0.0025, 0.00125, 0.000625, 0.0003125)

@@ -25,11 +25,11 @@ import yaml
 
 from romdam.config import parse_config
 from romdam.config.load import Job
+from romdam.core.scene import Joint, Scene
 from romdam.pipelines.shaking import shake
-from romdam.records.suite import load_motions
+from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
-from romdam.scene.model import Joint, Scene
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
 COARSE = {"along": 1, "through": 1, "up": 4, "perimeter": 1, "rock": 2, "upstream": 2, "downstream": 2}

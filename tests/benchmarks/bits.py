@@ -31,14 +31,14 @@ from reference_run import job, march
 from test_hard_configs import LONG, SOUND
 from test_hard_configs import march as march_hard
 
-from romdam.dynamics.accuracy import refined_step
-from romdam.dynamics.system import History
-from romdam.dynamics.transient import integrate
+from romdam.core.system import History
 from romdam.pipelines.shaking import ground_at_steps, transient_options
-from romdam.records.suite import load_motions
-from romdam.reduction.craig_bampton import ModeChoice
+from romdam.records.record_set import load_motions
+from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.simulate import integrate
+from romdam.timestepping.step_control import refined_step
 
 ROUGH = {"shear_stiffness": 8e9}
 JOINTS: dict[str, dict[str, object]] = {

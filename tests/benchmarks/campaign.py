@@ -34,13 +34,13 @@ from soundness import CLOSED, soundness
 
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.config.records import RecordConfig
-from romdam.dynamics.system import History, System
-from romdam.errors import RomdamError
+from romdam.config.sections.records import RecordConfig
+from romdam.core.errors import RomdamError
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History, System
 from romdam.pipelines.shaking import shake
-from romdam.records.motion import GroundMotion
 from romdam.records.p695 import SETS
-from romdam.records.suite import load_motions
+from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 

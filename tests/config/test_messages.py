@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from romdam.config import load_config, parse_config
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 from romdam.scene.build import build_scene
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"

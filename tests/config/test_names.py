@@ -4,7 +4,7 @@ import pytest
 from test_messages import example
 
 from romdam.config import parse_config
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 
 WRONG = [
     "a" * 240, "é" * 60, "a/b", "..", ".", ".hidden", "-x", "a\\b", "a:b", "x\x07", "x\x00", " x", "x ", "",

@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from romdam.config import load_config, yaml_text
-from romdam.config.records import is_manifest
+from romdam.config.sections.records import is_manifest
 from romdam.config.yaml_text import MOST_BYTES, _measure, parse_yaml, read_yaml
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 
 BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
     f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 10)

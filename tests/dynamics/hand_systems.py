@@ -6,9 +6,9 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.system import GapLaw, System
-from romdam.dynamics.transient import integrate
+from romdam.core.system import GapLaw, System
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 
 def gap_law(n, K_n=np.inf, K_nz=0.0, K_s=np.inf, mu=0.0, gap=0.0):

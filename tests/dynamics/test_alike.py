@@ -7,10 +7,10 @@ import pytest
 from hand_systems import assert_ledger, gap_law, modal_twin, sparse_system
 from scipy.sparse import csr_matrix
 
-from romdam.dynamics.alike import folded
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.system import GapLaw
-from romdam.dynamics.transient import integrate
+from romdam.core.system import GapLaw
+from romdam.timestepping.modal.symmetry import folded
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 
 def mirrored(rows=4, K_n=4e4, uneven=0.0, stiffness=3e4):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hand_systems import assert_ledger, gap_law, modal_twin, run, sparse_system
 
-from romdam.dynamics.energy import TERMS, imbalance
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
+from romdam.timestepping.energy import TERMS, imbalance
 
 
 def _pounding(C=2e-4, **law):

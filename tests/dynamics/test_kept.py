@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hand_systems import gap_law, modal_twin, sparse_system
 
-from romdam.dynamics import kept, runs
-from romdam.dynamics.kept import Kept
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import integrate
+from romdam.core import operator_cache as kept
+from romdam.core.operator_cache import Kept
+from romdam.timestepping.modal import runs
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 
 def _system(**law):

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import simpson
 from scipy.linalg import expm
 
-from romdam.dynamics.propagator import modal_propagator
+from romdam.timestepping.modal.propagator import modal_propagator
 
 MODES = {  # omega [rad/s], damping ratio or None for a coefficient c of its own
     "rigid": (0.0, 0.0),

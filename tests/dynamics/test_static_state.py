@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hand_systems import gap_law, modal_twin, run, sparse_system, still
 
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.static import static_equilibrium
-from romdam.dynamics.transient import INTEGRATORS, integrate
-from romdam.errors import ConfigError, ConvergenceError
+from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.timestepping.equilibrium import static_equilibrium
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import INTEGRATORS, integrate
 
 # `conserving` is for scenes without damping, below a step of its own
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]

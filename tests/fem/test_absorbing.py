@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from romdam.config.models import BoxConfig, DampingConfig
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import integrate
+from romdam.config.sections.job import BoxConfig, DampingConfig
+from romdam.core.scene import Absorbing, Material, Probe, Scene
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.assembly import assemble
 from romdam.fem.unreduced import assemble_full
-from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice
+from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
-from romdam.scene.held import held_rigidly
-from romdam.scene.model import Absorbing, Material, Probe, Scene
+from romdam.scene.supports import held_rigidly
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 ROCK = Material(E=24e9, nu=0.2, rho=2500.0)
 HEIGHT = 100.0

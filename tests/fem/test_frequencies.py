@@ -13,10 +13,10 @@ import pytest
 from scipy.optimize import brentq
 from scipy.sparse.linalg import eigsh
 
-from romdam.config.models import BoxConfig
+from romdam.config.sections.job import BoxConfig
+from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.scene.boxes import box_block
-from romdam.scene.model import Material
 
 PLATE = Material(E=200e9, nu=0.3, rho=8000.0)
 NAFEMS = [44.762, 110.52, 110.52, 169.08, 193.93, 206.64, 206.64]  # their finite elements

@@ -9,14 +9,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from romdam.config.models import BoxConfig
-from romdam.errors import MeshError
+from romdam.config.sections.job import BoxConfig
+from romdam.core.errors import MeshError
+from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import pressure_force
 from romdam.scene.boxes import box_block
 from romdam.scene.elements import FACET_OF
 from romdam.scene.facets import area_vectors, boundary_facets
-from romdam.scene.model import Material
 
 STEEL = Material(E=210e9, nu=0.3, rho=7850.0)
 

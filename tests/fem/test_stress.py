@@ -8,7 +8,8 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from romdam.config import parse_config
-from romdam.config.models import BoxConfig
+from romdam.config.sections.job import BoxConfig
+from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.fem.stress import COMPONENTS, modal_stress, observed_stress, stress_operator
 from romdam.fem.unreduced import assemble_full
@@ -16,7 +17,6 @@ from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
 from romdam.scene.build import build_scene
 from romdam.scene.elements import FACET_OF
-from romdam.scene.model import Material
 
 CONCRETE = Material(E=30e9, nu=0.2, rho=2400.0)
 LAM, MU = 8333333333.333333, 12.5e9  # 30 GPa, 0.2

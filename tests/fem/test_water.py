@@ -10,23 +10,23 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 
-import romdam.reduction.store
+import romdam.reduction.storage.model_file
 import romdam.reduction.water
 from romdam.config import parse_config
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import integrate
-from romdam.errors import ConfigError, ReductionError
+from romdam.core.errors import ConfigError, ReductionError
+from romdam.core.scene import Material
 from romdam.fem.unreduced import assemble_full
 from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.fem.wet_mesh import wet_mesh
-from romdam.linalg.product import Product
-from romdam.outputs.fields import write_model
-from romdam.reduction.craig_bampton import ModeChoice
+from romdam.linalg.lazy_product import Product
+from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
-from romdam.reduction.store import read_block
+from romdam.reduction.storage.model_file import read_block
 from romdam.reduction.synthesis import reduce_scene
+from romdam.results.fields import write_model
 from romdam.scene.build import build_scene
-from romdam.scene.model import Material
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 SERIES = 16 / np.pi**3 * sum(1 / (2 * k - 1) ** 3 for k in range(1, 200))  # 0.5427, Westergaard's total force
 
@@ -262,7 +262,7 @@ def test_large_bases_are_turned_row_by_row(monkeypatch, tmp_path):
     scene, config = two_blocks()
     known = reduce_scene(scene, ModeChoice(count=12), config.damping)
     monkeypatch.setattr(romdam.reduction.water, "LARGE", 0.0)
-    monkeypatch.setattr(romdam.reduction.store, "_MAPPED", 0.0)
+    monkeypatch.setattr(romdam.reduction.storage.model_file, "_MAPPED", 0.0)
     made = reduce_scene(scene, ModeChoice(count=12), config.damping)
     path = tmp_path / write_model(tmp_path, scene, made.basis)
     for name in scene.blocks:

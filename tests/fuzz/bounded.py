@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from romdam.errors import RomdamError
+from romdam.core.errors import RomdamError
 
 _ROOM = 8 << 30  # bytes of address space beyond what the parent has, so that nothing takes the machine along
 

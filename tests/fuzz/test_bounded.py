@@ -5,7 +5,7 @@ import time
 import numpy as np
 from bounded import bounded
 
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 
 
 def _refuse():

@@ -16,8 +16,8 @@ import pytest
 import xarray as xr
 from bounded import bounded
 
-from romdam.errors import ResultError, WriteError
-from romdam.sealed import creating, is_sealed
+from romdam.core.errors import ResultError, WriteError
+from romdam.core.sealed import creating, is_sealed
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))

@@ -14,7 +14,7 @@ from config_cases import BASES, every_key, keys_of, models_of, mutated, write_fi
 import romdam
 from romdam.pipelines.check import check
 from romdam.pipelines.run import run
-from romdam.pipelines.suite import SuiteOptions, run_suite
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
 
 SECONDS, BYTES = 30.0, 1e9  # before a refusal
 WHOLE = 300.0  # seconds of what is right: a fine mesh among them, and suites with their workers

@@ -15,13 +15,13 @@ from bounded import bounded
 from file_damage import damage_bytes, displace, put_back, rewrite
 
 from romdam import open_result
-from romdam.errors import ResultError
-from romdam.outputs.certificate import read_run
-from romdam.outputs.comparison import STATEMENT_FILE, read_statement, write_statement
-from romdam.outputs.maxima import maxima
-from romdam.outputs.model_info import model_lines
-from romdam.reduction.store import BlockStore
-from romdam.sealed import is_sealed, seal
+from romdam.core.errors import ResultError
+from romdam.core.sealed import is_sealed, seal
+from romdam.error.comparison import STATEMENT_FILE, read_statement, write_statement
+from romdam.reduction.storage.model_file import BlockStore
+from romdam.results.certificate import read_run
+from romdam.results.maxima import maxima
+from romdam.results.model_info import model_lines
 from romdam.terminal import info_lines, peaks_table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -16,10 +16,10 @@ import pytest
 from bounded import bounded
 from hand_meshes import HAND
 
-from romdam.config.models import MeshFileConfig
+from romdam.config.sections.job import MeshFileConfig
+from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
-from romdam.scene.mesh_files import MeshFiles, read_mesh_file
-from romdam.scene.model import Material
+from romdam.scene.meshes.files import MeshFiles, read_mesh_file
 
 DATA = Path(__file__).parents[1] / "scene" / "data"
 ENDINGS = (

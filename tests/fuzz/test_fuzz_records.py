@@ -20,13 +20,13 @@ from record_mutations import mutate
 from record_traps import ENTRIES, READ, REFUSED, Trap, all_traps, honest
 
 import samples  # isort: skip
-from romdam.config.records import RecordConfig
-from romdam.errors import RecordError, RomdamError
-from romdam.records.formats import read_channels
-from romdam.records.motion import GroundMotion
-from romdam.records.resampling import resample
-from romdam.records.suite import load_motions
-from romdam.records.tolerant import load_each
+from romdam.config.sections.records import RecordConfig
+from romdam.core.errors import RecordError, RomdamError
+from romdam.core.motion import GroundMotion
+from romdam.records.formats.registry import read_channels
+from romdam.records.formats.tolerant import load_each
+from romdam.records.processing.resampling import resample
+from romdam.records.record_set import load_motions
 
 SECONDS = 10  # for one file; the slowest takes 0.05 s
 BATCH = 250

@@ -23,9 +23,9 @@ import xarray as xr
 import yaml
 
 import romdam
-from romdam.outputs.suite_journal import JOURNAL
-from romdam.pipelines.suite import SuiteOptions, run_suite
-from romdam.pipelines.suite_folder import clean
+from romdam.pipelines.suites.folder import clean
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
+from romdam.results.suite.journal import JOURNAL
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))
 

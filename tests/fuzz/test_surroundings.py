@@ -22,7 +22,7 @@ LIMIT = 400.0  # seconds; what takes longer hangs, kernels may have to be compil
 RUN, SUITE = "run one.yaml --out OUT", "run suite.yaml --out OUT --workers 2"
 SCRIPT = """
 import romdam
-from romdam.pipelines.suite import SuiteOptions, run_suite
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
 _ = open("started", "a").write("x")
 run_suite(romdam.load_config("suite.yaml"), "OUT", SuiteOptions(workers=2))
 """

@@ -7,7 +7,7 @@ import pytest
 from soundness import assert_sound
 
 import romdam
-from romdam.errors import RomdamError
+from romdam.core.errors import RomdamError
 from romdam.pipelines.run import read_motions, run
 from romdam.pipelines.shaking import shake
 from romdam.reduction.synthesis import reduce_scene

@@ -14,11 +14,11 @@ from soundness import assert_sound, soundness
 from test_hard_configs import FOLDER
 
 import romdam
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import INTEGRATORS, integrate
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import INTEGRATORS, integrate
 
 BLOCK = 3e9  # stiffness of a block per area of the joint, E / depth [N/m3]
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from romdam.joints.laws import Gap, Past, strong
-from romdam.joints.problem import gap_memory, gap_problem
-from romdam.joints.step import commit_gaps, solve_gaps
+from romdam.contact.laws.point import Gap, Past, strong
+from romdam.contact.problem import gap_memory, gap_problem
+from romdam.contact.step import commit_gaps, solve_gaps
 
 TOLERANCE = 1e-8
 STEP = 1e-3  # [s], what the dashpots are taken over

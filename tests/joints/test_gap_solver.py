@@ -8,12 +8,12 @@ from gap_problems import TOLERANCE, Case, check, random_case, solve, solve_step
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from romdam.errors import ConfigError
-from romdam.joints import frictional
-from romdam.joints.laws import LAWS, OPEN, SLIP, STICK, Past, project_shear
-from romdam.joints.one_gap import solve_gap
-from romdam.joints.problem import gap_memory, gap_problem
-from romdam.joints.step import commit_gaps, solve_gaps
+from romdam.contact.laws.point import LAWS, OPEN, SLIP, STICK, Past, project_shear
+from romdam.contact.problem import gap_memory, gap_problem
+from romdam.contact.solvers import gauss_seidel as frictional
+from romdam.contact.solvers.single_contact import solve_gap
+from romdam.contact.step import commit_gaps, solve_gaps
+from romdam.core.errors import ConfigError
 
 _SEED, _GAPS = st.integers(0, 2**31), st.integers(1, 60)
 # of the case's flexibility 1e-9 m/N: a thousandth to ten times its inverse, and rigid

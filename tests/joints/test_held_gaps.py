@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from gap_problems import TOLERANCE, random_case, solve_step
 
-from romdam.joints.held import let_go, let_go_where_not_stuck, note_stuck, tableau
-from romdam.joints.problem import gap_memory
-from romdam.joints.step import commit_gaps
+from romdam.contact.problem import gap_memory
+from romdam.contact.solvers.condensation import let_go, let_go_where_not_stuck, note_stuck, tableau
+from romdam.contact.step import commit_gaps
 
 
 def _pressed(n, seed, steps):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from romdam.joints.laws import LAWS, OPEN, SLIP, STICK, Gap, Past, project_shear
+from romdam.contact.laws.point import LAWS, OPEN, SLIP, STICK, Gap, Past, project_shear
 
 
 def coulomb(jump, anchor, stiffness, mu):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
-from romdam.config.models import BoxConfig
-from romdam.errors import ReductionError
+from romdam.config.sections.job import BoxConfig
+from romdam.core.errors import ReductionError
+from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.linalg.condensed import CondensedSingle, is_condensable
 from romdam.linalg.factor import Factor
 from romdam.scene.boxes import box_block
-from romdam.scene.model import Material
 
 pytest.importorskip("pypardiso")
 

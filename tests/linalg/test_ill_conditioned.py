@@ -6,20 +6,20 @@ import logging
 import numpy as np
 import pytest
 
-from romdam.config.models import BoxConfig, DampingConfig, MeshFileConfig
-from romdam.errors import MeshError
+from romdam.config.sections.job import BoxConfig, DampingConfig, MeshFileConfig
+from romdam.core.errors import MeshError
+from romdam.core.scene import Material, Scene, Tie
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import assemble_part
 from romdam.linalg.eigen import modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, make_solver
-from romdam.reduction.craig_bampton import ModeChoice
+from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
-from romdam.scene.held import rigid_motions
-from romdam.scene.mesh_files import mesh_file_block
-from romdam.scene.model import Material, Scene, Tie
-from romdam.scene.quality import refuse_bad_cells
+from romdam.scene.meshes.files import mesh_file_block
+from romdam.scene.meshes.quality import refuse_bad_cells
+from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import tied_parts
 
 CONCRETE = Material(30e9, 0.2, 2400.0)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import random_array
 
-from romdam.linalg.product import Product
+from romdam.linalg.lazy_product import Product
 
 rng = np.random.default_rng(0)
 LEFT, RIGHT = rng.standard_normal((30, 7)), rng.standard_normal((7, 5))

@@ -7,8 +7,9 @@ import pytest
 from scipy.sparse import block_diag, csr_matrix, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from romdam.config.models import BoxConfig
-from romdam.errors import ReductionError
+from romdam.config.sections.job import BoxConfig
+from romdam.core.errors import ReductionError
+from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.linalg import conjugate, krylov, solvers
 from romdam.linalg.eigen import modes_below
@@ -17,8 +18,7 @@ from romdam.linalg.lobpcg import Pencil, Wanted, block_modes, missed
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.solvers import Solving, candidates, make_solver
 from romdam.scene.boxes import box_block
-from romdam.scene.held import rigid_motions
-from romdam.scene.model import Material
+from romdam.scene.supports import rigid_motions
 
 pytest.importorskip("pyamg")
 NAMES = ["superlu", "multigrid", "pardiso", "pardiso_single"]

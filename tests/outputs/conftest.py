@@ -8,14 +8,14 @@ from scipy.sparse import eye
 
 from romdam.config import load_config
 from romdam.config.load import Job
-from romdam.dynamics.energy import TERMS
-from romdam.dynamics.system import History
-from romdam.outputs.dataset import Timing
-from romdam.outputs.stress import StressHistory, StressSummary, summarise
-from romdam.outputs.variables import Case
-from romdam.records.motion import GroundMotion
-from romdam.reduction.store import BlockBasis
-from romdam.scene.model import Block, Joint, Material, Probe, Scene, StressFace, StressNodes, StressSites
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Block, Joint, Material, Probe, Scene, StressFace, StressNodes, StressSites
+from romdam.core.system import History
+from romdam.postprocess.stress import StressHistory, StressSummary, summarise
+from romdam.reduction.storage.model_file import BlockBasis
+from romdam.results.dataset import Timing
+from romdam.results.variables import Case
+from romdam.timestepping.energy import TERMS
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 CUBE = np.array(

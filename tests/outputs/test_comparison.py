@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
-from romdam.errors import ResultError
-from romdam.outputs.comparison import (
+from romdam.core.errors import ResultError
+from romdam.error.comparison import (
     Openings,
     compare_openings,
     peak_error,
@@ -15,7 +15,7 @@ from romdam.outputs.comparison import (
     read_statement,
     write_statement,
 )
-from romdam.outputs.dataset import build_dataset, write_dataset
+from romdam.results.dataset import build_dataset, write_dataset
 
 POSITION = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]])
 TIME = np.arange(5) * 0.1

@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 import romdam
-from romdam.dynamics import accuracy
-from romdam.outputs.concerns import concerns
+from romdam.results.concerns import concerns
 from romdam.terminal import concern_lines, info_lines
+from romdam.timestepping import step_control as accuracy
 
 GOOD = {"ledger_imbalance": 1e-12, "estimated_time_error": 0.008, "accuracy": 0.01, "finest_step": 1e-3}
 

@@ -7,10 +7,10 @@ import pytest
 import xarray as xr
 
 from romdam.config import parse_config
-from romdam.errors import ResultError
-from romdam.files import prepare_folder, replacing
-from romdam.outputs.dataset import build_dataset, open_dataset, write_dataset
-from romdam.outputs.variables import COORDINATES, VARIABLES
+from romdam.core.errors import ResultError
+from romdam.core.files import prepare_folder, replacing
+from romdam.results.dataset import build_dataset, open_dataset, write_dataset
+from romdam.results.variables import COORDINATES, VARIABLES
 
 from .conftest import make_case
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from romdam import open_result
-from romdam.errors import ResultError
-from romdam.outputs.dataset import build_dataset, write_dataset
-from romdam.outputs.fields import write_model
+from romdam.core.errors import ResultError
+from romdam.results.dataset import build_dataset, write_dataset
+from romdam.results.fields import write_model
 
 from .conftest import make_basis, make_case
 

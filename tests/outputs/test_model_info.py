@@ -6,15 +6,15 @@ import pytest
 from typer.testing import CliRunner
 
 from romdam.cli import app
-from romdam.config.models import BoxConfig, DampingConfig
-from romdam.errors import ResultError
-from romdam.outputs.fields import write_model
-from romdam.outputs.model_info import model_lines
-from romdam.reduction.craig_bampton import ModeChoice
-from romdam.reduction.store import BlockStore
+from romdam.config.sections.job import BoxConfig, DampingConfig
+from romdam.core.errors import ResultError
+from romdam.core.scene import Material, Scene
+from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
+from romdam.results.fields import write_model
+from romdam.results.model_info import model_lines
 from romdam.scene.boxes import box_block
-from romdam.scene.model import Material, Scene
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from romdam.outputs.dataset import build_dataset
-from romdam.outputs.plots import FIGURES, opening_comparison, write_plots
-from romdam.outputs.style import scaled
+from romdam.results.dataset import build_dataset
+from romdam.visual.plots import FIGURES, opening_comparison, write_plots
+from romdam.visual.style import scaled
 
 from .conftest import make_case
 

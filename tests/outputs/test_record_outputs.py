@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from romdam.config.records import MEASURES as FILTERS
-from romdam.config.records import RecordConfig
-from romdam.outputs.record_measures import MEASURES, fourier_dataset, measures_dataset, spectra_dataset
-from romdam.outputs.record_plots import plot_record, write_record_plots
-from romdam.records.motion import GroundMotion
-from romdam.records.suite import load_motions
-from romdam.records.table import format_table, list_records
+from romdam.config.sections.records import MEASURES as FILTERS
+from romdam.config.sections.records import RecordConfig
+from romdam.core.motion import GroundMotion
+from romdam.postprocess.record_measures import MEASURES, fourier_dataset, measures_dataset, spectra_dataset
+from romdam.records.formats.table import format_table, list_records
+from romdam.records.record_set import load_motions
+from romdam.visual.record_plots import plot_record, write_record_plots
 
 DATA = Path(__file__).parents[2] / "data" / "records"
 ENTRY = {

@@ -8,8 +8,9 @@ import romdam
 from romdam import open_result
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.errors import ResultError
-from romdam.outputs.stress import (
+from romdam.core.errors import ResultError
+from romdam.core.scene import StressFace, StressNodes, StressSites
+from romdam.postprocess.stress import (
     DCR_LEVELS,
     StressHistory,
     duration_above,
@@ -17,7 +18,6 @@ from romdam.outputs.stress import (
     stress_along,
     summarise,
 )
-from romdam.scene.model import StressFace, StressNodes, StressSites
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 
@@ -78,7 +78,7 @@ def sites_and_history():
 
 
 def test_summary_is_that_of_the_whole_histories(monkeypatch):
-    import romdam.outputs.stress as module
+    import romdam.postprocess.stress as module
 
     monkeypatch.setattr(module, "_PART", 80)  # two nodes at a time
     sites, history = sites_and_history()

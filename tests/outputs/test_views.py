@@ -14,14 +14,14 @@ from PIL import Image
 from romdam import open_result
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.errors import ResultError
-from romdam.outputs import field_views, rendering
-from romdam.outputs.dataset import build_dataset, write_dataset
-from romdam.outputs.export import write_series
-from romdam.outputs.fields import write_model
-from romdam.outputs.maxima import HEAD, maxima, write_maxima
-from romdam.outputs.series import frame_times, worst_displacement_time
+from romdam.core.errors import ResultError
 from romdam.pipelines.views import Wanted, plot_result, show_scene
+from romdam.results.dataset import build_dataset, write_dataset
+from romdam.results.export import write_series
+from romdam.results.fields import write_model
+from romdam.results.maxima import HEAD, maxima, write_maxima
+from romdam.results.series import frame_times, worst_displacement_time
+from romdam.visual import field_views, rendering
 
 from .conftest import make_basis, make_case
 

@@ -9,7 +9,7 @@ import numpy as np
 import obspy
 
 from romdam.records.channel import Channel, Orientation
-from romdam.records.formats import FORMATS
+from romdam.records.formats.registry import FORMATS
 
 DT = 0.005
 START = "1994-01-17T12:30:55.250000"

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import samples
 
-from romdam.config.correction import CHAINS
-from romdam.config.records import RecordConfig
-from romdam.errors import RecordError
-from romdam.records import correction_steps as steps
-from romdam.records.corners import drift_ratio, search_highpass
-from romdam.records.correction import check_processed, correct
-from romdam.records.integrate import displacement, velocity
+from romdam.config.sections.correction import CHAINS
+from romdam.config.sections.records import RecordConfig
+from romdam.core.errors import RecordError
+from romdam.records.processing import correction_steps as steps
+from romdam.records.processing.corners import drift_ratio, search_highpass
+from romdam.records.processing.correction import check_processed, correct
+from romdam.records.processing.integrate import displacement, velocity
 
 DRIFT_CHAIN = [
     {"detrend": {"of": "velocity", "order": 2}},
@@ -164,7 +164,7 @@ def test_named_chains_on_a_raw_record(name):
     config = RecordConfig.model_validate(
         {"file": samples.KNET, "components": {"x": "EW"}, "correction": name}
     )
-    from romdam.records.suite import load_motions
+    from romdam.records.record_set import load_motions
 
     motion = load_motions([config], samples.KNET.parent)[0]
     disp, vel = displacement(motion.acc[0], motion.dt), velocity(motion.acc[0], motion.dt)

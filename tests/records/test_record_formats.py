@@ -8,11 +8,11 @@ import obspy
 import pytest
 import samples
 
-from romdam.config.records import RecordConfig, unit_in_si
-from romdam.errors import RecordError
+from romdam.config.sections.records import RecordConfig, unit_in_si
+from romdam.core.errors import RecordError
 from romdam.records.channel import Orientation, parse_orientation
-from romdam.records.formats import FORMATS, Declared, read_channels
-from romdam.records.suite import load_motions
+from romdam.records.formats.registry import FORMATS, Declared, read_channels
+from romdam.records.record_set import load_motions
 
 # half of the last printed digit over the peak: AT2 and ESM and COSMOS print 7 digits, SMC 5
 PRECISION = {"AT2": 6e-8, "COSMOS": 6e-7, "SMC": 6e-5, "ESM": 6e-7}

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import samples
 
-from romdam.errors import RecordError
+from romdam.core.errors import RecordError
 from romdam.records.measures import GRAVITY, arias_history, fourier_amplitude, measure, significant_duration
-from romdam.records.resampling import resample
+from romdam.records.processing.resampling import resample
 from romdam.records.spectra import pseudo_acceleration, response_spectra, rotated_psa
 
 PERIODS = np.geomspace(0.01, 10.0, 100)

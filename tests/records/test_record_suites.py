@@ -8,15 +8,15 @@ import pytest
 import samples
 from pydantic import ValidationError
 
-from romdam.config.records import RecordConfig
-from romdam.errors import ConfigError, RecordError
-from romdam.records.align import align
+from romdam.config.sections.records import RecordConfig
+from romdam.core.errors import ConfigError, RecordError
 from romdam.records.channel import Channel, Orientation
-from romdam.records.formats import FORMATS
-from romdam.records.orientation import rotation
-from romdam.records.resampling import resample, resample_motion
+from romdam.records.formats.registry import FORMATS
+from romdam.records.processing.align import align
+from romdam.records.processing.orientation import rotation
+from romdam.records.processing.resampling import resample, resample_motion
+from romdam.records.record_set import load_motions
 from romdam.records.spectra import pseudo_acceleration
-from romdam.records.suite import load_motions
 
 
 def load(folder, *entries):

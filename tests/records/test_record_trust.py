@@ -5,11 +5,11 @@ import pytest
 import samples
 from test_record_suites import at2, load
 
-from romdam.config.records import RecordConfig
-from romdam.errors import ConfigError, RecordError
-from romdam.records.formats import FORMATS, read_channels
+from romdam.config.sections.records import RecordConfig
+from romdam.core.errors import ConfigError, RecordError
+from romdam.records.formats.registry import FORMATS, read_channels
+from romdam.records.formats.tolerant import load_entry
 from romdam.records.p695 import SETS
-from romdam.records.tolerant import load_entry
 
 G = 9.80665
 

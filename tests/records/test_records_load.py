@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from romdam.config.records import RecordConfig
-from romdam.errors import RecordError
-from romdam.records.resampling import resample_linear
-from romdam.records.suite import load_motions
+from romdam.config.sections.records import RecordConfig
+from romdam.core.errors import RecordError
+from romdam.records.processing.resampling import resample_linear
+from romdam.records.record_set import load_motions
 
 DATA = Path(__file__).parents[2] / "data" / "records"
 RECORD = {

@@ -6,12 +6,12 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.config import parse_config
-from romdam.config.models import DampingConfig, ModelConfig, RayleighConfig
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import integrate
+from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfig
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 E = 30e9
 DAMPING = DampingConfig(rayleigh=RayleighConfig(frequencies=(5.0, 60.0), ratio=0.05))

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import eigh
 from small_scenes import DAMPING, raw, scene
 
-from romdam.config.models import ModelConfig
+from romdam.config.sections.job import ModelConfig
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 

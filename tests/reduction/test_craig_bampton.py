@@ -19,8 +19,8 @@ from small_scenes import (
     turned,
 )
 
-from romdam.config.models import DampingConfig
-from romdam.errors import ConfigError
+from romdam.config.sections.job import DampingConfig
+from romdam.core.errors import ConfigError
 
 LAWS = {
     "penalty": {},

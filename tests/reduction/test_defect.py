@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from small_scenes import DAMPING, full, march, raw, reduced, scene, shaking
 
-from romdam.dynamics.certificate import (
+from romdam.error.replay import (
     Forces,
     Replayed,
     corrected_run,
@@ -16,10 +16,10 @@ from romdam.dynamics.certificate import (
     replay_start,
     run_window,
 )
-from romdam.dynamics.options import TransientOptions
-from romdam.reduction.craig_bampton import ModeChoice
+from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding, much_finer, slightly_finer
 from romdam.reduction.synthesis import reduce_scene
+from romdam.timestepping.options import TransientOptions
 
 DT = 0.0025
 LAWS = {"penalty": {}, "rigid": {"normal_stiffness": "rigid"}, "friction": {"friction": 0.6}}

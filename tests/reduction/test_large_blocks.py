@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from small_scenes import DAMPING, raw, scene
 
-from romdam.config.models import ModelConfig
-from romdam.errors import ReductionError
-from romdam.reduction import columns, large, store
-from romdam.reduction.store import BlockStore
+from romdam.config.sections.job import ModelConfig
+from romdam.core.errors import ReductionError
+from romdam.reduction.methods import out_of_core as large
+from romdam.reduction.storage import columns
+from romdam.reduction.storage import model_file as store
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 
 

@@ -8,17 +8,17 @@ import pytest
 from scipy.sparse import csr_matrix
 
 from romdam.config import parse_config
-from romdam.config.models import DampingConfig
-from romdam.dynamics.static import static_equilibrium
-from romdam.errors import ConfigError
+from romdam.config.sections.job import DampingConfig
+from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import hydrostatic_force, surface_force, thermal_force
 from romdam.fem.unreduced import assemble_full
 from romdam.linalg.factor import Factor
-from romdam.reduction.craig_bampton import ModeChoice
-from romdam.reduction.staging import initial_stress, staged_displacement
+from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.storage.staging import initial_stress, staged_displacement
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.equilibrium import static_equilibrium
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))
 from arch_dams import DIVISIONS, arch_dam
@@ -145,7 +145,7 @@ def test_staged_weight_leaves_the_joints_unloaded():
 
 
 def _reduced(scene):
-    from romdam.config.models import ModelConfig
+    from romdam.config.sections.job import ModelConfig
 
     return reduce_scene(scene, ModelConfig(cutoff=50.0), DampingConfig()).system
 

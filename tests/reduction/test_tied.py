@@ -11,17 +11,17 @@ from scipy.sparse import csr_matrix
 from small_scenes import DAMPING, full, march, reduced, shaking
 
 from romdam.config import parse_config
-from romdam.dynamics.static import static_equilibrium
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
 from romdam.linalg.solvers import Solving
-from romdam.reduction.craig_bampton import ModeChoice
-from romdam.reduction.store import BlockStore
+from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
+from romdam.timestepping.equilibrium import static_equilibrium
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))
 from arch_dams import DIVISIONS, JOINTS, ROCK, arch_dam

@@ -17,11 +17,11 @@ import yaml
 from reference_run import CONFIG, RECORD
 
 from romdam.config.load import Job, parse_config
-from romdam.outputs.dataset import open_dataset
 from romdam.pipelines.certify import certify
 from romdam.pipelines.run import Clock, build_model, run, silent
 from romdam.pipelines.shaking import shake
-from romdam.records.suite import load_motions
+from romdam.records.record_set import load_motions
+from romdam.results.dataset import open_dataset
 
 SECONDS = 10.0
 SCENES = {

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from romdam.config import load_config, parse_config
-from romdam.config.models import Config
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import integrate
+from romdam.config.sections.job import Config
+from romdam.core.scene import Scene
 from romdam.scene.build import build_scene
-from romdam.scene.model import Scene
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "configs" / "two_cantilevers.yaml"

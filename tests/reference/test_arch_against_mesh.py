@@ -12,15 +12,15 @@ import pytest
 
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import integrate
 from romdam.pipelines.shaking import ground_at_steps
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.verification import verify
-from romdam.records.suite import load_motions
-from romdam.reduction.craig_bampton import ALL_MODES, ModeChoice
+from romdam.records.record_set import load_motions
+from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))
 from arch_dams import DIVISIONS, PERIMETER, ROCK, arch_dam

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from reference_run import RECORD, errors, job, march, reference, shaking
 
-from romdam.dynamics.accuracy import refined_step
-from romdam.dynamics.alike import folded
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
+from romdam.timestepping.modal.symmetry import folded
+from romdam.timestepping.step_control import refined_step
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +172,7 @@ def test_full_order():
 @pytest.mark.parametrize("friction", [0.0, 0.6])
 def test_all_modes_are_the_full_order(friction):
     """2 s of the record with the blocks in contact, same integrator on both: 1e-8 of the peak."""
-    from romdam.config.models import ModelConfig
+    from romdam.config.sections.job import ModelConfig
 
     scene = job(friction=friction, shear_stiffness=8e9).scene
     damping = job().config.damping

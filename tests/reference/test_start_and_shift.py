@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from reference_run import job, shaking
 
-from romdam.dynamics.certificate import start_at
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.transient import integrate
+from romdam.error.replay import start_at
 from romdam.reduction.synthesis import reduce_scene
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.6], ids=["frictionless", "friction"])

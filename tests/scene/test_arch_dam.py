@@ -7,7 +7,7 @@ import pytest
 from arch_dams import DIVISIONS, JOINTS, PERIMETER, ROCK, arch_dam
 
 from romdam.config import parse_config
-from romdam.errors import ConfigError, MeshError
+from romdam.core.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import weight_force
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas

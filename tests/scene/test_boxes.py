@@ -5,7 +5,7 @@ import pytest
 from scene_builders import box, two_boxes
 from test_elements import mesh
 
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 from romdam.scene.elements import ELEMENTS, FACET_OF, jacobians
 from romdam.scene.facets import boundary_facets
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from romdam.config.models import BoxConfig
+from romdam.config.sections.job import BoxConfig
+from romdam.core.scene import Material
 from romdam.scene.boxes import box_block
 from romdam.scene.elements import ELEMENTS, FACET_OF, jacobians
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
-from romdam.scene.model import Material
 
 CONCRETE = Material(30e9, 0.18, 2440.0)
 

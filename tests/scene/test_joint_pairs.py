@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scene_builders import box, two_boxes
 
-from romdam.config.joints import JointConfig
-from romdam.errors import ConfigError, MeshError
+from romdam.config.sections.joints import JointConfig
+from romdam.core.errors import ConfigError, MeshError
 from romdam.scene.elements import FACET_OF
 from romdam.scene.facets import boundary_facets
 from romdam.scene.joints import build_joint, local_axes

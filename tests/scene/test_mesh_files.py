@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from test_elements import CONCRETE, mesh
 
-from romdam.config.models import MeshFileConfig
-from romdam.errors import ConfigError, MeshError
+from romdam.config.sections.job import MeshFileConfig
+from romdam.core.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import ELEMENTS, FACET_OF
 from romdam.scene.facets import facet_areas, facet_normals
-from romdam.scene.mesh_files import SOLIDS, mesh_file_block, read_mesh_file
+from romdam.scene.meshes.files import SOLIDS, mesh_file_block, read_mesh_file
 
 DATA = Path(__file__).parent / "data"
 PLACE = "s.yaml: blocks.b.mesh"

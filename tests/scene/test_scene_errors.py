@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scene_builders import box, two_boxes
 
-from romdam.errors import ConfigError
+from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.scene.elements import FACET_OF
-from romdam.scene.held import held_rigidly, refuse_free_blocks
+from romdam.scene.supports import held_rigidly, refuse_free_blocks
 
 
 def error_of(make, raw):

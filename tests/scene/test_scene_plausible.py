@@ -8,9 +8,9 @@ import pytest
 from arch_dams import DIVISIONS, arch_dam
 from scene_builders import box, two_boxes
 
-from romdam.errors import ConfigError
-from romdam.files import check_file
-from romdam.machine import machine_memory
+from romdam.core.errors import ConfigError
+from romdam.core.files import check_file
+from romdam.core.machine import machine_memory
 
 CONCRETE = {"E": 30e9, "nu": 0.18, "rho": 2440.0}
 THIN = {"axis": "y", "at": 2.0}

@@ -7,11 +7,11 @@ import pytest
 from suite_jobs import write_job
 
 import romdam
-from romdam.dynamics.accuracy import integrate_cases_to
-from romdam.dynamics.options import TransientOptions
-from romdam.dynamics.runs import Case
-from romdam.dynamics.transient import integrate, integrate_cases
 from romdam.pipelines.run import Clock, build_model, silent
+from romdam.timestepping.modal.runs import Case
+from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.simulate import integrate, integrate_cases
+from romdam.timestepping.step_control import integrate_cases_to
 
 COARSE, EVERY, ACCURACY = 0.01, 0.02, 0.01
 

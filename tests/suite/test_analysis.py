@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import CensoredData, norm, spearmanr
 from summaries import lognormal_curves, lognormal_stripes, summary_of
 
-from romdam.errors import ResultError
-from romdam.outputs.analysis import (
+from romdam.core.errors import ResultError
+from romdam.postprocess.analysis import (
     _product_limit,
     correlation,
     fragility,
@@ -17,8 +17,8 @@ from romdam.outputs.analysis import (
     sensitivity,
     worst_runs,
 )
-from romdam.outputs.lognormal import Observations, fit_lognormal
-from romdam.outputs.responses import intensity_of, measures, parameters, response_of
+from romdam.postprocess.lognormal import Observations, fit_lognormal
+from romdam.postprocess.responses import intensity_of, measures, parameters, response_of
 
 # Example data distributed with Baker (Earthquake Spectra 31(1), 2015, 579-599): collapses of 40 at each level
 BAKER_SA = np.array([0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0])
@@ -300,7 +300,7 @@ def test_opening_envelopes_are_fractiles_over_records_and_samples_of_what_ran(mo
         gap_position=(("gap", "component"), rng.uniform(size=(5, 3))),
         component=["x", "y", "z"],
     )
-    monkeypatch.setattr("romdam.outputs.analysis.MEMORY", 40)  # two gaps at a time
+    monkeypatch.setattr("romdam.postprocess.analysis.MEMORY", 40)  # two gaps at a time
     found = opening_envelopes(summary)
     assert list(found["count"]) == [18, 15]
     for k in range(2):

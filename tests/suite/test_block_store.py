@@ -10,14 +10,14 @@ import h5py
 import numpy as np
 import pytest
 
-from romdam.config.models import ModelConfig, RayleighConfig
-from romdam.dynamics.batch import with_parameters
-from romdam.errors import ConfigError
+from romdam.config.sections.job import ModelConfig, RayleighConfig
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Material, Scene
 from romdam.fem.gaps import gap_law
 from romdam.reduction import synthesis
-from romdam.reduction.store import BlockBasis, BlockStore
+from romdam.reduction.storage.model_file import BlockBasis, BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
-from romdam.scene.model import Block, Material, Scene
+from romdam.timestepping.modal.batch import with_parameters
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
 

@@ -21,12 +21,12 @@ import pytest
 from suite_jobs import command, differing, summary, write_job
 
 import romdam
-from romdam.errors import ConfigError, ResultError, WorkerError
-from romdam.outputs.suite_journal import JOURNAL, read_rows
-from romdam.pipelines import admission
-from romdam.pipelines import cluster as cluster_module
-from romdam.pipelines.cluster import open_pool
-from romdam.pipelines.suite import SuiteOptions, run_suite
+from romdam.core.errors import ConfigError, ResultError, WorkerError
+from romdam.pipelines.suites import admission
+from romdam.pipelines.suites import cluster as cluster_module
+from romdam.pipelines.suites.cluster import open_pool
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
+from romdam.results.suite.journal import JOURNAL, read_rows
 
 distributed = pytest.importorskip("distributed")
 

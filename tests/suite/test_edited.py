@@ -17,14 +17,15 @@ import xarray as xr
 import yaml
 
 import romdam
-from romdam.errors import ConfigError, ConvergenceError, ResultError
-from romdam.outputs.responses import PARAMETER, parameters
-from romdam.outputs.suite_journal import JOURNAL, append_rows, read_rows
-from romdam.outputs.suite_rows import Row
-from romdam.pipelines import suite as pipeline
-from romdam.pipelines import suite_kept, suite_runs
-from romdam.pipelines.suite import SuiteOptions, run_suite
-from romdam.pipelines.suite_folder import LOCK, clean, suite_lock
+from romdam.core.errors import ConfigError, ConvergenceError, ResultError
+from romdam.pipelines.suites import kept as suite_kept
+from romdam.pipelines.suites import run as pipeline
+from romdam.pipelines.suites import runs as suite_runs
+from romdam.pipelines.suites.folder import LOCK, clean, suite_lock
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
+from romdam.postprocess.responses import PARAMETER, parameters
+from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
+from romdam.results.suite.rows import Row
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

@@ -14,16 +14,16 @@ from typer.testing import CliRunner
 
 from romdam.cli import app
 from romdam.config.load import load_config
-from romdam.errors import ConfigError, ResultError
-from romdam.outputs.dataset import write_dataset
-from romdam.outputs.report import report_html
-from romdam.outputs.report_data import DATA, PERIODS, read_report_data, report_data
-from romdam.outputs.report_page import number, table
-from romdam.outputs.report_study import Study, Wanted
-from romdam.outputs.suite_plots import plane_of, unit_text
+from romdam.core.errors import ConfigError, ResultError
+from romdam.core.motion import GroundMotion
 from romdam.pipelines.report import Options, report
-from romdam.records.motion import GroundMotion
 from romdam.records.spectra import pseudo_acceleration
+from romdam.results.dataset import write_dataset
+from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, report_data
+from romdam.visual.report.page import number, table
+from romdam.visual.report.sections import report_html
+from romdam.visual.report.study import Study, Wanted
+from romdam.visual.suite_plots import plane_of, unit_text
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\""
 

@@ -14,11 +14,11 @@ import xarray as xr
 import yaml
 
 import romdam
-from romdam.errors import ConfigError, ResultError
-from romdam.outputs.suite_journal import JOURNAL, read_rows
-from romdam.pipelines import suite as pipeline
-from romdam.pipelines.suite import SuiteOptions, run_suite
+from romdam.core.errors import ConfigError, ResultError
+from romdam.pipelines.suites import run as pipeline
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.reduction import synthesis
+from romdam.results.suite.journal import JOURNAL, read_rows
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -231,8 +231,8 @@ def test_bad_records_are_named_and_the_others_go_on(tmp_path):
 
 
 def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
-    from romdam.errors import ConvergenceError
-    from romdam.pipelines import suite_runs
+    from romdam.core.errors import ConvergenceError
+    from romdam.pipelines.suites import runs as suite_runs
 
     real = suite_runs.shake_together
 
@@ -252,7 +252,7 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
 
 
 def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypatch):
-    from romdam.pipelines import suite_runs
+    from romdam.pipelines.suites import runs as suite_runs
 
     real = suite_runs.shake_together
 

@@ -9,10 +9,10 @@ from contextlib import suppress
 
 import pytest
 
-from romdam.errors import RecordError, WorkerError
-from romdam.pipelines import workers
-from romdam.pipelines.cluster import open_pool
-from romdam.pipelines.workers import LocalPool, WorkerDied
+from romdam.core.errors import RecordError, WorkerError
+from romdam.pipelines.suites import workers
+from romdam.pipelines.suites.cluster import open_pool
+from romdam.pipelines.suites.workers import LocalPool, WorkerDied
 
 
 def square(shared: int, task: int) -> int:
@@ -86,7 +86,7 @@ def test_workers_end_when_nobody_asks_for_more():
 
 SCRIPT = """
 import os, sys, time
-from romdam.pipelines.workers import LocalPool
+from romdam.pipelines.suites.workers import LocalPool
 from romdam.surroundings import hear_signals
 from test_workers import sleep
 hear_signals()

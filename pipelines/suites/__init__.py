@@ -1,0 +1,1 @@
+"""A suite: its plan, its runs, its folder, its workers."""

@@ -1,0 +1,330 @@
+"""The runs of a suite: what they are, which of them are done, and the tasks that make the others.
+
+Everything that can be wrong with a suite is found here, before anything is reduced or run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.config.load import Job
+from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
+from romdam.core.errors import ConfigError, RecordError
+from romdam.core.fingerprint import fingerprint
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.fem.gaps import gap_law
+from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.run import Clock, settled
+from romdam.pipelines.shaking import check_interval
+from romdam.pipelines.sizes import refuse_lengths
+from romdam.pipelines.suites.kept import KeptResults
+from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
+from romdam.postprocess.responses import PARAMETER
+from romdam.records.formats.tolerant import load_each
+from romdam.results.suite.design import design_dataset, parameter_places
+from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
+from romdam.results.suite.rows import Row
+from romdam.results.suite.summary import SuiteRecord, intensity, summary_dataset, write_summary
+from romdam.scene.build import build_scene
+
+LAYOUT = "romdam-suite-2"
+TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
+MOST_TOGETHER = 32
+_COPIES = 3.0  # of a history while it is made, compared and written
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A suite before anything is reduced.
+
+    Attributes
+    ----------
+    job : the configuration, with what its suite implies for the single runs
+    scene : with the joints of a sample with shear, if there is one: its basis serves all samples
+    records : all of them, in order
+    samples, design : what the samples vary; the same as a Dataset
+    runs : of the records that can be used, in the order of the design
+    """
+
+    job: Job
+    scene: Scene
+    records: list[SuiteRecord]
+    samples: Samples
+    design: xr.Dataset
+    runs: list[Run]
+
+    @cached_property
+    def first(self) -> dict[str, Run]:
+        """Key -> run; of several runs of one content the first."""
+        return {run.key: run for run in reversed(self.runs)}
+
+    @property
+    def keeps_results(self) -> bool:
+        """Whether every run lands as a result file of its own."""
+        return _suite(self.job).keep != "peaks"
+
+    @property
+    def motions(self) -> dict[str, GroundMotion]:
+        """Record -> its motion, of those that can be used."""
+        return {record.name: record.motion for record in self.records if record.motion is not None}
+
+
+def make_plan(job: Job, clock: Clock) -> Plan:
+    """Read everything that a suite needs, and find what is wrong with it.
+
+    Raises
+    ------
+    RomdamError
+        for bad input.
+    """
+    job = _suite_job(job)
+    with clock.stage("design", "reading the samples"):
+        places = parameter_places(job, _suite(job))
+        design = design_dataset(job, _suite(job), places)
+    with clock.stage("records", "reading records"):
+        records = read_records(job)
+    _refuse_many(job, len(records), design.sizes["sample"])
+    motions = [record.motion for record in records if record.motion is not None]
+    tell_doubts(job, ())  # of the records there may be hundreds
+    job = settled(job, motions, clock)
+    columns = {name: design[PARAMETER + name].values for name in places}
+    samples = Samples(
+        places,
+        tuple({n: float(v[i]) for n, v in columns.items()} for i in range(design.sizes["sample"])),
+    )
+    with clock.stage("scene", "building the scene"):
+        scene = build_scene(job.config, job.folder, str(job.path))
+        scene, contents = _sampled(job, scene, samples)
+    samples = replace(samples, contents=tuple(contents))
+    plan = Plan(job, scene, records, samples, design, _runs(records, _model_key(job, scene), contents))
+    _try_summary(plan)
+    return plan
+
+
+def _sampled(job: Job, scene: Scene, samples: Samples) -> tuple[Scene, list[str]]:
+    """The scene with the joints of a sample with shear, if there is one; the fingerprint of every sample."""
+    basis, contents = None if samples.places else scene, []
+    for number in range(len(samples.values)):
+        one, varied = samples.scene(job, scene, number)
+        law = gap_law(one)
+        if basis is None and law.directions == 3:
+            basis = one
+        contents.append(sample_content(one, varied))
+    return basis or scene, contents
+
+
+def _suite(job: Job) -> SuiteConfig:
+    return job.config.suite or SuiteConfig()
+
+
+def _suite_job(job: Job) -> Job:
+    """The job with what its suite implies for the single runs.
+
+    Raises
+    ------
+    ConfigError
+        for a full-order model, and an output interval that the step does not divide.
+    """
+    suite, config = _suite(job), job.config
+    if config.model.order == "full":
+        raise ConfigError(
+            f"{job.path}: model.order: a suite needs a reduced model, got full; set order: reduced, "
+            "or use pipeline: run"
+        )
+    outputs = config.outputs
+    if isinstance(suite.keep, KeepConfig):
+        outputs = outputs.model_copy(update={"every": suite.keep.every})
+    job = replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
+    check_interval(job)
+    return job
+
+
+def read_records(job: Job) -> list[SuiteRecord]:
+    """Every record of a suite with its scale factors, those that cannot be used too.
+
+    Raises
+    ------
+    RecordError
+        where no record can be used.
+    """
+    suite = _suite(job)
+    records = []
+    for one in load_each(job.config.records, job.folder):
+        targets = suite.scales if suite.intensities is None else suite.intensities.values
+        factors, message = np.full(len(targets), np.nan), one.error
+        if one.motion is not None:
+            factors, message = _factors(suite, one.motion)
+            message = message or _unusable(job, one.motion)
+        records.append(SuiteRecord(one.name, None if message else one.motion, message, factors))
+    if all(record.motion is None for record in records):
+        raise RecordError("\n".join(f"{record.name}: {record.message}" for record in records))
+    return records
+
+
+def _unusable(job: Job, motion: GroundMotion) -> str:
+    """What of a record would be found when its result is written, or never; empty where nothing would."""
+    try:
+        refuse_lengths(job, [motion])
+    except ConfigError as error:
+        return str(error)
+    return ""
+
+
+def _factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[np.ndarray, str]:
+    """What a record is multiplied by at each scale; or why it cannot be scaled."""
+    target = suite.intensities
+    if target is None:
+        return np.array(suite.scales), ""
+    nothing = np.full(len(target.values), np.nan)
+    has = intensity(motion, target.measure, target.period, target.damping)
+    if has <= 0.0:
+        return nothing, f"{motion.name}: cannot be scaled to {target.measure}, it does not move"
+    with np.errstate(over="ignore"):
+        factors = np.array(target.values) / has
+    if not np.isfinite(factors).all():
+        return nothing, f"{motion.name}: cannot be scaled to {target.measure}, it has {has:g} m/s2"
+    return factors, ""
+
+
+def _refuse_many(job: Job, records: int, samples: int) -> None:
+    """Refuse more runs than any machine holds the summary of."""
+    suite = _suite(job)
+    scales = len(suite.scales if suite.intensities is None else suite.intensities.values)
+    count = records * scales * samples
+    if count > MOST_RUNS:
+        raise ConfigError(
+            f"{job.path}: suite: {records} records at {scales} scales with {samples} samples are {count} "
+            f"runs, limit {MOST_RUNS}; split it into several suites"
+        )
+
+
+def _try_summary(plan: Plan) -> None:
+    """Write a summary without runs to nowhere: a name that it cannot hold is found before the first run."""
+    unmeasured = [replace(record, motion=None) for record in plan.records]
+    with TemporaryDirectory() as folder:
+        try:
+            write_summary(summary_dataset(plan.job, plan.scene, plan.design, unmeasured, {}), Path(folder))
+        except (ValueError, TypeError) as error:
+            raise ConfigError(
+                f"{plan.job.path}: the title or a name cannot be written to a NetCDF file ({error}); use "
+                "plain letters"
+            ) from error
+
+
+def _runs(records: Sequence[SuiteRecord], about: str, samples: Sequence[str]) -> list[Run]:
+    runs = []
+    for i, record in enumerate(records):
+        if record.motion is None:
+            continue
+        motion = record.motion
+        own = fingerprint((about, motion.acc, motion.dt, str(motion.provenance.get("resampling"))))
+        runs += [
+            Run((i, k, s), record.name, float(factor), fingerprint((own, float(factor), sample)))
+            for k, factor in enumerate(record.factors)
+            for s, sample in enumerate(samples)
+        ]
+    return runs
+
+
+def _model_key(job: Job, scene: Scene) -> str:
+    """Of everything but the records and what the samples vary.
+
+    What a sample without friction answers depends on the basis, which has the gaps' tangential directions
+    where any sample has shear.
+    """
+    config, suite = job.config, job.config.suite
+    parts = {"nodes", "every", "stress", "error_estimate"}
+    asked = {
+        "model": config.model.model_dump_json(),
+        "transient": config.transient.model_dump_json(),
+        "initial": config.loads.initial_state,
+        "outputs": config.outputs.model_dump_json(include=parts),
+        "keep": "" if suite is None else str(suite.keep),
+        "directions": gap_law(scene).directions,
+    }
+    joints = {
+        name: (j.blocks, j.nodes, j.position, j.area, j.axes, j.weights) for name, j in scene.joints.items()
+    }
+    rest = {name: value for name, value in vars(scene).items() if name != "joints"}
+    return fingerprint((LAYOUT, romdam.__version__, asked, joints, rest))
+
+
+def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
+    """Key -> row of the runs that are done: nothing they depend on has changed, and what they keep is there.
+
+    Results that are kept get the names and labels of this design.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses a file.
+    """
+    known = read_rows(folder / JOURNAL)
+    done = {key: known[key] for key in plan.first if key in known}
+    if not study.keeps_results:
+        return done
+    results, found = KeptResults(study, plan.motions), dict[str, Row]()
+    for key, row in done.items():
+        placed = results.placed(plan.first[key], row)
+        if placed is None:
+            continue
+        found[key] = placed
+        if placed is not row:
+            append_rows(folder / JOURNAL, [placed])
+            results.remove_former(row, placed)
+    return found
+
+
+def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
+    """The tasks that are still to be made: runs that march together, the longest first.
+
+    Those of one task have one time step and like lengths. Who marches with whom does not change a run's bits.
+    """
+    motions, most = plan.motions, study.suite.batch or MOST_TOGETHER
+    groups: list[list[Run]] = []
+    room = 0.0
+
+    def order(run: Run) -> tuple[float, int, int, str, int]:
+        motion = motions[run.record]
+        return (-motion.dt, run.place[2], -motion.acc.shape[1], run.record, run.place[1])
+
+    missing = [run for key, run in plan.first.items() if key not in done]
+    for run in sorted(missing, key=order):
+        motion = motions[run.record]
+        size = history_bytes(study, motion)
+        fresh = not groups or motions[groups[-1][0].record].dt != motion.dt
+        if fresh or len(groups[-1]) >= most or (study.suite.batch is None and size > room):
+            groups.append([])
+            room = TASK_BYTES
+        groups[-1].append(run)
+        room -= size
+    groups.sort(key=lambda group: -sum(motions[run.record].acc.shape[1] for run in group))
+    return [Task(tuple(group), {run.record: motions[run.record] for run in group}) for group in groups]
+
+
+def history_bytes(study: Study, motion: GroundMotion) -> float:
+    """Memory of a run while it is made."""
+    return _COPIES * written_rows(study.job, motion) * row_bytes(study)
+
+
+def written_rows(job: Job, motion: GroundMotion) -> int:
+    """Rows of a run's result."""
+    transient = job.config.transient
+    duration = motion.duration if transient.duration is None else transient.duration
+    return int(duration / (job.config.outputs.every or transient.dt or motion.dt)) + 1
+
+
+def row_bytes(study: Study) -> float:
+    """Bytes of one written row of a result: gaps, observed nodes, coordinates."""
+    system = study.model.system
+    jumps = system.B.shape[0]
+    return 8.0 * (3 * jumps + len(system.law) / 8 + 3 * system.observe.shape[0] + system.size + 12)

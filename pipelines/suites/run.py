@@ -1,0 +1,200 @@
+"""A suite from a configuration to its summary: records x scales x samples on one reduced model."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import xarray as xr
+from threadpoolctl import threadpool_limits
+
+from romdam.config.load import Job
+from romdam.config.sections.suite import KeepConfig
+from romdam.core.errors import ResultError, placed
+from romdam.core.files import prepare_folder, sweep_parts
+from romdam.pipelines.run import Clock, Model, Stage, silent, with_finer, write_shared
+from romdam.pipelines.stresses import stress_fields
+from romdam.pipelines.suites.cluster import Pool, open_pool
+from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
+from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
+from romdam.pipelines.suites.runs import run_task
+from romdam.pipelines.suites.study import Study, Task
+from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.synthesis import reduce_scene
+from romdam.results.dataset import write_dataset
+from romdam.results.suite.journal import JOURNAL, append_rows
+from romdam.results.suite.rows import Row
+from romdam.results.suite.summary import (
+    CACHE_FOLDER,
+    DESIGN,
+    RUNS_FOLDER,
+    SUMMARY,
+    summary_dataset,
+    write_summary,
+)
+
+log = logging.getLogger(__name__)
+
+_ROW = 4e3  # bytes of the objects of a row, beside its numbers
+
+
+@dataclass(frozen=True)
+class SuiteOptions:
+    """Where a suite computes.
+
+    Attributes
+    ----------
+    workers : processes on this machine, one for each core if not given
+    scheduler : address of a dask scheduler, instead
+    cache : folder of reduced blocks; that of the configuration, or `cache` in the output folder, if not given
+    """
+
+    workers: int | None = None
+    scheduler: str | None = None
+    cache: Path | None = None
+
+
+@dataclass(frozen=True)
+class SuiteOutcome:
+    """What a suite has come to.
+
+    Attributes
+    ----------
+    path : of the summary
+    summary : the summary
+    runs, made : all runs, and those of them that this call made
+    failures : name of a record or a run -> message
+    leftovers : files in the folder that are of no run of this design
+    """
+
+    path: Path
+    summary: xr.Dataset
+    runs: int
+    made: int
+    failures: dict[str, str]
+    leftovers: tuple[Path, ...] = ()
+
+
+def run_suite(
+    job: Job,
+    out: str | Path,
+    options: SuiteOptions | None = None,
+    show: Stage = silent,
+    tell: Callable[[str], None] = log.info,
+) -> SuiteOutcome:
+    """Make every run of a suite that is not there yet, and the summary of all.
+
+    Parameters
+    ----------
+    job : a configuration with `pipeline: suite`
+    out : folder, made if needed; what is finished there is kept
+    show : told of every stage and its progress
+    tell : told what is going to be made, and its size, before it is; then what is odd about the records, and
+        what else lies in the folder
+
+    Raises
+    ------
+    RomdamError
+        for bad input, where another suite works in the folder, and where the disk refuses a file; a run or
+        record that fails becomes a failed row.
+    """
+    options, clock = options or SuiteOptions(), Clock(show)
+    folder = prepare_folder(Path(out).absolute())
+    _refuse_folders(folder)
+    one_thread = threadpool_limits(limits=1)  # the bits of a result must not depend on the number of cores
+    workers = open_pool(options.workers, options.scheduler, run_task.__module__, folder)
+    with suite_lock(folder), one_thread, workers as pool:
+        plan = make_plan(job, clock)
+        study = build_study(plan, folder, options.cache, clock)
+        rows, made = _make_missing(study, plan, folder, (pool, clock, tell))
+        with clock.stage("summary", "writing the summary"):
+            found = {run.place: rows[run.key] for run in plan.runs if run.key in rows}
+            summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
+            write_dataset(plan.design, folder / DESIGN)
+            path = write_summary(summary, folder)
+        left = leftovers(folder, plan, rows)
+    for name, motion in plan.motions.items():
+        if motion.warnings:
+            tell(f"warning: {name}: {'; '.join(motion.warnings)}")
+    if left:
+        tell(of_no_run(left, job.path, folder))
+    return SuiteOutcome(path, summary, summary.status.size, made, _failures(plan, rows), left)
+
+
+def _refuse_folders(folder: Path) -> None:
+    """Refuse what would be found when the summary is written, after all runs."""
+    for name in (SUMMARY, DESIGN):
+        if (folder / name).is_dir():
+            raise ResultError(
+                f"{folder / name}: is a folder, the suite writes a file there; choose another --out"
+            )
+
+
+def build_study(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Study:
+    """The reduced model, once for all samples."""
+    job, scene = plan.job, plan.scene
+    own = job.config.suite.cache if job.config.suite else None
+    store = BlockStore(cache or (job.folder / own if own else folder / CACHE_FOLDER))
+    with clock.stage("model", "reducing the blocks"), placed(job.path):
+        reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
+    model = with_finer(job, Model(scene, reduced.system, reduced), clock, store)
+    model = replace(model, stress=stress_fields(scene, reduced))
+    job = replace(job, path=job.path.absolute())  # a worker of a cluster has a working folder of its own
+    study = Study(job, model, plan.samples, folder / RUNS_FOLDER, {})
+    if study.keeps_results:
+        study = replace(study, files=write_shared(prepare_folder(study.folder), model))
+    return study
+
+
+def _make_missing(
+    study: Study, plan: Plan, folder: Path, means: tuple[Pool, Clock, Callable[[str], None]]
+) -> tuple[dict[str, Row], int]:
+    """Key -> row of all runs, and how many had to be made."""
+    pool, clock, tell = means
+    sweep_parts(folder)
+    sweep_parts(study.folder)
+    with clock.stage("plan", "looking for finished runs"):
+        rows = finished(study, folder, plan)
+        tasks = tasks_of(study, plan, rows)
+    missing = sum(len(task.runs) for task in tasks)
+    tell(_announcement(study, plan, missing, folder))
+    left = missing
+    with clock.stage("runs", f"{missing} runs") as progress:
+        for number, found in pool.map(run_task, study, tasks):
+            rows |= {row.key: row for row in _land(tasks[number], found, folder)}
+            left -= len(tasks[number].runs)
+            progress(missing - left, missing)
+    return rows, missing
+
+
+def _land(task: Task, found: list[Row] | Exception, folder: Path) -> list[Row]:
+    """Write the rows of a task; those of one whose workers died are left to be made again."""
+    if isinstance(found, Exception):
+        message = f"its workers died, {found}; lower suite.batch, or give the workers more memory"
+        return [Row(run.key, message, lasts=False) for run in task.runs]
+    append_rows(folder / JOURNAL, [row for row in found if row.lasts])
+    return found
+
+
+def _announcement(study: Study, plan: Plan, missing: int, folder: Path) -> str:
+    """What is going to be made."""
+    gaps, joints, runs = len(study.model.system.law), len(study.model.scene.joints), plan.runs
+    row = 8.0 * (8 * joints + 20 + 3 * len(study.model.scene.probes))
+    size, memory = len(runs) * (32.0 * gaps + 3.0 * row), len(runs) * (_ROW + 20.0 * gaps + 2.0 * row)
+    if study.keeps_results:
+        single = isinstance(study.suite.keep, KeepConfig) and study.suite.keep.precision == "single"
+        motions = plan.motions
+        rows = sum(written_rows(study.job, motions[run.record]) for run in runs)
+        size += rows * row_bytes(study) * (0.5 if single else 1.0)
+    before = f", {len(runs) - missing} of them there already" if missing < len(runs) else ""
+    return (
+        f"{len(runs)} runs{before}; up to {max(1.0, size / 1e6):.0f} MB in {folder}, "
+        f"and {max(1.0, memory / 1e6):.0f} MB of memory for the summary"
+    )
+
+
+def _failures(plan: Plan, rows: dict[str, Row]) -> dict[str, str]:
+    bad = {record.name: record.message for record in plan.records if record.motion is None}
+    return bad | {run.name: rows[run.key].message for run in plan.runs if rows[run.key].message}

@@ -1,0 +1,133 @@
+"""What a worker does for a suite: march the runs of one task and make their rows.
+
+The study (scene, reduced model, samples) travels to every worker once; a task brings its ground motions.
+A worker writes nothing but the results that are kept whole, into the suite's own folder.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from romdam.config.load import Job
+from romdam.config.parameters import Varied
+from romdam.core.errors import ConfigError, RomdamError
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.system import History
+from romdam.fem.damping import modal_coefficients
+from romdam.fem.gaps import gap_law
+from romdam.pipelines.estimate import estimate_error
+from romdam.pipelines.run import Model
+from romdam.pipelines.shaking import shake_together
+from romdam.pipelines.stresses import stress_of
+from romdam.pipelines.suites.kept import write_kept
+from romdam.pipelines.suites.study import Run, Study, Task, sample_content, scaled
+from romdam.reduction.synthesis import ReducedModel
+from romdam.results.suite.rows import Row, row_values
+from romdam.results.variables import Case
+from romdam.timestepping.modal.batch import with_parameters
+
+# what a run can meet that is its own misfortune: it becomes a row with a message, and the others go on
+MISFORTUNES = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
+
+
+def sample_model(study: Study, number: int) -> Model:
+    """The model with the joints and the damping of one sample; nothing is reduced.
+
+    Raises
+    ------
+    ConfigError
+        for values that do not fit together, and joints that are not those of the plan.
+    """
+    if not study.samples.places:
+        return study.model
+    job, model = study.job, study.model
+    scene, varied = study.samples.scene(job, model.scene, number)
+    if sample_content(scene, varied) != study.samples.contents[number]:
+        raise ConfigError(
+            f"{job.path}: joints: their gap tables have changed since the suite was started, or are others "
+            f"on a worker; leave those in {job.folder} as they are, and run the same command again"
+        )
+    assert model.reduced is not None
+    reduced, finer = _with_sample(model.reduced, scene, varied), model.finer
+    if finer is not None:
+        finer = replace(finer, model=_with_sample(finer.model, scene, varied))
+    return replace(model, scene=scene, system=reduced.system, reduced=reduced, finer=finer)
+
+
+def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> ReducedModel:
+    damping = modal_coefficients(varied.damping, reduced.system.K.diagonal())
+    return replace(reduced, system=with_parameters(reduced.system, gap_law(scene), damping))
+
+
+def run_task(study: Study, task: Task) -> list[Row]:
+    """March the runs of a task together; their rows in its order, those that failed with a message."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    samples = dict.fromkeys(run.place[2] for run in task.runs)
+    with threadpool_limits(limits=1):  # the bits of a result must not depend on the number of cores
+        models = {number: sample_model(study, number) for number in samples}
+        motions = [scaled(task.motions[run.record], run) for run in task.runs]
+        outcomes = march(study.job, [models[run.place[2]] for run in task.runs], motions)
+    spent = (time.perf_counter() - wall, time.process_time() - cpu)
+    rows = []
+    for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):
+        if isinstance(outcome, Exception):
+            rows.append(_failed(run, outcome))
+        else:
+            clock = (share * spent[0], share * spent[1])
+            rows.append(_row(study, models[run.place[2]], run, (motion, outcome), clock))
+    return rows
+
+
+def _failed(run: Run, error: Exception) -> Row:
+    """The row of a run that failed, which is that of any run of the same content, whatever its name."""
+    message = str(error) if isinstance(error, RomdamError) else f"{type(error).__name__}: {error}"
+    lasts = not isinstance(error, MemoryError)
+    return Row(run.key, message.replace(f"record {run.name}", "its record"), lasts=lasts)
+
+
+def march(
+    job: Job, models: Sequence[Model], motions: Sequence[GroundMotion]
+) -> Sequence[History | Exception]:
+    """The one place where a suite integrates: every history, or why there is none."""
+    try:
+        return shake_together(job, [model.system for model in models], motions)
+    except MISFORTUNES as error:
+        if len(motions) == 1:
+            return [error]
+    return [march(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]
+
+
+def _shares(outcomes: Sequence[History | Exception]) -> list[float]:
+    """Of the time of a task, by what each run's own steps took."""
+    cpu = [
+        0.0 if isinstance(one, Exception)
+        else one.stats.get("all_runs_cpu_seconds", one.stats["loop_cpu_seconds"])
+        for one in outcomes
+    ]  # fmt: skip
+    total = sum(cpu)
+    return [one / total if total > 0.0 else 1.0 / len(cpu) for one in cpu]
+
+
+def _row(
+    study: Study, model: Model, run: Run, made: tuple[GroundMotion, History], clock: tuple[float, float]
+) -> Row:
+    """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
+    wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
+    (motion, history), stated = made, dict[str, float]()
+    attributes: dict[str, object] = {}
+    if model.finer is not None and model.reduced is not None:
+        estimate = estimate_error(study.job, model.finer, model.reduced, motion, history)
+        stated["estimated_reduction_error"] = estimate.opening.l2
+        attributes = estimate.attributes
+    history, stress = stress_of(model.scene, model.stress, history)
+    case = Case(model.scene, motion, history, stress)
+    stated["wall_seconds"] = time.perf_counter() - wall
+    stated["cpu_seconds"] = time.process_time() - cpu
+    kept = write_kept(study, run, case, attributes) if study.keeps_results else None
+    return Row(run.key, "", row_values(case, stated), kept)

@@ -1,0 +1,126 @@
+"""What the runs of a suite are and what they share.
+
+A run's content is its record's samples, its factor, the sample's parameters and the model: its `key` names
+its row and its result. Where it stands in the suite (name of the record, numbers of scale and sample) is the
+design's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from romdam.config.load import Job
+from romdam.config.parameters import Place, Varied, vary
+from romdam.config.sections.suite import SuiteConfig
+from romdam.core.fingerprint import fingerprint
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.fem.gaps import gap_law
+from romdam.pipelines.run import Model
+from romdam.results.suite.summary import Place as RunPlace
+from romdam.scene.joints import with_properties
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What the samples of a suite vary.
+
+    Attributes
+    ----------
+    places : name of each parameter -> where it stands
+    values : name of each parameter -> its value, for each sample
+    contents : SHA-256 of the joints and the damping of each sample
+    """
+
+    places: dict[str, Place]
+    values: tuple[dict[str, float], ...]
+    contents: tuple[str, ...] = ()
+
+    def scene(self, job: Job, scene: Scene, number: int) -> tuple[Scene, Varied]:
+        """The scene with the joints of one sample, and the joints and damping themselves.
+
+        Raises
+        ------
+        ConfigError
+            for values that do not fit together.
+        """
+        varied = vary(job.config, self.places, self.values[number], str(job.path))
+        joints = {
+            name: with_properties(joint, varied.joints[name], job.folder, str(job.path))
+            for name, joint in scene.joints.items()
+        }
+        return replace(scene, joints=joints), varied
+
+
+def sample_content(scene: Scene, varied: Varied) -> str:
+    """SHA-256 of the joints and the damping of one sample."""
+    return fingerprint((gap_law(scene), varied.damping.model_dump_json()))
+
+
+@dataclass(frozen=True)
+class Study:
+    """What every task of a suite needs.
+
+    Attributes
+    ----------
+    job : the configuration
+    model : scene, reduced once for all samples, with the joints of one sample
+    samples : what they vary
+    folder : where results that are kept whole land
+    files : what they share: attribute -> file name
+    """
+
+    job: Job
+    model: Model
+    samples: Samples
+    folder: Path
+    files: dict[str, str]
+
+    @property
+    def suite(self) -> SuiteConfig:
+        """The `suite:` part of the configuration."""
+        assert self.job.config.suite is not None
+        return self.job.config.suite
+
+    @property
+    def keeps_results(self) -> bool:
+        """Whether every run lands as a result file of its own."""
+        return self.suite.keep != "peaks"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One record at one scale with one sample.
+
+    Attributes
+    ----------
+    place : numbers of record, scale and sample
+    record : name
+    factor : what the record is multiplied by
+    key : SHA-256 of everything the run depends on
+    """
+
+    place: RunPlace
+    record: str
+    factor: float
+    key: str
+
+    @property
+    def name(self) -> str:
+        """Of the run in this design."""
+        return f"{self.record}__{self.place[1]}__{self.place[2]}"
+
+
+@dataclass(frozen=True)
+class Task:
+    """Runs that march together, and the motions of their records."""
+
+    runs: tuple[Run, ...]
+    motions: dict[str, GroundMotion]
+
+
+def scaled(motion: GroundMotion, run: Run) -> GroundMotion:
+    """A record at the scale of a run, under the name of the run."""
+    about = motion.provenance | {"suite_scale": run.factor, "suite_record": run.record}
+    return replace(motion, name=run.name, acc=run.factor * motion.acc, provenance=about)

@@ -1,0 +1,199 @@
+"""A parametric arch dam: what stands in the configuration for it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, Tag, model_validator
+
+from romdam.config.base import Model, by_shape
+from romdam.config.names import Name
+from romdam.config.quantities import Dimensionless, Length, Whole
+from romdam.config.sections.joints import JointProperties
+
+Positive = Field(gt=0.0)
+Size = Annotated[Length, Positive]
+Count = Annotated[Whole, Field(ge=1, le=200)]
+Points = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=1)]
+Range = tuple[Length, Length]
+
+CANTILEVER, PERIMETER, ROCK, JOINT = "C", "perimeter", "rock", "J"
+
+
+class Polynomial(Model):
+    """c_0 + c_1 z + c_2 z^2 + ... with z the elevation; SI."""
+
+    polynomial: Annotated[tuple[Dimensionless, ...], Field(min_length=1)]
+
+
+Profile = Annotated[
+    Annotated[Length, Tag("number")] | Annotated[Points, Tag("list")] | Annotated[Polynomial, Tag("mapping")],
+    by_shape(
+        "a length, points such as [[0 m, 25 m], [100 m, 6 m]] (elevation first), or {polynomial: [...]}"
+    ),
+]
+
+
+class CrownConfig(Model):
+    """The crown cantilever over the elevation: y of the upstream face, and the thickness."""
+
+    upstream: Profile = 0.0
+    thickness: Profile
+
+
+class ArcsConfig(Model):
+    """Horizontal arcs: radius at the crown over the elevation, of both faces (concentric if one is given).
+
+    `thickening` is the part of the thickness that is added at the abutment, growing with the square of the
+    angle from the crown.
+    """
+
+    shape: Literal["circular", "parabolic"] = "circular"
+    upstream_radius: Profile
+    downstream_radius: Profile | None = None
+    thickening: Annotated[Dimensionless, Field(ge=0.0, le=5.0)] = 0.0
+
+
+class PerimeterConfig(Model):
+    """The block between the cantilevers and the rock."""
+
+    material: str
+    thickness: Size
+
+
+class ZoneConfig(Model):
+    """Rock of one material: the cells whose centre lies in these ranges and in no zone with more of them.
+
+    Its `weight` has settled before the dam is built, so that gravity leaves it out unless told otherwise.
+    """
+
+    material: str
+    x: Range | None = None
+    y: Range | None = None
+    z: Range | None = None
+    mass: bool = True
+    weight: bool = False
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Self:
+        for axis, limits in (("x", self.x), ("y", self.y), ("z", self.z)):
+            if limits is not None and limits[0] >= limits[1]:
+                raise ValueError(
+                    f"`{axis}` must go up, got {limits[0]:g} to {limits[1]:g} m; swap the two numbers"
+                )
+        return self
+
+
+class RockConfig(Model):
+    """A box of rock around the valley: x within +- half_width, y from -upstream to downstream, z from -depth.
+
+    Its top is level with the crest. `zones` become blocks `rock_<name>`. A `fixed` boundary holds the base,
+    and the sides normal to themselves; a `viscous` one takes up the waves that the dam sends out, and needs
+    rock with mass, on which the ground's acceleration does not act then: the record is that of the contact.
+    """
+
+    half_width: Size
+    upstream: Size
+    downstream: Size
+    depth: Size
+    zones: Annotated[dict[Name, ZoneConfig], Field(min_length=1, max_length=9)]
+    boundary: Literal["fixed", "viscous"] = "fixed"
+
+    @model_validator(mode="after")
+    def _waves(self) -> Self:
+        light = [name for name, zone in self.zones.items() if not zone.mass]
+        if self.boundary == "viscous" and light:
+            raise ValueError(
+                f"`boundary: viscous` takes up waves, and zone {light[0]!r} has no mass to carry any "
+                f"({len(light)} of {len(self.zones)} zones have none, limit 0); leave out `mass: false`, or "
+                "take `boundary: fixed`"
+            )
+        return self
+
+
+class DivisionsConfig(Model):
+    """Elements (hexahedra before any split into tetrahedra): along a cantilever's arc, through the thickness,
+    up its height; layers of the perimeter and of the rock; rows of rock up- and downstream.
+
+    `growth` is the ratio of neighbouring sizes in the rock.
+    """
+
+    along: Count = 2
+    through: Count = 2
+    up: Count = 6
+    perimeter: Count = 1
+    rock: Count = 4
+    upstream: Count = 3
+    downstream: Count = 3
+    growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
+
+
+class ArchDamConfig(Model):
+    """A double-curvature arch dam; x runs from the left to the right bank, y downstream, z up.
+
+    It makes the blocks C1, C2, ... from left to right, `perimeter` and `rock_<zone>`, grown together along
+    their contacts, the joints J1, J2, ... between the cantilevers (`tied`: none), and holds its rock
+    (the base, and the sides normal to themselves) or, without rock, the contact.
+
+    `valley` is the half-width at elevations; above `crest - abutment_height` the walls are vertical, so that
+    the outermost cantilevers end in a face and not in an edge.
+    """
+
+    crest: Length
+    base: Length = 0.0
+    crown: CrownConfig
+    arcs: ArcsConfig
+    valley: Points
+    abutment_height: Size
+    cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
+    material: str
+    element: Literal["hex8", "hex20", "tet4", "tet10"] = "tet10"
+    divisions: DivisionsConfig = DivisionsConfig()
+    perimeter: PerimeterConfig | None = None
+    rock: RockConfig | None = None
+    joints: Annotated[
+        Annotated[JointProperties, Tag("mapping")] | Annotated[Literal["tied"], Tag("word")],
+        by_shape("what the joints do, such as {normal_stiffness: 20 GPa/m}, or tied", "tied"),
+    ]
+
+    @model_validator(mode="after")
+    def _heights(self) -> Self:
+        height = self.crest - self.base
+        if height <= 0.0:
+            raise ValueError(f"`crest` {self.crest:g} m must be above `base` {self.base:g} m")
+        if self.abutment_height >= height:
+            raise ValueError(
+                f"`abutment_height` {self.abutment_height:g} m must be below the dam's height, {height:g} m"
+            )
+        return self
+
+    @property
+    def cantilever_names(self) -> tuple[str, ...]:
+        """C1, C2, ... from left to right."""
+        return tuple(f"{CANTILEVER}{k + 1}" for k in range(self.cantilevers))
+
+    @property
+    def block_names(self) -> tuple[str, ...]:
+        """Every block it makes."""
+        zones = self.rock.zones if self.rock else ()
+        perimeter = (PERIMETER,) if self.perimeter else ()
+        return (*self.cantilever_names, *perimeter, *(f"{ROCK}_{zone}" for zone in zones))
+
+    @property
+    def joint_pairs(self) -> dict[str, tuple[str, str]]:
+        """J1, J2, ... and the cantilevers they part; empty where those are tied."""
+        names = self.cantilever_names
+        if self.joints == "tied":
+            return {}
+        return {f"{JOINT}{k + 1}": pair for k, pair in enumerate(pairwise(names))}
+
+    @property
+    def materials(self) -> dict[str, str]:
+        """Key of every material named, below `arch_dam`, and its name."""
+        found = {"material": self.material}
+        if self.perimeter:
+            found["perimeter.material"] = self.perimeter.material
+        for name, zone in self.rock.zones.items() if self.rock else ():
+            found[f"rock.zones.{name}.material"] = zone.material
+        return found

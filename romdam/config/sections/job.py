@@ -1,0 +1,401 @@
+"""The configuration of one job as frozen models; every quantity is SI once it is here."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, Tag, model_validator
+
+from romdam.config.base import Model, by_shape
+from romdam.config.names import Name
+from romdam.config.quantities import (
+    Acceleration,
+    AngularFrequency,
+    Density,
+    Dimensionless,
+    Expansion,
+    Force,
+    Frequency,
+    Length,
+    Memory,
+    Pressure,
+    TemperatureChange,
+    Time,
+    Whole,
+    to_si,
+)
+from romdam.config.sections.arch_dam import ArchDamConfig
+from romdam.config.sections.joints import JointConfig, TieConfig
+from romdam.config.sections.places import Axis, BlockFace, FaceRef, NodeConfig, Tolerance, Vector
+from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.stress import StressConfig
+from romdam.config.sections.suite import SuiteConfig
+from romdam.config.sections.water import WaterConfig
+from romdam.core.errors import listed, shown
+
+Element = Literal["hex8", "hex20", "tet4", "tet10"]
+NonNegative = Field(ge=0.0)
+Positive = Field(gt=0.0)
+Edges = tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
+
+
+class MaterialConfig(Model):
+    """Isotropic linear elasticity; `expansion` is the coefficient of linear thermal expansion."""
+
+    E: Annotated[Pressure, Positive]
+    nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
+    rho: Annotated[Density, Positive]
+    expansion: Annotated[Expansion, NonNegative] = 0.0
+
+
+class BoxConfig(Model):
+    """A box meshed by a regular grid; its faces are xmin, xmax, ymin, ymax, zmin, zmax."""
+
+    origin: Vector
+    size: Edges
+    element_size: Annotated[
+        Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
+        by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
+    ]
+    element: Element = "hex8"
+
+
+def _length_unit(value: str) -> str:
+    if to_si(f"1 {value}", "m") <= 0.0:
+        raise ValueError(f"one unit must be more than 0 m, got {shown(value)}")
+    return value
+
+
+class MeshFileConfig(Model):
+    """A block read from a mesh file; the physical groups of its facets become its faces."""
+
+    file: Path
+    group: str | Whole | None = None
+    unit: Annotated[str, AfterValidator(_length_unit)] = "m"
+
+
+class BlockConfig(Model):
+    """A box or the cells of a mesh file, of one material.
+
+    Without `mass` it is stiff only; without `weight` it has its mass, but gravity leaves it out.
+    """
+
+    material: str
+    mass: bool = True
+    weight: bool = True
+    box: BoxConfig | None = None
+    mesh: MeshFileConfig | None = None
+
+    @model_validator(mode="after")
+    def _one_geometry(self) -> Self:
+        if (self.box is None) == (self.mesh is None):
+            raise ValueError("give exactly one of `box` and `mesh`")
+        return self
+
+
+class SupportConfig(Model):
+    """Components held at zero relative displacement on a face of a block."""
+
+    block: str
+    face: FaceRef
+    fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
+
+
+class PressureConfig(Model):
+    """Pressure on a face, positive into the block."""
+
+    block: str
+    face: FaceRef
+    value: Pressure
+
+
+class ForceConfig(Model):
+    """A force on the node nearest to a point."""
+
+    block: str
+    at: Vector
+    force: tuple[Force, Force, Force]
+    tolerance: Tolerance = 1e-3
+
+
+class HydrostaticConfig(Model):
+    """Pressure rho g (level - z) of still water below `level`; g is 9.81 m/s2 where no gravity is given."""
+
+    level: Length
+    faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
+    density: Annotated[Density, Positive] = 1000.0
+
+
+class TemperatureConfig(Model):
+    """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
+
+    change: TemperatureChange
+    blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+
+
+class LoadsConfig(Model):
+    """Static loads; `gravity` is the acceleration that makes weight, for example [0, 0, -9.81].
+
+    `weight` acts before the joints are grouted (`staged`: they carry none of it) or on the finished dam.
+    """
+
+    gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
+    weight: Literal["monolithic", "staged"] = "monolithic"
+    hydrostatic: tuple[HydrostaticConfig, ...] = ()
+    temperature: tuple[TemperatureConfig, ...] = ()
+    pressure: tuple[PressureConfig, ...] = ()
+    force: tuple[ForceConfig, ...] = ()
+    initial_state: Literal["static", "from_start"] = "static"
+
+
+class RayleighConfig(Model):
+    """C = alpha M + beta K of the solids, from two frequencies and one ratio, or the coefficients."""
+
+    frequencies: tuple[Annotated[Frequency, Positive], Annotated[Frequency, Positive]] | None = None
+    ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
+    alpha: Annotated[AngularFrequency, NonNegative] | None = None
+    beta: Annotated[Time, NonNegative] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        by_ratio = self.frequencies is not None and self.ratio is not None
+        by_coefficient = self.alpha is not None and self.beta is not None
+        given = sum(v is not None for v in (self.frequencies, self.ratio, self.alpha, self.beta))
+        if given != 2 or by_ratio == by_coefficient:
+            raise ValueError("give either `frequencies` and `ratio`, or `alpha` and `beta`")
+        if self.frequencies is not None and self.frequencies[0] == self.frequencies[1]:
+            raise ValueError(f"the two frequencies must differ, both are {self.frequencies[0]:g} Hz")
+        return self
+
+
+ModalRatio = Annotated[Dimensionless, Field(ge=0.0, lt=1.0)]
+ModalRatios = Annotated[
+    Annotated[ModalRatio, Tag("number")]
+    | Annotated[tuple[ModalRatio, ...], Field(min_length=1), Tag("list")],
+    by_shape("one ratio such as 5 %, or a list of them"),
+]
+
+
+class DampingConfig(Model):
+    """Rayleigh damping, or ratios of the open-joint modes (the last one holds for all higher modes)."""
+
+    rayleigh: RayleighConfig | None = None
+    modal: ModalRatios | None = None
+
+    @model_validator(mode="after")
+    def _at_most_one(self) -> Self:
+        if self.rayleigh is not None and self.modal is not None:
+            raise ValueError("give `rayleigh` or `modal`, not both")
+        return self
+
+    @property
+    def acts(self) -> bool:
+        """Whether anything is damped."""
+        ratios = self.modal if isinstance(self.modal, tuple) else (self.modal,)
+        r = self.rayleigh
+        return any(ratios) or (r is not None and bool(r.ratio or r.alpha or r.beta))
+
+
+Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
+Corrections = Annotated[Whole, Field(ge=0, le=1000)]
+ModeCount = Annotated[
+    Annotated[Modes, Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
+    by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
+]
+
+
+class ModelConfig(Model):
+    """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off.
+
+    `modes: auto` takes as many as `transient.accuracy` needs on the strongest record.
+    `corrections` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
+    `solver` and `memory` (such as 8 GB) say what large blocks are reduced with: "auto" takes the quickest
+    that is installed and fits, in four fifths of the machine's memory if none is given.
+    """
+
+    order: Literal["reduced", "full"] = "reduced"
+    modes: ModeCount | None = None
+    cutoff: Annotated[Frequency, Positive] | None = None
+    corrections: Corrections = 0
+    solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
+    memory: Annotated[Memory, Positive] | None = None
+
+    @model_validator(mode="after")
+    def _basis(self) -> Self:
+        if self.order == "reduced" and (self.modes is None) == (self.cutoff is None):
+            raise ValueError("a reduced model needs exactly one of `modes` (per block) and `cutoff`")
+        return self
+
+
+class TransientConfig(Model):
+    """Time integration: the step where contact changes, or the accuracy that picks it.
+
+    Without `integrator` the scene decides: "adaptive" (steps cut where contact changes) with damping,
+    "conserving" without any, "generalized_alpha" at full order; "modal" is the fixed-step baseline.
+    """
+
+    dt: Annotated[Time, Positive] | None = None
+    accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
+    duration: Annotated[Time, Positive] | None = None
+    integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
+    rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
+    tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
+
+    @model_validator(mode="after")
+    def _one_step(self) -> Self:
+        if (self.dt is None) == (self.accuracy is None):
+            raise ValueError("give exactly one of `dt` (for example 2.5 ms) and `accuracy` (for example 1 %)")
+        if self.accuracy is not None and self.integrator == "generalized_alpha":
+            raise ValueError("`accuracy` chooses the step of a reduced model; give `dt` to generalized_alpha")
+        return self
+
+
+class OutputsConfig(Model):
+    """What is written: histories at named nodes, every gap, at the interval `every`.
+
+    `error_estimate` adds to every result how far the modes left out have moved it.
+    """
+
+    nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
+    stress: StressConfig | None = None
+    every: Annotated[Time, Positive] | None = None
+    plots: bool = True
+    error_estimate: bool = True
+
+
+class StudyConfig(Model):
+    """What `romdam study` sweeps, and what it compares with.
+
+    Every combination of `modes` (a block), `corrections`, `integrators` and `dt` (the finest step; 1/4 to
+    1/32 of the record's step if not given) is timed over the whole record and compared over `duration`, with
+    all modes of the mesh or the full order at `reference_dt` (1/16 of the finest step if not given).
+    """
+
+    modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
+    corrections: Annotated[tuple[Corrections, ...], Field(min_length=1)] = (0, 10)
+    integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
+        "modal",
+        "adaptive",
+    )
+    dt: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
+    reference: Literal["auto", "all_modes", "full"] = "auto"
+    reference_dt: Annotated[Time, Positive] | None = None
+    duration: Annotated[Time, Positive] = 10.0
+    repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
+
+
+class Config(Model):
+    """One job: scene, records, model, time integration and outputs."""
+
+    title: str = ""
+    blocks: dict[Name, BlockConfig] = Field(default_factory=dict)
+    arch_dam: ArchDamConfig | None = None
+    materials: dict[Name, MaterialConfig]
+    supports: tuple[SupportConfig, ...] = ()
+    joints: dict[Name, JointConfig] = Field(default_factory=dict)
+    ties: dict[Name, TieConfig] = Field(default_factory=dict)
+    loads: LoadsConfig = LoadsConfig()
+    water: WaterConfig | None = None
+    damping: DampingConfig = DampingConfig()
+    records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
+    model: ModelConfig
+    transient: TransientConfig
+    outputs: OutputsConfig = OutputsConfig()
+    study: StudyConfig = StudyConfig()
+    pipeline: Literal["run", "suite"] = "run"
+    suite: SuiteConfig | None = None
+
+    @property
+    def block_names(self) -> tuple[str, ...]:
+        """Every block, those of the arch dam first."""
+        return (*(self.arch_dam.block_names if self.arch_dam else ()), *self.blocks)
+
+    @property
+    def every_joint(self) -> dict[str, JointConfig]:
+        """Every joint, those of the arch dam first."""
+        dam = self.arch_dam
+        if dam is None or isinstance(dam.joints, str):
+            return dict(self.joints)
+        given = {key: getattr(dam.joints, key) for key in dam.joints.model_fields_set}
+        made = {name: JointConfig(between=pair, **given) for name, pair in dam.joint_pairs.items()}
+        return made | self.joints
+
+    @model_validator(mode="after")
+    def _references(self) -> Self:
+        if self.model.order == "full" and self.transient.dt is None:
+            raise ValueError(
+                "transient.dt is missing; a full-order model needs a step, `accuracy` is for reduced ones"
+            )
+        if self.model.modes == "auto" and self.transient.accuracy is None:
+            raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
+        if self.transient.integrator == "conserving" and self.damping.acts:
+            raise ValueError(
+                "transient.integrator: conserving is for scenes without damping, and `damping` is given; "
+                "leave the integrator out, adaptive is the default there"
+            )
+        blocks = frozenset(self.block_names)
+        self._refuse_no_blocks()
+        self._refuse_samples_of_coupled_modes()
+        for name, block in self.blocks.items():
+            self._known(f"blocks.{name}.material", block.material, self.materials)
+        for i, support in enumerate(self.supports):
+            self._known(f"supports[{i}].block", support.block, blocks)
+        for kind, pairs in (("joints", self.joints), ("ties", self.ties)):
+            for name, pair in pairs.items():
+                for block_name in pair.between:
+                    self._known(f"{kind}.{name}.between", block_name, blocks)
+        for i, pressure in enumerate(self.loads.pressure):
+            self._known(f"loads.pressure[{i}].block", pressure.block, blocks)
+        for i, water in enumerate(self.loads.hydrostatic):
+            for k, face in enumerate(water.faces):
+                self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, blocks)
+        for i, warm in enumerate(self.loads.temperature):
+            for block_name in warm.blocks or ():
+                self._known(f"loads.temperature[{i}].blocks", block_name, blocks)
+        for i, force in enumerate(self.loads.force):
+            self._known(f"loads.force[{i}].block", force.block, blocks)
+        for name, node in self.outputs.nodes.items():
+            self._known(f"outputs.nodes.{name}.block", node.block, blocks)
+        if self.outputs.stress is not None:
+            self._known_in_stress(self.outputs.stress, blocks)
+        for i, face in enumerate(self.water.faces if self.water else ()):
+            self._known(f"water.faces[{i}].block", face.block, blocks)
+        return self
+
+    def _refuse_no_blocks(self) -> None:
+        if not self.block_names:
+            raise ValueError("blocks: name at least one block, or give `arch_dam`")
+        dam = self.arch_dam
+        for name in dam.block_names if dam else ():
+            if name in self.blocks:
+                raise ValueError(f"blocks.{name}: arch_dam makes a block of that name; rename this one")
+        for name in dam.joint_pairs if dam else ():
+            if name in self.joints:
+                raise ValueError(f"joints.{name}: arch_dam makes a joint of that name; rename this one")
+        for key, material in (dam.materials if dam else {}).items():
+            self._known(f"arch_dam.{key}", material, self.materials)
+
+    def _refuse_samples_of_coupled_modes(self) -> None:
+        rock = self.arch_dam.rock if self.arch_dam else None
+        varied = self.suite.parameters if self.suite else {}
+        if rock is not None and rock.boundary == "viscous" and varied:
+            raise ValueError(
+                f"suite.parameters: {len(varied)} varied, limit 0 where arch_dam.rock.boundary is viscous: "
+                "samples share modes that nothing couples, and dashpots couple them; leave the parameters "
+                "out, or take `boundary: fixed` and rock with `mass: false`"
+            )
+
+    def _known_in_stress(self, stress: StressConfig, blocks: Collection[str]) -> None:
+        for name in stress.blocks if stress.blocks != "all" else ():
+            self._known("outputs.stress.blocks", name, blocks)
+        for i, face in enumerate(stress.faces):
+            self._known(f"outputs.stress.faces[{i}].block", face.block, blocks)
+        for name, node in stress.nodes.items():
+            self._known(f"outputs.stress.nodes.{name}.block", node.block, blocks)
+
+    @staticmethod
+    def _known(key: str, name: str, among: Collection[str]) -> None:
+        if name not in among:
+            raise ValueError(f"{key}: no {shown(name)} is defined; defined are {listed(among)}")

@@ -1,0 +1,292 @@
+"""The `records:` part of a configuration: where ground motions come from and what is done to them.
+
+One entry of the list describes one record or a whole family of them (a folder, a glob, a manifest, a
+P-695 set); what follows the source (axes, correction, scaling, ...) applies to every record it finds.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import re
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+
+from romdam.config.base import Model
+from romdam.config.names import OfFile
+from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole, to_si
+from romdam.config.sections.correction import CHAINS, Step
+from romdam.config.yaml_text import read_yaml
+from romdam.core.errors import ConfigError, listed, shown
+from romdam.core.files import check_file
+
+Axis = Literal["x", "y", "z"]
+MEASURES = {  # what records can be filtered by, and the unit of each
+    "pga": "m/s^2",
+    "pgv": "m/s",
+    "pgd": "m",
+    "arias": "m/s",
+    "cav": "m/s",
+    "d5_75": "s",
+    "d5_95": "s",
+    "duration": "s",
+    "dt": "s",
+}
+_BARE_UNIT = re.compile(r"^\s*[A-Za-z]")
+SHORTEST_DT, LONGEST_DT = 1e-5, 0.9  # s; milliseconds taken for seconds are 1 or more
+
+
+def unit_in_si(unit: str) -> float:
+    """One `unit` of acceleration in m/s2; "g" is 9.80665, a declared "9.81 m/s2" is itself.
+
+    Raises
+    ------
+    ValueError
+        for what is no acceleration above zero.
+    """
+    aliases = {"gal": "Gal", "cm/s/s": "cm/s^2", "cm/sec2": "cm/s^2", "cm/sec/sec": "cm/s^2"}
+    text = aliases.get(unit.strip().lower(), unit.strip())
+    if text.lower() in ("count", "counts"):
+        raise ValueError('counts are no acceleration; give what one count is, such as "4.7e-6 m/s2"')
+    found = to_si(f"1 {text}" if _BARE_UNIT.match(text) else text, "m/s^2")
+    if found <= 0.0:
+        raise ValueError(f"one unit must be greater than 0, got {unit!r}; `reverse: true` turns a component")
+    return found
+
+
+def _angle(value: float | str) -> float:
+    return to_si(value, "degree")
+
+
+Degrees = Annotated[float, BeforeValidator(_angle)]
+
+
+class ComponentConfig(Model):
+    """The channel that shakes one axis: a column number from 1, a channel code, or another file.
+
+    The channel "each" makes one ground motion of every channel found, all on this one axis.
+    """
+
+    channel: Whole | str | None = None
+    file: Path | None = None
+    reverse: bool = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_channel(cls, value: object) -> object:
+        return {"channel": value} if isinstance(value, int | str) and not isinstance(value, bool) else value
+
+
+class ScaleConfig(Model):
+    """Multiply by a factor, or to reach a peak or a spectral acceleration of the largest component."""
+
+    factor: Annotated[Dimensionless, Field(gt=0.0)] | None = None
+    pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    period: Annotated[Time, Field(gt=0.0)] | None = None
+    damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare_factor(cls, value: object) -> object:
+        return {"factor": value} if isinstance(value, int | float | str) else value
+
+    @model_validator(mode="after")
+    def _one_target(self) -> Self:
+        if [self.factor, self.pga, self.sa].count(None) != 2:
+            raise ValueError("give exactly one of `factor`, `pga` and `sa`")
+        if (self.sa is None) != (self.period is None):
+            raise ValueError("`sa` and `period` belong together")
+        return self
+
+
+class RangeConfig(Model):
+    """Keep a record whose measure lies in [min, max], in SI or with a unit."""
+
+    min: NumberOrText | None = None
+    max: NumberOrText | None = None
+
+    def in_unit(self, unit: str) -> tuple[float, float]:
+        """The two limits as numbers; minus and plus infinity where there is none."""
+        low = float("-inf") if self.min is None else to_si(self.min, unit)
+        return low, float("inf") if self.max is None else to_si(self.max, unit)
+
+
+class RecordConfig(Model):
+    """One entry of `records:`.
+
+    Give one source: `file`, `files` (folder or glob), `manifest` (CSV or YAML), `suite` (P-695), or a
+    `file` under each component. Then say where the channels go: `components` (axis -> channel), or
+    `x_azimuth`, the azimuth of the model's x, to rotate them there by the azimuths in their files.
+    `group: station` joins files of one station and event (one file per component) to one record.
+    """
+
+    file: Path | None = None
+    files: str | None = None
+    manifest: Path | None = None
+    suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
+    name: Annotated[str, Field(pattern=r"^[\w.+-]+$"), OfFile] | None = None
+    unit: str | None = None
+    dt: Annotated[Time, Field(gt=0.0, ge=SHORTEST_DT, le=LONGEST_DT)] | None = None
+    time_column: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
+    response: Path | None = None
+    components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
+    x_azimuth: Degrees | None = None
+    group: Literal["file", "station"] = "file"
+    gaps: Literal["error", "zero", "linear"] = "error"
+    align: Literal["error", "overlap"] = "overlap"
+    correction: tuple[Step, ...] = ()
+    resampling: Literal["linear", "fourier"] = "linear"
+    scale: ScaleConfig | None = None
+    keep: dict[str, RangeConfig] = Field(default_factory=dict)
+
+    @field_validator("unit")
+    @classmethod
+    def _unit_of_acceleration(cls, value: str | None) -> str | None:
+        if value is not None and unit_in_si(value) <= 0.0:
+            raise ValueError(
+                f"one unit must be more than 0 m/s2, got {shown(value)}; `reverse: true` turns an axis"
+            )
+        return value
+
+    @field_validator("correction", mode="before")
+    @classmethod
+    def _named_chain(cls, value: object) -> object:
+        if value is None or value == "none":
+            return ()
+        if isinstance(value, str):
+            if value not in CHAINS:
+                raise ValueError(f"no such chain of corrections; known: none, {', '.join(CHAINS)}")
+            return CHAINS[value]
+        return value
+
+    @field_validator("keep")
+    @classmethod
+    def _known_measures(cls, value: dict[str, RangeConfig]) -> dict[str, RangeConfig]:
+        unknown = sorted(set(value) - set(MEASURES))
+        if unknown:
+            raise ValueError(f"no such measure {listed(unknown)}; known: {', '.join(MEASURES)}")
+        for name, limits in value.items():
+            low, high = limits.in_unit(MEASURES[name])
+            if low > high:
+                raise ValueError(f"{name}: min {low:g} is above max {high:g}, no record has that; swap them")
+        return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        by_component = any(c.file for c in self.components.values())
+        given = [self.file, self.files, self.manifest, self.suite].count(None)
+        if given != (4 if by_component else 3):
+            raise ValueError(
+                "give exactly one source: `file`, `files`, `manifest`, `suite`, or a `file` per component"
+            )
+        if self.components and self.x_azimuth is not None:
+            raise ValueError(
+                "give `components` or `x_azimuth`, not both: either name the axes or rotate to them"
+            )
+        if by_component and not all(c.file for c in self.components.values()):
+            raise ValueError("when one component has a `file`, every component needs its own")
+        return self
+
+
+def read_manifest(path: Path, common: RecordConfig) -> list[tuple[RecordConfig, dict[str, object]]]:
+    """Read a CSV or YAML list of records; every entry needs `file`, the rest as in `records:`.
+
+    Parameters
+    ----------
+    path : the manifest; files in it start at its folder
+    common : the entry that named it, whose settings hold where a row does not say its own
+
+    Returns
+    -------
+    One configuration per row, and what else the row says (event, station, sha256, ...).
+
+    Raises
+    ------
+    ConfigError
+        naming manifest and row.
+    """
+    return [read_row(path, common, number, row) for number, row in enumerate(manifest_rows(path), start=1)]
+
+
+def read_row(
+    path: Path, common: RecordConfig, number: int, row: object
+) -> tuple[RecordConfig, dict[str, object]]:
+    """One row of a manifest, numbered from 1; see `read_manifest`.
+
+    Raises
+    ------
+    ConfigError
+        naming manifest and row.
+    """
+    base = common.model_dump(exclude_unset=True, exclude={"manifest", "name"})
+    if not isinstance(row, dict) or not row.get("file"):
+        raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {shown(row)}")
+    _refuse_misplaced(path, number, row)
+    own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
+    other = {
+        key: str(value) for key, value in row.items() if key not in _ROW_KEYS and value not in (None, "")
+    }
+    try:
+        return RecordConfig.model_validate(base | own), dict[str, object](other)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{path}: record {number} ({row['file']}): {where}: {message}") from None
+
+
+def _refuse_misplaced(path: Path, number: int, row: dict[object, object]) -> None:
+    """A setting that a row cannot have, or is misspelt, would be taken for a remark."""
+    for key in row:
+        if not isinstance(key, str):
+            raise ConfigError(f"{path}: record {number}: more values than the heading has columns")
+        word = key.strip().lower()
+        if key in _ROW_KEYS or not (row[key] not in (None, "") and word):
+            continue
+        if word in RecordConfig.model_fields and word not in _ROW_KEYS:
+            raise ConfigError(
+                f"{path}: record {number}: {key} belongs to the entry of `records:` that names the manifest"
+            )
+        near = [known for known in ("unit", "dt", "scale", "time_column") if word.startswith(known)]
+        near += difflib.get_close_matches(word, _ROW_KEYS, 1, 0.85)
+        if near and word != "component":  # which is a remark, "MUL009"
+            raise ConfigError(f"{path}: record {number}: no such key {key!r}; did you mean {near[0]}?")
+
+
+MOST_BYTES = 20e6  # of a manifest in CSV
+_ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "components", "scale"}
+
+
+def is_manifest(path: Path) -> bool:
+    """Whether a CSV or YAML file lists records, where a job's YAML file is a mapping of keys."""
+    if path.suffix.lower() == ".csv":
+        return True
+    try:
+        return isinstance(read_yaml(path), list)
+    except ConfigError:
+        return False  # the reader of job files says what is wrong
+
+
+def manifest_rows(path: Path) -> list[object]:
+    """The rows of a CSV or YAML manifest as they stand there.
+
+    Raises
+    ------
+    ConfigError
+        for what is no list of records.
+    """
+    rows = _csv_rows(path) if path.suffix.lower() == ".csv" else read_yaml(path)
+    if not isinstance(rows, list) or not rows:
+        raise ConfigError(f"{path}: expected a list of records, each with a `file`")
+    return rows
+
+
+def _csv_rows(path: Path) -> list[object]:
+    check_file(path, MOST_BYTES, ConfigError)
+    try:
+        return list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a manifest ({error})") from None

@@ -1,0 +1,36 @@
+"""Where stress is wanted, and the strength it is compared with."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, Tag, model_validator
+
+from romdam.config.base import Model, by_shape
+from romdam.config.names import Name
+from romdam.config.quantities import Pressure
+from romdam.config.sections.places import BlockFace, NodeConfig
+
+BlockNames = Annotated[
+    Annotated[tuple[str, ...], Tag("list")] | Annotated[Literal["all"], Tag("word")],
+    by_shape('a list of block names, or "all"', "all"),
+]
+
+
+class StressConfig(Model):
+    """Envelopes and worst fields at every node of `blocks` and `faces`, histories at `nodes`.
+
+    `strength` is the tensile strength of the concrete; with it come demand-capacity ratios, the
+    duration of stresses above it and, for each face, the area where it is exceeded.
+    """
+
+    blocks: BlockNames = ()
+    faces: tuple[BlockFace, ...] = ()
+    nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
+    strength: Annotated[Pressure, Field(gt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Self:
+        if not (self.blocks or self.faces or self.nodes):
+            raise ValueError("name at least one of `blocks`, `faces` and `nodes`, for example `blocks: all`")
+        return self

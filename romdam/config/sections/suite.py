@@ -1,0 +1,155 @@
+"""The `suite:` part of a configuration: one job's records at many scales, with many joint parameters."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, Tag, model_validator
+
+from romdam.config.base import Model, by_shape
+from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole
+from romdam.core.errors import shown
+
+MOST_RUNS = 1_000_000
+Parameter = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=60)]
+Positive = Field(gt=0.0)
+
+
+class IntensityConfig(Model):
+    """Scale every record to target values of a measure of its largest component, instead of by factors."""
+
+    measure: Literal["pga", "sa"]
+    period: Annotated[Time, Positive] | None = None
+    damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
+    values: Annotated[tuple[Annotated[Acceleration, Positive], ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _period_of_sa(self) -> Self:
+        if (self.measure == "sa") != (self.period is not None):
+            raise ValueError("`measure: sa` and `period` belong together")
+        return self
+
+
+class ParameterConfig(Model):
+    """A number of the joints or of the damping that varies: the values, or a range to sample from.
+
+    `path` is where it stands in this file, such as joints.J3.friction, joints.*.friction (all joints) or
+    damping.rayleigh.ratio. `count` makes a range a row of values for the full grid.
+    """
+
+    path: Annotated[str, Field(min_length=1)]
+    values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
+    low: NumberOrText | None = None
+    high: NumberOrText | None = None
+    count: Annotated[Whole, Field(ge=2, le=MOST_RUNS)] | None = None
+    distribution: Literal["uniform", "loguniform"] = "uniform"
+
+    @model_validator(mode="after")
+    def _values_or_range(self) -> Self:
+        if (self.low is None) != (self.high is None):
+            raise ValueError("`low` and `high` belong together")
+        if self.values is not None and self.low is not None:
+            raise ValueError("give `values`, or `low` and `high`, not both")
+        if self.count is not None and self.low is None:
+            raise ValueError("`count` belongs to `low` and `high`")
+        return self
+
+
+class LatinHypercubeConfig(Model):
+    """A Latin hypercube of so many samples."""
+
+    latin_hypercube: Annotated[Whole, Field(ge=1, le=MOST_RUNS)]
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
+
+
+class DesignTableConfig(Model):
+    """Samples from a CSV file: a column for each parameter, a row for each sample, SI or with units."""
+
+    table: Path
+
+
+class KeepConfig(Model):
+    """Histories at an interval, in single precision unless asked otherwise."""
+
+    every: Annotated[Time, Positive]
+    precision: Literal["single", "double"] = "single"
+
+
+class SuiteConfig(Model):
+    """What a suite varies and what it keeps; a run is one record at one scale with one sample.
+
+    `scales` are factors on the records, `intensities` target values instead. `parameters` and `design` make
+    the samples: the full grid of values, a Latin hypercube, or a table. `keep` says what lands beside the
+    summary: nothing (`peaks`), whole results (`full`), or results at an interval. `period` is that of the
+    spectral acceleration among the records' measures, `batch` the number of runs marched together (from the
+    memory if not given), `cache` the folder of reduced blocks (OUT/cache if not given).
+    """
+
+    scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)
+    intensities: IntensityConfig | None = None
+    parameters: Annotated[dict[Parameter, ParameterConfig], Field(max_length=100)] = Field(
+        default_factory=dict
+    )
+    design: Annotated[
+        Annotated[Literal["grid"], Tag("word")]
+        | Annotated[LatinHypercubeConfig | DesignTableConfig, Tag("mapping")],
+        by_shape('"grid", {latin_hypercube: 100, seed: 1}, or {table: samples.csv}', "grid"),
+    ] = "grid"
+    keep: Annotated[
+        Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
+        by_shape('"peaks", "full", or {every: 0.05 s}', "peaks", "full"),
+    ] = "peaks"
+    period: Annotated[Time, Positive] = 0.3
+    batch: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
+    cache: Path | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.intensities is not None and "scales" in self.model_fields_set:
+            raise ValueError("give `scales` or `intensities`, not both")
+        first: dict[str, str] = {}
+        for name, one in self.parameters.items():
+            if first.setdefault(one.path, name) != name:
+                raise ValueError(
+                    f"parameters.{name}.path: {shown(one.path)} is varied twice; remove one of the two"
+                )
+            self._has_what_the_design_needs(name, one)
+        if isinstance(self.design, DesignTableConfig) and not self.parameters:
+            raise ValueError("a design table needs `parameters`: name each column's path")
+        if isinstance(self.design, LatinHypercubeConfig) and not self.parameters:
+            raise ValueError("a Latin hypercube needs `parameters` with `low` and `high`")
+        self._refuse_too_many()
+        for name, values in (("scales", self.scales), ("intensities.values", self._targets())):
+            if len(set(values)) < len(values):
+                raise ValueError(
+                    f"{name}: a value is given twice, {shown(sorted(values))}; remove one of the two"
+                )
+        return self
+
+    def _refuse_too_many(self) -> None:
+        scales = len(self._targets() or self.scales)
+        levels = [len(one.values or ()) or one.count or 1 for one in self.parameters.values()]
+        samples = math.prod(levels) if self.design == "grid" else 1
+        if scales * samples > MOST_RUNS:
+            raise ValueError(
+                f"{scales} scales of {samples:.6g} samples are {scales * samples:.3g} runs of every record, "
+                f"limit {MOST_RUNS}; give fewer values, or design: {{latin_hypercube: 1000}}"
+            )
+
+    def _targets(self) -> tuple[float, ...]:
+        return () if self.intensities is None else self.intensities.values
+
+    def _has_what_the_design_needs(self, name: str, one: ParameterConfig) -> None:
+        if isinstance(self.design, DesignTableConfig):
+            if one.values is not None or one.low is not None:
+                raise ValueError(f"parameters.{name}: the table gives the values; leave only `path`")
+        elif isinstance(self.design, LatinHypercubeConfig):
+            if one.values is None and one.low is None:
+                raise ValueError(f"parameters.{name}: a Latin hypercube needs `low` and `high`, or `values`")
+        elif one.values is None and one.count is None:
+            raise ValueError(
+                f"parameters.{name}: the full grid needs `values`, or `low`, `high` and `count`; "
+                "or set design: {latin_hypercube: 100}"
+            )

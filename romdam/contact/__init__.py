@@ -1,0 +1,1 @@
+"""The problem of all gaps in one step: laws, and solvers in gap space."""

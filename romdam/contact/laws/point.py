@@ -1,0 +1,218 @@
+"""The gap element's laws at one gap: pure functions of the jump and of what the gap has been through.
+
+Sign conventions: opening g = w_i + initial gap, positive when open; normal force p_n positive in
+compression; (t_j, t_k) is the shear force on side J. A law returns the new history and never moves the old
+one, so evaluating a rejected iterate changes nothing; the caller commits once per accepted step.
+
+A gap that has strength (a bond, static friction, a shear key) answers with what it has left, as if that were
+ductile, which is the most that it can carry; where it reaches a limit it cannot hold it is weakened and
+answers again. Gaps only ever weaken within a step, so this ends. Static friction is regained by a gap that
+sticks or opens, a key by one that closes below its depth (at the slip it then has), a bond never.
+
+The solver of all gaps (`romdam.contact.step`) satisfies these laws at its solution and shares their limits.
+
+References
+----------
+Zivkovic et al., "Using of gap element for contraction joints modeling in seismic analysis of
+concrete arch dams": K_n, K_nz, K_s, mu_y, mu_z, initial gap. Slip memory (the anchor) is ours: the
+source writes the slip force along the total shear displacement, which dissipates wrongly in cycles;
+on first loading the two agree.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from romdam.core.jit import njit
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+Pair = tuple[float, float]
+
+
+class Gap(NamedTuple):
+    """Parameters of one gap.
+
+    Attributes
+    ----------
+    K_n, K_nz, K_s : closed, tension (open) and stick stiffness [N/m]; K_nz must be 0 with a bond
+    mu : friction along j and k
+    tension, cohesion : of the bond, lost together; cohesion at least mu times tension [N]
+    mu_static : friction until the gap slides, at least mu
+    key : depth of the shear key [m]
+    keyed : whether it holds along j and along k
+    viscous : normal dashpot over the length of the step [N/m]
+    """
+
+    K_n: float
+    K_nz: float
+    K_s: float
+    mu: Pair = (0.0, 0.0)
+    tension: float = 0.0
+    cohesion: float = 0.0
+    mu_static: Pair = (0.0, 0.0)
+    key: float = 0.0
+    keyed: tuple[bool, bool] = (False, False)
+    viscous: float = 0.0
+
+
+class Past(NamedTuple):
+    """What a gap has been through.
+
+    Attributes
+    ----------
+    anchor : slip at which the stuck spring carries no force, along j and k [m]
+    broken, sliding, out : whether the bond is lost, the gap slides, the key is out
+    overlap : opening at the last step where the gap was closed, at most zero [m]
+    """
+
+    anchor: Pair = (0.0, 0.0)
+    broken: bool = False
+    sliding: bool = False
+    out: bool = False
+    overlap: float = 0.0
+
+
+Force = tuple[float, float, float]
+Answer = tuple[Force, int, Past]
+
+
+@njit(cache=True)
+def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tuple[float, float, bool]:
+    """Nearest admissible shear to a trial shear, and whether the gap slips.
+
+    Equal limits bound the resultant (a disc), unequal limits each direction (a rectangle).
+    """
+    if limit_j == limit_k:
+        large, small = max(abs(t_j), abs(t_k)), min(abs(t_j), abs(t_k))
+        # no hypot: it is a call, a tenth of a march with friction
+        size = large * math.sqrt(1.0 + (small / large) ** 2) if large > 0.0 else 0.0
+        if size <= limit_j:
+            return t_j, t_k, False
+        return t_j * (limit_j / size), t_k * (limit_j / size), True
+    p_j = min(max(t_j, -limit_j), limit_j)
+    p_k = min(max(t_k, -limit_k), limit_k)
+    return p_j, p_k, p_j != t_j or p_k != t_k
+
+
+@njit(cache=True)
+def shear_limit(mu: float, mu_static: float, bond: Pair, keyed: bool, slides: bool) -> Pair:
+    """Cohesion and friction (c, mu) that are left along one direction: |t| <= c + mu (p_n + tension).
+
+    Parameters
+    ----------
+    bond : tension and cohesion of the bond, zero where it is lost [N]
+    keyed : whether a key holds this direction now
+    slides : whether static friction is lost
+    """
+    friction = mu if slides else max(mu, mu_static)
+    return math.inf if keyed else max(bond[1] - friction * bond[0], 0.0), friction
+
+
+@njit(cache=True)
+def slides(limit_j: float, limit_k: float, t_j: float, t_k: float) -> bool:
+    """Whether a shear is on its limit (to round-off), never without one."""
+    near_j, near_k = (1.0 - 1e-9) * limit_j, (1.0 - 1e-9) * limit_k
+    if limit_j == limit_k:
+        return near_j > 0.0 and t_j**2 + t_k**2 >= near_j**2
+    return (near_j > 0.0 and abs(t_j) >= near_j) or (near_k > 0.0 and abs(t_k) >= near_k)
+
+
+def _ductile(jump: Force, past: Past, gap: Gap) -> tuple[Force, Pair]:
+    """Force and shear limits for what the gap has left, all of it ductile."""
+    opening = jump[0]
+    bond = (0.0, 0.0) if past.broken else (gap.tension, gap.cohesion)
+    p_n = max(-gap.K_n * opening - gap.viscous * (opening - past.overlap), -bond[0])
+    if opening > 0.0 and bond[0] == 0.0:
+        p_n = -gap.K_nz * opening
+    pressed = max(p_n + bond[0], 0.0)
+    limits = []
+    for axis in range(2):
+        keyed = gap.keyed[axis] and not past.out
+        c, mu = shear_limit(gap.mu[axis], gap.mu_static[axis], bond, keyed, past.sliding)
+        limits.append(c + mu * pressed if pressed > 0.0 or keyed else 0.0)
+    trial_j, trial_k = (-gap.K_s * (jump[1 + a] - past.anchor[a]) for a in range(2))
+    t_j, t_k, _ = project_shear(trial_j, trial_k, limits[0], limits[1])
+    return (p_n, t_j, t_k), (limits[0], limits[1])
+
+
+def strong(jump: Force, past: Past, gap: Gap) -> Answer:
+    """Force, state and new history of one gap with everything that its parameters give it.
+
+    Parameters
+    ----------
+    jump : (opening, slip along j, slip along k) [m], the opening with the initial gap
+
+    Returns
+    -------
+    ((p_n, t_j, t_k), state, past) : forces [N]; state is OPEN, STICK or SLIP
+    """
+    bonded, left = gap.tension > 0.0 or gap.cohesion > 0.0, past
+    while True:
+        force, limits = _ductile(jump, left, gap)
+        slips = slides(limits[0], limits[1], force[1], force[2])
+        pulled = force[0] <= -gap.tension and jump[0] > 0.0
+        weaker = left._replace(
+            broken=left.broken or (bonded and (slips or pulled)),
+            sliding=left.sliding
+            or (slips and max(s - m for s, m in zip(gap.mu_static, gap.mu, strict=True)) > 0),
+            out=left.out or (any(gap.keyed) and jump[0] > gap.key),
+        )
+        if weaker == left:
+            break
+        left = weaker
+    closed = force[0] + (0.0 if left.broken else gap.tension) > 0.0
+    state = SLIP if slips else STICK if closed else OPEN
+    spring = (force[1] / gap.K_s, force[2] / gap.K_s) if gap.K_s > 0.0 else (0.0, 0.0)
+    return (
+        force,
+        state,
+        left._replace(
+            anchor=(jump[1] + spring[0], jump[2] + spring[1]),
+            sliding=state == SLIP,
+            out=left.out and jump[0] > gap.key,
+            overlap=min(jump[0], 0.0),
+        ),
+    )
+
+
+def frictionless(jump: Force, past: Past, gap: Gap) -> Answer:
+    """A gap that carries no shear; arguments and result as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, gap.K_nz, 0.0))
+
+
+def coulomb(jump: Force, past: Past, gap: Gap) -> Answer:
+    """Coulomb friction with slip memory; arguments and result as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, gap.mu))
+
+
+def bond(jump: Force, past: Past, gap: Gap) -> Answer:
+    """Mohr-Coulomb with a tension cut-off, lost as a whole at the first opening or slip; as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, 0.0, gap.K_s, gap.mu, gap.tension, gap.cohesion))
+
+
+def static_friction(jump: Force, past: Past, gap: Gap) -> Answer:
+    """More friction until the gap slides; as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, gap.mu, mu_static=gap.mu_static))
+
+
+def shear_key(jump: Force, past: Past, gap: Gap) -> Answer:
+    """No sliding while the opening is less than the key's depth; as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, gap.mu, key=gap.key, keyed=gap.keyed))
+
+
+def dashpot(jump: Force, past: Past, gap: Gap) -> Answer:
+    """A normal dashpot that acts while the gap overlaps and never pulls; as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, 0.0, gap.K_s, gap.mu, viscous=gap.viscous))
+
+
+LAWS = {
+    "frictionless": frictionless,
+    "coulomb": coulomb,
+    "bond": bond,
+    "static_friction": static_friction,
+    "shear_key": shear_key,
+    "dashpot": dashpot,
+    "all": strong,
+}

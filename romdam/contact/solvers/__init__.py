@@ -1,0 +1,1 @@
+"""Methods for the gap-space problem, one file each."""

@@ -1,0 +1,292 @@
+"""Semismooth Newton for the gap-space problem with friction, where Gauss-Seidel does not contract.
+
+Newton works in the coordinates that the states leave free: a sticking gap has its force components; a
+sliding one its normal force, which drags the shear (c + mu p_n) e along, and (equal coefficients: friction
+on the resultant) the turn of the direction e. The equations are y = 0 in the same directions, so the matrix
+is W on these, unsymmetric by mu alone. States come from the natural map p = projection(p - rho y).
+
+References
+----------
+Alart, Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353: natural map and semismooth Newton.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.contact.laws.point import project_shear
+from romdam.contact.problem import GapMemory, Limits
+from romdam.core.arrays import Bools, Floats
+from romdam.core.jit import copy, njit
+
+_ITERATIONS = 30
+_REGULAR = 1e-14  # of the diagonal: gaps that determine each other (a singular H) share their force
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def add_row(row: Floats, factor: float, y: Floats) -> None:
+    """y += factor row."""
+    for j in range(len(y)):
+        y[j] += factor * row[j]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _add_dense(W: Floats, p: Floats, y: Floats) -> None:
+    """y += W p, from the lower triangle of the symmetric W, four rows in one pass."""
+    first = len(p) % 4
+    for i in range(first):
+        for j in range(first):
+            y[i] += W[i, j] * p[j]
+    for i in range(first, len(p), 4):
+        row_0, row_1, row_2, row_3 = W[i], W[i + 1], W[i + 2], W[i + 3]
+        p_0, p_1, p_2, p_3 = p[i], p[i + 1], p[i + 2], p[i + 3]
+        y_0, y_1, y_2, y_3 = 0.0, 0.0, 0.0, 0.0
+        for j in range(i):
+            y_0 += row_0[j] * p[j]
+            y_1 += row_1[j] * p[j]
+            y_2 += row_2[j] * p[j]
+            y_3 += row_3[j] * p[j]
+            y[j] += row_0[j] * p_0 + row_1[j] * p_1 + row_2[j] * p_2 + row_3[j] * p_3
+        y[i] += y_0
+        y[i + 1] += y_1
+        y[i + 2] += y_2
+        y[i + 3] += y_3
+        for r in range(i, i + 4):
+            for j in range(i, i + 4):
+                y[r] += W[r, j] * p[j]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def add_gap(rows: Floats, p: Floats, y: Floats) -> None:
+    """y += rows^T p, the three rows of a gap in one pass."""
+    a, b, c = rows[0], rows[1], rows[2]
+    f, g, h = p[0], p[1], p[2]
+    for j in range(len(y)):
+        y[j] += f * a[j] + g * b[j] + h * c[j]
+
+
+@njit(cache=True)
+def add_product(W: Floats, p: Floats, y: Floats) -> None:
+    """y += W p, W symmetric; where few gaps are loaded, the others are skipped."""
+    loaded = 0
+    for a in range(0, len(p), 3):
+        loaded += int(p[a] != 0.0 or p[a + 1] != 0.0 or p[a + 2] != 0.0)
+    if 6 * loaded > len(p):
+        _add_dense(W, p, y)
+        return
+    for a in range(0, len(p), 3):
+        if p[a] != 0.0 or p[a + 1] != 0.0 or p[a + 2] != 0.0:
+            add_gap(W[a : a + 3], p[a : a + 3], y)
+
+
+@njit(cache=True)
+def response(W: Floats, p: Floats, y_free: Floats, y: Floats) -> None:
+    """y = W p + y_free."""
+    copy(y_free, y)
+    add_product(W, p, y)
+
+
+@njit(cache=True)
+def _natural(
+    W: Floats, limits: Limits, p: Floats, y: Floats, i: int
+) -> tuple[float, float, float, float, float]:
+    """Natural map of gap i: (x_n, x_j, x_k, limit_j, limit_k), not yet projected."""
+    b = 3 * i
+    x_n = p[b] - y[b] / W[b, b]
+    scale = 1.0 / max(W[b + 1, b + 1], W[b + 2, b + 2])
+    limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * max(x_n, 0.0)
+    limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * max(x_n, 0.0)
+    return x_n, p[b + 1] - scale * y[b + 1], p[b + 2] - scale * y[b + 2], limit_j, limit_k
+
+
+@njit(cache=True)
+def _change(W: Floats, limits: Limits, p: Floats, y: Floats, i: int) -> float:
+    """Largest change of a force of gap i by its natural map; inf where it is not finite."""
+    x_n, x_j, x_k, limit_j, limit_k = _natural(W, limits, p, y, i)
+    b = 3 * i
+    t_j, t_k = 0.0, 0.0
+    if limit_j > 0.0 or limit_k > 0.0:
+        t_j, t_k, _ = project_shear(x_j, x_k, limit_j, limit_k)
+    change = max(abs(max(x_n, 0.0) - p[b]), abs(t_j - p[b + 1]), abs(t_k - p[b + 2]))
+    return change if math.isfinite(x_n + change) else np.inf
+
+
+@njit(cache=True)
+def natural_residuals(W: Floats, limits: Limits, p: Floats, y: Floats) -> tuple[float, float]:
+    """Largest change of a force by its natural map, relative to the largest force or what would close a gap,
+    and to the largest force alone.
+    """
+    worst, closing, opening = 0.0, 1e-300, 0.0
+    for i in range(len(limits.mu)):
+        b = 3 * i
+        opening = max(opening, abs(y[b]) / W[b, b])
+        size = max(abs(p[b]), abs(p[b + 1]), abs(p[b + 2]))
+        if size == 0.0 and y[b] >= 0.0 and limits.cohesion[i, 0] == 0.0 and limits.cohesion[i, 1] == 0.0:
+            continue  # an open gap
+        worst = max(worst, _change(W, limits, p, y, i))
+        closing = max(closing, size)
+    return (worst / max(closing, opening), worst / closing) if math.isfinite(worst) else (np.inf, np.inf)
+
+
+@njit(cache=True)
+def natural_residual(W: Floats, limits: Limits, p: Floats, y: Floats) -> float:
+    """Largest change of a force by its natural map, relative to the largest force."""
+    return natural_residuals(W, limits, p, y)[0]
+
+
+@njit(cache=True)
+def worst_gap(W: Floats, limits: Limits, p: Floats, y: Floats) -> int:
+    """The gap whose force its natural map changes most."""
+    worst, at = -1.0, 0
+    for i in range(len(limits.mu)):
+        change = _change(W, limits, p, y, i)
+        if change > worst:
+            worst, at = change, i
+    return at
+
+
+@njit(cache=True)
+def on_resultant(limits: Limits, i: int) -> bool:
+    """Whether gap i bounds the resultant shear (a disc) and not each direction (a rectangle)."""
+    return limits.mu[i, 0] == limits.mu[i, 1] and limits.cohesion[i, 0] == limits.cohesion[i, 1]
+
+
+@njit(cache=True)
+def _classify(W: Floats, limits: Limits, p: Floats, y: Floats, heading: Floats, free: Bools) -> int:
+    """States from the natural map; how many unknowns there are.
+
+    heading (n, 2) is the direction of a sliding gap's shear (signs on the rectangle), zero where it sticks.
+    free (n, 3): normal force unknown, shear along j and k unknown. A gap sliding on the resultant keeps
+    free[i, 1] for the turn of its direction; free[i, 2] is False there.
+    """
+    unknowns = 0
+    for i in range(len(limits.mu)):
+        x_n, x_j, x_k, limit_j, limit_k = _natural(W, limits, p, y, i)
+        stick_j, stick_k = abs(x_j) <= limit_j and limit_j > 0.0, abs(x_k) <= limit_k and limit_k > 0.0
+        heading[i, 0], heading[i, 1] = 0.0, 0.0
+        if on_resultant(limits, i):
+            size = math.hypot(x_j, x_k)
+            stick_j = limit_j > 0.0
+            stick_k = stick_j and size <= limit_j
+            if stick_j and not stick_k:
+                heading[i, 0], heading[i, 1] = x_j / size, x_k / size
+        else:
+            if not stick_j and limit_j > 0.0:
+                heading[i, 0] = math.copysign(1.0, x_j)
+            if not stick_k and limit_k > 0.0:
+                heading[i, 1] = math.copysign(1.0, x_k)
+        free[i, 0], free[i, 1], free[i, 2] = x_n > 0.0, stick_j, stick_k
+        unknowns += int(x_n > 0.0) + int(stick_j) + int(stick_k)
+    return unknowns
+
+
+@njit(cache=True)
+def _directions(
+    limits: Limits, heading: Floats, free: Bools, columns: Floats, rows: Floats, index: NDArray[np.int64]
+) -> None:
+    """Unknown directions of force (columns) and equation directions of y (rows), (m, 3) each."""
+    m = 0
+    for i in range(len(free)):
+        if free[i, 0]:
+            columns[m] = (1.0, limits.mu[i, 0] * heading[i, 0], limits.mu[i, 1] * heading[i, 1])
+            rows[m] = (1.0, 0.0, 0.0)
+            index[m] = i
+            m += 1
+        turns = on_resultant(limits, i) and not free[i, 2]
+        for axis in (1, 2):
+            if free[i, axis]:
+                direction = (0.0, 1.0, 0.0) if axis == 1 else (0.0, 0.0, 1.0)
+                if turns:
+                    direction = (0.0, -heading[i, 1], heading[i, 0])
+                columns[m] = direction
+                rows[m] = direction
+                index[m] = i
+                m += 1
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def _jacobian(W: Floats, rows: Floats, columns: Floats, index: NDArray[np.int64], J: Floats) -> None:
+    """J = rows^T W columns over the unknowns."""
+    m = len(index)
+    for a in range(m):
+        ia = 3 * index[a]
+        for b in range(m):
+            ib = 3 * index[b]
+            total = 0.0
+            for r in range(3):
+                if rows[a, r] != 0.0:
+                    total += rows[a, r] * (
+                        W[ia + r, ib] * columns[b, 0]
+                        + W[ia + r, ib + 1] * columns[b, 1]
+                        + W[ia + r, ib + 2] * columns[b, 2]
+                    )
+            J[a, b] = total
+
+
+@njit(cache=True)
+def _slave(limits: Limits, p: Floats, heading: Floats, free: Bools) -> None:
+    """Put the forces that are no unknowns to what the states make of them."""
+    for i in range(len(free)):
+        b = 3 * i
+        p[b] = max(p[b], 0.0) if free[i, 0] else 0.0
+        turns = on_resultant(limits, i) and not free[i, 2]
+        for axis in range(2):
+            if (turns and axis == 0) or not free[i, 1 + axis]:
+                p[b + 1 + axis] = 0.0
+                if heading[i, axis] != 0.0:  # a gap without heading may have an infinite limit
+                    limit = limits.cohesion[i, axis] + limits.mu[i, axis] * p[b]
+                    p[b + 1 + axis] = heading[i, axis] * limit
+
+
+@njit(cache=True)
+def _update(
+    W: Floats, limits: Limits, state: tuple[Floats, Bools, int], p: Floats, y_free: Floats, y: Floats
+) -> bool:
+    """One Newton step for the states at hand; p is replaced; False where the step is not finite."""
+    heading, free, unknowns = state
+    columns, rows = np.empty((unknowns, 3)), np.empty((unknowns, 3))
+    index = np.empty(unknowns, dtype=np.int64)
+    _directions(limits, heading, free, columns, rows, index)
+    _slave(limits, p, heading, free)
+    response(W, p, y_free, y)
+    J, right = np.empty((unknowns, unknowns)), np.empty(unknowns)
+    _jacobian(W, rows, columns, index, J)
+    for a in range(unknowns):
+        i, b = index[a], 3 * index[a]
+        right[a] = -(rows[a, 0] * y[b] + rows[a, 1] * y[b + 1] + rows[a, 2] * y[b + 2])
+        J[a, a] += _REGULAR * W[b, b]
+        if rows[a, 0] == 0.0 and on_resultant(limits, i) and not free[i, 2]:
+            along = heading[i, 0] * y[b + 1] + heading[i, 1] * y[b + 2]
+            limit = limits.cohesion[i, 0] + limits.mu[i, 0] * p[b]
+            J[a, a] += max(-along, 0.0) / max(limit, 1e-12 * abs(right[a]) / W[b, b] + 1e-300)
+    if not (np.isfinite(J).all() and np.isfinite(right).all()):
+        return False
+    step = np.linalg.solve(J, right)
+    for a in range(unknowns):
+        b = 3 * index[a]
+        for r in range(3):
+            p[b + r] += columns[a, r] * step[a]
+    return True
+
+
+@njit(cache=True)
+def newton(
+    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
+) -> float:
+    """Iterate from memory.force; y must be its response; the natural residual reached."""
+    n, p = len(limits.mu), memory.force
+    heading, free = np.zeros((n, 2)), np.zeros((n, 3), dtype=np.bool_)
+    residual = natural_residual(W, limits, p, y)
+    for iteration in range(_ITERATIONS):
+        unknowns = _classify(W, limits, p, y, heading, free)
+        good = _update(W, limits, (heading, free, unknowns), p, y_free, y)
+        memory.counts[0, 2] += 1
+        memory.counts[0, 3] = max(memory.counts[0, 3], iteration + 1)
+        response(W, p, y_free, y)
+        residual = natural_residual(W, limits, p, y)
+        if not good or residual <= tolerance:
+            break
+    return residual

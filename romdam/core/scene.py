@@ -1,0 +1,268 @@
+"""What a scene is once it has been built: blocks, joints, supports, loads, in plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Bools, Floats, Ints
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elasticity: E [Pa], nu [-], rho [kg/m3], linear thermal expansion [1/K]."""
+
+    E: float
+    nu: float
+    rho: float
+    expansion: float = 0.0
+
+    def with_mass(self, mass: bool) -> Self:
+        """The same, or without mass."""
+        return self if mass else replace(self, rho=0.0)
+
+
+@dataclass(frozen=True)
+class Absorbing:
+    """A face beyond which the ground goes on.
+
+    Attributes
+    ----------
+    facets : (nf, nodes per facet)
+    distance : from the dam, which the springs follow from [m]; inf for none
+    """
+
+    facets: Ints
+    distance: float
+
+
+@dataclass(frozen=True)
+class Block:
+    """One substructure's mesh.
+
+    Attributes
+    ----------
+    name : unique in the scene
+    element : hex8, hex20, tet4 or tet10
+    points : (n, 3) node positions [m]
+    cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
+    material : of every cell
+    faces : name -> (nf, nodes per facet) node numbers of facets, VTK order, outward
+    absorbing : faces that take waves up, see `romdam.fem.absorbing`
+    """
+
+    name: str
+    element: str
+    points: Floats
+    cells: Ints
+    material: Material
+    faces: dict[str, Ints]
+    absorbing: tuple[Absorbing, ...] = ()
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Gap elements between the node pairs (nodes[0][k], nodes[1][k]) of two blocks' coinciding faces.
+
+    The jump of gap m is w_m = axes[m] @ sum_k weights[m, k] (u_J[nodes[1][k]] - u_I[nodes[0][k]]):
+    opening along i, slip along j and k. On faces with linear shape functions there is a gap on every pair and
+    `weights` is the identity; on quadratic faces it is the mean of the face displacement around the gap's
+    node, so that uniform pressure stays uniform, and gaps may stand at the corner nodes only.
+
+    Attributes
+    ----------
+    name : unique in the scene
+    blocks : names of the blocks I and J
+    nodes : two (k,) arrays of node numbers, in block I and in block J
+    position : (n, 3) of the gaps [m]
+    area : (n,) tributary areas, all positive [m2]
+    axes : (n, 3, 3) rows i (normal, from I to J), j, k
+    weights : (n, k) sparse, rows sum to 1 (less the weight of nodes that supports hold, where left out)
+    gap : (n,) initial gap [m]; negative is initial penetration
+    K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
+    mu : (n, 2) friction coefficients along j and k
+    laws : further laws, one row per gap, see `romdam.contact.problem.gap_strength`; those not given are off
+    """
+
+    name: str
+    blocks: tuple[str, str]
+    nodes: tuple[Ints, Ints]
+    position: Floats
+    area: Floats
+    axes: Floats
+    weights: csr_matrix
+    gap: Floats
+    K_n: Floats
+    K_nz: Floats
+    K_s: Floats
+    mu: Floats
+    laws: dict[str, Floats] = field(default_factory=dict)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether the tangential directions carry force."""
+        return bool(self.mu.max(initial=0.0) > 0.0)
+
+
+@dataclass(frozen=True)
+class FacePressure:
+    """Pressure on facets (nf, nodes per facet) of a block, positive into the block [Pa]."""
+
+    block: str
+    facets: Ints
+    value: float
+
+
+@dataclass(frozen=True)
+class Hydrostatic:
+    """Still water on facets (nf, nodes per facet) of a block: its level [m] and weight per volume [N/m3]."""
+
+    block: str
+    facets: Ints
+    level: float
+    weight: float
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Two blocks that have grown together: node nodes[0][k] of block I is node nodes[1][k] of block J."""
+
+    name: str
+    blocks: tuple[str, str]
+    nodes: tuple[Ints, Ints]
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """A force (3,) on one node of a block [N]."""
+
+    block: str
+    node: int
+    force: Floats
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A named node whose motion is written."""
+
+    name: str
+    block: str
+    node: int
+
+
+@dataclass(frozen=True)
+class WetFace:
+    """Facets (nf, nodes per facet) of a block that water touches, wholly or up to the level."""
+
+    block: str
+    facets: Ints
+
+
+@dataclass(frozen=True)
+class Reservoir:
+    """Water that moves with the dam.
+
+    Attributes
+    ----------
+    faces : that it touches
+    level : elevation of its surface [m]
+    depth : of the level above the floor [m]
+    density : [kg/m3]
+    incompressible : solved for in a prismatic reservoir; else Westergaard's pressure
+    upstream : (3,) horizontal unit vector away from the dam
+    length : of the prismatic reservoir, from its farthest wet point [m]
+    """
+
+    faces: tuple[WetFace, ...]
+    level: float
+    depth: float
+    density: float
+    incompressible: bool
+    upstream: Floats
+    length: float
+
+
+@dataclass(frozen=True)
+class StressNodes:
+    """Nodes of one block where stress is wanted, with the local axes of a dam's shell.
+
+    Attributes
+    ----------
+    nodes : (k,) ascending node numbers
+    up : (k, 3) cantilever direction: up along the face on stress faces, else vertical
+    arch : (k, 3) horizontal tangent; NaN where neither a face nor a joint gives it
+    """
+
+    nodes: Ints
+    up: Floats
+    arch: Floats
+
+
+@dataclass(frozen=True)
+class StressFace:
+    """A face whose overstressed area is stated: rows of its nodes in the StressNodes, their areas [m2]."""
+
+    name: str
+    block: str
+    rows: Ints
+    area: Floats
+
+
+@dataclass(frozen=True)
+class StressSites:
+    """Where stress is written.
+
+    Attributes
+    ----------
+    blocks : block name -> its nodes
+    faces : of which the overstressed area is stated
+    probes : named nodes with histories: name -> block and row in its StressNodes
+    strength : tensile strength [Pa], or None
+    """
+
+    blocks: dict[str, StressNodes]
+    faces: tuple[StressFace, ...]
+    probes: dict[str, tuple[str, int]]
+    strength: float | None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that does not depend on the ground motion.
+
+    Attributes
+    ----------
+    blocks : name -> Block, in the configuration's order
+    joints : name -> Joint, in the configuration's order
+    fixed : block name -> (n, 3) True where a support holds the component
+    pressures, forces : static loads on faces and nodes
+    gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
+    probes : nodes to be written
+    stress : where stress is written; None if nowhere
+    ties : contacts of blocks that have grown together
+    water : hydrostatic loads
+    warmed : block name -> uniform change of temperature [K]
+    reservoir : water that moves with the dam, or None
+    settled : blocks whose weight has acted before, so that gravity leaves it out
+    radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
+        send out: the ground's acceleration does not act on it
+    staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
+    """
+
+    blocks: dict[str, Block]
+    joints: dict[str, Joint]
+    fixed: dict[str, Bools]
+    pressures: tuple[FacePressure, ...]
+    forces: tuple[PointForce, ...]
+    gravity: Floats
+    probes: tuple[Probe, ...]
+    stress: StressSites | None = None
+    ties: tuple[Tie, ...] = ()
+    water: tuple[Hydrostatic, ...] = ()
+    warmed: dict[str, float] = field(default_factory=dict)
+    settled: frozenset[str] = frozenset()
+    radiating: frozenset[str] = frozenset()
+    staged_weight: bool = False
+    reservoir: Reservoir | None = None

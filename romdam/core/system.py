@@ -1,0 +1,161 @@
+"""The linear system with its joints open, full or reduced, and what an integration of it returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Floats
+from romdam.core.operator_cache import Kept
+
+SHEAR_LAWS = ("cohesion", "friction_static", "shear_key")
+
+
+@dataclass(frozen=True)
+class GapLaw:
+    """Parameters of every gap of the scene, joints one after another.
+
+    Attributes
+    ----------
+    K_n, K_nz, K_s : (ng,) closed, tension and stick stiffness [N/m]; K_n is inf where rigid
+    mu : (ng, 2) friction along the local axes j and k
+    gap : (ng,) initial gap [m]
+    joints : name -> slice of its gaps
+    laws : further laws, one row per gap, see `romdam.contact.problem.gap_strength`; empty without any
+    """
+
+    K_n: Floats
+    K_nz: Floats
+    K_s: Floats
+    mu: Floats
+    gap: Floats
+    joints: dict[str, slice]
+    laws: dict[str, Floats] = field(default_factory=dict)
+
+    @property
+    def directions(self) -> int:
+        """Components of force and jump at a gap: 1 without anything that carries shear, else 3 (i, j, k)."""
+        shear = (self.mu, *(self.laws[name] for name in SHEAR_LAWS if name in self.laws))
+        return 3 if any(values.max(initial=0.0) > 0.0 for values in shear) else 1
+
+    def place(self, gap: int) -> str:
+        """A gap by its number within its joint, for messages."""
+        for name, gaps in self.joints.items():
+            if gaps.start <= gap < gaps.stop:
+                return f"gap {gap - gaps.start} of joint {name}"
+        return f"gap {gap}"
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+
+@dataclass(frozen=True)
+class System:
+    """M u'' + C u' + K u = force - (M r) a_g(t) + B^T p, jumps w = B u.
+
+    The same type holds the unreduced mesh (sparse M, C, K over its free DOFs) and the reduced model
+    (unit M, diagonal K over the open-joint modes, and C too unless dashpots couple them); `diagonal` says
+    which integrators apply.
+
+    Attributes
+    ----------
+    M, C, K : (n, n) sparse
+    B : (directions * ng, n) sparse; rows of gap m are directions*m + (0: normal, 1: j, 2: k)
+    load : (n, 3) M r for unit ground acceleration along x, y, z
+    force : (n,) static force
+    observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
+    law : the gaps
+    parts : name -> slice of the unknowns that belong to it alone, in order (one per block)
+    diagonal : whether M is the identity and C, K are diagonal
+    floating : whether the system has motions that no support and no stiffness holds
+    reduced : whether the unknowns are reduced coordinates, whose histories are kept
+    alike : what the system stands for, where its gaps stand for several each
+    """
+
+    M: csr_matrix
+    C: csr_matrix
+    K: csr_matrix
+    B: csr_matrix
+    load: Floats
+    force: Floats
+    observe: csr_matrix
+    law: GapLaw
+    parts: dict[str, slice]
+    diagonal: bool
+    floating: bool
+    reduced: bool = False
+    alike: Alike | None = None
+
+    @cached_property
+    def folds(self) -> dict[bytes, System | None]:
+        """What `romdam.timestepping.modal.symmetry.folded` found, by which components were shaken."""
+        return {}
+
+    @cached_property
+    def kept(self) -> Kept:
+        """What integrations of this system share."""
+        return Kept()
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.M.shape[0]
+
+
+@dataclass(frozen=True)
+class Alike:
+    """How a system with fewer gaps and modes stands for a whole one, see `timestepping.modal.symmetry`.
+
+    Attributes
+    ----------
+    whole : the system with all gaps and modes
+    gaps : (ng,) for every gap of the whole the one that stands for it
+    count : for how many each stands
+    signs : (ng, directions) by which its jumps and forces are those of the whole; zero where there are none
+    modes : (n of the whole, n) its unknowns from those at hand, orthonormal columns
+    """
+
+    whole: System
+    gaps: NDArray[np.int64]
+    count: NDArray[np.int64]
+    signs: Floats
+    modes: csr_matrix
+
+
+@dataclass(frozen=True)
+class History:
+    """What an integration returns, at the times that were asked for; d is `GapLaw.directions`.
+
+    Attributes
+    ----------
+    time : (nt,) [s]
+    jump : (nt, ng, d) opening (with the initial gap) and slip of every gap [m]
+    traction : (nt, ng, d) joint force on side J, compression positive, shear along j and k [N]
+    mean_traction : (nt, ng, d) its mean over the interval that ends at each time; zero at the first [N]
+    state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)
+    disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
+    q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
+    energy : name -> (nt,) [J], see `romdam.timestepping.energy.TERMS`
+    peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks.PEAKS`
+    stats : counts and CPU seconds of the run
+    integrator : key of `romdam.timestepping.simulate.INTEGRATORS`
+    """
+
+    time: Floats
+    jump: Floats
+    traction: Floats
+    mean_traction: Floats
+    state: NDArray[np.uint8]
+    disp: Floats
+    vel: Floats
+    acc: Floats
+    q: Floats | None
+    v: Floats | None
+    energy: dict[str, Floats]
+    peaks: dict[str, Floats]
+    stats: dict[str, float]
+    integrator: str

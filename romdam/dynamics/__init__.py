@@ -1,1 +1,0 @@
-"""Time integration of a system with gaps, in plain arrays."""

@@ -1,1 +1,0 @@
-"""Gap elements: the laws at one gap, and the implicit problem of all gaps together."""

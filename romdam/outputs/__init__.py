@@ -1,1 +1,0 @@
-"""Results: datasets, files, fields rebuilt from the reduced coordinates, and figures."""

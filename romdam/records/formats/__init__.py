@@ -1,0 +1,1 @@
+"""File formats of ground motion, one file each."""

@@ -1,0 +1,373 @@
+"""COSMOS V1, V1c, V2, V2c (format 1.20): one or many channels in a file, CGS's and USGS's habits.
+
+A channel is 13 text lines, 100 integers, 100 reals, comments and data, each block announced by a line
+that gives its length and Fortran format, and a line "End-of-data for Chan ...". CGS puts velocity and
+displacement channels behind the acceleration (they are skipped), USGS writes one value a line.
+
+References
+----------
+COSMOS Strong Motion Programs Board (2001), COSMOS Strong Motion Data Format, version 1.20, tables 1-11.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.errors import RecordError
+from romdam.records.channel import Channel, Orientation
+from romdam.records.formats.stated import acceleration_unit, check_length, check_peak
+from romdam.records.formats.text import TextFile, iso_time, read_text
+
+TEXT_LINES = 13
+MAX_VALUES = 50_000_000
+ACCELERATION = 1  # table 1
+UNITS = {  # table 2, accelerations
+    2: "g",
+    4: "cm/s2",
+    7: "0.0254 m/s2",
+    10: "cm/s2",
+    11: "0.001 g",
+    12: "0.000001 g",
+}
+COUNTS = 50
+VERTICAL = {400: 1, 401: -1, 402: 1}  # table 11; 402: vertical, sense not indicated
+NETWORKS = {2: "NP", 3: "RE", 4: "A_", 5: "CE", 6: "CI", 7: "BK", 8: "NC", 10: "AZ", 14: "NN", 15: "UW"}
+_FIRST = re.compile(r"(RAW|UNCORRECTED|CORRECTED)\s+(ACCELERATION|VELOCITY|DISPLACEMENT).*\(FORMAT\s+V", re.I)
+_BLOCK = re.compile(r"^\s*(\d+)\s+(integer|real)-?\s?header\s+values\s+follow\s+on\s+(\d+)\s+lines", re.I)
+_COMMENTS = re.compile(r"^\s*(\d+)\s+comment\s+line", re.I)
+_DATA = re.compile(
+    r"^\s*(\d+)\s+(\w+)\s+(?:pts|points|counts)\b.*?units?\s*=\s*([^,(]*)(?:\(\s*(\d+)\s*\))?", re.I
+)
+_APPROX = re.compile(r"approx\s+(\d+)\s+secs", re.I)
+_LINE_AZIMUTH = re.compile(r"Chan\s*\d+\s*:\s*(\d+)\s*deg", re.I)
+_FORTRAN = re.compile(r"format\s*=\s*\(\s*(\d*)\s*(?:P?\d*P)?[IFEG](\d+)", re.I)
+_CODE = re.compile(r"Code:\s*(\w+)-(\S+)")
+_SCNL = re.compile(r"<SCNL>\s*(\S+)")
+
+
+def is_cosmos(head: str) -> bool:
+    """Whether the start of a file looks like COSMOS."""
+    return _FIRST.match(head.split("\n", 1)[0].strip()) is not None
+
+
+def read_cosmos(path: Path) -> list[Channel]:
+    """Read every acceleration channel of the file.
+
+    Raises
+    ------
+    RecordError
+        for a count that is not met, headers that contradict each other, or no acceleration in physical units.
+    """
+    text = read_text(path)
+    channels: list[Channel] = []
+    index = 0
+    while index < len(text.lines):
+        if text.lines[index].strip():
+            channel, index = _read_channel(text, index)
+            channels += [] if channel is None else [channel]
+        else:
+            index += 1
+    if not channels:
+        raise RecordError(f"{path}: line 1: no acceleration channel in it; take the acceleration file")
+    return channels
+
+
+@dataclass(frozen=True)
+class _Header:
+    first: int
+    integers: NDArray[np.float64]
+    reals: NDArray[np.float64]
+    comments: list[str]
+
+
+def _read_channel(text: TextFile, first: int) -> tuple[Channel | None, int]:
+    if _FIRST.match(text.head(first).strip()) is None:
+        raise text.fail(first, f"expected a COSMOS channel, got {text.head(first).strip()[:60]!r}")
+    integers, index = _table(text, first + TEXT_LINES, "integer")
+    reals, index = _table(text, index, "real")
+    comments, index = _comments(text, index)
+    match = _DATA.match(text.head(index))
+    if match is None:
+        raise text.fail(index, f"expected the data's announcement, got {text.head(index).strip()[:60]!r}")
+    count, (per_row, width) = _count(text, match[1], index), _fortran(text, index)
+    values = text.numbers(index + 1, count, per_row, width)
+    end = index + 1 - (-count // per_row)
+    end = _end_of_data(text, end)
+    header = _Header(first, integers, reals, comments)
+    kind = match[2].lower()[:3]
+    title = _FIRST.match(text.head(first).strip())
+    if title is not None and title[2].lower()[:3] != kind:
+        raise text.fail(index, f"{match[2]} announced, but {title[2]} in line {first + 1}")
+    if kind != "acc":
+        return None, end
+    return _channel(text, header, values, (match[3].strip(), match[4], index)), end
+
+
+def _count(text: TextFile, word: str, index: int) -> int:
+    count = text.integer(word, index, "count")
+    if not 1 <= count <= MAX_VALUES:
+        raise text.fail(index, f"the number of values must lie in [1, {MAX_VALUES}], got {count}")
+    return count
+
+
+def _fortran(text: TextFile, index: int) -> tuple[int, int]:
+    match = _FORTRAN.search(text.head(index))
+    if match is None:
+        raise text.fail(index, f'no "Format=(...)" in {text.head(index).strip()[:60]!r}')
+    per_row, width = int(match[1] or 1), int(match[2])
+    if not (1 <= per_row <= 100 and 1 <= width <= 40):
+        raise text.fail(index, f"format of {per_row} values of width {width} is none of COSMOS'")
+    return per_row, width
+
+
+def _table(text: TextFile, index: int, kind: str) -> tuple[NDArray[np.float64], int]:
+    match = _BLOCK.match(text.head(index))
+    if match is None or match[2].lower() != kind:
+        raise text.fail(index, f"expected the {kind} header, got {text.head(index).strip()[:60]!r}")
+    per_row, width = _fortran(text, index)
+    count = _count(text, match[1], index)
+    if count < 65:
+        raise text.fail(index, f"the {kind} header holds {count} values, at least 65 are needed")
+    values = text.table(index + 1, count, per_row, width)
+    return values, index + 1 - (-count // per_row)
+
+
+def _comments(text: TextFile, index: int) -> tuple[list[str], int]:
+    match = _COMMENTS.match(text.head(index))
+    if match is None:
+        raise text.fail(index, f"expected the comments' announcement, got {text.head(index).strip()[:60]!r}")
+    count = text.integer(match[1], index, "comment lines")
+    lines = [text.head(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
+    for offset, line in enumerate(lines):
+        if not line.startswith("|"):
+            raise text.fail(
+                index + 1 + offset, f'expected comment {offset + 1} of {count}, starting with "|"'
+            )
+    return lines, index + 1 + count
+
+
+def _end_of_data(text: TextFile, index: int) -> int:
+    """The line after the end mark; old files hold velocity and displacement before it."""
+    if index >= len(text.lines) or not text.lines[index].strip():
+        return index
+    if re.match(r"\s*(/&|end.?of.?data)", text.lines[index], re.I):
+        return index + 1
+    match = _DATA.match(text.head(index))
+    if match is None:
+        raise text.fail(
+            index, f'expected "End-of-data", got {text.lines[index].strip()[:60]!r}; count not met'
+        )
+    count, (per_row, width) = _count(text, match[1], index), _fortran(text, index)
+    text.numbers(index + 1, count, per_row, width)
+    return _end_of_data(text, index + 1 - (-count // per_row))
+
+
+def _channel(
+    text: TextFile, header: _Header, values: NDArray[np.float64], announced: tuple[str, str | None, int]
+) -> Channel:
+    unit = _unit(text, header, announced)
+    dt = _dt(text, header, values.size, announced[2])
+    lines = [text.head(header.first + i) for i in range(TEXT_LINES)]
+    where = _orientation(header)
+    _check_azimuth(text, header, where)
+    meta: dict[str, object] = {
+        "format": "COSMOS",
+        "level": f"V{int(header.integers[0])}",
+        "event": lines[1].strip()[:80],
+        "station_name": lines[4][40:].strip(),
+        "processed": bool(header.integers[0] >= 2),
+    }
+    meta |= _station(header, lines[4]) | _corners(header)
+    _check_peak(text, header, values)
+    said = _odd_length(header, values.size * dt, dt)
+    return Channel(_code(header, lines, where), values, dt, unit, where, _start(header), meta, said)
+
+
+def _odd_length(header: _Header, length: float, dt: float) -> tuple[str, ...]:
+    """Agencies round real header 63, but seldom to a per cent."""
+    stated = float(header.reals[62])
+    if stated <= 0.0 or abs(stated - length) <= 1.5 * dt:
+        return ()
+    return (f"the real header's length is {stated:g} s, the data's {length:g} s",)
+
+
+def _code(header: _Header, lines: list[str], where: Orientation | None) -> str:
+    for comment in header.comments:
+        if match := _SCNL.search(comment):
+            parts = match[1].split(".")
+            if len(parts) > 1 and parts[1]:
+                return parts[1]
+    match = re.search(r"Chan\s*(\d+)\s*:", lines[8], re.I)
+    number = match[1] if match else str(int(header.integers[49]))
+    if where is None:
+        return number
+    return f"{number}-{'Z' if where.azimuth is None else format(where.azimuth, '03.0f')}"
+
+
+def _station(header: _Header, line: str) -> dict[str, object]:
+    match = _CODE.search(line)
+    network = NETWORKS.get(int(header.integers[10]), "")
+    if match is None:
+        return {"network": network, "station": ""}
+    return {"network": match[1] or network, "station": match[2]}
+
+
+def _corners(header: _Header) -> dict[str, object]:
+    """Real header 54 and 57: corners of the low-cut and the high-cut filter."""
+    pairs = {"hp_corner_hz": float(header.reals[53]), "lp_corner_hz": float(header.reals[56])}
+    return {name: value for name, value in pairs.items() if value > 0.0}
+
+
+def _unit(text: TextFile, header: _Header, announced: tuple[str, str | None, int]) -> str:
+    """The unit that the announcement's word and code and the integer header agree on."""
+    word, code, index = announced
+    codes = [int(code)] if code else []
+    codes += [number] if (number := int(header.integers[2])) in (*UNITS, COUNTS) else []
+    counts = [number == COUNTS for number in codes] + (["count" in word.lower()] if word else [])
+    if any(counts):
+        if not all(counts):
+            raise text.fail(index, f"unit {word!r} contradicts the codes {codes}; {COUNTS} is counts")
+        return ""  # V0: instrument counts; the configuration must say what one count is
+    if word and not acceleration_unit(word):
+        raise text.fail(index, f"unit {word!r} is no acceleration that is known")
+    found = [acceleration_unit(word)] if word else []
+    for number in codes:
+        if number not in UNITS:
+            raise text.fail(index, f"unit {word!r} (code {number}) is no acceleration of COSMOS table 2")
+        found.append(UNITS[number])
+    if not found:
+        raise text.fail(index, "no unit, in word or code")
+    if len(set(found)) > 1:
+        integer = int(header.integers[2])
+        stated = f"unit {word!r} (code {int(code or integer)})"
+        raise text.fail(index, f"{stated} contradicts the integer header's code {integer}")
+    return found[0]
+
+
+def _dt(text: TextFile, header: _Header, count: int, index: int) -> float:
+    """Real header 62 [ms], or 34 [s] where unknown; 63 is the length, count*dt or (count-1)*dt."""
+    dt = float(header.reals[61]) * 1e-3 if header.reals[61] > 0.0 else float(header.reals[33])
+    line = header.first + TEXT_LINES + 1
+    if not 0.0 < dt < 10.0:
+        raise text.fail(
+            line, f"sampling interval must lie in (0, 10) s, got {dt:g} s (real headers 62 and 34)"
+        )
+    length = float(header.reals[62])
+    if length > 0.0:
+        check_length(text, line, length, (count, dt), max(1.5 * dt, 0.01 * length))
+    if approx := _APPROX.search(text.head(index)):
+        check_length(text, index, float(approx[1]), (count, dt), max(2.0, 0.02 * float(approx[1])))
+    return dt
+
+
+def _check_azimuth(text: TextFile, header: _Header, where: Orientation | None) -> None:
+    """The ninth text line may repeat the azimuth: "Chan   1: 90 deg"."""
+    match = _LINE_AZIMUTH.search(text.head(header.first + 8))
+    if match and where and where.azimuth is not None and (int(match[1]) - where.azimuth) % 360.0:
+        stated = f"{match[1]} deg is stated, the integer header says {where.azimuth:g}"
+        raise text.fail(header.first + 8, f"{stated}; the file is altered")
+
+
+def _orientation(header: _Header) -> Orientation | None:
+    code = int(header.integers[53])
+    if code in VERTICAL:
+        return Orientation(None, VERTICAL[code])
+    if 0 < code <= 360:
+        return Orientation(float(code % 360))
+    reference, relative = int(header.integers[19]), int(header.integers[54])
+    if 0 < reference <= 360 and 0 < relative <= 360:
+        return Orientation(float((reference + relative) % 360))
+    return None
+
+
+def _start(header: _Header) -> str:
+    year, month, day, hour, minute = (int(header.integers[i]) for i in (39, 41, 42, 43, 44))
+    return iso_time((year, month, day), hour, minute, max(0.0, float(header.reals[29])))
+
+
+def _check_peak(text: TextFile, header: _Header, values: NDArray[np.float64]) -> None:
+    """Real header 64 is the data's maximum."""
+    stated, found = float(header.reals[63]), float(np.max(np.abs(values), initial=0.0))
+    if stated not in (-999.0, 0.0) and np.isfinite(found):
+        check_peak(text, header.first + TEXT_LINES + 12, stated, found, 1e-3)  # F10.3 at the worst
+
+
+def write_cosmos(channels: list[Channel], path: Path) -> None:
+    """Write channels one after another as processed acceleration (V2), cm/s2 in 1PE15.6 as USGS does."""
+    lines: list[str] = []
+    for number, channel in enumerate(channels, start=1):
+        lines += _channel_lines(channel, number, len(channels))
+    path.write_text("\n".join(lines) + "\n", encoding="ascii", errors="replace")
+
+
+def _channel_lines(channel: Channel, number: int, total: int) -> list[str]:
+    from romdam.config.sections.records import unit_in_si
+
+    values = channel.data * (unit_in_si(channel.unit) / 0.01)
+    integers, reals = _header_values(channel, values, number, total)
+    seconds = round(values.size * channel.dt)
+    return [
+        *_text_lines(channel, number, total),
+        " 100 Integer-header values follow on  10 lines, Format= (10I8)",
+        *("".join(f"{v:8d}" for v in integers[i : i + 10]) for i in range(0, 100, 10)),
+        " 100 Real-header values follow on  20 lines, Format= (5F15.6)",
+        *("".join(f"{v:15.6f}" for v in reals[i : i + 5]) for i in range(0, 100, 5)),
+        '   1 Comment line(s) follow, each starting with a "|":',
+        f"|<SCNL>{channel.meta.get('station', '')}.{channel.code}.{channel.meta.get('network', '')}.--",
+        f"{values.size:8d} acceleration pts, approx {seconds:4d} secs, units=cm/sec2(04),Format=(5E15.6)",
+        *("".join(f"{v:15.6E}" for v in values[i : i + 5]) for i in range(0, values.size, 5)),
+        f"End-of-data for Chan {number:3d} acceleration",
+    ]
+
+
+def _text_lines(channel: Channel, number: int, total: int) -> list[str]:
+    meta = channel.meta
+    code = f"{meta.get('network') or '--'}-{meta.get('station') or '0'}"
+    return [
+        "Corrected acceleration    (Format v01.20 with 13 text lines)",
+        str(meta.get("event", ""))[:80],
+        "Hypocenter: unknown",
+        "Origin: unknown",
+        f"Statn No: 00-    0  Code:{code}".ljust(40) + str(meta.get("station_name", "")),
+        "Coords: unknown",
+        f"Recorder:        s/n:     ({total:3d} Chns of {total:2d} at Sta) Sensor:",
+        f"Rcrd start time: {channel.start}",
+        f"Sta Chan {number:3d}: (Rcrdr Chan{number:3d}) Location:",
+        "Raw record length = unknown",
+        "Processed:",
+        "Record filtered below        Hz",
+        "Values used when parameter or data value is unknown/unspecified:   -999, -999.0",
+    ]
+
+
+def _header_values(
+    channel: Channel, values: NDArray[np.float64], number: int, total: int
+) -> tuple[list[int], NDArray[np.float64]]:
+    integers, reals = [-999] * 100, np.full(100, -999.0)
+    integers[0:4] = [2, ACCELERATION, 4, 120]
+    integers[22], integers[49] = total, number
+    where = channel.orientation
+    if where is not None:
+        vertical = 400 if where.vertical > 0 else 401
+        integers[53] = vertical if where.azimuth is None else round(where.azimuth) or 360
+    if channel.start:
+        start = datetime.fromisoformat(channel.start.rstrip("Z"))
+        integers[39:45] = [
+            start.year,
+            start.timetuple().tm_yday,
+            start.month,
+            start.day,
+            start.hour,
+            start.minute,
+        ]
+        reals[29] = start.second + 1e-6 * start.microsecond
+    peak = int(np.argmax(np.abs(values)))
+    reals[33] = channel.dt
+    reals[61:65] = [1e3 * channel.dt, values.size * channel.dt, values[peak], peak * channel.dt]
+    return integers, reals

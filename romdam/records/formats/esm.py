@@ -1,0 +1,175 @@
+"""ESM ASCII (DYNA 1.2): 64 "KEY: value" lines, then one value a line; European strong-motion database.
+
+References
+----------
+Luzi et al. (2016), Engineering Strong-Motion database, Seismol. Res. Lett. 87(4); DYNA convert format 1.2.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.errors import RecordError
+from romdam.records.channel import Channel, parse_orientation
+from romdam.records.formats.stated import PEAK_SHARE, acceleration_unit, check_length, check_peak
+from romdam.records.formats.text import TextFile, read_text
+
+HEADER_LINES = 64
+_ORDER = """
+EVENT_NAME EVENT_ID EVENT_DATE_YYYYMMDD EVENT_TIME_HHMMSS EVENT_LATITUDE_DEGREE
+EVENT_LONGITUDE_DEGREE EVENT_DEPTH_KM HYPOCENTER_REFERENCE MAGNITUDE_W MAGNITUDE_W_REFERENCE
+MAGNITUDE_L MAGNITUDE_L_REFERENCE FOCAL_MECHANISM NETWORK STATION_CODE STATION_NAME
+STATION_LATITUDE_DEGREE STATION_LONGITUDE_DEGREE STATION_ELEVATION_M LOCATION SENSOR_DEPTH_M
+VS30_M/S SITE_CLASSIFICATION_EC8 MORPHOLOGIC_CLASSIFICATION EPICENTRAL_DISTANCE_KM
+EARTHQUAKE_BACKAZIMUTH_DEGREE DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS
+DATE_TIME_FIRST_SAMPLE_PRECISION SAMPLING_INTERVAL_S NDATA DURATION_S STREAM UNITS INSTRUMENT
+INSTRUMENT_ANALOG/DIGITAL INSTRUMENTAL_FREQUENCY_HZ INSTRUMENTAL_DAMPING FULL_SCALE_G
+N_BIT_DIGITAL_CONVERTER PGA_CM/S^2 TIME_PGA_S BASELINE_CORRECTION FILTER_TYPE FILTER_ORDER
+LOW_CUT_FREQUENCY_HZ HIGH_CUT_FREQUENCY_HZ LATE/NORMAL_TRIGGERED DATABASE_VERSION HEADER_FORMAT
+DATA_TYPE PROCESSING DATA_TIMESTAMP_YYYYMMDD_HHMMSS DATA_LICENSE DATA_CITATION DATA_CREATOR
+ORIGINAL_DATA_MEDIATOR_CITATION ORIGINAL_DATA_MEDIATOR ORIGINAL_DATA_CREATOR_CITATION
+ORIGINAL_DATA_CREATOR USER1 USER2 USER3 USER4 USER5
+"""
+KEYS = _ORDER.split()
+_META = {
+    "event": "EVENT_NAME",
+    "event_id": "EVENT_ID",
+    "magnitude": "MAGNITUDE_W",
+    "network": "NETWORK",
+    "station": "STATION_CODE",
+    "station_name": "STATION_NAME",
+    "hp_corner_hz": "LOW_CUT_FREQUENCY_HZ",
+    "lp_corner_hz": "HIGH_CUT_FREQUENCY_HZ",
+    "processing": "PROCESSING",
+}
+_START = re.compile(r"^(\d{4})(\d{2})(\d{2})_(\d{2})(\d{2})(\d{2}(?:\.\d+)?)$")
+
+
+def is_esm(head: str) -> bool:
+    """Whether the start of a file looks like ESM's."""
+    lines = head.splitlines()
+    return len(lines) > 1 and lines[0].startswith("EVENT_NAME:") and lines[1].startswith("EVENT_ID:")
+
+
+def read_esm(path: Path) -> list[Channel]:
+    """Read one component.
+
+    Raises
+    ------
+    RecordError
+        for a missing key, a velocity or displacement file, a count or a peak that is not met.
+    """
+    text = read_text(path)
+    header = _header(text)
+    kind = header.get("DATA_TYPE", ("ACCELERATION", 0))
+    if kind[0].upper() != "ACCELERATION":
+        raise text.fail(kind[1], f"DATA_TYPE is {kind[0]!r}; take the acceleration file")
+    count = text.integer(*_need(text, header, "NDATA"), "NDATA")
+    dt = text.real(*_need(text, header, "SAMPLING_INTERVAL_S"), "SAMPLING_INTERVAL_S")
+    values, _ = text.free(HEADER_LINES)
+    if count != values.size or dt <= 0.0:
+        raise RecordError(
+            f"{path}: line {header['NDATA'][1] + 1}: NDATA = {count} at dt = {dt:g} s announced, "
+            f"{values.size} values found; the file is cut short or altered"
+        )
+    stream = _need(text, header, "STREAM")[0]
+    meta = {"format": "ESM"} | {
+        name: _value(header[key][0]) for name, key in _META.items() if header.get(key, ("",))[0]
+    }
+    start = _iso(header.get("DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS", ("", 0))[0])
+    unit = _unit(text, header)
+    said = _check_data(text, header, (values, dt), unit)
+    return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta, said)]
+
+
+def _header(text: TextFile) -> dict[str, tuple[str, int]]:
+    header: dict[str, tuple[str, int]] = {}
+    for index in range(HEADER_LINES):
+        key, colon, value = text.line(index).partition(":")
+        if not colon:
+            raise text.fail(index, f'expected "KEY: value", got {text.line(index).strip()[:60]!r}')
+        if key.strip() in header:
+            raise text.fail(index, f"the key {key.strip()[:40]} stands there twice; two files joined?")
+        header[key.strip()] = (value.strip(), index)
+    return header
+
+
+def _need(text: TextFile, header: dict[str, tuple[str, int]], key: str) -> tuple[str, int]:
+    if not header.get(key, ("",))[0]:
+        raise text.fail(HEADER_LINES - 1, f"the header above has no {key}")
+    return header[key]
+
+
+def _unit(text: TextFile, header: dict[str, tuple[str, int]]) -> str:
+    word, index = _need(text, header, "UNITS")
+    unit = acceleration_unit(word)
+    if not unit:
+        raise text.fail(index, f"UNITS is {word[:40]!r}, no acceleration; take the acceleration file")
+    return unit
+
+
+def _check_data(
+    text: TextFile,
+    header: dict[str, tuple[str, int]],
+    samples: tuple[NDArray[np.float64], float],
+    unit: str,
+) -> tuple[str, ...]:
+    """Hold DURATION_S and PGA_CM/S^2 against the data; say where TIME_PGA_S is another."""
+    from romdam.config.sections.records import unit_in_si
+
+    (values, dt), cm = samples, unit_in_si(unit) / 0.01
+    word, index = header.get("DURATION_S", ("", 0))
+    if word:
+        check_length(text, index, text.real(word, index, "DURATION_S"), (values.size, dt), 0.5 * dt)
+    word, index = header.get("PGA_CM/S^2", ("", 0))
+    found = cm * float(np.max(np.abs(values), initial=0.0))
+    if word and np.isfinite(found):
+        check_peak(text, index, text.real(word, index, "PGA_CM/S^2"), found, 1e-6)
+    word, index = header.get("TIME_PGA_S", ("", 0))
+    at = round(text.real(word, index, "TIME_PGA_S") / dt) if word else int(np.argmax(np.abs(values)))
+    if 0 <= at < values.size and cm * abs(values[at]) >= (1.0 - PEAK_SHARE) * found:
+        return ()
+    return (f"the peak is stated at {word} s, the data's is at {np.argmax(np.abs(values)) * dt:g} s",)
+
+
+def _value(text: str) -> object:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _iso(text: str) -> str:
+    match = _START.match(text)
+    return "" if match is None else "{}-{}-{}T{}:{}:{}".format(*match.groups())
+
+
+def write_esm(channel: Channel, path: Path) -> None:
+    """Write one component; unknown keys stay empty, values in cm/s2 with six decimals."""
+    from romdam.config.sections.records import unit_in_si
+
+    values = channel.data * (unit_in_si(channel.unit) / 0.01)
+    peak = int(np.argmax(np.abs(values)))
+    known: dict[str, object] = {key: channel.meta.get(name, "") for name, key in _META.items()}
+    known |= {
+        "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS": channel.start.replace("-", "")
+        .replace(":", "")
+        .replace("T", "_"),
+        "SAMPLING_INTERVAL_S": f"{channel.dt:.6f}",
+        "NDATA": values.size,
+        "DURATION_S": f"{(values.size - 1) * channel.dt:.6f}",
+        "STREAM": channel.code,
+        "UNITS": "cm/s^2",
+        "PGA_CM/S^2": f"{values[peak]:.6f}",
+        "TIME_PGA_S": f"{peak * channel.dt:.6f}",
+        "HEADER_FORMAT": "DYNA 1.2",
+        "DATA_TYPE": "ACCELERATION",
+    }
+    lines = [f"{key}: {known.get(key, '')}".rstrip() for key in KEYS]
+    path.write_text(
+        "\n".join([*lines, *(f"{v:.6f}" for v in values)]) + "\n", encoding="latin-1", errors="replace"
+    )

@@ -1,0 +1,125 @@
+"""K-NET and KiK-net ASCII of NIED: 17 header lines, then counts, eight in a line; one component a file.
+
+References
+----------
+NIED, "About K-NET ASCII format" (knetform_en.html); its list of questions: the maximum acceleration is of the
+record without its mean. ObsPy's reader of the format checks neither length nor peak.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.errors import RecordError
+from romdam.records.channel import Channel, parse_orientation
+from romdam.records.formats.stated import check_peak
+from romdam.records.formats.text import NUMBER, TextFile, read_text
+
+_LABELS = (
+    r"Origin Time", r"Lat\.", r"Long?\.", r"Depth\. \(km\)", r"Mag\.", r"Station Code", r"Station Lat\.",
+    r"Station Long?\.", r"Station Height\(m\)", r"Record Time", r"Sampling Freq\(Hz\)", r"Duration Time\(s\)",
+    r"Dir\.", r"Scale Factor", r"Max\.? Acc\. \(gal\)", r"Last Correction", r"Memo\.?",
+)  # fmt: skip
+ORIGIN, MAGNITUDE, STATION, START, RATE, DURATION, DIRECTION, SCALE, PEAK = 0, 4, 5, 9, 10, 11, 12, 13, 14
+_RATE = re.compile(r"(\d+(?:\.\d+)?)\s*Hz", re.IGNORECASE)
+_SCALE = re.compile(r"(\d+(?:\.\d+)?)\s*\(gal\)\s*/\s*(\d+(?:\.\d+)?)", re.IGNORECASE)
+_KIKNET = {"1": "NS1", "2": "EW1", "3": "UD1", "4": "NS2", "5": "EW2", "6": "UD2"}  # 1 in the hole, 2 above
+JAPAN, DELAY = timedelta(hours=9), timedelta(seconds=15)  # the logger's clock; it stamps 15 s late
+_DIGIT = 0.001  # gal, of the printed peak
+
+
+def is_knet(head: str) -> bool:
+    """Whether the start of a file looks like K-NET's."""
+    return head.startswith("Origin Time")
+
+
+def read_knet(path: Path) -> list[Channel]:
+    """Read one component, as m/s2 with the offset that it was recorded with.
+
+    Raises
+    ------
+    RecordError
+        for a header line that is not there, and a length or a peak that is not met.
+    """
+    text = read_text(path)
+    header = [_value(text, index) for index in range(len(_LABELS))]
+    rate = float(_match(text, RATE, _RATE, header, '"100Hz"')[1])
+    if rate <= 0.0:
+        raise text.fail(RATE, f"the sampling frequency must be positive, got {rate:g} Hz")
+    gal = _gal_per_count(text, header)
+    counts, _ = text.free(len(_LABELS))
+    if counts.size == 0 or not np.all(np.isfinite(counts) & (counts == np.round(counts))):
+        raise RecordError(f"{path}: line {len(_LABELS) + 1}: expected whole numbers after the header")
+    warnings = _checked(text, header, (counts, 1.0 / rate), gal)
+    direction = header[DIRECTION].replace("-", "")
+    code = _KIKNET.get(direction, direction)
+    meta: dict[str, object] = {
+        "format": "KNET",
+        "network": "BO",  # FDSN's code of NIED
+        "station": header[STATION],
+        "event": _utc(header[ORIGIN]),
+        "header_pga_gal": text.real(header[PEAK], PEAK, "Max. Acc. (gal)"),
+    }
+    if NUMBER.fullmatch(header[MAGNITUDE]):  # empty where the records come before the bulletin
+        meta["magnitude"] = float(header[MAGNITUDE])
+    start = _utc(header[START], DELAY)
+    where = parse_orientation(code)
+    return [Channel(code, 0.01 * gal * counts, 1.0 / rate, "m/s2", where, start, meta, warnings)]
+
+
+def _value(text: TextFile, index: int) -> str:
+    line = text.head(index)
+    match = re.match(rf"{_LABELS[index]}(.*)$", line)
+    if match is None:
+        label = _LABELS[index].replace("\\", "").replace("?", "")
+        raise text.fail(index, f'expected "{label} ...", got {line.strip()[:60]!r}')
+    return match[1].strip()
+
+
+def _match(
+    text: TextFile, index: int, pattern: re.Pattern[str], header: list[str], example: str
+) -> re.Match[str]:
+    match = pattern.fullmatch(header[index])
+    if match is None:
+        raise text.fail(index, f"expected a value such as {example}, got {header[index][:40]!r}")
+    return match
+
+
+def _gal_per_count(text: TextFile, header: list[str]) -> float:
+    match = _match(text, SCALE, _SCALE, header, '"2000(gal)/8388608"')
+    if float(match[1]) <= 0.0 or float(match[2]) <= 0.0:
+        raise text.fail(SCALE, f"the scale factor must be positive, got {header[SCALE]!r}")
+    return float(match[1]) / float(match[2])
+
+
+def _checked(
+    text: TextFile, header: list[str], samples: tuple[NDArray[np.float64], float], gal: float
+) -> tuple[str, ...]:
+    """Hold length and peak against the data; what is nearly right is said."""
+    counts, dt = samples
+    duration = text.real(header[DURATION], DURATION, "Duration Time(s)")
+    peak = text.real(header[PEAK], PEAK, "Max. Acc. (gal)")
+    if round(duration / dt) != counts.size:  # the logger stores whole seconds
+        raise text.fail(
+            DURATION,
+            f"{duration:g} s at {1.0 / dt:g} Hz are stated, the file holds {counts.size} samples; it is cut "
+            "short or altered, fetch it again",
+        )
+    found = float(np.max(np.abs(gal * (counts - np.mean(counts)))))
+    check_peak(text, PEAK, peak, found, _DIGIT)
+    if abs(peak - found) <= 1.5 * _DIGIT:
+        return ()
+    return (f"the header states a peak of {peak:g} gal, the data's is {found:.3f} gal",)
+
+
+def _utc(text: str, late: timedelta = timedelta(0)) -> str:
+    """ISO 8601 of a Japanese time, "" for what is none."""
+    try:
+        return (datetime.strptime(text, "%Y/%m/%d %H:%M:%S") - JAPAN - late).isoformat()
+    except (ValueError, OverflowError):
+        return ""

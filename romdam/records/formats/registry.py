@@ -1,0 +1,92 @@
+"""Every record format romdam knows: one entry here, and one entry point in pyproject.toml for ObsPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from romdam.records.channel import Channel
+from romdam.records.formats.at2 import is_at2, read_at2, write_at2
+from romdam.records.formats.columns import is_columns, read_columns
+from romdam.records.formats.cosmos import is_cosmos, read_cosmos, write_cosmos
+from romdam.records.formats.csmip import is_csmip, read_csmip
+from romdam.records.formats.esm import is_esm, read_esm, write_esm
+from romdam.records.formats.knet import is_knet, read_knet
+from romdam.records.formats.smc import is_smc, read_smc, write_smc
+from romdam.records.formats.text import decode, read_bytes
+
+HEAD = 20_000  # bytes; CSMIP announces its data behind three or four thousand bytes of header
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What the configuration says about a file that does not say it itself.
+
+    Attributes
+    ----------
+    dt : sampling interval [s] of plain columns
+    time_column : column of sample times, from 1
+    response : StationXML file with the instrument's response
+    """
+
+    dt: float | None = None
+    time_column: int | None = None
+    response: Path | None = None
+
+
+@dataclass(frozen=True)
+class Format:
+    """How to recognise, read and write one text format.
+
+    Attributes
+    ----------
+    matches : whether the start of a file is of this format
+    read : all acceleration channels of a file
+    write : channels to a file; None where romdam only reads
+    many : whether one file can hold several channels
+    """
+
+    matches: Callable[[str], bool]
+    read: Callable[[Path], list[Channel]]
+    write: Callable[[list[Channel], Path], None] | None = None
+    many: bool = False
+
+
+def _one(write: Callable[[Channel, Path], None]) -> Callable[[list[Channel], Path], None]:
+    return lambda channels, path: write(channels[0], path)
+
+
+def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]:
+    """Read all acceleration channels of a record file of any known format.
+
+    Parameters
+    ----------
+    path : the file
+    declared : what only the user knows
+
+    Raises
+    ------
+    RecordError
+        naming the file and, for text, the line.
+    """
+    declared = declared or Declared()
+    head = decode(read_bytes(path, HEAD))
+    for known in FORMATS.values():
+        if known.matches(head):
+            return known.read(path)
+    if is_columns(head):
+        return read_columns(path, declared.dt, declared.time_column)
+    from romdam.records.obspy_bridge import read_with_obspy  # here: ObsPy takes 0.7 s to import
+
+    return read_with_obspy(path, declared.response)
+
+
+FORMATS: dict[str, Format] = {
+    "AT2": Format(is_at2, read_at2, _one(write_at2)),
+    "COSMOS": Format(is_cosmos, read_cosmos, write_cosmos, many=True),
+    "CSMIP": Format(is_csmip, read_csmip, None, many=True),
+    "SMC": Format(is_smc, read_smc, _one(write_smc)),
+    "ESM": Format(is_esm, read_esm, _one(write_esm)),
+    "KNET": Format(is_knet, read_knet),  # ObsPy has a plugin of its own
+}

@@ -1,0 +1,199 @@
+"""USGS SMC: 11 text lines, 48 integers (8I10), 50 reals (5E15.7), comments, data (8 of width 10), cm/s2.
+
+References
+----------
+USGS National Strong-Motion Program, "SMC-format data files" (format version 2).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.records.channel import Channel, Orientation
+from romdam.records.formats.stated import PEAK_SHARE, check_peak
+from romdam.records.formats.text import TextFile, iso_time, read_text
+
+Array = NDArray[np.float64]
+TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
+KINDS = {"1 UNCORRECTED ACCELEROGRAM": "V1", "2 CORRECTED ACCELEROGRAM": "V2"}
+OTHERS = ("3 VELOCITY", "4 DISPLACEMENT", "5 RESPONSE SPECTRA", "6 FOURIER AMPLITUDE SPECTRA")
+NULL_INTEGER, NULL_REAL = -32768, 1.7e38
+PEAKS = {29: np.argmax, 31: np.argmin}  # real headers 30 and 32, as Boore's SMCWrite fills them
+PRECISE = 8  # integer header 47 of files with five values of width 14 in a row
+MAX_RATE = 1e5  # samples/s; some files carry a null value where the rate should be
+HIGHPASS = 32  # real header 33, the corner of the low-cut filter [Hz]
+_MAGNITUDE = re.compile(r"Moment Mag\s*=\s*(\d+(?:\.\d+)?)", re.IGNORECASE)
+_TITLE = re.compile(r"station\s*=\s*(.*?)\s*component\s*=\s*(.*)$", re.IGNORECASE)
+
+
+def is_smc(head: str) -> bool:
+    """Whether the start of a file looks like SMC's."""
+    first = head.split("\n", 1)[0].strip().upper()
+    return first in KINDS or first.startswith(OTHERS)
+
+
+def read_smc(path: Path) -> list[Channel]:
+    """Read one component.
+
+    Raises
+    ------
+    RecordError
+        for velocity, displacement or spectra files, a problem flag, a count that is not met.
+    """
+    text = read_text(path)
+    kind = KINDS.get(text.head(0).strip().upper())
+    if kind is None:
+        raise text.fail(0, f"{text.head(0).strip()[:60]!r} is not an accelerogram; take the V1 or V2 file")
+    integers = text.table(TEXT_LINES, 8 * INTEGER_LINES, 8, 10)
+    reals = text.table(TEXT_LINES + INTEGER_LINES, 5 * REAL_LINES, 5, 15)
+    count, dt, comments = _sizes(text, integers, reals)
+    first = TEXT_LINES + INTEGER_LINES + REAL_LINES + comments
+    per_row, width = (5, 14) if integers[46] == PRECISE else (8, 10)
+    values = text.numbers(first, count, per_row, width)
+    left = [i for i in range(first - (-count // per_row), len(text.lines)) if text.lines[i].strip()]
+    if left:
+        raise text.fail(left[0], f"data after the {count} values that the header announces; altered file")
+    said = _check_peaks(text, (values, dt), reals)
+    return [replace(_channel(text, kind, (values, dt), (integers, reals)), warnings=said)]
+
+
+def _check_peaks(text: TextFile, samples: tuple[Array, float], reals: Array) -> tuple[str, ...]:
+    """Hold both extremes against the data; say where they stand at other times."""
+    (values, dt), said = samples, []
+    for place, at in PEAKS.items():
+        stated, time, found = float(reals[place]), float(reals[place - 1]), values[at(values)]
+        if not 0.0 < abs(stated) < 0.9 * NULL_REAL or stated == reals[0] or not np.isfinite(found):
+            continue
+        check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, stated, float(found))
+        index = round(time / dt) if 0.0 <= time < values.size * dt else -1
+        if abs(values[index] - found) > PEAK_SHARE * abs(found):
+            said.append(
+                f"the header has an extreme at {time:g} s, the data at {at(values) * dt:g} s; is dt right?"
+            )
+    return tuple(said)
+
+
+def _sizes(text: TextFile, integers: Array, reals: Array) -> tuple[int, float, int]:
+    count, flag, comments, rate = int(integers[16]), int(integers[17]), int(integers[15]), float(reals[1])
+    if not 1 <= count < 10**9:
+        raise text.fail(TEXT_LINES + 2, f"the number of samples must be positive, got {count}")
+    if flag == 1:
+        raise text.fail(
+            TEXT_LINES + 2, "the agency's problem flag is set; read the comments, mend the record"
+        )
+    if not 0.0 < rate < MAX_RATE:
+        raise text.fail(TEXT_LINES + INTEGER_LINES, f"samples per second must lie in (0, 1e5), got {rate:g}")
+    if not 0 <= comments < len(text.lines):
+        raise text.fail(TEXT_LINES + 1, f"the number of comment lines must be 0 or more, got {comments}")
+    start = TEXT_LINES + INTEGER_LINES + REAL_LINES
+    for index in range(start, start + comments):
+        if not text.line(index).startswith("|"):
+            raise text.fail(index, f'expected comment {index - start + 1} of {comments}, starting with "|"')
+    return count, 1.0 / rate, comments
+
+
+def _channel(
+    text: TextFile, kind: str, samples: tuple[Array, float], headers: tuple[Array, Array]
+) -> Channel:
+    (values, dt), (integers, reals) = samples, headers
+    title = _TITLE.search(text.head(5))
+    station, component = (title[1], title[2].strip()) if title else (text.head(5).strip(), "")
+    orientation = _orientation(integers)
+    meta: dict[str, object] = {
+        "format": "SMC",
+        "level": kind,
+        "station": text.line(2)[:4].strip(),
+        "station_name": station,
+        "event": " ".join(text.line(3).split()).strip("* "),
+        "processed": kind == "V2",
+    }
+    if magnitude := _MAGNITUDE.search(text.head(4)):
+        meta["magnitude"] = float(magnitude[1])
+    if kind == "V2" and 0.0 < reals[HIGHPASS] < 50.0:
+        meta["hp_corner_hz"] = float(reals[HIGHPASS])
+    code = component or text.path.stem
+    return Channel(code, values, dt, "cm/s2", orientation, _start(integers), meta)
+
+
+def _orientation(integers: Array) -> Orientation | None:
+    null = integers[0]
+    vertical, azimuth = integers[12], integers[13]
+    if vertical == 0:
+        return Orientation(None, 1)
+    if vertical == 180:
+        return Orientation(None, -1)
+    if azimuth != null and 0 <= azimuth <= 360:
+        return Orientation(float(azimuth) % 360.0)
+    return None
+
+
+def _start(integers: Array) -> str:
+    null = integers[0]
+    year, day, hour, minute = (int(value) for value in integers[1:5])
+    if null in (year, day, hour, minute):
+        return ""
+    second, milli = (0.0 if value == null else float(value) for value in integers[5:7])
+    return iso_time((year, 1, day), hour, minute, second + 1e-3 * milli)
+
+
+def write_smc(channel: Channel, path: Path) -> None:
+    """Write one component as a corrected accelerogram; values in cm/s2 with SMC's five digits."""
+    from romdam.config.sections.records import unit_in_si
+
+    values = channel.data * (unit_in_si(channel.unit) / 0.01)
+    meta = channel.meta
+    text = [
+        "2 CORRECTED ACCELEROGRAM",
+        "*",
+        str(meta.get("station", ""))[:4],
+        str(meta.get("event", "")),
+        f"Moment Mag= {meta.get('magnitude', '')}     Ms=          Ml=",
+        f"station ={meta.get('station_name', '')} component={channel.code}",
+        *["*"] * 5,
+    ]
+    integers, reals = _integer_header(channel), np.full(50, NULL_REAL)
+    reals[1] = 1.0 / channel.dt
+    for place, at in ((28, int(np.argmax(values))), (30, int(np.argmin(values)))):
+        reals[place : place + 2] = at * channel.dt, values[at]
+    lines = text + [
+        "".join(f"{v:10d}" for v in integers[8 * row : 8 * row + 8]) for row in range(INTEGER_LINES)
+    ]
+    lines += ["".join(f"{v:15.7E}" for v in reals[5 * row : 5 * row + 5]) for row in range(REAL_LINES)]
+    lines += ["".join(_short(v) for v in values[i : i + 8]) for i in range(0, values.size, 8)]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii", errors="replace")
+
+
+def _integer_header(channel: Channel) -> list[int]:
+    integers = [NULL_INTEGER] * 48
+    if channel.start:
+        start = datetime.fromisoformat(channel.start.rstrip("Z"))
+        integers[1:7] = [
+            start.year,
+            start.timetuple().tm_yday,
+            start.hour,
+            start.minute,
+            start.second,
+            start.microsecond // 1000,
+        ]
+    where = channel.orientation
+    if where is not None and where.azimuth is not None:
+        integers[12:14] = [90, round(where.azimuth)]
+    elif where is not None:
+        integers[12] = 0 if where.vertical > 0 else 180
+    integers[15:18] = [0, channel.data.size, 0]
+    return integers
+
+
+def _short(value: float) -> str:
+    """Format as Fortran's 1PE10.4E1: one exponent digit, which SMC's width of ten leaves room for."""
+    mantissa, exponent = f"{value:.4E}".split("E")
+    power = int(exponent)
+    if power < -9:
+        mantissa, power = "0.0000", 0
+    return f"{mantissa}E{power:+d}".rjust(10)

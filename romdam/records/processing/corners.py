@@ -1,0 +1,116 @@
+"""Corner frequencies of a record's band-pass: searched on the displacement, or from signal to noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.errors import RecordError
+from romdam.records.processing.correction_steps import butterworth, pad, pad_samples
+from romdam.records.processing.integrate import displacement
+
+Array = NDArray[np.float64]
+POLYNOMIAL_ORDER = 3
+FILTER_ORDER = 5
+
+
+def drift_ratio(acc: Array, dt: float, corner: float) -> float:
+    """Largest value of a cubic fitted to displacement after a high-pass, over the largest displacement.
+
+    gmprocess' `ridder_fchp` criterion (S. Brandenberg): a drifting displacement is mostly cubic.
+    """
+    extra = pad_samples(FILTER_ORDER, corner, dt)
+    filtered = butterworth(pad(acc, extra, extra), dt, FILTER_ORDER, (corner, None), False)
+    disp = displacement(filtered, dt)[..., extra : extra + acc.shape[-1]]
+    time = np.linspace(-1.0, 1.0, disp.shape[-1])
+    basis = np.linalg.qr(np.vander(time, POLYNOMIAL_ORDER + 1))[0]
+    trend = (disp @ basis) @ basis.T
+    peak = np.max(np.abs(disp), axis=-1)
+    return float(np.max(np.max(np.abs(trend), axis=-1) / np.where(peak > 0.0, peak, 1.0)))
+
+
+def search_highpass(acc: Array, dt: float, target: float, band: tuple[float, float]) -> float:
+    """Find the lowest corner [Hz] in `band` whose displacement drifts less than `target`, by Ridder's method.
+
+    Parameters
+    ----------
+    acc : (..., nt) acceleration [m/s2]
+    target : drift ratio wanted, see `drift_ratio`
+    band : lowest and highest corner allowed [Hz]
+
+    Raises
+    ------
+    RecordError
+        when even the highest corner leaves more drift.
+    """
+    low = max(band[0], 1.0 / ((acc.shape[-1] - 1) * dt))  # below one over the length nothing can be seen
+    if low >= band[1] or drift_ratio(acc, dt, low) <= target:
+        return min(low, band[1])
+    at_most = drift_ratio(acc, dt, band[1])
+    if at_most > target:
+        raise RecordError(
+            f"correction: no high-pass corner up to {band[1]:g} Hz brings the displacement's drift down to "
+            f"{target:g} (it is {at_most:.3g} there); raise `highest` or detrend first"
+        )
+    return float(np.exp(_ridder(acc, dt, target, (low, band[1]))))
+
+
+def _ridder(acc: Array, dt: float, target: float, band: tuple[float, float]) -> float:
+    from scipy import optimize  # here: reading a record should not wait for it
+
+    def excess(log_corner: float) -> float:
+        return drift_ratio(acc, dt, float(np.exp(log_corner))) - target
+
+    return float(optimize.ridder(excess, np.log(band[0]), np.log(band[1]), xtol=1e-3, maxiter=60))
+
+
+def signal_to_noise_band(acc: Array, dt: float, onset: int, threshold: float) -> tuple[float, float]:
+    """Find the band [Hz] in which signal over noise exceeds `threshold` in every component.
+
+    The noise is the part before `onset`, the signal the rest; both spectra are smoothed over a ninth of a
+    decade and divided by the root of their length.
+
+    Raises
+    ------
+    RecordError
+        when less than a second precedes the onset, or no band is left.
+    """
+    if onset * dt < 1.0:
+        raise RecordError(
+            f"correction: signal to noise needs 1 s before the onset, the record has {onset * dt:.2g} s; "
+            "give the corners or search them (method: ridder)"
+        )
+    rows = acc.reshape(-1, acc.shape[-1])
+    bands = [_band(row, dt, onset, threshold) for row in rows]
+    low, high = max(b[0] for b in bands), min(b[1] for b in bands)
+    if low >= high:
+        raise RecordError(
+            f"correction: no band with signal over noise above {threshold:g} in all components "
+            f"({low:.3g} Hz to {high:.3g} Hz); lower `threshold` or give the corners"
+        )
+    return low, high
+
+
+def _band(row: Array, dt: float, onset: int, threshold: float) -> tuple[float, float]:
+    noise, shaking = row[:onset] - np.mean(row[:onset]), row[onset:] - np.mean(row[:onset])
+    freq = np.geomspace(max(1.0 / (onset * dt), 0.01), 0.45 / dt, 200)
+    ratio = _smooth(shaking, dt, freq) / np.maximum(_smooth(noise, dt, freq), np.finfo(float).tiny)
+    peak = int(np.argmax(ratio))
+    if ratio[peak] < threshold:
+        return float(freq[-1]), float(freq[0])
+    below, above = np.flatnonzero(ratio[:peak] < threshold), np.flatnonzero(ratio[peak:] < threshold)
+    low = freq[below[-1] + 1] if below.size else freq[0]
+    high = freq[peak + above[0] - 1] if above.size else freq[-1]
+    return float(low), float(high)
+
+
+def _smooth(row: Array, dt: float, freq: Array) -> Array:
+    spectrum = np.abs(np.fft.rfft(row, max(row.size, 4096))) ** 2 / row.size
+    lines = np.fft.rfftfreq(max(row.size, 4096), dt)
+    summed = np.concatenate([[0.0], np.cumsum(spectrum)])
+    width = 10.0 ** (1.0 / 18.0)
+    first = np.searchsorted(lines, freq / width)
+    last = np.maximum(np.searchsorted(lines, freq * width), first + 1)
+    last = np.minimum(last, lines.size)
+    first = np.minimum(first, last - 1)
+    return np.sqrt((summed[last] - summed[first]) / (last - first))

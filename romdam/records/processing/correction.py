@@ -1,0 +1,239 @@
+"""Correction of a record: the steps of a configuration applied in order, with a log of what each did.
+
+All components of a record go through together, so that corners and pads are common to them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.config.base import Model
+from romdam.config.sections.correction import (
+    ButterworthStep,
+    CornersStep,
+    DetrendStep,
+    DisplacementBaselineStep,
+    MeanStep,
+    PadStep,
+    TaperStep,
+    VelocityBaselineStep,
+)
+from romdam.core.errors import RecordError
+from romdam.core.motion import MOST_SAMPLES
+from romdam.records.processing import correction_steps as steps
+from romdam.records.processing.corners import search_highpass, signal_to_noise_band
+from romdam.records.processing.integrate import displacement, velocity
+
+NYQUIST_SHARE = 0.75  # gmprocess' cap of the low-pass
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A record on its way through the steps.
+
+    Attributes
+    ----------
+    acc : (k, nt) components [m/s2], pads included
+    dt : [s]
+    before, after : samples of padding at the ends
+    corners : highpass and lowpass chosen so far [Hz]
+    log : one entry per step done, plain JSON values
+    warnings : sentences
+    """
+
+    acc: NDArray[np.float64]
+    dt: float
+    before: int = 0
+    after: int = 0
+    corners: tuple[float | None, float | None] = (None, None)
+    log: tuple[dict[str, object], ...] = ()
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def record(self) -> slice:
+        """Where the record lies between its pads."""
+        return slice(self.before, self.acc.shape[-1] - self.after)
+
+    def noted(self, acc: NDArray[np.float64], **entry: object) -> Signal:
+        """Return this signal with new values and one more entry in its log."""
+        return replace(self, acc=acc, log=(*self.log, entry))
+
+
+def correct(acc: NDArray[np.float64], dt: float, chain: Sequence[Model]) -> Signal:
+    """Apply the steps of `chain` in order.
+
+    Parameters
+    ----------
+    acc : (k, nt) components [m/s2]
+    dt : [s]
+    chain : steps of romdam.config.sections.correction
+
+    Returns
+    -------
+    Signal; its pads stay.
+
+    Raises
+    ------
+    RecordError
+        when a step cannot do what it is asked.
+    """
+    signal = Signal(acc, dt)
+    for step in chain:
+        signal = STEPS[type(step)](signal, step)
+    return signal
+
+
+def check_processed(acc: NDArray[np.float64], dt: float) -> tuple[str, ...]:
+    """Say where a record that is used as it is still drifts.
+
+    A velocity above 1 % of its peak or a displacement above 10 % of its peak at the end is what is left of
+    a baseline, or a permanent offset; the structure sees the first as a constant acceleration.
+    """
+    vel, disp = velocity(acc, dt), displacement(acc, dt)
+    found = []
+    for name, history, limit, unit in (("velocity", vel, 0.01, "m/s"), ("displacement", disp, 0.1, "m")):
+        peak, last = np.max(np.abs(history), axis=-1), np.abs(history[..., -1])
+        share = np.max(np.where(peak > 0.0, last / np.where(peak > 0.0, peak, 1.0), 0.0))
+        if share > limit:
+            found.append(
+                f"the {name} ends at {np.max(last):.3g} {unit}, {100 * share:.1f} % of its peak "
+                f"(limit {100 * limit:g} %); correct the record, or take the offset for real"
+            )
+    return tuple(found)
+
+
+def _mean(signal: Signal, step: MeanStep) -> Signal:
+    part = signal.acc[..., signal.record]
+    if step.until is None:
+        samples = part.shape[-1]
+    elif step.until == "onset":
+        samples = steps.pick_onset(part, signal.dt) or part.shape[-1]
+    else:
+        samples = min(part.shape[-1], max(1, round(step.until / signal.dt)))
+    part = steps.subtract_mean(part, samples)
+    return signal.noted(_with(signal, part), step="mean", seconds=samples * signal.dt)
+
+
+def _with(signal: Signal, part: NDArray[np.float64]) -> NDArray[np.float64]:
+    acc = signal.acc.copy()
+    acc[..., signal.record] = part
+    return acc
+
+
+def _detrend(signal: Signal, step: DetrendStep) -> Signal:
+    part = signal.acc[..., signal.record]
+    if step.of == "acceleration":
+        part = steps.subtract_trend(part, step.order)
+    else:
+        part = steps.subtract_velocity_trend(part, signal.dt, step.order)
+    return signal.noted(_with(signal, part), step="detrend", of=step.of, order=step.order)
+
+
+def _taper(signal: Signal, step: TaperStep) -> Signal:
+    part = signal.acc[..., signal.record]
+    n = part.shape[-1]
+    count = round(step.fraction * n) if step.fraction is not None else round((step.length or 0.0) / signal.dt)
+    if count > n // 2:
+        raise RecordError(f"correction: a taper of {count * signal.dt:g} s is longer than half the record")
+    first, last = (count if step.side in ("both", side) else 0 for side in ("start", "end"))
+    part = steps.taper(part, first, last)
+    return signal.noted(_with(signal, part), step="taper", start_s=first * signal.dt, end_s=last * signal.dt)
+
+
+def _corners(signal: Signal, step: CornersStep) -> Signal:
+    part = signal.acc[..., signal.record]
+    highpass, lowpass = step.highpass, step.lowpass
+    if step.method == "ridder":
+        highpass = search_highpass(part, signal.dt, step.target, (step.lowest, step.highest))
+    elif step.method == "snr":
+        onset = steps.pick_onset(part, signal.dt)
+        highpass, found = signal_to_noise_band(part, signal.dt, onset, step.threshold)
+        lowpass = min(found, NYQUIST_SHARE * 0.5 / signal.dt, lowpass or np.inf)
+    noted = signal.noted(
+        signal.acc, step="corners", method=step.method, highpass_hz=highpass, lowpass_hz=lowpass
+    )
+    return replace(noted, corners=(highpass, lowpass))
+
+
+def _pad(signal: Signal, step: PadStep) -> Signal:
+    if step.length is not None:
+        count = round(step.length / signal.dt)
+    elif signal.corners[0] is not None:
+        count = steps.pad_samples(step.order, signal.corners[0], signal.dt)
+    else:
+        raise RecordError(
+            "correction: pad needs a high-pass corner; put `corners` before it or give `length`"
+        )
+    samples = signal.acc.shape[-1] + 2 * count
+    if samples > MOST_SAMPLES:
+        raise RecordError(
+            f"correction: a pad of {count * signal.dt:g} s on each side makes {samples:.3g} samples, at most "
+            f"{MOST_SAMPLES:.3g} are made; raise the high-pass corner or give `length`"
+        )
+    noted = signal.noted(steps.pad(signal.acc, count, count), step="pad", each_side_s=count * signal.dt)
+    return replace(noted, before=signal.before + count, after=signal.after + count)
+
+
+def _butterworth(signal: Signal, step: ButterworthStep) -> Signal:
+    highpass, lowpass = step.highpass or signal.corners[0], step.lowpass or signal.corners[1]
+    nyquist = 0.5 / signal.dt
+    warnings = signal.warnings
+    if lowpass is not None and lowpass >= 0.95 * nyquist:
+        warnings = (*warnings, f"low-pass at {lowpass:g} Hz left out, Nyquist is {nyquist:g} Hz")
+        lowpass = None
+    if highpass is None and lowpass is None:
+        raise RecordError("correction: butterworth has no corner; give `highpass` or put `corners` before it")
+    if highpass is not None and highpass >= 0.95 * nyquist:
+        raise RecordError(f"correction: high-pass at {highpass:g} Hz, Nyquist is {nyquist:g} Hz")
+    acc = steps.butterworth(signal.acc, signal.dt, step.order, (highpass, lowpass), step.causal)
+    noted = signal.noted(
+        acc,
+        step="butterworth",
+        order=step.order,
+        causal=step.causal,
+        highpass_hz=highpass,
+        lowpass_hz=lowpass,
+    )
+    return replace(noted, warnings=warnings, corners=(highpass, lowpass))
+
+
+def _displacement_baseline(signal: Signal, step: DisplacementBaselineStep) -> Signal:
+    acc = steps.subtract_displacement_baseline(signal.acc, signal.dt, step.order)
+    return signal.noted(acc, step="displacement_baseline", order=step.order)
+
+
+def _velocity_baseline(signal: Signal, step: VelocityBaselineStep) -> Signal:
+    part = signal.acc[..., signal.record]
+    knots = step.knots or _best_knots(part, signal.dt)
+    duration = (part.shape[-1] - 1) * signal.dt
+    if max(knots) >= duration or any(b <= a for a, b in itertools.pairwise(knots)):
+        raise RecordError(f"correction: knots {knots} must rise and lie within the record's {duration:g} s")
+    part = steps.subtract_velocity_baseline(part, signal.dt, knots)
+    return signal.noted(_with(signal, part), step="velocity_baseline", knots_s=list(knots))
+
+
+def _best_knots(acc: NDArray[np.float64], dt: float) -> tuple[float, ...]:
+    """The onset and the later time that leave the least velocity (as PRISM's adaptive baseline searches)."""
+    duration = (acc.shape[-1] - 1) * dt
+    first = max(steps.pick_onset(acc, dt) * dt, 0.01 * duration)
+    choices = [(first, later) for later in np.linspace(first, duration, 42)[1:-1]]
+    left = [np.sum(velocity(steps.subtract_velocity_baseline(acc, dt, knots), dt) ** 2) for knots in choices]
+    return tuple(float(knot) for knot in choices[int(np.argmin(left))])
+
+
+# the visible list: a new step is one model in config/correction.py and one entry here
+STEPS: dict[type, Callable[..., Signal]] = {
+    MeanStep: _mean,
+    DetrendStep: _detrend,
+    TaperStep: _taper,
+    CornersStep: _corners,
+    PadStep: _pad,
+    ButterworthStep: _butterworth,
+    DisplacementBaselineStep: _displacement_baseline,
+    VelocityBaselineStep: _velocity_baseline,
+}

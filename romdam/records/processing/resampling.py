@@ -1,0 +1,111 @@
+"""Another sampling interval for a ground acceleration, without aliasing."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.errors import RecordError
+from romdam.core.motion import MOST_SAMPLES, GroundMotion
+
+Method = Literal["linear", "fourier"]
+
+
+def resample(
+    acc: NDArray[np.float64], dt_old: float, dt_new: float, method: Method = "linear"
+) -> NDArray[np.float64]:
+    """Resample acceleration along its last axis; the last sample lies within the old duration.
+
+    Parameters
+    ----------
+    acc : (..., nt) acceleration [m/s2]
+    dt_old, dt_new : sampling intervals [s]
+    method : "linear" keeps the straight lines between samples; "fourier" keeps the band-limited signal
+
+    Returns
+    -------
+    (..., nt_new), nt_new = floor((nt - 1) dt_old / dt_new) + 1. A coarser interval is low-passed first.
+
+    Raises
+    ------
+    RecordError
+        for an interval that is not positive and finite, longer than the record, or makes too many samples.
+    """
+    duration = (acc.shape[-1] - 1) * dt_old
+    for label, value in (("dt of the record", dt_old), ("dt asked for", dt_new)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise RecordError(f"resampling: {label} must be positive and finite, got {value!r} s")
+    if dt_new > duration:
+        raise RecordError(
+            f"resampling: dt {dt_new:g} s is longer than the record ({duration:g} s); choose a smaller dt"
+        )
+    if np.isclose(dt_new, dt_old, rtol=1e-9, atol=0.0):
+        return acc.copy()
+    _refuse_huge(duration / dt_new, f"dt {dt_new:g} s makes of {duration:g} s")
+    source = _low_pass(acc, dt_old, dt_new) if dt_new > dt_old else acc
+    # 1e-9 of a step, so that a duration that is a multiple of dt_new keeps its last sample in floating point
+    time = np.arange(int(np.floor(duration / dt_new + 1e-9)) + 1, dtype=np.float64) * dt_new
+    if method == "fourier":
+        return _fourier_at(source, dt_old, time)
+    return _linear_at(source, dt_old, time)
+
+
+def _refuse_huge(samples: float, what: str) -> None:
+    if samples > MOST_SAMPLES:
+        raise RecordError(
+            f"resampling: {what} {samples:.3g} samples, the limit is {MOST_SAMPLES:.3g}; choose a larger dt"
+        )
+
+
+def resample_motion(motion: GroundMotion, dt: float) -> NDArray[np.float64]:
+    """Resample a ground motion (3, nt) to the analysis step, as its `resampling` says (else linear).
+
+    Raises
+    ------
+    RecordError
+        naming the record.
+    """
+    method = "fourier" if motion.provenance.get("resampling") == "fourier" else "linear"
+    try:
+        return resample(motion.acc, motion.dt, dt, method)  # type: ignore[arg-type]
+    except RecordError as error:
+        raise RecordError(f"record {motion.name}: {error}") from None
+
+
+def resample_linear(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray[np.float64]:
+    """Resample by straight lines between samples; see `resample`."""
+    return resample(acc, dt_old, dt_new, "linear")
+
+
+def _linear_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    position = np.minimum(time / dt, acc.shape[-1] - 1)
+    index = np.minimum(position.astype(np.int64), acc.shape[-1] - 2)
+    weight = position - index
+    return (1.0 - weight) * acc[..., index] + weight * acc[..., index + 1]
+
+
+def _fourier_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Band-limited values at `time`: zero-padded transform onto a fine grid, then straight lines on it."""
+    n = 2 * acc.shape[-1]  # as many zeros again, so that the end does not wrap onto the start
+    step = float(time[1] - time[0])
+    refine = max(1, round(dt / step))
+    if not np.isclose(refine * step, dt, rtol=1e-9):
+        refine = 8 * int(np.ceil(dt / step))
+    _refuse_huge(n * refine, f"the Fourier grid of dt {step:g} s takes")
+    spectrum = np.fft.rfft(acc, n, axis=-1)
+    if n % 2 == 0 and refine > 1:
+        spectrum[..., -1] *= 0.5  # the Nyquist line splits into a pair once it is inside the band
+    fine = np.fft.irfft(spectrum, n * refine, axis=-1) * refine
+    return _linear_at(fine, dt / refine, time)
+
+
+def _low_pass(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray[np.float64]:
+    """Remove what the coarser interval cannot carry: zero phase, cosine edge."""
+    n = 2 * acc.shape[-1]
+    freq = np.fft.rfftfreq(n, dt_old)
+    nyquist = 0.5 / dt_new
+    edge = np.clip((freq / nyquist - 0.8) / 0.2, 0.0, 1.0)
+    gain = 0.5 * (1.0 + np.cos(np.pi * edge))
+    return np.fft.irfft(np.fft.rfft(acc, n, axis=-1) * gain, n, axis=-1)[..., : acc.shape[-1]]

@@ -1,0 +1,354 @@
+"""Reduction of a part whose blocks have grown together, in free-interface form.
+
+A dam on flexible rock is one part with thousands of joint DOFs. Craig-Bampton would retain all of them on
+both sides of every joint and diagonalise a dense matrix of that size. Here the basis is
+
+    u = Phi q + A a,    A = K^-1 [B^T, M r, f],
+
+Phi the open-joint modes below the cut-off (Lanczos on one factorisation) and A the static answers to a unit
+force in every gap, to the inertia of the ground's acceleration r and to the static loads f, among them the
+tractions of absorbing faces that move rigidly. It answers every joint force statically right, carries the
+mass of A, and A made orthogonal to Phi leaves Phi's frequencies those of the mesh; only the small rest, one
+vector for each gap direction, is diagonalised densely.
+
+With as many vectors more modes do better than longer chains K^-1 M K^-1 B: on a dam of 1,796 unknowns 116
+vectors up to 50 Hz leave 0.9 % of the openings in L2, 125 with modes to 8 Hz and a second link 0.9 %, and a
+link of the chain costs as many solutions as there are gap directions.
+
+References
+----------
+Rubin, AIAA Journal 13 (1975) 995; Hintz, AIAA Journal 13 (1975) 1007 (free modes with attachment modes).
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
+
+import romdam
+from romdam.core.arrays import Floats
+from romdam.core.fingerprint import fingerprint
+from romdam.core.scene import Bools, Ints, Scene
+from romdam.fem.absorbing import boundary_dashpots
+from romdam.fem.parts import gather, part_matrices, part_operator
+from romdam.linalg.condensed import CondensedSingle
+from romdam.linalg.conjugate import WIDTH
+from romdam.linalg.eigen import dense_modes, span_of_modes
+from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import SMALL, make_solver
+from romdam.linalg.symmetric import Symmetric
+from romdam.reduction.methods.craig_bampton import (
+    FREE_SHIFT,
+    ModeChoice,
+    Substructure,
+    eigen_residual,
+    without_roundoff,
+)
+from romdam.reduction.storage.columns import Columns
+from romdam.reduction.storage.model_file import LAYOUT, BlockBasis, BlockStore
+from romdam.scene.supports import held_rigidly, rigid_motions
+from romdam.scene.ties import Part
+
+log = logging.getLogger(__name__)
+
+
+_DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
+# least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
+# 1e-13 on the first mode would count as its round-off
+_STIFF = 1e-12
+_NODES = 4096  # of a block's basis at a time
+_TOGETHER = 64  # modes looked at: each time all of them are read
+
+
+@dataclass(frozen=True)
+class Acting:
+    """What acts on blocks beside their inertia.
+
+    Attributes
+    ----------
+    operators : block name -> its gap operator, (rows, 3 nodes)
+    forces : block name -> (3 nodes,) static forces but its weight [N]
+    """
+
+    operators: dict[str, csr_matrix]
+    forces: dict[str, Floats]
+
+
+@dataclass(frozen=True)
+class _Tied:
+    """A part over its free DOFs.
+
+    Attributes
+    ----------
+    K, M : (n, n), of K the upper triangle
+    right : (n, a) sparse, of unit length: what the basis answers statically right
+    held : whether supports stop every rigid motion
+    motions : of the free DOFs
+    row : (N,) number of every DOF of every block among the free ones, block after block; -1 where held
+    inertia : block name -> (3 nodes, 3) M r of its own
+    place : what to call the part in messages
+    """
+
+    K: Symmetric
+    M: csr_matrix
+    right: csc_matrix
+    held: bool
+    motions: Motions
+    row: Ints
+    inertia: dict[str, Floats]
+    place: str
+
+    @property
+    def shift(self) -> float:
+        """K less it times M is positive definite."""
+        return 0.0 if self.held else -FREE_SHIFT
+
+    @property
+    def inner(self) -> Bools:
+        """(n,) where there is neither mass nor load: the inside of rock without mass."""
+        return np.asarray((self.M.diagonal() == 0.0) & (np.diff(csr_matrix(self.right).indptr) == 0))
+
+    @property
+    def first(self) -> Ints:
+        """(n,) where every free DOF stands among the blocks' for the first time."""
+        found = np.empty(self.K.shape[0], dtype=np.int64)
+        here = np.flatnonzero(self.row >= 0)[::-1]
+        found[self.row[here]] = here
+        return found
+
+
+def tied_bases(
+    part: Part,
+    scene: Scene,
+    acting: Acting,
+    choice: ModeChoice,
+    store: BlockStore | None = None,
+) -> dict[str, BlockBasis]:
+    """The bases of a part's blocks, of the same coordinates: from the store, or made and kept there.
+
+    Raises
+    ------
+    ReductionError
+        where a factorisation or an eigenproblem fails.
+    """
+    operator, static = _given(part, acting)
+    store = store or BlockStore.passing()
+    keys = _keys(part, scene, operator, static, choice)
+    found = {name: store.read(key) for name, key in keys.items()}
+    kept = {name: basis for name, basis in found.items() if basis is not None}
+    if len(kept) == len(part.blocks):
+        return kept
+    tied = _tied(part, scene, operator, static)
+    return _reduced(tied, scene, choice, store, keys)
+
+
+def tied_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
+    """Block name -> what its basis is stored under; see `tied_bases`."""
+    return _keys(part, scene, *_given(part, acting), choice)
+
+
+def _given(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
+    """The part's gap operator, and its static forces."""
+    return part_operator(part, acting.operators), gather(part, acting.forces)
+
+
+def _keys(
+    part: Part, scene: Scene, operator: csr_matrix, static: Floats, choice: ModeChoice
+) -> dict[str, str]:
+    """Block name -> SHA-256 of what its basis depends on: everything in the part."""
+    of_blocks = [
+        (name, scene.blocks[name].element, scene.blocks[name].material, scene.blocks[name].points,
+         scene.blocks[name].cells, part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
+        for name in part.blocks
+    ]  # fmt: skip
+    kinds = [sorted(names & set(part.blocks)) for names in (scene.settled, scene.radiating)]
+    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, kinds, operator, static, choice.basis))
+    return {name: fingerprint((whole, name)) for name in part.blocks}
+
+
+def _tied(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _Tied:
+    fixed = part.fixed(scene.fixed)
+    free = ~fixed.ravel()
+    K, M, inertia = part_matrices(part, scene.blocks)
+    K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
+    shaken = [name for name in part.blocks if name not in scene.radiating]
+    heavy = [name for name in part.blocks if name not in scene.settled]
+    loads = [
+        _sum(part, inertia, shaken),
+        static[:, None],
+        _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
+        _boundary_tractions(part, scene),
+    ]
+    mesh = part.mesh(scene.blocks)
+    dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
+    return _Tied(
+        K=Symmetric(K),
+        M=M,
+        right=_unit_columns([operator[:, free].T, *(load[free] for load in loads)]),
+        held=held_rigidly(mesh, fixed),
+        motions=Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free]),
+        row=np.where(free, np.cumsum(free) - 1, -1)[np.concatenate(dofs)],
+        inertia=inertia,
+        place=f"part {part.name}",
+    )
+
+
+def _sum(part: Part, inertia: dict[str, Floats], blocks: list[str]) -> Floats:
+    """M r of some of the blocks, (3 nodes, 3)."""
+    some = {name: values if name in blocks else np.zeros_like(values) for name, values in inertia.items()}
+    return gather(part, some)
+
+
+def _boundary_tractions(part: Part, scene: Scene) -> Floats:
+    """Forces of every absorbing face's dashpots when it moves rigidly, (3 nodes, 6 faces)."""
+    columns = [np.zeros((3 * part.nodes, 0))]
+    for name in part.blocks:
+        block = scene.blocks[name]
+        for face in block.absorbing:
+            arm = block.points - block.points[face.facets].mean(axis=(0, 1))
+            turned = [np.cross(axis, arm).ravel() for axis in np.eye(3)]
+            rigid = np.column_stack([np.tile(np.eye(3), (len(arm), 1)), *turned])
+            alone = replace(block, absorbing=(face,))
+            columns.append(part.spread(name).T @ (boundary_dashpots(alone) @ rigid))
+    return np.hstack(columns)
+
+
+def _reduced(
+    tied: _Tied, scene: Scene, choice: ModeChoice, store: BlockStore, keys: dict[str, str]
+) -> dict[str, BlockBasis]:
+    """Reduce a part in free-interface form, its basis in the store from the first column on.
+
+    Raises
+    ------
+    ReductionError
+        where a factorisation or an eigenproblem fails.
+    """
+    key = fingerprint(keys)
+    size, file = tied.K.shape[0], (store.scratch(key), key)
+    every = choice.keeps_all or (choice.count is not None and choice.count >= size)
+    if every and (tied.M.diagonal() > 0.0).all():
+        modes, (omega2, Phi), V = size, dense_modes(tied.K.whole(), tied.M), np.eye(size)
+        T = Columns(*file, (len(tied.row), size))
+        T.fill(size, lambda first, last: _over_blocks(tied, Phi[:, first:last]))
+    else:
+        T, modes = _ritz_vectors(tied, replace(choice, count=size if every else choice.count), file)
+        omega2, V = _diagonalised(tied, T, modes)
+    log.info("%s: %d modes, %d attachment modes", tied.place, modes, len(omega2) - modes)
+    report = _report(tied, T, omega2, V, modes) | choice.report()
+    kept, first = {}, 0
+    for name in keys:
+        last = first + 3 * len(scene.blocks[name].points)
+        ends = [*range(first, last, 3 * _NODES), last]
+        rows = T.times(V, ends), tied.inertia[name]
+        kept[name] = store.write_streamed(keys[name], scene.blocks[name], omega2, rows, report)
+        first = last
+    T.remove()
+    return kept
+
+
+def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tuple[Columns, int]:
+    """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
+    right = tied.right
+    shifted = Symmetric(tied.K.upper - tied.shift * tied.M) if tied.shift else tied.K
+    columns = right.shape[1] + choice.columns
+    solver = make_solver(shifted, tied.motions, columns, choice.solving, tied.place, tied.inner)
+    T = Columns(*file, (len(tied.row), right.shape[1]))
+    width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), width)
+    log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
+    K = tied.K if tied.K.shape[0] > SMALL else tied.K.whole()
+    count, make = span_of_modes(K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
+    static = T.shape[1]
+    T.widen(count)
+    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), width)
+    return T, count
+
+
+def _over_blocks(tied: _Tied, values: Floats) -> Floats:
+    """Values of the free DOFs over those of every block, zero where held."""
+    found = np.take(values, tied.row, axis=0, mode="wrap")  # a tenth of the time of values[row]
+    found[tied.row < 0] = 0.0
+    return found
+
+
+def _diagonalised(tied: _Tied, T: Columns, modes: int) -> tuple[Floats, Floats]:
+    """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
+
+    The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
+    Their energies are R^T A, so that K is asked for its forms on the modes alone. Directions are those of the
+    flexibility; the ones that are springs beyond all the motion of interest keep their flexibility with a
+    mass that is not above theirs.
+    """
+    rows, a = tied.first, T.shape[1] - modes
+    moving = tied.M.diagonal() > 0.0
+    own, there = csr_matrix(tied.M[moving][:, moving]), rows[moving]
+    M_m = T.gram(own, there, a)
+    K_m = T.gram(tied.K, rows, a) - tied.shift * M_m
+    low, C = eigh(0.5 * (K_m + K_m.T), M_m)
+    if not a:
+        return without_roundoff(low + tied.shift), C
+    over = T.before(_spread(tied.right, rows, T.shape[0]))  # R^T [A, Phi]
+    part = (over[:, a:] @ C / low).T  # of the modes in A, as far as they are modes: C^T Phi^T M A
+    Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[there]
+    M_T = T.gram(own, there, less=(Phi, np.hstack([part, np.zeros((modes, modes))])))
+    rest = C.T @ M_T[a:, :a]
+    part = part + rest
+    twice = over[:, a:] @ C @ part
+    flexibility = over[:, :a] - twice - twice.T + part.T @ (low[:, None] * part)
+    flexibility = 0.5 * (flexibility + flexibility.T)
+    mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low)
+    V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
+    return np.concatenate([without_roundoff(low + tied.shift), 1.0 / slow + tied.shift]), V
+
+
+def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats, Floats]:
+    """The combinations of static answers that are M-orthonormal and diagonal in K, and their 1 / omega^2.
+
+    `low` are the omega^2 of the modes.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
+    size, U = np.linalg.eigh(flexibility * scale * scale[:, None])
+    keep = size > _DEPENDENT * size[-1]
+    mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
+    mass = mix.T @ mass @ mix
+    slow, W = eigh(0.5 * (mass + mass.T))
+    slow = np.maximum(slow[::-1], _STIFF * (1.0 / low[0] if len(low) else slow[-1]))
+    return mix @ W[:, ::-1] / np.sqrt(slow), slow
+
+
+def _spread(right: csc_matrix, rows: Ints, size: int) -> csr_matrix:
+    """R^T over the DOFs of every block, each free DOF counted once."""
+    across = csr_matrix(right.T)
+    return csr_matrix((across.data, rows[across.indices], across.indptr), shape=(right.shape[1], size))
+
+
+def _report(tied: _Tied, T: Columns, omega2: Floats, V: Floats, modes: int) -> dict[str, object]:
+    """The numbers on the reduction, as plain values."""
+    low, residual, rows = omega2[:modes], 0.0, tied.first
+    for first in range(0, modes, _TOGETHER):
+        some = slice(first, min(first + _TOGETHER, modes))
+        Phi = T.combined(V[:, some])[rows]
+        residual = max(residual, eigen_residual(tied.K, tied.M, low[some], Phi))
+    sub = Substructure(
+        omega2=omega2,
+        basis=np.zeros((0, 0)),
+        retained=len(omega2) - modes,
+        fixed_interface=modes,
+        highest=float(np.sqrt(max(low[-1], 0.0)) / (2.0 * np.pi)) if modes else 0.0,
+        orthonormality=0.0,
+        residual=residual,
+    )
+    return sub.report() | {"part": tied.place.removeprefix("part ")}
+
+
+def _unit_columns(loads: list[csr_matrix | Floats]) -> csc_matrix:
+    """The loads that are not zero, each of unit length."""
+    right = csc_matrix(hstack([csc_matrix(load) for load in loads]))
+    length = np.sqrt(np.asarray(right.multiply(right).sum(axis=0)).ravel())
+    some = np.flatnonzero(length > 0.0)
+    return csc_matrix(right[:, some] @ diags_array(1.0 / length[some]))

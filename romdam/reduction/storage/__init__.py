@@ -1,0 +1,1 @@
+"""Reduced models and large matrices on disk."""

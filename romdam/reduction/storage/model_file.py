@@ -1,0 +1,260 @@
+"""Reduced blocks on disk: one layout for the cache and for the basis file beside the results.
+
+A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds one as its root, the basis file
+`model-<...>.h5` one for each block under /blocks (see `romdam.results.fields`):
+
+    points          (n, 3) node positions [m]
+    cells           (nc, nodes per cell) node numbers, VTK order; attribute element
+    basis           (n, 3, m) open-joint modes, M-orthonormal, zero at supports [kg-0.5];
+                    attribute first: the block's first column of the reduced coordinates (0 in a cache file)
+    omega2          (m,) [1/s2]
+    participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
+    attributes      layout, key, report (JSON)
+
+The key is the SHA-256 of everything the basis depends on: mesh, element, material, supports, the DOFs that
+the joints retain (with their turned frames), the choice of modes, the versions of romdam and of this layout.
+Stiffness and friction of joints, gaps, damping, loads and records are not. A cache file whose bytes are not
+those that were written (`romdam.core.sealed`), or of another key, counts as none.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import h5py
+import numpy as np
+
+import romdam
+from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError, shown
+from romdam.core.files import sweep_parts
+from romdam.core.fingerprint import fingerprint
+from romdam.core.scene import Block, Bools
+from romdam.core.sealed import creating, reading, text_of
+from romdam.reduction.interface import Interface
+from romdam.reduction.methods.craig_bampton import ModeChoice
+
+log = logging.getLogger(__name__)
+
+LAYOUT = "romdam-block-2"
+_CHUNK_BYTES = 1 << 20
+_MAPPED = 64e6  # bytes of a basis from which on its file is mapped
+
+
+@dataclass(frozen=True)
+class BlockBasis:
+    """A reduced block; its displacement is u = matrix @ q[columns].
+
+    Attributes
+    ----------
+    matrix : (3 n, m) open-joint modes, M-orthonormal, zero at supports [1/sqrt(kg)]
+    columns : the block's slice of q
+    omega2 : (m,) ascending [1/s2]
+    participation : (m, 3) matrix^T M r for unit translations r along x, y, z [sqrt(kg)]
+    report : numbers on the reduction, plain JSON values
+    """
+
+    matrix: Floats
+    columns: slice
+    omega2: Floats
+    participation: Floats
+    report: dict[str, object]
+
+
+def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoice) -> str:
+    """SHA-256 of what the basis of a block depends on."""
+    elastic = (block.material.E, block.material.nu, block.material.rho)
+    mesh = (block.element, block.points, block.cells, elastic)
+    outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
+    return fingerprint((LAYOUT, romdam.__version__, *outside, interface, choice.basis))
+
+
+def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
+    """Write a block into a group of an open file."""
+    nodes, columns = len(block.points), basis.matrix.shape[1]
+    step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * 8 * columns)))
+    small = basis.matrix.nbytes < _MAPPED
+    chunks = (step, 3, columns) if small and basis.matrix.nbytes else None
+    data = group.create_dataset("basis", shape=(nodes, 3, columns), dtype="f8", chunks=chunks)
+    for first in range(0, nodes if columns else 0, step):
+        data[first : first + step] = basis.matrix[3 * first : 3 * (first + step)].reshape(-1, 3, columns)
+    group.file.flush()
+    _write_beside(group, block, basis)
+
+
+def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
+    """What stands beside the basis."""
+    group["points"] = block.points
+    group["cells"] = block.cells
+    group["cells"].attrs["element"] = block.element
+    group["basis"].attrs["first"] = basis.columns.start
+    group["omega2"] = basis.omega2
+    group["participation"] = basis.participation
+    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report))
+
+
+def read_block(group: h5py.Group) -> BlockBasis:
+    """Read a block from a group of an open file.
+
+    Raises
+    ------
+    ResultError
+        where it has another layout, or its arrays do not fit each other.
+    """
+    if text_of(group, "layout") != LAYOUT:
+        raise ResultError(f"layout {shown(text_of(group, 'layout'))}, expected {LAYOUT!r}")
+    data, first = group["basis"], int(group["basis"].attrs["first"])
+    nodes, _, columns = data.shape
+    omega2, participation = group["omega2"], group["participation"]
+    shapes = (data.shape, group["points"].shape, omega2.shape, participation.shape)
+    expected = ((nodes, 3, columns), (nodes, 3), (columns,), (columns, 3))
+    if shapes != expected or data.dtype != np.float64:
+        raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
+    return BlockBasis(
+        matrix=_array(data).reshape(3 * nodes, columns),
+        columns=slice(first, first + columns),
+        omega2=omega2[()],
+        participation=participation[()],
+        report=json.loads(group.attrs["report"]),
+    )
+
+
+def read_block_file(path: Path, key: str | None = None) -> BlockBasis:
+    """Read the block of a cache file; see `read_block`.
+
+    Parameters
+    ----------
+    key : what it must be of; not asked if not given
+
+    Raises
+    ------
+    ResultError
+        where the file is damaged, or of another key.
+    """
+    with reading(path, only_sealed=True) as file:
+        if key not in (None, text_of(file, "key")):
+            raise ResultError(f"made for key {shown(text_of(file, 'key'))}")
+        return read_block(file)
+
+
+def _array(data: h5py.Dataset) -> Floats:
+    """The array of a dataset; a large one in one piece is mapped, so that only rows in use are read."""
+    offset = data.id.get_offset()
+    if data.nbytes < _MAPPED or offset is None:
+        return np.asarray(data[()])
+    return np.memmap(data.file.filename, dtype=data.dtype, mode="r", offset=offset, shape=data.shape)
+
+
+class BlockStore:
+    """A folder of reduced blocks.
+
+    Parameters
+    ----------
+    folder : made when the first block is written
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._folder: TemporaryDirectory[str] | None = None
+
+    @classmethod
+    def passing(cls) -> BlockStore:
+        """A store that goes with the last reference to it; what is mapped from it stays readable."""
+        folder = TemporaryDirectory(prefix="romdam-")
+        store = cls(Path(folder.name))
+        store._folder = folder
+        return store
+
+    def scratch(self, key: str) -> Path:
+        """Where the unfinished block of a key grows.
+
+        Raises
+        ------
+        ResultError
+            where the folder cannot be made.
+        """
+        self._prepare()
+        return self.folder / f".block-{key[:16]}.columns"
+
+    def path(self, key: str) -> Path:
+        """Where the block of a key is."""
+        return self.folder / f"block-{key[:16]}.h5"
+
+    def read(self, key: str) -> BlockBasis | None:
+        """The block of a key; None where there is none, or the file is damaged or foreign."""
+        path = self.path(key)
+        if not path.is_file():
+            return None
+        try:
+            return read_block_file(path, key)
+        except ResultError as error:
+            log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
+            return None
+
+    def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
+        """Keep a block under its key; the same block, mapped from its file where it is large.
+
+        Raises
+        ------
+        ResultError
+            where the folder or the disk refuses it.
+        """
+        self._prepare()
+        with creating(self.path(key), basis.matrix.nbytes) as file:
+            file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
+            write_block(file, block, basis)
+        if basis.matrix.nbytes < _MAPPED:
+            return basis
+        return replace(basis, matrix=self._mapped(key))
+
+    def write_streamed(
+        self,
+        key: str,
+        block: Block,
+        omega2: Floats,
+        rows: tuple[Iterator[Floats], Floats],
+        report: dict[str, object],
+    ) -> BlockBasis:
+        """Keep a block whose basis comes some rows at a time, and map it.
+
+        Parameters
+        ----------
+        rows : the basis (3 nodes, m) from the first node to the last, and M r (3 n, 3)
+
+        Raises
+        ------
+        ResultError
+            where the folder or the disk refuses it.
+        """
+        pieces, inertia = rows
+        size = (len(block.points), 3, len(omega2))
+        participation, first = np.zeros((len(omega2), 3)), 0
+        with creating(self.path(key), 8 * int(np.prod(size))) as file:
+            data = file.create_dataset("basis", shape=size, dtype="f8")
+            for piece in pieces:
+                last = first + len(piece) // 3
+                data[first:last] = piece.reshape(-1, 3, size[2])
+                participation += piece.T @ inertia[3 * first : 3 * last]
+                first = last
+            basis = BlockBasis(np.zeros((0, 0)), slice(0, size[2]), omega2, participation, report)
+            file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
+            _write_beside(file, block, basis)
+        return replace(basis, matrix=self._mapped(key))
+
+    def _mapped(self, key: str) -> Floats:
+        """The basis in a file that this store has just written."""
+        with h5py.File(self.path(key), "r") as file:
+            found = _array(file["basis"])
+        return found.reshape(3 * found.shape[0], found.shape[2])
+
+    def _prepare(self) -> None:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ResultError(f"{self.folder}: the cache folder cannot be made ({error})") from error
+        sweep_parts(self.folder)

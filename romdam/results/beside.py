@@ -1,0 +1,117 @@
+"""Files beside results, `<kind>-<first 12 of its content's SHA-256>.h5`: written once, and proved when read.
+
+A result names the file, and the name says what must stand in it. So a file of another model under the right
+name is refused, and so is one without a digest of its bytes whose content is another.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+
+import romdam
+from romdam.core.errors import ResultError, shown
+from romdam.core.sealed import FAILURES, creating, examine, reading, text_of
+
+_DIGITS = 12
+
+
+def write_beside(
+    folder: Path, kind: str, about: tuple[str, str], fill: Callable[[h5py.File], None], size: int
+) -> str:
+    """Write a file unless it is there and whole; its name.
+
+    Parameters
+    ----------
+    kind : the name's first part
+    about : what the file's attributes say: format, and the SHA-256 of its content
+    fill : puts the content into the open file
+    size : bytes that it takes
+
+    Raises
+    ------
+    WriteError
+        where the folder or the disk refuses it.
+    """
+    layout, digest = about
+    path = folder / f"{kind}-{digest[:_DIGITS]}.h5"
+    if not _is_written(path, digest):
+        with creating(path, size) as file:
+            file.attrs.update(format=layout, content_sha256=digest, source=f"romdam {romdam.__version__}")
+            fill(file)
+    return path.name
+
+
+def _is_written(path: Path, digest: str) -> bool:
+    """Whether the file is there and whole: a foreign or broken one is written again."""
+    if not path.is_file():
+        return False
+    try:
+        with reading(path, only_sealed=True) as file:
+            return text_of(file, "content_sha256") == digest
+    except ResultError:
+        return False
+
+
+def open_beside(
+    result: Path, name: str, about: tuple[str, str], content: Callable[[h5py.File], str]
+) -> h5py.File:
+    """Open the file of a name beside a result.
+
+    Parameters
+    ----------
+    about : kind and format
+    content : the SHA-256 of what stands in an open file, asked for where its bytes carry no digest
+
+    Raises
+    ------
+    ResultError
+        where it is not there, damaged, or of another model, version or kind.
+    """
+    kind, layout = about
+    name = Path(name).name  # a result never points outside its own folder
+    if not re.fullmatch(rf"{kind}-[0-9a-f]{{{_DIGITS}}}\.h5", name):
+        raise ResultError(f"{result}: its attribute {kind}_file names no such file: {shown(name)}")
+    path = result.with_name(name)
+    try:
+        sealed = examine(path).sealed
+    except ResultError as error:
+        raise ResultError(
+            f"{error}; it stands beside {result.name}, which cannot be read without; run it again"
+        ) from error
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise ResultError(f"{path}: cannot be opened ({error})") from error
+    try:
+        _check(file, path, (layout, sealed, content))
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _check(file: h5py.File, path: Path, expected: tuple[str, bool, Callable[[h5py.File], str]]) -> None:
+    layout, sealed, content = expected
+    if text_of(file, "format") != layout:
+        raise ResultError(
+            f"{path}: is of format {shown(text_of(file, 'format'))}, this version reads {layout!r}; "
+            "run it again"
+        )
+    try:
+        digest = text_of(file, "content_sha256") if sealed else content(file)
+    except FAILURES as error:
+        raise ResultError(f"{path}: is not what romdam writes ({error!r}); run it again") from error
+    if path.stem.rpartition("-")[2] != digest[:_DIGITS]:
+        raise ResultError(
+            f"{path}: holds another model than its name says (SHA-256 {shown(digest[:_DIGITS])}); "
+            "run it again"
+        )
+
+
+def in_order(file: h5py.File) -> list[tuple[str, h5py.Group]]:
+    """The blocks of a file as they were written, one after another."""
+    return sorted(file["blocks"].items(), key=lambda item: h5py.h5o.get_info(item[1].id).addr)

@@ -1,0 +1,69 @@
+"""What the variables of a result file are made from, and what a variable is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Joint, Scene
+from romdam.core.system import History
+from romdam.postprocess.stress import StressSummary
+
+Array = NDArray[Any]
+Attributes = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One computed ground motion: what every variable is made from; no `stress` where none is asked for."""
+
+    scene: Scene
+    motion: GroundMotion
+    history: History
+    stress: StressSummary | None = None
+
+    @property
+    def joints(self) -> list[Joint]:
+        """The joints in the order of their gaps."""
+        return list(self.scene.joints.values())
+
+    @property
+    def frictional(self) -> bool:
+        """Whether slip and shear force exist."""
+        return self.history.jump.shape[2] == 3
+
+    def of_gaps(self, name: str) -> Array:
+        """An attribute of `Joint` for all gaps, joint after joint."""
+        return np.concatenate([getattr(joint, name) for joint in self.joints])
+
+    def per_joint(self, of_gaps: Array, reduce: Callable[[Array], object]) -> Array:
+        """`reduce` applied to the gaps of each joint."""
+        stops = np.cumsum([len(joint.area) for joint in self.joints])[:-1]
+        return np.array([reduce(part) for part in np.split(of_gaps, stops)])
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of a result file.
+
+    Attributes
+    ----------
+    dims : names of its dimensions
+    units : UDUNITS text, "1" for numbers and "" for text
+    long_name : what it is, with its sign
+    get : Case -> array of that shape
+    when : whether the case has it
+    attributes : further CF attributes
+    """
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    get: Callable[[Case], Array]
+    when: Callable[[Case], bool] = lambda case: True
+    attributes: Attributes = field(default_factory=dict)

@@ -1,0 +1,161 @@
+"""What a file must state to be read as the result of a record: names, dimensions, units and kinds."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from romdam.core.errors import ResultError, shown
+from romdam.core.sealed import Opened
+from romdam.results.stress.variables import STRESS_VARIABLES
+from romdam.results.suite.rows import ROWS, STATED, attributes_of, dims_of
+from romdam.results.variables import COORDINATES, VARIABLES
+
+_KNOWN = COORDINATES | VARIABLES
+_TEXTS = (
+    "title", "record", "configuration_file", "configuration", "configuration_sha256", "model_order",
+    "integrator", "date_created",
+)  # fmt: skip
+_NUMBERS = ("record_dt", "record_peak_acceleration", "dt")
+_OPTIONAL_TEXTS = ("model_file", "stress_file", "error_statement", "error_estimate", "certificate_statement")
+_TIMINGS = ("solver_", "wall_seconds_", "cpu_seconds_")
+_WHOLE = ("gap", "joint_state", "stress_node_number", "status", "sample")
+_LATER = ("normal_force", "shear_force", "mean_")  # only a certificate needs them, and says so
+_PACKING = ("scale_factor", "add_offset", "missing_value")
+_RUN = ("record", "scale", "sample")
+_PLACE: dict[str, tuple[tuple[str, ...], str | None]] = {
+    "record": (("record",), ""),
+    "scale": (("scale",), None),
+    "sample": (("sample",), None),
+    "scale_factor": (("record", "scale"), None),
+    "status": (_RUN, None),
+    "message": (_RUN, ""),
+}
+_SUMMARY = _PLACE | {name: (_RUN + dims_of(name), attributes_of(name)["units"]) for name in (*ROWS, *STATED)}
+
+
+def check_run(dataset: xr.Dataset, known: Opened, path: Path) -> None:
+    """Refuse a file that is not the result of a record, or whose variables are not what their names say.
+
+    A program that has rewritten it may have changed units, packed values into integers or left some out.
+
+    Raises
+    ------
+    ResultError
+        naming file, attribute or variable, and what is expected.
+    """
+    flaw = next(_flaws(dataset, known), None)
+    if flaw is not None:
+        raise ResultError(f"{path}: is not the result of a record as romdam writes it: {flaw}; run it again")
+
+
+def check_summary(dataset: xr.Dataset, known: Opened, path: Path) -> None:
+    """Refuse a file that is not the summary of a suite; as `check_run`.
+
+    Raises
+    ------
+    ResultError
+        naming file, attribute or variable, and what is expected.
+    """
+    flaw = next(_summary_flaws(dataset, known), None)
+    if flaw is not None:
+        raise ResultError(
+            f"{path}: is not the summary of a suite as romdam writes it: {flaw}; run the suite again"
+        )
+
+
+def _summary_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
+    for name in ("source", "configuration", "configuration_sha256"):
+        if not isinstance(dataset.attrs.get(name), str):
+            yield f"its attribute {name} must be a text, got {_got(dataset.attrs, name)}"
+    if not dataset.attrs["source"].startswith("romdam"):
+        yield "it has no attribute source that says so"
+    for name, about in _SUMMARY.items():
+        if name in dataset.variables:
+            yield from _variable_flaws(name, *about, dataset.variables[name])
+        elif name in _PLACE:
+            yield f"the variable {name} is missing"
+    for name in sorted(known.infinite):
+        yield f"{name} has infinite values"
+
+
+def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
+    if not str(dataset.attrs.get("source", "")).startswith("romdam"):
+        yield "it was not written by romdam, it has no attribute `source` that says so"
+    yield from _attribute_flaws(dataset.attrs)
+    for name, variable in _KNOWN.items():
+        if name in dataset.variables:
+            yield from _variable_flaws(name, variable.dims, variable.units, dataset.variables[name])
+    yield from _missing(dataset)
+    for name in sorted(known.infinite | (known.undefined - set(STRESS_VARIABLES))):
+        if name in _KNOWN:
+            yield f"{name} has values that are no numbers"
+    yield from _value_flaws(dataset)
+
+
+def _attribute_flaws(attrs: dict[str, object]) -> Iterator[str]:
+    for name in (*_TEXTS, *(n for n in _OPTIONAL_TEXTS if n in attrs)):
+        if not isinstance(attrs.get(name), str):
+            yield f"its attribute {name} must be a text, got {_got(attrs, name)}"
+    for name in _NUMBERS:
+        value = attrs.get(name)
+        if not (isinstance(value, int | float | np.number) and math.isfinite(float(value))):
+            yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
+    for name, value in attrs.items():
+        if name.startswith(_TIMINGS) and not isinstance(value, int | float | np.number):
+            yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
+    if attrs["model_order"] not in ("reduced", "full"):
+        yield f"its attribute model_order must be reduced or full, got {_got(attrs, 'model_order')}"
+    try:
+        configuration = json.loads(str(attrs["configuration"]))
+    except (ValueError, RecursionError):
+        configuration = None
+    if not isinstance(configuration, dict):
+        yield "its attribute configuration is no JSON object"
+
+
+def _got(attrs: dict[str, object], name: str) -> str:
+    return shown(attrs[name]) if name in attrs else "none"
+
+
+def _variable_flaws(name: str, dims: tuple[str, ...], units: str | None, found: xr.Variable) -> Iterator[str]:
+    """`units` is "" for texts, and None for numbers that state none."""
+    if found.dims != dims:
+        yield f"{name} must have the dimensions {dims}, got {found.dims}"
+    kinds = "OUST" if units == "" else "iu" if name in _WHOLE else "f"
+    if found.dtype.kind not in kinds:
+        yield f"{name} must hold {'texts' if units == '' else 'numbers'}, got {found.dtype}"
+    stated = found.attrs.get("units")
+    if units and not (isinstance(stated, str) and stated == units):
+        yield f"{name} must have the units {units!r}, got {_got(found.attrs, 'units')}"
+    fill = found.encoding.get("_FillValue", math.nan)
+    masked = units != "" and isinstance(fill, int | float | np.number) and not np.isnan(fill)
+    if masked or any(key in found.encoding for key in _PACKING):
+        yield f"{name} is packed or masked"
+
+
+def _missing(dataset: xr.Dataset) -> Iterator[str]:
+    """What romdam writes together stands together."""
+    always = VARIABLES["ground_acceleration"].when
+    there = {_KNOWN[name].when: name for name in _KNOWN if name in dataset.variables}
+    for name, variable in _KNOWN.items():
+        beside = there.get(variable.when, "every result" if variable.when is always else "")
+        if beside and name not in dataset.variables and not name.startswith(_LATER):
+            yield f"the variable {name} is missing, which stands beside {beside}"
+
+
+def _value_flaws(dataset: xr.Dataset) -> Iterator[str]:
+    time = dataset.time.values
+    if not (len(time) and (np.diff(time) > 0.0).all()):
+        yield "its times do not increase"
+    if "joint" in dataset and not set(dataset.gap_joint.values.tolist()) <= set(
+        dataset.joint.values.tolist()
+    ):
+        yield "gap_joint names a joint that is not there"
+    if dataset.component.values.tolist() != ["x", "y", "z"]:
+        yield "its components are not x, y, z"

@@ -1,0 +1,198 @@
+"""A computed case as an xarray.Dataset, and its file."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import xarray as xr
+from xarray.backends import H5NetCDFStore
+
+import romdam
+from romdam.config.load import Job
+from romdam.config.plausible import doubts
+from romdam.core.errors import ResultError
+from romdam.core.motion import GroundMotion
+from romdam.core.sealed import Opened, examine, sealing
+from romdam.results.checking import check_run
+from romdam.results.concerns import concerns
+from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
+
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
+COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of the stages of a run: name -> wall and CPU."""
+
+    wall: dict[str, float]
+    cpu: dict[str, float]
+
+
+def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) -> xr.Dataset:
+    """Put one case into a Dataset with units, names and provenance.
+
+    Parameters
+    ----------
+    case : scene, ground motion and history
+    job : the configuration that asked for it
+    timing : seconds spent
+    model_file : name of the basis file beside the result; None at full order
+    """
+    dataset = xr.Dataset(
+        data_vars=dict(_present(VARIABLES, case)),
+        coords=dict(_present(COORDINATES, case)),
+        attrs=_attributes(case, job) | _timing_attributes(case, timing),
+    )
+    if model_file is not None:
+        dataset.attrs["model_file"] = model_file
+    return dataset
+
+
+def _present(table: dict[str, Variable], case: Case) -> Iterator[tuple[str, xr.Variable]]:
+    for name, variable in table.items():
+        if variable.when(case):
+            attributes = {"long_name": variable.long_name, **variable.attributes}
+            if variable.units:
+                attributes["units"] = variable.units
+            yield name, xr.Variable(variable.dims, variable.get(case), attributes)
+
+
+def library_versions() -> str:
+    """Versions of Python and of the libraries that a result depends on, as JSON."""
+    return json.dumps({name: version(name) for name in LIBRARIES} | {"python": platform.python_version()})
+
+
+def job_labels(job: Job) -> dict[str, object]:
+    """What a result says of the configuration that it belongs to."""
+    return {
+        "title": job.config.title or job.path.stem,
+        "configuration_file": job.path.name,
+        "configuration": json.dumps(job.config.model_dump(mode="json")),
+        "configuration_sha256": job.digest,
+        "configuration_doubts": json.dumps(doubts(job.config)),
+    }
+
+
+def record_labels(motion: GroundMotion) -> dict[str, object]:
+    """What a result says of where its ground motion comes from."""
+    return {
+        "record": motion.name,
+        "record_provenance": json.dumps(motion.provenance, default=str),
+        "record_warnings": json.dumps(list(motion.warnings)),
+    }
+
+
+def _attributes(case: Case, job: Job) -> dict[str, object]:
+    motion = case.motion
+    return (
+        job_labels(job)
+        | record_labels(motion)
+        | {
+            "Conventions": "CF-1.11",
+            "source": f"romdam {romdam.__version__}",
+            "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "record_dt": motion.dt,
+            "record_peak_acceleration": float(np.abs(motion.acc).max()),
+            "run_warnings": json.dumps(concerns(case.history.stats)),
+            "model_order": job.config.model.order,
+            "integrator": case.history.integrator,
+            "dt": case.history.stats["finest_step"],
+            "versions": library_versions(),
+            "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        }
+    )
+
+
+def _timing_attributes(case: Case, timing: Timing) -> dict[str, object]:
+    seconds: dict[str, object] = {f"wall_seconds_{k}": v for k, v in timing.wall.items()}
+    seconds |= {f"cpu_seconds_{k}": v for k, v in timing.cpu.items()}
+    return seconds | {f"solver_{k}": v for k, v in case.history.stats.items()}
+
+
+def single_precision(dataset: xr.Dataset) -> xr.Dataset:
+    """The same dataset with its variables over time in single precision; time itself stays double."""
+    kept = {
+        name: v.astype(np.float32)
+        for name, v in dataset.data_vars.items()
+        if "time" in v.dims and v.dtype == np.float64
+    }
+    return dataset.assign(kept)
+
+
+def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+    """Write a NetCDF-4 file whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses it.
+    """
+    encoding = {
+        name: dict(COMPRESSION)
+        for name, v in dataset.variables.items()
+        if v.dtype.kind in "fiu" and v.ndim > 0
+    }
+    with sealing(path, dataset.nbytes) as stream, h5netcdf.File(stream, "w") as file:
+        dataset.dump_to_store(H5NetCDFStore(file), encoding=encoding)
+
+
+def open_dataset(path: Path) -> xr.Dataset:
+    """Open a file of romdam's lazily, once it is known to be whole.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, it is damaged, or romdam has not written it.
+    """
+    dataset, _ = open_netcdf(path)
+    if not str(dataset.attrs.get("source", "")).startswith("romdam"):
+        dataset.close()
+        raise ResultError(f"{path}: was not written by romdam; it has no `source` attribute that says so")
+    return dataset
+
+
+def open_run(path: Path) -> xr.Dataset:
+    """Open the result of a record lazily, once it is known to be one.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, it is damaged, or it is not the result of a record.
+    """
+    dataset, known = open_netcdf(path)
+    try:
+        check_run(dataset, known, path)
+    except ResultError:
+        dataset.close()
+        raise
+    return dataset
+
+
+def open_netcdf(path: Path) -> tuple[xr.Dataset, Opened]:
+    """Open a NetCDF file lazily, once it is known to be whole, and what is known of it.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, or it is damaged.
+    """
+    if not path.exists():
+        raise ResultError(
+            f"{path}: no such result file; `romdam run CONFIG --out DIR` writes DIR/<record>.nc"
+        )
+    known = examine(path)
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
+    except Exception as error:
+        raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
+    return dataset, known

@@ -1,0 +1,111 @@
+"""Fields of a result for ParaView: one .vtu a frame and a .pvd that lists them.
+
+The meshes of all blocks stand in one file: point data `displacement` and, where the result has them, the six
+components `stress` (NaN elsewhere) and the envelope `max_principal_stress`; cell data `block`, its number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError
+from romdam.core.files import replacing
+from romdam.results.fields import Result
+from romdam.results.series import Frames, frame_times
+
+if TYPE_CHECKING:
+    import meshio
+
+Progress = Callable[[int, int], None]
+
+_CELL_NAMES = {"tet4": "tetra", "hex8": "hexahedron", "tet10": "tetra10", "hex20": "hexahedron20"}
+
+
+def write_series(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
+    """Write `folder`/`stem`-0000.vtu and so on, and at last `stem`.pvd, which ParaView opens.
+
+    Raises
+    ------
+    ResultError
+        for a full-order result, a window without written times, and where the disk refuses a file.
+    """
+    times, names = frame_times(result, frames), []
+    mesh = _mesh(result)
+    for k, time in enumerate(times):
+        mesh.point_data |= _fields(result, float(time))
+        names.append(f"{stem}-{k:04d}.vtu")
+        with replacing(folder / names[-1]) as part:
+            mesh.write(part, file_format="vtu")
+        progress(k + 1, len(times))
+    path = folder / f"{stem}.pvd"
+    with replacing(path) as part:
+        part.write_text(_collection(names, times), encoding="utf-8")
+    return path
+
+
+def _collection(names: list[str], times: Floats) -> str:
+    rows = "\n".join(
+        f'    <DataSet timestep="{time:.9g}" part="0" file="{name}"/>'
+        for name, time in zip(names, times, strict=True)
+    )
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">'
+    return f"{head}\n  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n"
+
+
+def _mesh(result: Result) -> meshio.Mesh:
+    """All blocks, one after another, with what does not change."""
+    import meshio
+
+    points, cells, number, first = [], [], [], 0
+    for k, name in enumerate(result.blocks):
+        element, own = result.cells(name)
+        points.append(result.points(name))
+        cells.append((_CELL_NAMES[element], own + first))
+        number.append(np.full(len(own), k, dtype=np.int32))
+        first += len(points[-1])
+    mesh = meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})
+    dataset = result.dataset
+    if "max_principal_stress" in dataset:
+        mesh.point_data["max_principal_stress"] = _spread(
+            result,
+            {
+                b: dataset.max_principal_stress.values[dataset.stress_block.values == b]
+                for b in _stressed(result)
+            },
+        )
+    return mesh
+
+
+def _fields(result: Result, time: float) -> dict[str, Floats]:
+    moved = [result.displacement(name, times=time).values[0] for name in result.blocks]
+    found = {"displacement": np.concatenate(moved)}
+    if "stress_file" in result.dataset.attrs:
+        found["stress"] = _spread(
+            result, {b: result.stress(b, times=time).values[0] for b in _stressed(result)}
+        )
+    return found
+
+
+def _stressed(result: Result) -> list[str]:
+    """Blocks that have stress nodes."""
+    return list(dict.fromkeys(result.dataset.stress_block.values.tolist()))
+
+
+def _spread(result: Result, values: dict[str, Floats]) -> Floats:
+    """Values of the stress nodes of every block as values of all nodes, NaN elsewhere."""
+    numbers = result.dataset.stress_node_number.values
+    parts = []
+    for name in result.blocks:
+        width = next(iter(values.values())).shape[1:]
+        whole = np.full((len(result.points(name)), *width), np.nan)
+        if name in values:
+            whole[numbers[result.dataset.stress_block.values == name]] = values[name]
+        parts.append(whole)
+    if not parts:
+        raise ResultError(f"{result.path}: has no blocks")
+    return np.concatenate(parts)

@@ -1,0 +1,256 @@
+"""Displacement anywhere in a block, rebuilt from the basis file and the reduced coordinates.
+
+The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per model, beside the results):
+
+    /                       attributes: format, content_sha256, source
+    /blocks/<name>          one group for each block, as `romdam.reduction.storage.model_file` describes it
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError
+from romdam.core.scene import Scene
+from romdam.postprocess.stress import COMPONENTS
+from romdam.reduction.storage.model_file import BlockBasis, write_block
+from romdam.results.beside import in_order, open_beside, write_beside
+from romdam.results.dataset import open_run
+from romdam.results.stress.file import read_stress
+
+FORMAT = "romdam-model-1"
+_ROWS = 4096  # of an array at a time
+
+
+def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
+    """Write the basis file of a model unless it is there; its name, made from its content.
+
+    Raises
+    ------
+    WriteError
+        where the folder or the disk refuses it.
+    """
+
+    def fill(file: h5py.File) -> None:
+        for name, block in scene.blocks.items():
+            write_block(file.create_group(f"blocks/{name}"), block, basis[name])
+
+    blocks = ((name, block, basis[name]) for name, block in scene.blocks.items())
+    digest = _digest(
+        (name, block.element, part.columns.start, part.matrix.shape, (block.points, block.cells, part.matrix))
+        for name, block, part in blocks
+    )
+    return write_beside(folder, "model", (FORMAT, digest), fill, sum(p.matrix.nbytes for p in basis.values()))
+
+
+def _digest(blocks: Iterable[tuple[str, str, int, tuple[int, ...], Sequence[Any]]]) -> str:
+    """SHA-256 of blocks: name, element, first column, shape of the basis; points, cells and basis."""
+    content = hashlib.sha256(FORMAT.encode())
+    for name, element, column, shape, arrays in blocks:
+        content.update(f"{name} {element} {column} {shape}".encode())
+        for array in arrays:
+            for first in range(0, array.shape[0], _ROWS):
+                content.update(np.ascontiguousarray(array[first : first + _ROWS]).data)
+    return content.hexdigest()
+
+
+def stored_digest(file: h5py.File) -> str:
+    """SHA-256 of the content of a basis file."""
+    return _digest(
+        (
+            name,
+            str(group["cells"].attrs["element"]),
+            int(group["basis"].attrs["first"]),
+            (3 * group["basis"].shape[0], group["basis"].shape[2]),
+            (group["points"], group["cells"], group["basis"]),
+        )
+        for name, group in in_order(file)
+    )
+
+
+class Result:
+    """A result file and its basis file, both read only where asked.
+
+    Attributes
+    ----------
+    path : the NetCDF file
+    dataset : xarray.Dataset, lazy
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.dataset: xr.Dataset = open_run(self.path)
+        self._model: h5py.File | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        attrs = self.dataset.attrs
+        return f"Result({str(self.path)!r}): {attrs['title']}, record {attrs['record']}"
+
+    def close(self) -> None:
+        """Close both files."""
+        self.dataset.close()
+        if self._model is not None:
+            self._model.close()
+            self._model = None
+
+    @property
+    def blocks(self) -> list[str]:
+        """Names of the blocks."""
+        return list(self._file()["blocks"])
+
+    def points(self, block: str) -> Floats:
+        """Node positions of a block, (n, 3) [m]."""
+        return np.asarray(self._block(block)["points"])
+
+    def cells(self, block: str) -> tuple[str, NDArray[np.int64]]:
+        """Element name of a block and its cells, node numbers in the VTK order."""
+        cells = self._block(block)["cells"]
+        return str(cells.attrs["element"]), np.asarray(cells)
+
+    def displacement(
+        self,
+        block: str,
+        nodes: int | Sequence[int] | NDArray[np.integer[Any]] | None = None,
+        times: float | Sequence[float] | slice | None = None,
+    ) -> xr.DataArray:
+        """Displacement relative to the base of nodes of a block.
+
+        Only the asked rows of the basis and of the reduced coordinates are read.
+
+        Parameters
+        ----------
+        block : its name
+        nodes : node numbers in the block; None is all
+        times : seconds, the nearest written time is taken; or a slice of seconds; None is all
+
+        Returns
+        -------
+        DataArray with dims time, point, component [m]; `point` holds the node numbers
+
+        Raises
+        ------
+        ResultError
+            for an unknown block, a node number out of range, or a full-order result.
+        """
+        matrix = self._block(block)["basis"]
+        chosen = self._nodes(matrix.shape[0], block, nodes)
+        first, count = int(matrix.attrs["first"]), matrix.shape[2]
+        q = self._coordinates(times, slice(first, first + count))
+        rows, back = np.unique(chosen, return_inverse=True)
+        field = np.einsum("ncm,tm->tnc", matrix[rows][back], q.values, optimize=True)
+        return xr.DataArray(
+            field,
+            dims=("time", "point", "component"),
+            coords={"time": q.time.values, "point": chosen, "component": ["x", "y", "z"]},
+            name="displacement",
+            attrs={"units": "m", "long_name": f"displacement of block {block} relative to the base"},
+        )
+
+    def stress(
+        self,
+        block: str,
+        nodes: int | Sequence[int] | NDArray[np.integer[Any]] | None = None,
+        times: float | Sequence[float] | slice | None = None,
+    ) -> xr.DataArray:
+        """Stress of nodes of a block, those that `outputs.stress` names.
+
+        Parameters
+        ----------
+        block : its name
+        nodes : node numbers in the block; None is all that have stress
+        times : as in `displacement`
+
+        Returns
+        -------
+        DataArray with dims time, point, stress_component [Pa]; `point` holds the node numbers
+
+        Raises
+        ------
+        ResultError
+            for an unknown block, a node without stress, or a full-order result.
+        """
+        kept = read_stress(self.path, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
+        q = self._coordinates(times, kept.columns)
+        return xr.DataArray(
+            np.einsum("ncm,tm->tnc", kept.fields, q.values, optimize=True) + kept.offset,
+            dims=("time", "point", "stress_component"),
+            coords={"time": q.time.values, "point": kept.nodes, "stress_component": list(COMPONENTS)},
+            name="stress",
+            attrs={"units": "Pa", "long_name": f"stress of block {block}, tension positive"},
+        )
+
+    def _coordinates(self, times: float | Sequence[float] | slice | None, columns: slice) -> xr.DataArray:
+        q = self.dataset.get("reduced_coordinates")
+        modes = 0 if q is None else q.sizes["mode"]
+        if q is None or columns.stop > modes:
+            raise ResultError(
+                f"{self.path}: has {modes} reduced coordinates, the files beside it are of {columns.stop} or "
+                "more, of another model; run it again"
+            )
+        return _at_times(q, times)[:, columns]
+
+    def _nodes(self, count: int, block: str, nodes: Any) -> NDArray[np.int64]:
+        chosen = np.arange(count) if nodes is None else np.atleast_1d(np.asarray(nodes, dtype=np.int64))
+        if chosen.size and not (chosen.min() >= 0 and chosen.max() < count):
+            raise ResultError(
+                f"{self.path}: nodes of block {block!r} must be from 0 to {count - 1}, "
+                f"got {chosen.min()} to {chosen.max()}"
+            )
+        return chosen
+
+    def _block(self, name: str) -> h5py.Group:
+        blocks = self._file()["blocks"]
+        if name not in blocks:
+            raise ResultError(f"{self.path}: no block {name!r}; there are {', '.join(blocks)}")
+        return blocks[name]
+
+    def _file(self) -> h5py.File:
+        if self._model is None:
+            self._model = _open_model(self.path, str(self.dataset.attrs.get("model_file", "")))
+        return self._model
+
+
+def open_result(path: str | Path) -> Result:
+    """Open a result that `romdam run` wrote; also a context manager.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, or it is not a romdam result.
+    """
+    return Result(path)
+
+
+def _at_times(q: xr.DataArray, times: float | Sequence[float] | slice | None) -> xr.DataArray:
+    if times is None:
+        return q
+    if isinstance(times, slice):
+        return q.sel(time=times)
+    return q.sel(time=np.atleast_1d(np.asarray(times, dtype=float)), method="nearest")
+
+
+def _open_model(result: Path, name: str) -> h5py.File:
+    if not name:
+        raise ResultError(
+            f"{result}: a full-order result keeps displacements at its output nodes only; "
+            "name more under outputs.nodes, or run with model.order: reduced"
+        )
+    return open_beside(result, name, ("model", FORMAT), stored_digest)

@@ -1,0 +1,1 @@
+"""Stress in result files."""

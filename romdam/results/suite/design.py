@@ -1,0 +1,175 @@
+"""The samples of a suite as a Dataset: the full grid, a Latin hypercube, or a table."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from romdam.config.load import Job
+from romdam.config.parameters import Place, find_place, si_value
+from romdam.config.sections.suite import (
+    MOST_RUNS,
+    DesignTableConfig,
+    LatinHypercubeConfig,
+    ParameterConfig,
+    SuiteConfig,
+)
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError, shown
+from romdam.core.files import check_file
+from romdam.core.fingerprint import fingerprint
+from romdam.postprocess.responses import PARAMETER
+
+_MOST_TABLE = 1e9  # bytes
+
+
+def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
+    """Where each parameter of a suite stands.
+
+    Raises
+    ------
+    ConfigError
+        for a path that cannot be varied, or two that name the same place.
+    """
+    source = str(job.path)
+    places = {n: find_place(job.config, one.path, n, source) for n, one in suite.parameters.items()}
+    taken: dict[tuple[str, str], str] = {}
+    for name, place in places.items():
+        for joint in place.joints or ("",):
+            other = taken.setdefault((joint, place.keys[0]), name)
+            if other != name and (place.keys == places[other].keys or not _beside(place, places[other])):
+                raise ConfigError(
+                    f"{source}: suite.parameters.{name}.path: {place.path} varies what parameter {other!r} "
+                    f"({places[other].path}) does; remove one of the two"
+                )
+    return places
+
+
+def _beside(one: Place, other: Place) -> bool:
+    """Whether two keys of one section can vary together, as damping.rayleigh.alpha and .beta."""
+    return len(one.keys) == len(other.keys) == 2
+
+
+def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) -> xr.Dataset:
+    """The samples of a suite: dims sample, a variable `parameter_<name>` for each parameter, SI.
+
+    Raises
+    ------
+    ConfigError
+        for values that a key would not take, and tables that do not fit.
+    """
+    source, design = str(job.path), suite.design
+    if isinstance(design, DesignTableConfig):
+        values = _table(job.folder / design.table, places)
+        kind = f"table {design.table.name}"
+    elif isinstance(design, LatinHypercubeConfig):
+        values = _latin_hypercube(design, suite.parameters, places, source)
+        kind = f"Latin hypercube, seed {design.seed}"
+    else:
+        values = _grid(suite.parameters, places, source)
+        kind = "full grid"
+    count = len(next(iter(values.values()))) if values else 1
+    data = {
+        PARAMETER + name: ("sample", column, {"units": places[name].units, "long_name": places[name].path})
+        for name, column in values.items()
+    }
+    attributes = {"design": kind, "content_sha256": fingerprint(values)}
+    return xr.Dataset(data, coords={"sample": np.arange(count)}, attrs=attributes)
+
+
+def _levels(name: str, one: ParameterConfig, place: Place, source: str) -> Floats:
+    """The values of a parameter in the full grid."""
+    if one.values is not None:
+        return np.array([si_value(place, value, name, source) for value in one.values])
+    low, high = _range(name, one, place, source)
+    if one.distribution == "loguniform":
+        return np.geomspace(low, high, one.count or 2)
+    return np.linspace(low, high, one.count or 2)
+
+
+def _range(name: str, one: ParameterConfig, place: Place, source: str) -> tuple[float, float]:
+    low, high = (si_value(place, v, name, source) for v in (one.low, one.high) if v is not None)
+    least = 0.0 if one.distribution == "loguniform" else -np.inf
+    if not least < low < high < np.inf:
+        raise ConfigError(
+            f"{source}: suite.parameters.{name}: `low` must be below `high`"
+            f"{' and above 0 for loguniform' if least == 0.0 else ''}, got {one.low} and {one.high}"
+        )
+    return low, high
+
+
+def _grid(
+    parameters: Mapping[str, ParameterConfig], places: Mapping[str, Place], source: str
+) -> dict[str, Floats]:
+    levels = {name: _levels(name, one, places[name], source) for name, one in parameters.items()}
+    rows = list(itertools.product(*levels.values()))
+    return {name: np.array([row[i] for row in rows]) for i, name in enumerate(levels)}
+
+
+def _latin_hypercube(
+    design: LatinHypercubeConfig,
+    parameters: Mapping[str, ParameterConfig],
+    places: Mapping[str, Place],
+    source: str,
+) -> dict[str, Floats]:
+    from scipy.stats import qmc  # here: it takes most of a second to load
+
+    sampler = qmc.LatinHypercube(d=len(parameters), seed=np.random.default_rng(design.seed))
+    unit = sampler.random(design.latin_hypercube)
+    found = {}
+    for column, (name, one) in enumerate(parameters.items()):
+        u = unit[:, column]
+        if one.values is not None:
+            levels = _levels(name, one, places[name], source)
+            found[name] = levels[np.minimum((u * len(levels)).astype(int), len(levels) - 1)]
+            continue
+        low, high = _range(name, one, places[name], source)
+        found[name] = low * (high / low) ** u if one.distribution == "loguniform" else low + u * (high - low)
+    return found
+
+
+def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
+    lines = _lines(path)
+    if len(lines) < 2:
+        raise ConfigError(f"{path}: holds no samples; expected a line of names, then a line for each sample")
+    if len(lines) > MOST_RUNS + 1:
+        raise ConfigError(f"{path}: holds {len(lines) - 1} samples, limit {MOST_RUNS}; split the table")
+    columns = lines[0][1]
+    if sorted(columns) != sorted(places):
+        raise ConfigError(
+            f"{path}: has the columns {shown(', '.join(columns))}, expected one for each parameter, once: "
+            f"{', '.join(places)}"
+        )
+    for number, cells in lines[1:]:
+        if len(cells) != len(columns):
+            raise ConfigError(
+                f"{path}: line {number}: has {len(cells)} values for {len(columns)} columns; separate them "
+                "by commas, and write numbers with a decimal point"
+            )
+    return {
+        name: np.array([_cell(path, number, cells[at], name, place) for number, cells in lines[1:]])
+        for name, place in places.items()
+        for at in (columns.index(name),)
+    }
+
+
+def _lines(path: Path) -> list[tuple[int, list[str]]]:
+    """Number and cells of every line of a table that is not empty."""
+    check_file(path, _MOST_TABLE, ConfigError)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, skipinitialspace=True, strict=True)
+            return [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
+
+
+def _cell(path: Path, line: int, text: str, name: str, place: Place) -> float:
+    if not text:
+        raise ConfigError(f"{path}: line {line}: no value for {name}")
+    return si_value(place, text, name, f"{path}: line {line}")

@@ -1,0 +1,80 @@
+"""What a report shows besides the summary: spectra of the records and a picture of the scene, in one file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.core.errors import ResultError
+from romdam.core.motion import GroundMotion
+from romdam.records.spectra import pseudo_acceleration
+from romdam.results.dataset import open_dataset
+
+DATA = "report-data.nc"
+PERIODS = np.geomspace(0.02, 5.0, 60)  # [s]
+DAMPING = 0.05
+_KEYS = ("configuration_sha256", "runs_sha256")  # attributes of the summary that the data belong to
+
+
+def report_data(
+    summary: xr.Dataset, motions: Mapping[str, GroundMotion], picture: bytes | None
+) -> xr.Dataset:
+    """Spectra of a suite's records at the middle one of its scales, and a picture.
+
+    Parameters
+    ----------
+    summary : of the suite
+    motions : record -> motion before the suite's scale; records that cannot be used have none
+    picture : bytes of a PNG
+
+    Returns
+    -------
+    Dataset : `psa` (record, period) [m/s2] of the largest component, NaN without a motion; `picture` (byte)
+    """
+    middle = summary.sizes["scale"] // 2
+    scale = float(summary.scale[middle])
+    psa = np.full((summary.sizes["record"], len(PERIODS)), np.nan)
+    for i, name in enumerate(summary.record.values):
+        motion = motions.get(str(name))
+        if motion is not None:
+            factor = float(summary.scale_factor[i, middle])
+            psa[i] = factor * pseudo_acceleration(motion.acc, motion.dt, PERIODS, DAMPING).max(axis=0)
+    scaled = "as recorded" if scale == 1.0 else f"{scale:g} times as recorded"
+    if summary.scale.attrs.get("units", "1") != "1":
+        scaled = f"scaled to {scale:g} m/s²"
+    data = {
+        "psa": (("record", "period"), psa, {"units": "m s-2", "long_name": "pseudo-spectral acceleration"}),
+        "picture": ("byte", np.frombuffer(picture or b"", dtype=np.uint8)),
+    }
+    attributes = {
+        "source": f"romdam {romdam.__version__}",
+        "damping": DAMPING,
+        "scaled": scaled,
+        **{key: str(summary.attrs.get(key, "")) for key in _KEYS},
+    }
+    coords = {"record": summary.record.values, "period": ("period", PERIODS, {"units": "s"})}
+    return xr.Dataset(data, coords, attributes)
+
+
+def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:
+    """The data of this very summary; None where there are none.
+
+    Raises
+    ------
+    ResultError
+        where the file is no result of romdam's.
+    """
+    if not (folder / DATA).is_file():
+        return None
+    with open_dataset(folder / DATA) as data:
+        if missing := [name for name in ("psa", "picture", "record", "period") if name not in data.variables]:
+            raise ResultError(
+                f"{folder / DATA}: lacks {', '.join(missing)}; `romdam report --config` writes it again"
+            )
+        same = all(str(data.attrs.get(key, "")) == str(summary.attrs.get(key, "")) for key in _KEYS)
+        same = same and list(data.record.values) == list(summary.record.values)
+        return data.load() if same else None

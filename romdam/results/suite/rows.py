@@ -1,0 +1,221 @@
+"""One run of a suite as a row of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from romdam.core.arrays import Floats
+from romdam.core.system import History
+from romdam.postprocess.stress import MEASURES as STRESS
+from romdam.results.case import Array, Case, Variable
+
+REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
+OPEN, SLIP = 0, 2
+DONE, FAILED = 0, 1
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The result file of a run that is kept whole.
+
+    Attributes
+    ----------
+    file : its name
+    sha256 : of its bytes
+    labels : fingerprint of its attributes that name the run: they follow the design, not the run's content
+    shared : what it shares with others: attribute -> file name
+    """
+
+    file: str
+    sha256: str
+    labels: str
+    shared: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a suite keeps of one run; it says nothing of the run's place in the suite, which may change.
+
+    Attributes
+    ----------
+    key : SHA-256 of everything the run depends on
+    message : why it failed; empty where it did not
+    values : name -> array, see `ROWS`; empty where it failed
+    kept : its result file, where results are kept whole
+    lasts : whether it fails again wherever it is made; a row that does not is not kept
+    """
+
+    key: str
+    message: str = ""
+    values: dict[str, Array] = field(default_factory=dict)
+    kept: Kept | None = None
+    lasts: bool = True
+
+
+def _joints(case: Case) -> bool:
+    return bool(case.scene.joints)
+
+
+def _frictional(case: Case) -> bool:
+    return _joints(case) and case.frictional
+
+
+def _probes(case: Case) -> bool:
+    return bool(case.scene.probes)
+
+
+def _stressed(case: Case) -> bool:
+    return case.stress is not None
+
+
+def _at_rest(history: History) -> Floats:
+    """(ng, d) jumps averaged over the end of the run."""
+    kept = history.time >= history.time[-1] - REST
+    return np.asarray(history.jump[kept].mean(axis=0))
+
+
+def _residual_slip(case: Case) -> Array:
+    return case.per_joint(np.hypot(*_at_rest(case.history)[:, 1:3].T), np.max)
+
+
+def _time_in(state: int) -> Callable[[Case], Array]:
+    """Time during which any gap of a joint is in a state, by the written rows."""
+
+    def get(case: Case) -> Array:
+        h = case.history
+        interval = float(h.time[1] - h.time[0]) if len(h.time) > 1 else 0.0
+        return interval * case.per_joint((h.state == state).T, lambda part: part.any(axis=0).sum())
+
+    return get
+
+
+def _peak_displacement(case: Case) -> Array:
+    return np.abs(case.history.disp).max(axis=0).reshape(-1, 3)
+
+
+def _peak_stress(case: Case) -> Array:
+    assert case.stress is not None
+    return np.array([case.stress.largest[name].max() for name in STRESS])
+
+
+def _energy(term: str, long_name: str) -> Variable:
+    return Variable((), "J", f"{long_name}, at the end", lambda c: np.asarray(c.history.energy[term][-1]))
+
+
+def _stat(name: str, units: str, long_name: str, key: str | None = None) -> Variable:
+    key = key or name
+    return Variable(
+        (), units, long_name, lambda c: np.asarray(c.history.stats[key]), lambda c: key in c.history.stats
+    )
+
+
+def _peak(name: str, sign: float, choose: Callable[[Array], object]) -> Callable[[Case], Array]:
+    return lambda case: case.per_joint(sign * case.history.peaks[name], choose)
+
+
+_JOINT = ("joint",)
+ROWS: dict[str, Variable] = {
+    "peak_opening": Variable(
+        _JOINT, "m", "largest opening over all gaps and steps", _peak("opening", 1.0, np.max), _joints
+    ),
+    "residual_opening": Variable(
+        _JOINT,
+        "m",
+        f"largest opening of a gap, averaged over the last {REST:g} s",
+        lambda c: c.per_joint(_at_rest(c.history)[:, 0], np.max),
+        _joints,
+    ),
+    "peak_slip": Variable(
+        _JOINT,
+        "m",
+        "largest tangential displacement over all gaps and steps",
+        _peak("slip", 1.0, np.max),
+        _frictional,
+    ),
+    "residual_slip": Variable(
+        _JOINT,
+        "m",
+        f"largest tangential displacement of a gap, averaged over the last {REST:g} s",
+        _residual_slip,
+        _frictional,
+    ),
+    "peak_compression": Variable(
+        _JOINT,
+        "N",
+        "largest compressive force of one gap over all steps, compression negative",
+        _peak("compression", -1.0, np.min),
+        _joints,
+    ),
+    "peak_compressive_stress": Variable(
+        _JOINT,
+        "Pa",
+        "largest compressive force of one gap over its area, compression negative",
+        lambda c: c.per_joint(-c.history.peaks["compression"] / c.of_gaps("area"), np.min),
+        _joints,
+    ),
+    "open_duration": Variable(
+        _JOINT, "s", "time in which any gap is open, by the written rows", _time_in(OPEN), _joints
+    ),
+    "sliding_duration": Variable(
+        _JOINT, "s", "time in which any gap slides, by the written rows", _time_in(SLIP), _frictional
+    ),
+    "gap_peak_opening": Variable(
+        ("gap",),
+        "m",
+        "largest opening of the gap over all steps",
+        lambda c: c.history.peaks["opening"],
+        _joints,
+    ),
+    "peak_displacement": Variable(
+        ("node", "component"),
+        "m",
+        "largest displacement relative to the base, either sign",
+        _peak_displacement,
+        _probes,
+    ),
+    "peak_stress": Variable(
+        ("stress_measure",), "Pa", "largest stress over all nodes and written times", _peak_stress, _stressed
+    ),
+    "energy_input": _energy("input", "work of inertia forces and static loads"),
+    "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),
+    "energy_strain": _energy("strain", "strain energy of the blocks"),
+    "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),
+    "energy_damping": _energy("damping", "energy dissipated by damping"),
+    "energy_friction": _energy("friction", "energy dissipated by sliding"),
+    "energy_contact": _energy("contact", "energy taken away numerically at closing and opening"),
+    "energy_residual": _energy("residual", "imbalance of the energy ledger"),
+    "ledger_imbalance": _stat(
+        "ledger_imbalance", "1", "largest imbalance of the energy ledger over the largest energy exchanged"
+    ),
+    "estimated_time_error": _stat("estimated_time_error", "1", "estimated error of the time stepping"),
+    "finest_step": _stat("finest_step", "s", "finest step"),
+    "steps": _stat("steps", "1", "accepted steps of the finest integration"),
+}
+# what a run gains besides its history
+STATED: dict[str, tuple[str, str]] = {
+    "estimated_reduction_error": ("1", "estimated error of the openings in L2 from leaving out modes"),
+    "wall_seconds": ("s", "wall time of the run; its share of the time where runs march together"),
+    "cpu_seconds": ("s", "CPU time of the run; its share of the time where runs march together"),
+}
+
+
+def row_values(case: Case, stated: dict[str, float]) -> dict[str, Array]:
+    """The numbers of a finished run."""
+    values = {n: np.asarray(v.get(case), dtype=float) for n, v in ROWS.items() if v.when(case)}
+    values |= {name: np.asarray(value) for name, value in stated.items()}
+    # one NaN, of the many that there are: a row that was read again has that of JSON
+    return {name: np.where(np.isnan(value), np.nan, value) for name, value in values.items()}
+
+
+def attributes_of(name: str) -> dict[str, str]:
+    """Units and long name of a variable of the rows."""
+    units, long_name = STATED[name] if name in STATED else (ROWS[name].units, ROWS[name].long_name)
+    return {"units": units, "long_name": long_name}
+
+
+def dims_of(name: str) -> tuple[str, ...]:
+    """Dimensions of a variable of the rows, besides those of the suite."""
+    return ROWS[name].dims if name in ROWS else ()

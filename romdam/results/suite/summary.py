@@ -1,0 +1,279 @@
+"""The summary of a suite: one Dataset over records, scales and samples; and opening a whole suite."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.config.load import Job
+from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError
+from romdam.core.fingerprint import fingerprint
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.postprocess.record_measures import MEASURES
+from romdam.postprocess.stress import MEASURES as STRESS
+from romdam.records.measures import measure
+from romdam.records.spectra import pseudo_acceleration
+from romdam.results.case import Array
+from romdam.results.checking import check_summary
+from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
+from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, attributes_of, dims_of
+
+Place = tuple[int, int, int]  # numbers of record, scale and sample
+SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
+# how a measure grows with the scale of the record; the others do not change
+_POWER = {"pga": 1, "pgv": 1, "pgd": 1, "cav": 1, "sa": 1, "arias": 2}
+_SINGLE = ("gap_peak_opening",)  # maps, in single precision
+
+
+@dataclass(frozen=True)
+class SuiteRecord:
+    """A record of a suite as the summary shows it.
+
+    Attributes
+    ----------
+    name : unique
+    motion : as recorded and corrected, before the suite's scale; None where it cannot be used
+    message : why not
+    factors : (scales,) what the motion is multiplied by; NaN without a motion
+    """
+
+    name: str
+    motion: GroundMotion | None
+    message: str
+    factors: Floats
+
+
+def record_measures(records: Sequence[SuiteRecord], period: float) -> dict[str, Array]:
+    """Measures of each record's largest component at every scale, (record, scale); NaN without motion."""
+    names = [*MEASURES, "sa"]
+    shape = (len(records), max((len(record.factors) for record in records), default=0))
+    found = {name: np.full(shape, np.nan) for name in names}
+    for i, record in enumerate(records):
+        if record.motion is None:
+            continue
+        motion = record.motion
+        used = motion.acc[np.any(motion.acc != 0.0, axis=-1)]
+        acc = used if used.size else motion.acc[:1]
+        values = {name: float(np.nanmax(v)) for name, v in measure(acc, motion.dt).items()}
+        values["sa"] = float(pseudo_acceleration(acc, motion.dt, np.array([period])).max())
+        for name in names:
+            found[name][i] = values[name] * record.factors ** _POWER.get(name, 0)
+    return found
+
+
+def intensity(motion: GroundMotion, name: str, period: float | None, damping: float) -> float:
+    """PGA or PSa of the largest component [m/s2]."""
+    if name == "pga" or period is None:
+        return float(np.abs(motion.acc).max())
+    return float(pseudo_acceleration(motion.acc, motion.dt, np.array([period]), damping).max())
+
+
+def summary_dataset(
+    job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], rows: Mapping[Place, Row]
+) -> xr.Dataset:
+    """Put the rows of a suite into one Dataset.
+
+    Parameters
+    ----------
+    job : the configuration
+    scene : for the joints and gaps
+    design : the samples
+    records : all of them, in order, those that failed too
+    rows : (record, scale, sample) -> row; a run without a row has not been made
+
+    Returns
+    -------
+    Dataset with dims record, scale, sample, and joint, gap, node, component, stress_measure where they apply
+    """
+    assert job.config.suite is not None
+    shape = (len(records), len(_scales(job)[0]), design.sizes["sample"])
+    data: dict[str, Any] = {}
+    # in the order of the table: that of the rows is one of chance
+    present = {name for row in rows.values() for name in row.values}
+    for name in (name for name in (*ROWS, *STATED) if name in present):
+        known = next(row.values[name] for row in rows.values() if name in row.values)
+        whole = np.full((*shape, *known.shape), np.nan, np.float32 if name in _SINGLE else np.float64)
+        for at, row in rows.items():
+            if name in row.values:
+                whole[at] = row.values[name]
+        data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
+    measures = record_measures(records, job.config.suite.period)
+    for name, values in measures.items():
+        data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, job.config.suite.period))
+    data |= _status(shape, records, rows)
+    data["file"] = _files(shape, rows)
+    contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
+    attributes = _attributes(job, design) | {"runs_sha256": contents}
+    return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+
+
+def _files(shape: tuple[int, ...], rows: Mapping[Place, Row]) -> Any:
+    files = np.full(shape, "", dtype=object)
+    for at, row in rows.items():
+        files[at] = "" if row.kept is None else row.kept.file
+    about = {"long_name": f"the run's own result in {RUNS_FOLDER}, if kept"}
+    return ("record", "scale", "sample"), files.astype(str), about
+
+
+def _status(
+    shape: tuple[int, ...], records: Sequence[SuiteRecord], rows: Mapping[Place, Row]
+) -> dict[str, Any]:
+    status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)
+    for i, record in enumerate(records):
+        if record.motion is None:
+            message[i] = record.message
+    for at, row in rows.items():
+        status[at], message[at] = FAILED if row.message else DONE, row.message
+    dims = ("record", "scale", "sample")
+    flags = {"flag_values": np.array([DONE, FAILED], dtype=np.int8), "flag_meanings": "done failed"}
+    return {
+        "status": (dims, status, {"long_name": "whether the run succeeded"} | flags),
+        "message": (dims, message.astype(str), {"long_name": "why a run failed"}),
+    }
+
+
+def _scales(job: Job) -> tuple[Floats, dict[str, str]]:
+    """The values of the dimension `scale`, and what they are."""
+    suite = job.config.suite
+    assert suite is not None
+    target = suite.intensities
+    if target is None:
+        return np.array(suite.scales), {"units": "1", "long_name": "factor on the records"}
+    period = "" if target.period is None else f" at {target.period:g} s, {100 * target.damping:g} % damping"
+    return np.array(target.values), {
+        "units": "m s-2",
+        "long_name": f"target {target.measure}{period} of the largest component",
+    }
+
+
+def _about_measure(name: str, period: float) -> dict[str, str]:
+    if name == "sa":
+        about = ("m s-2", f"pseudo-spectral acceleration at {period:g} s, 5 % damping")
+    else:
+        about = MEASURES[name]
+    whose = " of the largest component" + ("" if about[0] == "s" else ", scaled")
+    return {"units": about[0], "long_name": about[1] + whose}
+
+
+def _coordinates(
+    job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], data: Mapping[str, Any]
+) -> dict[str, Any]:
+    values, about = _scales(job)
+    coords: dict[str, Any] = {
+        "record": ("record", np.array([record.name for record in records], dtype=str)),
+        "scale": ("scale", values, about),
+        "sample": ("sample", design.sample.values, {"long_name": "number of the sample"}),
+        "scale_factor": (
+            ("record", "scale"),
+            np.array([record.factors for record in records]),
+            {"units": "1", "long_name": "what the record is multiplied by"},
+        ),
+    }
+    coords |= {str(name): ("sample", v.values, v.attrs) for name, v in design.data_vars.items()}
+    joints = list(scene.joints.values())
+    if joints:
+        coords["joint"] = ("joint", np.array([joint.name for joint in joints], dtype=str))
+        coords["gap_joint"] = ("gap", np.concatenate([np.full(len(j.area), j.name) for j in joints]))
+        position = np.concatenate([j.position for j in joints])
+        coords["gap_position"] = (("gap", "component"), position, {"units": "m"})
+        coords["gap_area"] = ("gap", np.concatenate([j.area for j in joints]), {"units": "m2"})
+    if joints or scene.probes:
+        coords["component"] = ("component", np.array(["x", "y", "z"]))
+    if scene.probes:
+        coords["node"] = ("node", np.array([probe.name for probe in scene.probes], dtype=str))
+    if "peak_stress" in data:
+        coords["stress_measure"] = ("stress_measure", np.array(STRESS, dtype=str))
+    return coords
+
+
+def _attributes(job: Job, design: xr.Dataset) -> dict[str, object]:
+    return {
+        "Conventions": "CF-1.11",
+        "title": job.config.title or job.path.stem,
+        "source": f"romdam {romdam.__version__}",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "configuration_file": job.path.name,
+        "configuration": json.dumps(job.config.model_dump(mode="json")),
+        "configuration_sha256": job.digest,
+        "design": design.attrs["design"],
+        "design_sha256": design.attrs["content_sha256"],
+        "versions": library_versions(),
+    }
+
+
+def write_summary(dataset: xr.Dataset, folder: Path) -> Path:
+    """Write `summary.nc`, whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses it.
+    """
+    write_dataset(dataset, folder / SUMMARY)
+    return folder / SUMMARY
+
+
+def open_summary(folder: Path) -> xr.Dataset:
+    """Open a suite's summary lazily, once it is known to be one.
+
+    Raises
+    ------
+    ResultError
+        where it is damaged, or no summary.
+    """
+    dataset, known = open_netcdf(folder / SUMMARY)
+    try:
+        check_summary(dataset, known, folder / SUMMARY)
+    except ResultError:
+        dataset.close()
+        raise
+    return dataset
+
+
+def open_suite(folder: str | Path) -> xr.DataTree:
+    """Open a suite lazily: the summary at the root, `design`, and every kept result.
+
+    The result of the third record at the first scale with the second sample is `runs/<record>__0__1`.
+
+    Raises
+    ------
+    ResultError
+        where the folder holds no summary, or not the kept results that the summary names.
+    """
+    folder = Path(folder)
+    if not (folder / SUMMARY).is_file():
+        raise ResultError(
+            f"{folder}: holds no {SUMMARY}; `romdam run CONFIG --out DIR` with `suite:` makes it"
+        )
+    summary = open_summary(folder)
+    parts = {"/": summary}
+    if (folder / DESIGN).is_file():
+        design = open_netcdf(folder / DESIGN)[0]
+        if design.attrs.get("content_sha256") == summary.attrs.get("design_sha256"):
+            parts["/design"] = design
+    for name, path in _kept_results(summary, folder).items():
+        parts[f"/runs/{name}"] = open_dataset(path)
+    return xr.DataTree.from_dict(parts)
+
+
+def _kept_results(summary: xr.Dataset, folder: Path) -> dict[str, Path]:
+    """<record>__<scale>__<sample> -> file of every result that is kept."""
+    if "file" not in summary:  # romdam 0.1 named them so
+        return {path.stem: path for path in sorted((folder / RUNS_FOLDER).glob("*.nc"))}
+    names = summary.record.values
+    return {
+        f"{names[i]}__{k}__{s}": folder / RUNS_FOLDER / Path(str(file)).name
+        for (i, k, s), file in np.ndenumerate(summary.file.values)
+        if file
+    }

@@ -1,0 +1,1 @@
+"""The arch dam generator."""

@@ -1,0 +1,1 @@
+"""Mesh files: readers, and what is checked of a mesh."""

@@ -1,0 +1,222 @@
+"""A mesh as it stands in a file: nodes and elements with the file's own numbers, checked and counted "
+"from 0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from romdam.core.errors import MeshError, shown
+from romdam.core.scene import Floats, Ints
+
+KINDS = {  # meshio's name -> dimension, nodes
+    "vertex": (0, 1), "line": (1, 2), "line3": (1, 3), "triangle": (2, 3), "triangle6": (2, 6),
+    "quad": (2, 4), "quad8": (2, 8), "quad9": (2, 9), "tetra": (3, 4), "tetra10": (3, 10),
+    "hexahedron": (3, 8), "hexahedron20": (3, 20), "hexahedron27": (3, 27), "wedge": (3, 6),
+    "wedge15": (3, 15), "wedge18": (3, 18), "pyramid": (3, 5), "pyramid13": (3, 13), "pyramid14": (3, 14),
+}  # fmt: skip
+LARGEST = 2e9  # bytes of a mesh file
+_FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
+_LOOSE = (0.1, 3)  # share and number of nodes in no element, above both of which elements are missing
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Elements of one kind.
+
+    Attributes
+    ----------
+    kind : a key of `KINDS`
+    nodes : (n, nodes per element) in the VTK order; the file's numbers, or from 0 once they are checked
+    ids : (n,) the elements' numbers in the file
+    """
+
+    kind: str
+    nodes: Ints
+    ids: Ints
+
+    @property
+    def dim(self) -> int:
+        """Dimension of the elements."""
+        return KINDS[self.kind][0]
+
+
+Groups = dict[str, list[Ints]]
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """What a mesh file holds.
+
+    Attributes
+    ----------
+    points : (n, 3) in the file's unit
+    tags : (n,) the nodes' numbers in the file
+    cells : elements, kind by kind
+    groups : label -> element numbers in every one of `cells`; a label is a name, or a number as text
+    node_sets : label -> node numbers
+    numbers : label -> the other label of the same group (gmsh: number as text -> name)
+    remarks : what was in the file and has not been used, and what of it is odd; for warnings
+    """
+
+    points: Floats
+    tags: Ints
+    cells: list[Cells]
+    groups: Groups = field(default_factory=dict)
+    node_sets: dict[str, Ints] = field(default_factory=dict)
+    numbers: dict[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], place: str) -> MeshFile:
+    """Number nodes from 0, once every number is given once, every position is finite and every node known.
+
+    Parameters
+    ----------
+    tags, points : (n,) and (n, 3) of the nodes, in the file's order
+    cells : with the file's node numbers
+    place : file and key, for messages
+
+    Raises
+    ------
+    MeshError
+    """
+    if not len(points):
+        raise MeshError(f"{place} has no nodes; export the mesh anew")
+    _refuse_repeated(tags, "node", place)
+    far = np.flatnonzero(~(np.abs(points) <= _FARTHEST).all(axis=1))
+    if len(far):
+        at = ", ".join(f"{x:.6g}" for x in points[far[0]])
+        raise MeshError(
+            f"{place}: node {tags[far[0]]} is at ({at}), expected finite coordinates up to {_FARTHEST:g} "
+            f"({len(far)} such nodes); repair the file"
+        )
+    if cells:
+        _refuse_repeated(np.concatenate([c.ids for c in cells]), "element", place)
+    order = np.argsort(tags, kind="stable")
+    numbered = [replace(c, nodes=_numbered(c, tags[order], order, place)) for c in cells]
+    for c in numbered:
+        _refuse_collapsed(c, place)
+    return MeshFile(points, tags, numbered, remarks=_remarks(tags, points, numbered, place))
+
+
+def _refuse_repeated(numbers: Ints, what: str, place: str) -> None:
+    found, counts = np.unique(numbers, return_counts=True)
+    twice = found[counts > 1]
+    if len(twice):
+        raise MeshError(
+            f"{place}: {what} {twice[0]} is given twice (several parts?), limit once "
+            f"({len(twice)} such numbers); renumber, or merge the parts into one flat mesh with sets"
+        )
+
+
+def _numbered(cells: Cells, known: Ints, order: Ints, place: str) -> Ints:
+    at = np.minimum(np.searchsorted(known, cells.nodes), len(known) - 1)
+    lost = np.argwhere(known[at] != cells.nodes)
+    if len(lost):
+        row, column = lost[0]
+        raise MeshError(
+            f"{place}: elements use node {cells.nodes[row, column]}, which is not given (the first is "
+            f"element {cells.ids[row]}, {cells.kind}; {len(lost)} such uses); repair the file"
+        )
+    return np.asarray(order[at], dtype=np.int64)
+
+
+def _refuse_collapsed(cells: Cells, place: str) -> None:
+    rows = np.sort(cells.nodes, axis=1)
+    bad = np.flatnonzero((rows[:, 1:] == rows[:, :-1]).any(axis=1)) if cells.dim == 3 else np.zeros(0, int)
+    if len(bad):
+        raise MeshError(
+            f"{place}: element {cells.ids[bad[0]]} ({cells.kind}) names a node twice ({len(bad)} such "
+            "elements, limit 0): it is collapsed; mesh with full hexahedra or tetrahedra"
+        )
+
+
+def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tuple[str, ...]:
+    """What of the nodes no element uses; raises where these are so many that elements are missing."""
+    taken = np.zeros(len(tags), dtype=bool)
+    for block in cells:
+        taken[block.nodes] = True
+    loose = tags[~taken]
+    share, number = _LOOSE
+    if len(loose) > max(number, share * len(tags)):
+        raise MeshError(
+            f"{place}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), "
+            f"limit {100 * share:g} %: elements are missing, or the file was cut; export it anew, without "
+            "unused nodes"
+        )
+    if not len(loose):
+        return ()
+    at = ", ".join(f"{x:.6g}" for x in points[np.argmin(taken)])
+    return (
+        f"node {loose[0]} (at ({at}) in the file's unit) belongs to no element and is left out "
+        f"({len(loose)} such nodes)",
+    )
+
+
+def by_value(values: list[Ints]) -> Groups:
+    """Groups of elements with one value.
+
+    Parameters
+    ----------
+    values : of every element, kind by kind
+    """
+    nothing = np.zeros(0, dtype=np.int64)
+    found: Groups = {}
+    for k, own in enumerate(values):
+        order = np.argsort(own, kind="stable")
+        present, start = np.unique(own[order], return_index=True)
+        for value, members in zip(present.tolist(), np.split(order, start[1:]), strict=False):
+            found.setdefault(str(value), [nothing] * len(values))[k] = members
+    return dict(sorted(found.items(), key=lambda item: int(item[0])))
+
+
+def missing_ids(cells: list[Cells]) -> tuple[str, ...]:
+    """A remark on numbers left out among the elements', for formats that do not say how many there are."""
+    ids = np.unique(np.concatenate([c.ids for c in cells])) if cells else np.zeros(0, int)
+    steps = np.diff(ids)
+    if not len(ids) or steps.max(initial=1) == 1:
+        return ()
+    first = int(ids[np.argmax(steps > 1)]) + 1
+    return (
+        f"elements are numbered {ids[0]} to {ids[-1]}, and {ids[-1] - ids[0] + 1 - len(ids)} of these "
+        f"numbers are not given (the first is {first}); the format does not say how many there are",
+    )
+
+
+def cannot_be_read(place: str, kind: str, why: str) -> MeshError:
+    """The error for a damaged file; `place` is its key and path."""
+    article = "an" if kind[0] in "aeiou" else "a"
+    return MeshError(
+        f"{place} cannot be read as {article} {kind} file ({why}); supported "
+        "solid elements are 8- and 20-node hexahedra and 4- and 10-node tetrahedra; export the mesh anew"
+    )
+
+
+def numbers_of(words: Sequence[bytes | str], what: str) -> Floats:
+    """Words as numbers.
+
+    Raises
+    ------
+    ValueError
+        naming the first word that is none.
+    """
+    try:
+        return np.fromiter(map(float, words), dtype=float, count=len(words))
+    except ValueError:
+        wrong = [_is_number(word) for word in words].index(False)
+        raise ValueError(f"number {wrong + 1} of {what} is {shown(_text(words[wrong]))}") from None
+
+
+def _is_number(word: bytes | str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _text(word: bytes | str) -> str:
+    return word.decode(errors="replace") if isinstance(word, bytes) else word

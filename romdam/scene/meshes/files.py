@@ -1,0 +1,270 @@
+"""Blocks read from mesh files: gmsh .msh, Nastran .bdf/.nas/.dat, Abaqus .inp and .vtu."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from romdam.config.quantities import to_si
+from romdam.config.sections.job import MeshFileConfig
+from romdam.core.errors import MeshError
+from romdam.core.files import check_file
+from romdam.core.scene import Block, Bools, Ints, Material
+from romdam.scene.elements import ELEMENTS
+from romdam.scene.facets import boundary_facets, row_numbers
+from romdam.scene.meshes.abaqus import read_abaqus
+from romdam.scene.meshes.data import LARGEST, MeshFile
+from romdam.scene.meshes.gmsh import read_gmsh
+from romdam.scene.meshes.nastran import read_nastran
+from romdam.scene.meshes.quality import refuse_bad_cells
+from romdam.scene.meshes.vtu import read_vtu
+
+log = logging.getLogger(__name__)
+
+SOLIDS = {"tetra": "tet4", "tetra10": "tet10", "hexahedron": "hex8", "hexahedron20": "hex20"}
+FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
+    ".msh": read_gmsh,
+    ".bdf": read_nastran,
+    ".nas": read_nastran,
+    ".dat": read_nastran,
+    ".inp": read_abaqus,
+    ".vtu": read_vtu,
+}
+_FACET_CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+
+
+class MeshFiles:
+    """The mesh files of a scene: each is read once, and what of it no block has used is said in the end."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._read: dict[Path, MeshFile] = {}
+        self._used: dict[Path, list[Bools]] = {}
+
+    def block(self, name: str, config: MeshFileConfig, material: Material, place: str) -> Block:
+        """Make a block of one group of a file, see `mesh_file_block`."""
+        path = self.folder / config.file
+        scale = to_si(f"1 {config.unit}", "m")
+        if path not in self._read:
+            file = self._read[path] = read_mesh_file(path, f"{place}.file")
+            self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
+        file = self._read[path]
+        if name in file.groups and _solids(file, file.groups[name]) and str(config.group) != name:
+            taken = "all groups" if config.group is None else f"group {config.group!r}"
+            log.warning(
+                "%s.group: the block takes %s of %s, which has a group %r too", place, taken, path, name
+            )
+        members = _members(file, config.group, path, place)
+        for used, own in zip(self._used[path], members, strict=True):
+            used[own] = True
+        return _block(name, file, members, (scale, material), (path, place))
+
+    def say_unused(self, source: str) -> None:
+        """Log which solid elements of the files belong to no block."""
+        for path, file in self._read.items():
+            solid = [(c, u) for c, u in zip(file.cells, self._used[path], strict=True) if c.dim == 3]
+            total = sum(len(u) for _, u in solid)
+            left = {c.kind: int((~u).sum()) for c, u in solid if not u.all()}
+            if left:
+                groups = [
+                    label
+                    for label, members in file.groups.items()
+                    if any(
+                        (~u[m]).any()
+                        for m, c, u in zip(members, file.cells, self._used[path], strict=True)
+                        if c.dim == 3
+                    )
+                ]
+                log.warning(
+                    "%s: %s: %d of its %d solid elements (%s) belong to no block; groups of them: %s",
+                    source, path, sum(left.values()), total,
+                    ", ".join(f"{n} {kind}" for kind, n in left.items()), ", ".join(groups) or "none",
+                )  # fmt: skip
+
+
+def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folder: Path, place: str) -> Block:
+    """Read the cells of one group of a mesh file, in metres; nodes of other groups are left out.
+
+    Groups of facets (gmsh physical surfaces, Nastran shells by property, Abaqus shell element sets,
+    VTU cell values) become faces where they lie on the block's boundary; so do Abaqus node sets, as
+    the facets whose corners all belong to the set.
+
+    Parameters
+    ----------
+    folder : where a relative path starts
+    place : file and key, for messages
+
+    Raises
+    ------
+    MeshError
+        for a file that cannot be read, a missing group, unsupported, inverted or overlapping elements.
+    """
+    return MeshFiles(folder).block(name, config, material, place)
+
+
+def read_mesh_file(path: Path, place: str) -> MeshFile:
+    """Read a gmsh, Nastran, Abaqus or VTU file.
+
+    Raises
+    ------
+    MeshError
+        for a file that is missing, no file, too large, of another format, damaged or contradicts itself.
+    """
+    read = FORMATS.get(path.suffix.lower())
+    if read is None:
+        raise MeshError(f"{place}: {path} is of no known format; known endings are {', '.join(FORMATS)}")
+    try:
+        check_file(path, LARGEST, MeshError)
+        file = read(path, place)
+    except OSError as error:
+        raise MeshError(f"{place}: {path} cannot be read ({error})") from None
+    except MeshError as error:
+        if not path.exists():
+            raise MeshError(
+                f"{place}: no mesh file {path}; give its path relative to the configuration file"
+            ) from None
+        text = str(error)
+        raise MeshError(text if text.startswith(place) else f"{place}: {text}") from None
+    for remark in (*file.remarks, *_loose_facets(file, f"{place}: {path}")):
+        log.warning("%s: %s: %s", place, path, remark)
+    return file
+
+
+def _loose_facets(file: MeshFile, place: str) -> list[str]:
+    """Remarks on groups of facets that lie on no solid element.
+
+    Raises
+    ------
+    MeshError
+        where solid elements have all corners of a facet, but none has it as a face.
+    """
+    found = []
+    solid = np.zeros(len(file.points), dtype=bool)
+    for cells in file.cells:
+        if cells.dim == 3:
+            solid[cells.nodes] = True
+    for k, cells in enumerate(file.cells):
+        members = (
+            {label: own[k] for label, own in file.groups.items() if len(own[k])} if cells.dim == 2 else {}
+        )
+        if not members:
+            continue
+        corner = cells.nodes[:, : _FACET_CORNERS[cells.kind]]
+        off = ~_on_faces(file, corner)
+        for label, own in members.items():
+            lost = own[off[own]]
+            bad = lost[solid[corner[lost]].all(axis=1)]
+            if len(bad):
+                raise MeshError(
+                    f"{place}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face "
+                    "of a solid "
+                    f"element, whose corners it has ({len(bad)} such elements, limit 0); export the mesh anew"
+                )
+            if len(lost):
+                found.append(
+                    f"{len(lost)} of {len(own)} {cells.kind} of group {label!r} lie on no solid element"
+                )
+    return found
+
+
+def _on_faces(file: MeshFile, corners: Ints) -> Bools:
+    """Which facets, by their corners (n, 3 or 4), are faces of a solid element."""
+    width = corners.shape[1]
+    rows = [np.sort(corners, axis=1)]
+    for cells in file.cells:
+        if cells.kind in SOLIDS:
+            table = np.array(ELEMENTS[SOLIDS[cells.kind]].facets)[
+                :, : 3 if cells.kind.startswith("tet") else 4
+            ]
+            if table.shape[1] == width:
+                rows.append(np.sort(cells.nodes[:, table].reshape(-1, width), axis=1))
+        elif cells.dim == 3:
+            return np.ones(len(corners), dtype=bool)  # faces of a kind that is not read
+    number = row_numbers(np.concatenate(rows))
+    return np.isin(number[: len(corners)], number[len(corners) :])
+
+
+def _block(
+    name: str, file: MeshFile, members: list[Ints], how: tuple[float, Material], where: tuple[Path, str]
+) -> Block:
+    (scale, material), (path, place) = how, where
+    element, cells = _cells(file, members, path, place)
+    used, local = np.unique(cells, return_inverse=True)
+    points = file.points[used] * scale
+    cells = local.reshape(cells.shape)
+    number = np.full(len(file.points), -1)
+    number[used] = np.arange(len(used))
+    faces = _faces(file, boundary_facets(cells, element), number, ELEMENTS[element].facets)
+    block = Block(name, element, points, cells, material, faces)
+    refuse_bad_cells(block, f"{place}.file: {path}")
+    return block
+
+
+def _members(file: MeshFile, group: str | int | None, path: Path, place: str) -> list[Ints]:
+    """Cell numbers of the group in every block of the file."""
+    if group is None:
+        return [np.arange(len(c.ids)) for c in file.cells]
+    label = str(group)
+    if label not in file.groups or not _solids(file, file.groups[label]):
+        label = file.numbers.get(label, label)
+    if label not in file.groups or not _solids(file, file.groups[label]):
+        known = [g for g, members in file.groups.items() if _solids(file, members)]
+        what = "holds no solid elements" if label in file.groups else "does not exist"
+        raise MeshError(
+            f"{place}.group: group {group!r} {what} in {path}; groups of solid elements are "
+            f"{', '.join(known) or 'none: leave `group` out to take all elements'}"
+        )
+    return file.groups[label]
+
+
+def _solids(file: MeshFile, members: list[Ints]) -> int:
+    return sum(len(m) for m, cells in zip(members, file.cells, strict=True) if cells.dim == 3)
+
+
+def _cells(file: MeshFile, members: list[Ints], path: Path, place: str) -> tuple[str, Ints]:
+    """The block's element and its cells, in the file's node numbers."""
+    found: dict[str, list[Ints]] = {}
+    for m, cells in zip(members, file.cells, strict=True):
+        if cells.dim == 3 and len(m):
+            found.setdefault(cells.kind, []).append(cells.nodes[m])
+    counts = {kind: sum(map(len, cells)) for kind, cells in found.items()}
+    listed = ", ".join(f"{count} {kind}" for kind, count in counts.items()) or "no solid elements"
+    if not set(counts) <= set(SOLIDS) or not counts:
+        raise MeshError(
+            f"{place}.file: {path} has {listed} in this block; supported are {', '.join(SOLIDS)} "
+            "(8- and 20-node hexahedra, 4- and 10-node tetrahedra); mesh the part with one of these"
+        )
+    if len(counts) > 1:
+        raise MeshError(
+            f"{place}.file: {path} mixes elements in this block ({listed}), limit one kind per block; "
+            "put each kind into a group and a block of its own, tied by joints, or mesh with one kind"
+        )
+    kind, own = next(iter(found.items()))
+    return SOLIDS[kind], np.concatenate(own)
+
+
+def _faces(
+    file: MeshFile, boundary: Ints, number: Ints, table: tuple[tuple[int, ...], ...]
+) -> dict[str, Ints]:
+    """Named facets on the block's boundary, outward; `number` maps the file's nodes to the block's."""
+    corners = 3 if len(table[0]) in (3, 6) else 4
+    keys = np.sort(boundary[:, :corners], axis=1)
+    index = {tuple(key): f for f, key in enumerate(keys.tolist())}
+    faces = {}
+    for label, members in file.groups.items():
+        found = {
+            index.get(tuple(key), -1)
+            for m, cells in zip(members, file.cells, strict=True)
+            if _FACET_CORNERS.get(cells.kind) == corners
+            for key in np.sort(number[cells.nodes[m][:, :corners]], axis=1).tolist()
+        }
+        if chosen := sorted(found - {-1}):
+            faces[label] = boundary[chosen]
+    for label, nodes in file.node_sets.items():
+        inside = np.isin(keys, number[nodes]).all(axis=1)
+        if inside.any():
+            faces.setdefault(label, boundary[inside])
+    return faces

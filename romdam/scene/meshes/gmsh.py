@@ -1,0 +1,357 @@
+"""Gmsh's .msh, versions 2.2 and 4.1, as text and binary.
+
+Read here and not by meshio 5.3, which takes the last of two nodes with one tag, another node for a tag that
+is not given, what numbers there are for a count that is larger, and the first physical group of several.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from romdam.core.errors import shown
+from romdam.core.scene import Floats, Ints
+from romdam.scene.facets import row_numbers
+from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
+from romdam.scene.meshes.gmsh_numbers import Bytes, Numbers, Words, whole
+
+_TYPES = {
+    1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 8: "line3",
+    9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 13: "wedge18", 14: "pyramid14",
+    15: "vertex", 16: "quad8", 17: "hexahedron20", 18: "wedge15", 19: "pyramid13",
+}  # fmt: skip
+_SIZES = {
+    1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1,
+    16: 8, 17: 20, 18: 15, 19: 13,
+}  # fmt: skip
+_TO_VTK = {
+    "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
+    "hexahedron20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15],
+}
+_EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
+
+
+@dataclass
+class _Found:
+    """What has been read so far."""
+
+    tags: list[Ints] = field(default_factory=list)
+    points: list[Floats] = field(default_factory=list)
+    cells: list[Cells] = field(default_factory=list)
+    physical: list[dict[int, Ints]] = field(default_factory=list)  # of every one of `cells`: group -> rows
+    entities: dict[tuple[int, int], list[int]] | None = None  # (dim, tag) -> groups
+    origin: list[Ints] = field(
+        default_factory=list
+    )  # of every one of `cells`: entity and group (version 2.2)
+    names: dict[tuple[int, int], str] = field(default_factory=dict)  # (dim, group) -> name
+    seen: set[str] = field(default_factory=set)
+
+
+def read_gmsh(path: Path, place: str) -> MeshFile:
+    """Read a .msh file.
+
+    Raises
+    ------
+    MeshError
+        for what is damaged, of another version, partitioned, or contradicts itself.
+    """
+    place = f"{place}: {path}"
+    try:
+        found = _sections(path.read_bytes())
+        mesh = checked_mesh(
+            np.concatenate([np.zeros(0, np.int64), *found.tags]),
+            np.vstack([np.zeros((0, 3)), *found.points]),
+            found.cells,
+            place,
+        )
+        return _grouped(mesh, found)
+    except ValueError as error:
+        raise cannot_be_read(place, "gmsh", str(error)) from None
+
+
+def _sections(data: bytes) -> _Found:
+    found, at, layout, version = _Found(), 0, None, 0.0
+    while (at := _past_blanks(data, at)) < len(data):
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        head = data[at:end].strip()
+        name = head[1:].decode("latin-1")
+        if not re.fullmatch(rb"\$[A-Za-z]+", head):
+            raise ValueError(f"expected a section such as $Nodes, got {shown(head.decode('latin-1'))}")
+        if name in found.seen and name in ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements"):
+            raise ValueError(f"${name} is given twice")
+        if not found.seen and name not in ("MeshFormat", "Comments"):
+            raise ValueError("it does not begin with $MeshFormat")
+        found.seen.add(name)
+        stop = data.find(b"\n$End" + name.encode(), end)
+        if stop < 0:
+            raise ValueError(f"${name} is not closed by $End{name}: the file was cut")
+        if name == "MeshFormat":
+            version, layout = _layout(data[end + 1 : stop])
+        elif name == "PhysicalNames":
+            found.names = _physical_names(data[end + 1 : stop])
+        elif name.startswith("Partitioned"):
+            raise ValueError("it is partitioned; save the mesh before it is partitioned")
+        elif reader := _READERS.get((name, version)):
+            stop = _read_section(data, (end + 1, stop), layout, (name, reader), found)
+        at = _past_end(data, stop, name)
+    for name in ("Nodes", "Elements"):
+        if name not in found.seen:
+            raise ValueError(f"it has no ${name}")
+    return found
+
+
+def _past_blanks(data: bytes, at: int) -> int:
+    while at < len(data) and data[at : at + 1].isspace():
+        at += 1
+    return at
+
+
+def _past_end(data: bytes, at: int, name: str) -> int:
+    """Position after the line $End<name>, which must stand here."""
+    at = _past_blanks(data, at)
+    end = data.find(b"\n", at)
+    end = len(data) if end < 0 else end
+    if data[at:end].strip() != b"$End" + name.encode():
+        raise ValueError(f"${name} does not end with $End{name} where its counts say")
+    return end
+
+
+def _layout(body: bytes) -> tuple[float, tuple[str, int] | None]:
+    """Version, and byte order with the size of size_t; None for text."""
+    words = body.split(None, 3)
+    try:
+        version, binary, size = float(words[0]), int(words[1]), int(words[2])
+    except (ValueError, IndexError):
+        raise ValueError("$MeshFormat does not give version, type and size") from None
+    if not (2.0 <= version <= 2.2 or version == 4.1) or binary not in (0, 1) or size not in (4, 8):
+        raise ValueError(
+            f"version {version:g}, type {binary}, size {size}; versions 2.2 and 4.1 are read: {_EXPORT}"
+        )
+    version = 4.1 if version > 4.0 else 2.2
+    if not binary:
+        return version, None
+    one = body.partition(b"\n")[2][:4]
+    if one not in (b"\1\0\0\0", b"\0\0\0\1"):
+        raise ValueError("its byte order cannot be told")
+    return version, ("<" if one[0] else ">", size)
+
+
+def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
+    lines = [line for line in body.decode("utf-8", errors="replace").splitlines() if line.strip()]
+    found: dict[tuple[int, int], str] = {}
+    for line in lines[1:]:
+        words = shlex.split(line)
+        if len(words) != 3 or (int(words[0]), int(words[1])) in found:
+            raise ValueError(
+                f"$PhysicalNames line {shown(line)} is no dimension, number and name, or a second"
+            )
+        found[int(words[0]), int(words[1])] = words[2]
+    if not lines or int(lines[0]) != len(found):
+        raise ValueError(f"$PhysicalNames lists {len(found)} names, and says {shown((lines or [''])[0])}")
+    return found
+
+
+Reader = Callable[[Numbers, _Found], None]
+
+
+def _read_section(
+    data: bytes,
+    limits: tuple[int, int],
+    layout: tuple[str, int] | None,
+    what: tuple[str, Reader],
+    found: _Found,
+) -> int:
+    """Read one section; where it ends follows from its counts."""
+    name, reader = what
+    if layout is None:
+        words = Words(data[slice(*limits)], name)
+        reader(words, found)
+        words.refuse_rest()
+        return limits[1]
+    stream = Bytes(data, limits[0], name, layout)
+    reader(stream, found)
+    return stream.at
+
+
+def _entities(stream: Numbers, found: _Found) -> None:
+    found.entities = {}
+    for dim, count in enumerate(stream.counts(4, "size")):
+        for _ in range(count):
+            (tag,) = stream.counts(1)
+            stream.floats(6 if dim else 3)
+            groups = [abs(g) for g in stream.counts(stream.counts(1, "size")[0])]
+            if dim:
+                stream.ints(stream.counts(1, "size")[0], "int")
+            if (dim, tag) in found.entities:
+                raise ValueError(f"$Entities gives entity {tag} of dimension {dim} twice")
+            found.entities[dim, tag] = groups
+
+
+def _nodes_41(stream: Numbers, found: _Found) -> None:
+    blocks, total, *_ = stream.counts(4, "size")
+    for _ in range(blocks):
+        dim, _, parametric = stream.counts(3)
+        (count,) = stream.counts(1, "size")
+        found.tags.append(stream.ints(count, "size"))
+        width = 3 + (dim if parametric else 0)
+        found.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
+    _compare(sum(map(len, found.tags)), total, "Nodes")
+
+
+def _elements_41(stream: Numbers, found: _Found) -> None:
+    blocks, total, *_ = stream.counts(4, "size")
+    for _ in range(blocks):
+        dim, tag, kind = stream.counts(3)
+        (count,) = stream.counts(1, "size")
+        size = _size(kind)
+        rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
+        if found.entities is not None and (dim, tag) not in found.entities:
+            raise ValueError(f"$Elements are of entity {tag} of dimension {dim}, which is not given")
+        groups = (found.entities or {}).get((dim, tag), [])
+        _add(found, kind, rows[:, 0], rows[:, 1:], {g: np.arange(count) for g in groups})
+        if found.cells[-1].dim != dim:
+            raise ValueError(f"$Elements of type {kind} are of an entity of dimension {dim}")
+    _compare(sum(len(c.ids) for c in found.cells), total, "Elements")
+
+
+def _nodes_22(stream: Numbers, found: _Found) -> None:
+    if isinstance(stream, Bytes):
+        count = stream.count_line()
+        raw = stream.records(count, [("tag", "int", 1), ("x", "float", 3)])
+        found.tags.append(raw["tag"].astype(np.int64).reshape(count))
+        found.points.append(raw["x"].astype(float))
+        return
+    (count,) = stream.counts(1)
+    rows = stream.floats(4 * count).reshape(count, 4)
+    found.tags.append(whole(rows[:, 0], "Nodes"))
+    found.points.append(rows[:, 1:])
+
+
+def _elements_22(stream: Numbers, found: _Found) -> None:
+    if isinstance(stream, Bytes):
+        _elements_22_binary(stream, found)
+        return
+    assert isinstance(stream, Words)
+    (total,) = stream.counts(1)
+    numbers = whole(stream.numbers, "Elements")
+    flat, at = numbers.tolist(), 1
+    starts: dict[tuple[int, int], list[int]] = {}
+    for k in range(total):
+        if at + 3 > len(flat):
+            raise ValueError(f"$Elements ends after {k} of {total} elements: the file was cut")
+        kind, tags = flat[at + 1], flat[at + 2]
+        if tags < 0:
+            raise ValueError(f"$Elements gives element {flat[at]} {tags} tags")
+        starts.setdefault((kind, tags), []).append(at)
+        at += 3 + tags + _size(kind)
+    stream.at = 1
+    stream.ints(at - 1, "int")  # as many as there are
+    for (kind, tags), firsts in starts.items():
+        rows = numbers[np.array(firsts)[:, None] + np.arange(3 + tags + _size(kind))]
+        _add_22(found, kind, np.delete(rows, [1, 2], axis=1), tags)
+    _refuse_mixed_entities(found)
+
+
+def _elements_22_binary(stream: Bytes, found: _Found) -> None:
+    total, done = stream.count_line(), 0
+    while done < total:
+        kind, count, tags = stream.counts(3)
+        if count < 1 or tags < 0:
+            raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
+        width = 1 + tags + _size(kind)
+        _add_22(found, kind, stream.ints(count * width, "int").reshape(count, width), tags)
+        done += count
+    _compare(done, total, "Elements")
+    _refuse_mixed_entities(found)
+
+
+def _add_22(found: _Found, kind: int, rows: Ints, tags: int) -> None:
+    """Add rows of number, tags (physical group, entity, ...) and nodes."""
+    nothing = np.zeros(len(rows), dtype=np.int64)
+    group = np.abs(rows[:, 1]) if tags else nothing
+    groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
+    _add(found, kind, rows[:, 0], rows[:, 1 + tags :], groups)
+    same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(found.cells) << 40)
+    found.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
+
+
+def _refuse_mixed_entities(found: _Found) -> None:
+    """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
+    for dim in (2, 3):
+        own = [o for o, c in zip(found.origin, found.cells, strict=True) if c.dim == dim]
+        rows = np.concatenate([np.zeros((0, 3), np.int64), *own])
+        entities = np.unique(rows[:, 0])
+        if len(entities) < 2:
+            continue  # written by what knows no entities
+        for entity in entities:
+            here = rows[rows[:, 0] == entity]
+            groups, counts = np.unique(here[:, 1], return_counts=True)
+            if len(here) != len(groups) * len(np.unique(here[:, 2])):
+                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, counts, strict=True))
+                raise ValueError(
+                    f"$Elements of entity {entity} of dimension {dim} are partly in one group ({listed}); "
+                    "an entity is in a group as a whole"
+                )
+
+
+def _add(found: _Found, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
+    name = _TYPES[kind]
+    found.cells.append(Cells(name, nodes[:, _TO_VTK.get(name, slice(None))], ids))
+    found.physical.append(groups)
+
+
+def _size(kind: int) -> int:
+    if kind not in _SIZES:
+        raise ValueError(f"element type {kind} is not known")
+    return _SIZES[kind]
+
+
+def _compare(found: int, said: int, name: str) -> None:
+    if found != said:
+        raise ValueError(f"${name} holds {found}, and says {said}")
+
+
+_READERS: dict[tuple[str, float], Reader] = {
+    ("Entities", 4.1): _entities,
+    ("Nodes", 4.1): _nodes_41,
+    ("Elements", 4.1): _elements_41,
+    ("Nodes", 2.2): _nodes_22,
+    ("Elements", 2.2): _elements_22,
+}
+
+
+def _grouped(mesh: MeshFile, found: _Found) -> MeshFile:
+    """The physical groups of faces and solids by name; one name may stand for a group of each dimension."""
+    present = {(c.dim, g) for c, groups in zip(mesh.cells, found.physical, strict=True) for g in groups}
+    empty = [name for key, name in found.names.items() if key[0] in (2, 3) and key not in present]
+    if empty and not present:
+        mesh = replace(
+            mesh, remarks=(*mesh.remarks, f"group {empty[0]!r} is named, and no element is in a group")
+        )
+    elif empty:
+        raise ValueError(
+            f"$PhysicalNames names group {empty[0]!r}, which holds no elements ({len(empty)} such groups); "
+            "the group has lost its elements, or its line is to be removed"
+        )
+    groups: Groups = {}
+    numbers: dict[str, str] = {}
+    for dim, number in sorted(present, key=lambda key: (key[1], key[0])):
+        if dim not in (2, 3):
+            continue
+        name = found.names.get((dim, number), str(number))
+        own = [
+            members.get(number, np.zeros(0, np.int64)) if c.dim == dim else np.zeros(0, np.int64)
+            for c, members in zip(mesh.cells, found.physical, strict=True)
+        ]
+        groups[name] = (
+            own if name not in groups else [np.union1d(a, b) for a, b in zip(groups[name], own, strict=True)]
+        )
+        if dim == 3:
+            numbers[str(number)] = name
+    return replace(mesh, groups=groups, numbers=numbers)

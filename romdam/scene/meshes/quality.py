@@ -1,0 +1,167 @@
+"""Whether the cells of a mesh can carry an integration."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from romdam.core.errors import MeshError
+from romdam.core.scene import Block
+from romdam.scene.elements import ELEMENTS, Floats, jacobians
+from romdam.scene.facets import row_numbers
+from romdam.scene.meshes.closed import refuse_bad_faces
+
+log = logging.getLogger(__name__)
+
+_CHUNK = 4096  # cells at a time
+_COINCIDENT = 1e-6  # distance of two nodes relative to the block's diagonal
+_TOGETHER = 1e-3  # the same relative to the shortest edge at either node: else they are an element's own
+_FLAT = 1e-12  # Jacobian determinant relative to the cube of the element's size, below which it is flat
+
+
+def refuse_bad_cells(block: Block, place: str) -> None:
+    """Raise if the cells do not make one sound body.
+
+    A cell is turned inside out or flat, occurs twice or has its nodes in another format's order; nodes
+    coincide; faces do not pair, or one lies inside the block. What is odd and may be meant is logged.
+
+    Parameters
+    ----------
+    place : start of the message
+
+    Raises
+    ------
+    MeshError
+    """
+    unique = np.unique(row_numbers(np.sort(block.cells, axis=1)))
+    if len(unique) < len(block.cells):
+        raise MeshError(
+            f"{place}: {len(block.cells) - len(unique)} of {len(block.cells)} elements of block "
+            f"{block.name!r} occur twice, limit 0; remove duplicates, or select one `group` of the file"
+        )
+    refuse_loose_nodes(block, place)
+    _refuse_stray_midsides(block, place)
+    volume = _volume(block, place)
+    _refuse_coincident_nodes(block, place)
+    pieces = refuse_bad_faces(block, volume, place)
+    if pieces > 1:
+        log.warning(
+            "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks "
+            "of their "
+            "own, or mesh them together", place, block.name, pieces,
+        )  # fmt: skip
+
+
+def _volume(block: Block, place: str) -> float:
+    """Volume of the cells [m3]; raises where one is turned inside out, at a Gauss point or at a corner."""
+    element, total = ELEMENTS[block.element], 0.0
+    xi, weight = element.rule
+    both = np.vstack([xi, element.nodes[: element.corners]])
+    for first in range(0, len(block.cells), _CHUNK):
+        cells = block.cells[first : first + _CHUNK]
+        determinant = _determinants(jacobians(block.points, cells, element, both))
+        size = np.ptp(block.points[cells], axis=1).max(axis=1)
+        refuse_inverted(
+            block,
+            np.where(determinant > (_FLAT * size**3)[:, None], determinant, np.minimum(determinant, 0.0)),
+            first,
+            place,
+        )
+        total += float((determinant[:, : len(xi)] @ weight).sum())
+    return total
+
+
+def _determinants(matrices: Floats) -> Floats:
+    """Of (..., 3, 3), by the rule of Sarrus: LAPACK takes a microsecond for each."""
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(matrices, (-2, -1), (0, 1))
+    return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
+
+
+def refuse_loose_nodes(block: Block, place: str = "mesh") -> None:
+    """Raise if a node belongs to no element: nothing holds it, and no matrix has its row.
+
+    Raises
+    ------
+    MeshError
+        naming the first.
+    """
+    loose = np.flatnonzero(np.bincount(block.cells.ravel(), minlength=len(block.points)) == 0)
+    if len(loose):
+        raise MeshError(
+            f"{place}: node {_node(block, loose[0])} of block {block.name!r} belongs to no element "
+            f"({len(loose)} such nodes, limit 0): remove it, or mesh what it was meant for"
+        )
+
+
+def _refuse_coincident_nodes(block: Block, place: str) -> None:
+    """Two nodes at one place are a crack that no joint knows of."""
+    shortest = _shortest_edges(block)
+    usual = float(np.median(shortest[np.isfinite(shortest)]))
+    reach = min(_COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0))), _TOGETHER * usual)
+    pairs = cKDTree(block.points).query_pairs(reach, output_type="ndarray")
+    if len(pairs):
+        apart = np.linalg.norm(np.diff(block.points[pairs], axis=1)[:, 0], axis=1)
+        pairs = pairs[apart <= _TOGETHER * shortest[pairs].min(axis=1)]
+    if len(pairs):
+        first, second = pairs[np.lexsort(pairs.T[::-1])][0]
+        raise MeshError(
+            f"{place}: {len(pairs)} pairs of nodes of block {block.name!r} coincide (nodes {first} and "
+            f"{_node(block, second)} are the first, counted from 0; within {reach:.1g} m), limit 0: the "
+            "block is cut there; merge duplicate nodes, or make it two blocks with a joint or a tie"
+        )
+
+
+def _shortest_edges(block: Block) -> Floats:
+    """Length of the shortest edge at every node (n,) [m]; inf at mid-edge nodes."""
+    ends = block.cells[:, np.array(ELEMENTS[block.element].edges)]
+    length = np.linalg.norm(np.diff(block.points[ends], axis=2)[:, :, 0], axis=2)
+    found = np.full(len(block.points), np.inf)
+    for side in (0, 1):
+        np.minimum.at(found, ends[:, :, side], length)
+    return found
+
+
+def _node(block: Block, node: int) -> str:
+    return f"{node} at ({', '.join(f'{x:.6g}' for x in block.points[node])})"
+
+
+def _refuse_stray_midsides(block: Block, place: str) -> None:
+    """A mid-edge node half an edge away from its middle is one of another edge: a wrong node order."""
+    element = ELEMENTS[block.element]
+    if not element.quadratic:
+        return
+    ends = block.points[block.cells[:, np.array(element.edges)]]
+    middle = block.points[block.cells[:, element.corners :]]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    off = np.linalg.norm(middle - ends.mean(axis=2), axis=2) / np.maximum(length, np.finfo(float).tiny)
+    if off.max() < 0.5:
+        return
+    cell, edge = np.unravel_index(np.argmax(off), off.shape)
+    raise MeshError(
+        f"{place}: mid-edge node {element.corners + edge} of element {cell} of block {block.name!r} "
+        f"({block.element}, both counted from 0) is {off[cell, edge]:.3g} edge lengths off the middle of its "
+        "edge, limit 0.5: the file's node order is not that of its format; export the mesh anew"
+    )
+
+
+def refuse_inverted(block: Block, determinant: Floats, first: int, place: str = "mesh") -> None:
+    """Raise if a determinant of dx/dxi is not positive; (nc, nq) of the cells from number `first` on [m3].
+
+    Raises
+    ------
+    MeshError
+    """
+    lowest = determinant.min(axis=1)
+    if lowest.min() > 0.0:
+        return
+    worst = int(np.argmin(lowest))
+    cell = first + worst
+    centre = ", ".join(f"{x:.6g}" for x in block.points[block.cells[cell]].mean(axis=0))
+    raise MeshError(
+        f"{place}: element {cell} of block {block.name!r} ({block.element}, counted from 0, around "
+        f"({centre})) has a Jacobian determinant of {lowest[worst]:.4g} m3, limit above 0 "
+        f"({np.count_nonzero(lowest <= 0.0)} such elements here): its nodes are in the "
+        "wrong order or it is turned inside out; repair the mesh"
+    )

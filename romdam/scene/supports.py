@@ -1,0 +1,147 @@
+"""Whether supports and joints hold every block: rank of the rigid-body motions they see."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Bools, Ints, Joint, Tie
+from romdam.scene.elements import Floats
+
+_RANK = 1e-8  # relative singular value; the motions are scaled to be of order one
+_MOTIONS = tuple(f"{kind} {axis}" for kind in ("translation along", "rotation about") for axis in "xyz")
+
+
+def refuse_free_blocks(
+    blocks: dict[str, Block],
+    joints: dict[str, Joint],
+    fixed: dict[str, Bools],
+    source: str,
+    ties: tuple[Tie, ...] = (),
+) -> None:
+    """Raise if a rigid motion of some blocks meets no support and no joint.
+
+    A joint counts with all its components, as if closed and stuck: a block that nothing but joints
+    hold may slide or lift off, and its motion is then the joint's to decide. Parts of a block that
+    do not hang together count each for itself. Ties hold as joints do.
+
+    Raises
+    ------
+    ConfigError
+        naming the free blocks and their free motions.
+    """
+    bodies: list[str] = []
+    columns = {}
+    for name, block in blocks.items():
+        count, piece = _pieces(block)
+        columns[name] = 6 * (len(bodies) + piece)
+        bodies += [
+            f"block {name!r}" + (f" (piece {k + 1} of {count})" if count > 1 else "") for k in range(count)
+        ]
+    width = 6 * len(bodies)
+    rows = [np.zeros((1, width))]
+    for name, supported in fixed.items():
+        held = supported | sprung(blocks[name])
+        nodes = np.flatnonzero(held.any(axis=1))
+        rows.append(_triangle(_placed(blocks[name], nodes, columns[name], width)[held[nodes]]))
+    pairs: list[Joint | Tie] = [*joints.values(), *ties]
+    for joint in pairs:
+        I, J = (
+            _placed(blocks[b], nodes, columns[b], width)
+            for b, nodes in zip(joint.blocks, joint.nodes, strict=True)
+        )
+        rows.append(_triangle((J - I).reshape(-1, width)))
+    free = _null_space(_triangle(np.vstack(rows)))
+    if free.shape[1]:
+        raise ConfigError(_explain(bodies, free, bool(joints), source))
+
+
+def _pieces(block: Block) -> tuple[int, Ints]:
+    """Number of parts that hang together, and the part of every node."""
+    ring = block.cells, np.roll(block.cells, 1, axis=1)
+    graph = coo_array(
+        (np.ones(block.cells.size), (ring[0].ravel(), ring[1].ravel())), shape=(len(block.points),) * 2
+    )
+    count, piece = connected_components(graph, directed=False)
+    return int(count), piece.astype(np.int64)
+
+
+def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
+    """Displacement of nodes (all, if not given) in the six rigid motions of a block, (n, 3, 6).
+
+    Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
+    of order one.
+    """
+    low, high = block.points.min(axis=0), block.points.max(axis=0)
+    points = block.points if nodes is None else block.points[nodes]
+    arm = (points - (low + high) / 2) / (np.linalg.norm(high - low) / 2)
+    turns = np.cross(np.eye(3)[None], arm[:, None, :]).transpose(0, 2, 1)
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+
+
+def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
+    """Rigid motions of nodes (n, 3, width), each at the columns of its body (`first`, by node)."""
+    own = rigid_motions(block, nodes)
+    columns = (first[nodes][:, None] + np.arange(6))[:, None, :]
+    placed = np.zeros((len(nodes), 3, width))
+    np.put_along_axis(placed, np.broadcast_to(columns, own.shape), own, axis=2)
+    return placed
+
+
+def _triangle(rows: Floats) -> Floats:
+    """The few rows (QR) that span what many rows span."""
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=float)
+
+
+def _null_space(rows: Floats) -> Floats:
+    _, singular, V = np.linalg.svd(rows)
+    rank = int(np.count_nonzero(singular > _RANK * max(singular.max(), 1e-300)))
+    return V[rank:].T
+
+
+def _explain(bodies: list[str], free: Floats, any_joint: bool, source: str) -> str:
+    own = free.reshape(len(bodies), 6, -1)
+    loose = [k for k in range(len(bodies)) if np.linalg.norm(own[k], axis=0).max() > 1e-6]
+    listed = ", ".join(f"{bodies[k]} ({_motions(own[k])})" for k in loose)
+    why = "neither supports nor joints hold" if any_joint else "no support holds"
+    return (
+        f"{source}: supports: {why} {listed}; "
+        f"{free.shape[1]} rigid motions are free, limit 0; add a support, or a joint to a block that is held"
+    )
+
+
+def _motions(own: Floats) -> str:
+    """Names of the unit motions that a block can make, out of its free ones (6, m)."""
+    U, singular, _ = np.linalg.svd(own, full_matrices=False)
+    rank = int(np.count_nonzero(singular > 1e-6))
+    if rank == 6:
+        return "free to move in every way"
+    reach = np.linalg.norm(U[:, :rank], axis=1)
+    able = [name for name, r in zip(_MOTIONS, reach, strict=True) if r > 1.0 - 1e-6]
+    others = [f"{rank - len(able)} combined motions"] if len(able) < rank else []
+    return "free in " + ", ".join(able + others)
+
+
+def sprung(block: Block) -> Bools:
+    """(n, 3) True where the springs of absorbing faces hold a component."""
+    found = np.zeros((len(block.points), 3), dtype=bool)
+    for face in block.absorbing:
+        if np.isfinite(face.distance):
+            found[np.unique(face.facets)] = True
+    return found
+
+
+def held_rigidly(block: Block, held: Bools) -> bool:
+    """Whether holding some components, and springs, stop every rigid motion of a block.
+
+    Parameters
+    ----------
+    held : (n, 3) True for components at zero displacement
+    """
+    count, piece = _pieces(block)
+    held = held | sprung(block)
+    nodes = np.flatnonzero(held.any(axis=1))
+    seen = _placed(block, nodes, 6 * piece, 6 * count)[held[nodes]]
+    return _null_space(np.vstack([np.zeros((1, 6 * count)), _triangle(seen)])).shape[1] == 0

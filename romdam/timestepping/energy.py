@@ -1,0 +1,75 @@
+"""The energy ledger: where the input went, in joules, relative to the moving base.
+
+    residual = kinetic + strain + joint_stored + damping + friction + contact + numerical - input - initial
+
+`input` is the work of the inertia forces and static loads, `contact` what the implicit joint force
+takes away at closure and opening (numerical, never negative: the force times the jump's change is at least
+the change of the stored energy, see `romdam.contact.problem`), `friction` the work done in sliding, and
+`numerical` what a scheme that damps by itself (generalised-alpha) takes from the motion; others have no such
+term. The residual is round-off with every scheme.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from romdam.core.arrays import Floats
+
+ACCUMULATED = ("input", "damping", "joint_work", "friction")
+TERMS = (
+    "input",
+    "kinetic",
+    "strain",
+    "joint_stored",
+    "damping",
+    "friction",
+    "contact",
+    "residual",
+)
+
+
+_EXCHANGED = ("input", "kinetic", "strain", "joint_stored")
+_AT_REST = 1e-9  # of the energy that rests in the scene: an exchange below it is round-off
+
+
+def ledger(
+    accumulated: Floats, kinetic: Floats, strain: Floats, stored: Floats, numerical: Floats | None = None
+) -> dict[str, Floats]:
+    """Assemble the ledger.
+
+    Parameters
+    ----------
+    accumulated : (nt, 4) works since the start, in the order of `ACCUMULATED` [J]
+    kinetic, strain, stored : (nt,) energies of the blocks and of the gaps [J]
+    numerical : (nt,) taken by the scheme's own damping since the start [J]; None where it has none
+
+    Returns
+    -------
+    dict of (nt,) arrays with the keys of `TERMS`, and "numerical" where it is given
+    """
+    work_in, damping, joint_work, friction = accumulated.T
+    contact = -joint_work - (stored - stored[0]) - friction
+    change = (kinetic - kinetic[0]) + (strain - strain[0])
+    own = {} if numerical is None else {"numerical": numerical}
+    taken = damping if numerical is None else damping + numerical
+    return {
+        "input": work_in,
+        "kinetic": kinetic,
+        "strain": strain,
+        "joint_stored": stored,
+        "damping": damping,
+        "friction": friction,
+        "contact": contact,
+        **own,
+        "residual": change + taken - joint_work - work_in,
+    }
+
+
+def imbalance(energy: Mapping[str, Floats]) -> float:
+    """How far a ledger is open: its largest residual over the largest energy that was exchanged."""
+    exchanged = max(float(np.ptp(energy[name])) for name in _EXCHANGED)
+    rests = max(float(np.abs(energy[name]).max()) for name in _EXCHANGED)
+    size = max(exchanged, _AT_REST * rests)
+    return float(np.abs(energy["residual"]).max()) / size if size > 0.0 else 0.0

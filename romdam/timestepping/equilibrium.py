@@ -1,0 +1,181 @@
+"""Nonlinear static equilibrium under the static loads, by the gap-space problem.
+
+K q = f + B^T p with p the gaps' law at B q. Where nothing but joints holds a block K is singular; then
+the proximal point iteration (K + s M)(q' - q) = f + B^T p' - K q is taken until q rests. Its fixed points are
+the equilibria, each iteration is the same gap-space problem, and motion that no force drives stays put.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
+from romdam.contact.step import commit_gaps, solve_gaps
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.system import System
+from romdam.linalg.factor import Factor
+from romdam.timestepping.options import Start
+
+_SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
+_MAX_ITERATIONS = 2000
+_REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
+_TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can come to rest
+
+
+@dataclass(frozen=True)
+class GapState:
+    """The gaps at one instant.
+
+    Attributes
+    ----------
+    jump : (n, d) opening (with the initial gap) and slip [m]
+    force : (n, d) compression and shear on side J [N]
+    state : (n,) open, stick or slip
+    p_c : (N,) the solver's force, its warm start [N]
+    anchor : (n, 2) slip anchors [m]; empty without friction
+    stored : energy in the gaps [J]
+    weak : (n, 3) see `romdam.contact.problem.GapMemory`; empty where nothing has been weakened
+    """
+
+    jump: Floats
+    force: Floats
+    state: NDArray[np.uint8]
+    p_c: Floats
+    anchor: Floats
+    stored: float
+    weak: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.bool_))
+
+
+def system_gap_problem(
+    system: System, H: Floats, dt: float = np.inf, most_lag: float = 0.0, own: Floats | None = None
+) -> GapProblem:
+    """Make the gap-space problem for one flexibility H; for the step see `romdam.contact.problem`."""
+    law = system.law
+    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, (dt, most_lag), own)
+
+
+def take_over(memory: GapMemory, gaps: GapState) -> None:
+    """Give a solver's memory the gaps of a state to start from."""
+    memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
+    spring = memory.spring.reshape(gaps.jump.shape)
+    spring[:, 0] = np.minimum(gaps.jump[:, 0], 0.0)
+    if len(gaps.anchor):
+        spring[:, 1:] = gaps.jump[:, 1:] - gaps.anchor
+    if len(memory.weak) and len(gaps.weak):
+        memory.weak[:] = gaps.weak
+
+
+def undeformed(system: System) -> tuple[Floats, GapState]:
+    """The undeformed state at rest; an initial penetration carries its force from the first step on.
+
+    Raises
+    ------
+    ConfigError
+        where a rigid gap starts pressed in: it would hold no finite energy, and the first step make some.
+    """
+    law = system.law
+    pressed = np.isinf(law.K_n) & (law.gap < 0.0)
+    if pressed.any():
+        i = int(np.argmax(pressed))
+        raise ConfigError(
+            f"joints: a rigid gap cannot start pressed in, got an initial gap of {law.gap[i]:.4g} m "
+            f"at gap {i}, limit 0; set loads.initial_state: static, or give a finite normal_stiffness"
+        )
+    return _unloaded(system)
+
+
+def _unloaded(system: System) -> tuple[Floats, GapState]:
+    law = system.law
+    n, d = len(law), law.directions
+    jump = np.zeros((n, d))
+    jump[:, 0] = law.gap
+    stiffness = np.where(law.gap < 0.0, np.where(np.isinf(law.K_n), 0.0, law.K_n), law.K_nz)
+    empty = GapState(
+        jump=jump,
+        force=np.zeros((n, d)),
+        state=np.zeros(n, dtype=np.uint8),
+        p_c=np.zeros(n * d),
+        anchor=np.zeros((n if d == 3 else 0, 2)),
+        stored=float((0.5 * stiffness * law.gap**2).sum()),
+    )
+    return np.zeros(system.size), empty
+
+
+def resumed(system: System, start: Start) -> GapState:
+    """The gaps of a state to go on from; each slip anchor follows from its shear force."""
+    law, d = system.law, system.law.directions
+    tension = law.K_nz * start.jump[:, 0]
+    p_c, anchor = start.traction.copy(), np.zeros((0, 2))
+    weak = np.zeros((0, 3), dtype=np.bool_) if start.weak is None else start.weak
+    bonded = ~weak[:, 0] if len(weak) else False
+    p_c[:, 0] = np.where(bonded, p_c[:, 0], np.maximum(p_c[:, 0] + tension, 0.0))
+    compliance = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d))).compliance.reshape(-1, d)
+    if d == 3:
+        anchor = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
+    stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, 0]).sum()
+    closed = (p_c[:, 0] > 0.0).astype(np.uint8)
+    return GapState(
+        start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored), weak
+    )
+
+
+def rest_shift(system: System) -> float:
+    """What times M is added to K so that it can be factored; 0 where supports hold every block [1/s2]."""
+    return _SHIFT if system.floating else 0.0
+
+
+def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapState]:
+    """Find the equilibrium under the static loads, starting from the undeformed state.
+
+    Returns
+    -------
+    (q, gaps) : (n,) displacement and the gaps in equilibrium
+
+    Raises
+    ------
+    ConvergenceError
+        where there is no equilibrium (a block that the joints cannot hold), or the gaps do not settle.
+    """
+    shift = rest_shift(system)
+    factor = Factor(system.K + shift * system.M)
+    X = factor.solve(system.B.T.toarray())
+    problem = system_gap_problem(system, np.asarray(system.B @ X))
+    memory = gap_memory(problem)
+    q, gaps = _unloaded(system)
+    rest = max(_REST, 100.0 * tolerance)
+    for _ in range(_MAX_ITERATIONS):
+        free = factor.solve(system.force + shift * (system.M @ q))
+        gaps = _solve(problem, memory, np.asarray(system.B @ free), tolerance)
+        moved = free + X @ gaps.force.ravel() - q
+        q = q + moved
+        if shift == 0.0 or np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12):
+            return q, gaps
+    raise ConvergenceError(
+        f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
+        f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "
+        "cannot carry its loads: add a support or friction, or set loads.initial_state: from_start"
+    )
+
+
+def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: float) -> GapState:
+    n, N = len(problem.gap), len(problem.W)
+    d = N // n if n else 1  # a scene of grown-together blocks has no gaps
+    y = np.zeros(N)
+    memory.known[:] = np.nan  # free motions are large here: a kept product would leave their round-off
+    closed = memory.force[::d] > 0.0
+    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (min(tolerance, _TIGHT), False))
+    if not residual <= _TIGHT:  # round-off forbids as much: take what was asked
+        residual = solve_gaps(problem, memory, closed, w_free, y, (tolerance, False))
+    if not residual <= tolerance:
+        raise ConvergenceError(
+            f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
+            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: from_start"
+        )
+    jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
+    stored, _ = commit_gaps(problem, memory, y, jump, force, state)
+    p_c, anchor, weak = memory.force.copy(), memory.anchor.copy(), memory.weak.copy()
+    return GapState(jump, force, state, p_c, anchor, stored, weak)

@@ -1,0 +1,1 @@
+"""Exact modal propagation: the loop and its kernels."""

@@ -1,0 +1,123 @@
+"""The step that keeps the energy: the joint force acts with the mean that does the work the gaps store."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.contact.problem import GapMemory, GapProblem
+from romdam.contact.step import solve_gaps
+from romdam.core.arrays import Floats
+from romdam.core.jit import ARRAYS, njit
+from romdam.timestepping.modal.arrays import ModalModel, ModalState
+from romdam.timestepping.modal.kernels import add_rows
+
+_MEAN_ITERATIONS = 50  # of the discrete gradient in a step that changes the closed set or slides
+_REST = 1e-12  # relative change of its force that counts as rest
+
+
+@njit(cache=True)
+def _elastic(model: ModalModel, problem: GapProblem, p_c: Floats, p: Floats, g: Floats) -> float:
+    """Energy of the residual flexibility and of the gaps' springs."""
+    d = len(p) // max(len(problem.gap), 1)
+    energy = 0.0
+    for i in range(len(p)):
+        energy += 0.5 * problem.compliance[i] * p_c[i] ** 2
+        if len(model.R) and p[i] != 0.0:
+            row = model.R[i]
+            for j in range(len(p)):
+                energy += 0.5 * p[i] * row[j] * p[j]
+    for i in range(len(problem.gap)):
+        energy += 0.5 * problem.tension[i] * g[d * i] ** 2
+    return energy
+
+
+@njit(cache=True)
+def _end_force(
+    problem: GapProblem, memory: GapMemory, closed: NDArray[np.bool_], y: Floats, p: Floats, g: Floats
+) -> bool:
+    """Whole joint force and opening at the step's end; whether the closed set changed."""
+    d = len(p) // max(len(problem.gap), 1)
+    changed = False
+    for i in range(len(p)):
+        g[i] = y[i] - problem.compliance[i] * memory.force[i]
+        p[i] = memory.force[i]
+        if i % d == 0:
+            p[i] -= problem.tension[i // d] * g[i]
+            changed = changed or (memory.force[i] > 0.0) != closed[i // d]
+    return changed
+
+
+@njit(cache=True)
+def _slid(problem: GapProblem, memory: GapMemory, y: Floats) -> float:
+    """What sliding takes in the step, which never is negative [J]."""
+    lost = 0.0
+    for i in range(len(memory.anchor)):
+        for a in range(3 * i + 1, 3 * i + 3):
+            lost -= memory.force[a] * y[a]
+    return lost
+
+
+@njit(cache=True)
+def _correction(missing: float, moved: Floats) -> Floats:
+    """The force along the change of the jump that does the missing work."""
+    size = moved @ moved
+    return -(missing / size) * moved if size > 0.0 else np.zeros(len(moved))
+
+
+@njit(**ARRAYS)
+def try_conserving(
+    conserving: bool | None,
+    model: ModalModel,
+    half: Floats,
+    gaps: tuple[GapProblem, GapMemory],
+    state: ModalState,
+    jumps: tuple[Floats, Floats, Floats],
+    control: tuple[float, bool],
+) -> float:
+    """Solve a step in which the joint force acts with a mean that does the work the gaps store.
+
+    The mean is (p_0 + p_1) / 2, which is exact while the closed set stands still, and a multiple of the
+    change of the states' jump on the loaded gaps where it does not (a discrete gradient).
+
+    Parameters
+    ----------
+    half : (N, N) half the states' flexibility over a step [m/N]
+    jumps : (N,) free jumps of the states, (N,) or (0,) what is added to them, and (N,) for the solution
+    control : see `romdam.contact.step.solve_gaps`
+
+    Returns
+    -------
+    float, the relative residual of the gap-space problem; above the tolerance means no convergence
+    """
+    if conserving is None:
+        return np.inf
+    (problem, memory), (w_free, shift, y) = gaps, jumps
+    p_0 = state.force.ravel()
+    before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
+    correction, p_1, g_1 = np.zeros_like(p_0), np.zeros_like(p_0), np.zeros_like(p_0)
+    old_force = memory.force.copy()
+    residual, w_1 = 0.0, w_free.copy()
+    for _ in range(_MEAN_ITERATIONS):
+        w = w_free.copy()
+        w[: len(shift)] += shift
+        add_rows(half, p_0 + 2.0 * correction, 1.0, w)
+        memory.force[:] = old_force
+        residual = solve_gaps(problem, memory, state.closed, w, y, control)
+        if not residual <= control[0]:
+            return residual
+        changed = _end_force(problem, memory, state.closed, y, p_1, g_1)
+        slid = _slid(problem, memory, y)
+        state.mean[:] = 0.5 * (p_0 + p_1) + correction
+        w_1[:] = w_free
+        add_rows(half, state.mean, 2.0, w_1)
+        if not changed and slid == 0.0:
+            break
+        moved = (w_1 - state.w) * ((p_0 != 0.0) | (p_1 != 0.0))
+        missing = _elastic(model, problem, memory.force, p_1, g_1) - before + slid
+        new = _correction(missing + (0.5 * (p_0 + p_1)) @ moved, moved)
+        if np.abs(new - correction).max() <= _REST * np.abs(state.mean).max():
+            break
+        correction = new
+    state.w[:] = w_1
+    return residual

@@ -1,0 +1,198 @@
+"""Gaps that move alike are marched as one, and modes that nothing moves not at all.
+
+A scene that mirrors itself, shaken along its plane of symmetry, moves symmetrically: gaps side by side open
+alike, slide alike or against each other, and the twisting modes stay at rest. No geometry is looked at. A
+partition of the gaps is sought, and signs (or none) for the directions of each gap, such that forces equal
+within its groups but for the signs, and the loads, give jumps that are,
+
+    B (K + s)^-1 B^T p  and  B (K + s)^-1 load  constant in every group, for every s,
+
+with gaps of one law in a group. What solves the problem of the groups, spread evenly, then solves that of the
+gaps, step by step. Without friction there is no other solution; with friction there may be, as in any step.
+
+The partition is the coarsest: from groups of equal law on, gaps whose jumps differ are told apart until none
+do. Eigenvectors of nearly equal frequencies mix what mirrors and what does not, so the modes of a
+frequency are turned to what the groups and the loads move; what is left out is measured. Of the 100 gaps and
+360 modes of configs/two_cantilevers.yaml 60 and 193 remain, whose flexibilities are those of the whole to
+1e-11 at rest and 1e-8 within a step. Openings are equal to 1e-11, and the march takes half of its time.
+
+References
+----------
+Godsil, Royle, Algebraic Graph Theory (Springer, 2001), 9.3: equitable partitions and their quotients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csr_matrix, diags_array, eye_array
+
+from romdam.core.arrays import Floats, Ints
+from romdam.core.system import Alike, History, System
+
+_SAME = 1e-5  # relative, of frequencies squared
+_TOLD = 1e-5  # of the largest, by which values differ
+_MOVED = 1e-2  # direction among the modes of a frequency; those that gaps move have 0.4 or more, others 1e-4
+_DRIVEN = 1e-5  # of the most driven mode; those that mirror nothing of the loads have 1e-7
+_EXACT = 1e-6  # of the largest jump, what may be left out
+
+
+def folded(system: System, active: Ints) -> System | None:
+    """The system with one gap for each group, or None where all gaps are different.
+
+    Parameters
+    ----------
+    active : the shaken components
+    """
+    law = system.law
+    if len(law) < 2 or not system.diagonal or law.laws or law.K_nz.any():
+        return None
+    gaps, signs = _partition(system, active)
+    if gaps.max() + 1 == len(law) or (np.isinf(law.K_s) & (signs == 0.0).any(axis=1)).any():
+        return None
+    spread = _spread(gaps, signs)
+    mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
+    jumps = mean @ system.B.toarray()
+    small = _quotient(system, (gaps, signs), jumps, _modes(system, active, jumps))
+    for s in _shifts(system):
+        whole = _jumps(system, active, mean.T.toarray(), s)
+        left_out = np.abs(whole - spread @ _jumps(small, active, np.eye(len(jumps)), s)).max(axis=0)
+        if (left_out > _EXACT * np.abs(whole).max(axis=0)).any():
+            return None
+    return small
+
+
+def _spread(gaps: Ints, signs: Floats) -> csr_matrix:
+    """What the groups' jumps are at every gap, (d ng, d groups)."""
+    d = signs.shape[1]
+    rows, columns = np.arange(signs.size), (d * gaps[:, None] + np.arange(d)).ravel()
+    return csr_matrix((signs.ravel(), (rows, columns)), shape=(signs.size, d * (gaps.max() + 1)))
+
+
+def _shifts(system: System) -> Floats:
+    """s from the lowest frequencies to the highest."""
+    k = system.K.diagonal()
+    highest = k.max() if k.any() else 1.0
+    return np.geomspace(k[k > 1e-9 * highest].min(initial=highest), 1e3 * highest, 5)
+
+
+def _jumps(system: System, active: Ints, forces: Floats, s: float) -> Floats:
+    """Jumps under forces on the gaps, under the loads, and under the static force, for one s."""
+    B = system.B.toarray()
+    moved = np.column_stack([B.T @ forces, system.load[:, active], system.force])
+    return np.asarray(B @ (moved / (system.K.diagonal() + s)[:, None]))
+
+
+def unfolded(history: History, alike: Alike) -> History:
+    """The history of all gaps and modes."""
+    gaps = alike.gaps
+    share = alike.signs / alike.count[gaps, None]
+    peaks = {name: values[gaps] for name, values in history.peaks.items()}
+    peaks["compression"] = peaks["compression"] * share[:, 0]
+    return replace(
+        history,
+        jump=history.jump[:, gaps] * alike.signs,
+        traction=history.traction[:, gaps] * share,
+        mean_traction=history.mean_traction[:, gaps] * share,
+        state=history.state[:, gaps],
+        peaks=peaks,
+        q=None if history.q is None else history.q @ alike.modes.T,
+        v=None if history.v is None else history.v @ alike.modes.T,
+    )
+
+
+def _clusters(system: System) -> Ints:
+    """The number of every mode's frequency; parts have their own."""
+    k, number, first = system.K.diagonal(), np.zeros(system.size, dtype=np.int64), 0
+    for part in system.parts.values():
+        order = part.start + np.argsort(k[part], kind="stable")
+        further = np.diff(k[order], prepend=-np.inf) > _SAME * k[order]
+        number[order] = first - 1 + np.cumsum(further)
+        first += int(further.sum())
+    return number
+
+
+def _partition(system: System, active: Ints) -> tuple[Ints, Floats]:
+    """The group of every gap, numbered as they come, and the signs of its directions, (ng, d)."""
+    law, random, before = system.law, np.random.default_rng(0), (0, 0.0)
+    signs = np.zeros((len(law), law.directions))
+    signs[:, 0] = 1.0
+    rigid = [np.isinf(law.K_n), np.isinf(law.K_s)]
+    springs = [np.where(*each) for each in zip(rigid, (0.0, 0.0), (law.K_n, law.K_s), strict=True)]
+    values = np.column_stack([*rigid, *springs, law.mu, law.gap])
+    gaps = _told_apart(np.zeros(len(law), dtype=np.int64), values)
+    while before < (groups := gaps.max() + 1, np.abs(signs).sum()) and groups < len(law):
+        before = (groups, np.abs(signs).sum())
+        force = signs * random.uniform(0.5, 1.5, (groups, law.directions))[gaps]
+        for s in _shifts(system):
+            for jump in _jumps(system, active, force.ravel(), s).T:
+                jump = jump.reshape(signs.shape)
+                moves = (signs == 0.0) & (np.abs(jump) > _TOLD * np.abs(jump).max())
+                signs[moves] = np.sign(jump[moves])
+                gaps = _told_apart(gaps, signs * jump, np.abs(jump).max())
+    first = np.unique(gaps, return_index=True)[1]
+    return np.asarray(np.argsort(np.argsort(first))[gaps]), signs
+
+
+def _told_apart(gaps: Ints, values: Floats, size: float | None = None) -> Ints:
+    """Finer groups: gaps that differ in any column, by a share of its largest value or of a size."""
+    labels = [gaps]
+    for column in values.T:
+        order = np.argsort(column)
+        further = np.diff(column[order]) > _TOLD * (np.abs(column).max() if size is None else size)
+        label = np.zeros(len(gaps), dtype=np.int64)
+        label[order[1:]] = np.cumsum(further)
+        labels.append(label)
+    return np.asarray(np.unique(np.column_stack(labels), axis=0, return_inverse=True)[1]).ravel()
+
+
+def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
+    """Directions among the modes that forces on the groups or the loads move, (modes, directions)."""
+    number, drives = _clusters(system), np.column_stack([system.load[:, active], system.force])
+    size = np.bincount(number, weights=(system.B.toarray() ** 2).sum(axis=0))
+    drives *= _MOVED / _DRIVEN / np.maximum(np.abs(drives).max(axis=0), 1e-300)
+    moved = np.hstack([jumps.T / np.sqrt(np.maximum(size, 1e-300))[number, None], drives])
+    turned, moves = eye_array(system.size, format="lil"), np.linalg.norm(moved, axis=1) > _MOVED
+    for several in np.flatnonzero(np.bincount(number) > 1):
+        modes = np.flatnonzero(number == several)
+        U, share, _ = np.linalg.svd(moved[modes])
+        turned[np.ix_(modes, modes)] = U
+        moves[modes] = np.arange(len(modes)) < (share > _MOVED).sum()
+    return csr_matrix(turned.tocsc()[:, moves])
+
+
+def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr_matrix) -> System:
+    """The system of the groups; a group's stiffness is that of all its gaps."""
+    (gaps, signs), law = groups, system.law
+    count = np.bincount(gaps)
+    first = np.unique(gaps, return_index=True)[1]
+    ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
+    return replace(
+        system,
+        M=csr_matrix(eye_array(Q.shape[1])),
+        C=csr_matrix(diags_array((Q.T @ system.C @ Q).diagonal())),
+        K=csr_matrix(diags_array((Q.T @ system.K @ Q).diagonal())),
+        B=csr_matrix(jumps @ Q),
+        load=Q.T @ system.load,
+        force=Q.T @ system.force,
+        observe=csr_matrix(system.observe @ Q),
+        law=replace(
+            law,
+            K_n=law.K_n[first] * count,
+            K_nz=law.K_nz[first],
+            K_s=law.K_s[first] * count,
+            mu=law.mu[first],
+            gap=law.gap[first],
+            joints={name: slice(int(a), int(b)) for name, (a, b) in ends.items()},
+        ),
+        parts=_parts(system, Q),
+        alike=Alike(system, gaps, count, signs, Q),
+    )
+
+
+def _parts(system: System, Q: csr_matrix) -> dict[str, slice]:
+    """The directions of every part; those of one stand side by side."""
+    width = {name: len(np.unique(Q[part].indices)) for name, part in system.parts.items()}
+    stops = dict(zip(width, np.cumsum(list(width.values())), strict=True))
+    return {name: slice(int(stops[name] - width[name]), int(stops[name])) for name in width}

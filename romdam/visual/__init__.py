@@ -1,0 +1,1 @@
+"""Figures and 3-D views."""

@@ -1,0 +1,197 @@
+"""Fields of a result in 3-D: displacement and stress at their worst steps, and the motion as an animation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.colors import Normalize
+
+from romdam.core.arrays import Floats
+from romdam.core.files import replacing
+from romdam.results.fields import Result
+from romdam.results.series import Frames, dam_blocks, frame_times, worst_displacement_time
+from romdam.visual.plots import save_figure
+from romdam.visual.rendering import EDGES, Bounds, Image, Picture, grid, surface
+from romdam.visual.style import STYLE, image_panels, scaled
+
+Progress = Callable[[int, int], None]
+
+_DIRECTIONS = (np.array([-0.5, -1.0, 0.45]), np.array([0.5, 1.0, 0.45]))
+_SHARE = 0.99  # of the nodes' stresses that the colours reach
+_SHOWN = 0.05  # of the model's size, that the largest displacement is drawn as
+_EDGED = 20_000  # cells of a block, above which only its sharp edges are drawn
+_FRAME_SIZE = (800, 640)
+_MISSING = "#D9D9D9"
+
+
+@dataclass(frozen=True)
+class _Field:
+    """Values of every node of some blocks, and how they are shown.
+
+    Attributes
+    ----------
+    values : block -> (n,) in SI, NaN where not known
+    moved : block -> (n, 3) displacement that the shape is drawn with [m]
+    unit, label, colours : of the values
+    """
+
+    values: dict[str, Floats]
+    moved: dict[str, Floats]
+    unit: str
+    label: str
+    colours: str
+
+
+def draw_fields(result: Result, folder: Path, stem: str) -> list[Path]:
+    """Draw displacement, and every stress that the result has, at its worst step: `stem`-field_<name>.png.
+
+    Raises
+    ------
+    ResultError
+        for a full-order result, and where 3-D pictures cannot be drawn.
+    """
+    dataset = result.dataset
+    time = worst_displacement_time(result)
+    paths = [_draw(result, _displacement(result, time), time, folder / f"{stem}-field_displacement.png")]
+    for name in ("principal", "vertical", "arch"):
+        if f"worst_{name}_stress" in dataset and dataset[f"worst_{name}_stress"].notnull().any():
+            at = float(dataset[f"worst_{name}_time"])
+            path = folder / f"{stem}-field_{name}_stress.png"
+            paths.append(_draw(result, _stress(result, f"worst_{name}_stress", at), at, path))
+    if "demand_capacity_ratio" in dataset:
+        field = _stress(result, "demand_capacity_ratio", None)
+        paths.append(_draw(result, field, None, folder / f"{stem}-field_demand_capacity_ratio.png"))
+    return paths
+
+
+def write_animation(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
+    """Draw the motion, coloured by displacement, as `folder`/`stem`-motion.gif.
+
+    Raises
+    ------
+    ResultError
+        for a full-order result, for a window without written times, and where 3-D pictures cannot be drawn.
+    """
+    from PIL import Image as PillowImage
+
+    times = frame_times(result, frames)
+    fields = [_displacement(result, t) for t in times]
+    top = max(float(v.max()) for field in fields for v in field.values.values())
+    scale, norm = _magnification(result, top), Normalize(0.0, top)
+    bounds = _bounds(result, list(fields[0].values))
+    images = []
+    for k, (field, time) in enumerate(zip(fields, times, strict=True)):
+        picture = _view(result, field, (bounds, _DIRECTIONS[0]), scale, norm, _FRAME_SIZE)
+        text = f"{time:.2f} s   shape x {scale:g}   yellow: {1e3 * top:.3g} mm"
+        picture.plotter.add_text(text, font_size=9, color="black")
+        images.append(PillowImage.fromarray(picture.image()))
+        progress(k + 1, len(times))
+    path = folder / f"{stem}-motion.gif"
+    with replacing(path) as part:
+        images[0].save(part, format="GIF", save_all=True, append_images=images[1:], duration=80, loop=0)
+    return path
+
+
+def _displacement(result: Result, time: float) -> _Field:
+    moved = {name: result.displacement(name, times=time).values[0] for name in dam_blocks(result)}
+    values = {name: np.linalg.norm(u, axis=1) for name, u in moved.items()}
+    return _Field(values, moved, "m", "displacement relative to the base", "viridis")
+
+
+def _stress(result: Result, variable: str, time: float | None) -> _Field:
+    """A stress variable on the blocks that have it; undeformed where it belongs to no one time."""
+    dataset = result.dataset
+    found, moved = {}, {}
+    for name in dict.fromkeys(dataset.stress_block.values.tolist()):
+        own = dataset.stress_block.values == name
+        values = np.full(len(result.points(name)), np.nan)
+        values[dataset.stress_node_number.values[own]] = dataset[variable].values[own]
+        found[name] = values
+        at = None if time is None else result.displacement(name, times=time).values[0]
+        moved[name] = np.zeros((len(values), 3)) if at is None else at
+    label = str(dataset[variable].attrs["long_name"]).split(" at worst")[0].split(" (")[0]
+    unit = str(dataset[variable].attrs["units"])
+    return _Field(found, moved, "" if unit == "1" else unit, label, "viridis" if time is None else "RdBu_r")
+
+
+def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path:
+    """Two sides of the field's blocks, with a colour bar."""
+    whole = np.concatenate(list(field.values.values()))
+    shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), field.unit)
+    norm, beyond = _norm(shown, field)
+    largest = max(float(np.linalg.norm(u, axis=1).max()) for u in field.moved.values())
+    scale = _magnification(result, largest)
+    field_scaled = _Field(
+        {k: v * factor for k, v in field.values.items()}, field.moved, unit, "", field.colours
+    )
+    bounds = _bounds(result, list(field.values))
+    images: list[Image] = [
+        _view(result, field_scaled, (bounds, direction), scale, norm).image() for direction in _DIRECTIONS
+    ]
+    when = f", largest {float(shown.max()):.3g} {unit}".rstrip()
+    when += "" if time is None else f", at {time:.2f} s, shape x {scale:g}"
+    with mpl.rc_context(STYLE):
+        figure, axes = image_panels(images, f"{field.label}{when}  ·  {result.dataset.attrs['record']}")
+        bar = mpl.cm.ScalarMappable(norm, field.colours)
+        label = f"{field.label}{f' [{unit}]' if unit else ''}"
+        figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
+    return save_figure(figure, path)
+
+
+def _norm(shown: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
+    """Range of the colours, and at which ends values go beyond it.
+
+    Stress grows without limit at re-entrant corners as the mesh is refined: its highest percent is cut off,
+    so that the rest can be seen; the title says how far it goes. Diverging colours are centred at zero.
+    """
+    low, high = float(shown.min()), float(shown.max())
+    if field.unit == "m" or not field.label:
+        return Normalize(min(0.0, low), high), "neither"
+    limit = float(np.quantile(np.abs(shown.values), _SHARE))
+    if field.colours == "RdBu_r":
+        ends = {(True, True): "both", (True, False): "min", (False, True): "max"}
+        return Normalize(-limit, limit), ends.get((low < -limit, high > limit), "neither")
+    return Normalize(0.0, limit), "max" if high > limit else "neither"
+
+
+def _view(
+    result: Result,
+    field: _Field,
+    camera: tuple[Bounds, Floats],
+    scale: float,
+    norm: Normalize,
+    size: tuple[int, int] | None = None,
+) -> Picture:
+    picture = Picture(*camera, size)
+    for name, values in field.values.items():
+        element, cells = result.cells(name)
+        points = result.points(name) + scale * field.moved[name]
+        mesh, straight = grid(element, points, cells), surface(grid(element, points, cells, straight=True))
+        mesh.point_data["values"] = values
+        bar = {"scalars": "values", "cmap": field.colours, "clim": (norm.vmin, norm.vmax)}
+        flat = {"lighting": False, "ambient": 0.0, "diffuse": 1.0}  # the colours of the bar, unshaded
+        picture.add(surface(mesh), **bar, **flat, nan_color=_MISSING)
+        all_of_them = len(cells) < _EDGED
+        edges = straight.extract_all_edges() if all_of_them else straight.extract_feature_edges(30)
+        picture.add(edges, color=EDGES, line_width=1.5, opacity=0.4)
+    return picture
+
+
+def _bounds(result: Result, names: list[str]) -> Bounds:
+    points = np.concatenate([result.points(name) for name in names])
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _magnification(result: Result, largest: float) -> float:
+    """A round factor that draws the largest displacement as a small part of the model."""
+    if largest <= 0.0:
+        return 0.0
+    low, high = _bounds(result, dam_blocks(result))
+    wanted = _SHOWN * float(np.linalg.norm(high - low)) / largest
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(f for f in (1.0, 2.0, 5.0) if f * power <= wanted * (1.0 + 1e-9)) * power)

@@ -1,0 +1,184 @@
+"""A page of figures per ground motion: histories before and after correction, spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from romdam.core.files import replacing
+from romdam.core.motion import GroundMotion
+from romdam.postprocess.record_measures import PERIODS
+from romdam.records.measures import fourier_amplitude
+from romdam.records.processing.integrate import displacement, velocity
+from romdam.records.spectra import response_spectra
+from romdam.visual.style import COLOURS, GREY, STYLE
+
+Array = np.ndarray
+AXES = ("x", "y", "z")
+DAMPINGS = (0.02, 0.05)
+FOURIER_POINTS = 300
+
+
+def plot_record(motion: GroundMotion, recorded: GroundMotion | None = None) -> Figure:
+    """Draw acceleration, velocity and displacement of each shaken component, and its spectra.
+
+    Parameters
+    ----------
+    motion : as the structure feels it, pads included
+    recorded : before correction, drawn grey behind; None where nothing was corrected
+    """
+    shaken = [i for i in range(3) if np.any(motion.acc[i] != 0.0)] or [0]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(max(5.6, 3.9 * len(shaken) + 0.4), 10.5), layout="constrained")
+        panels = figure.subplots(5, len(shaken), squeeze=False, height_ratios=(1, 1, 1, 1.4, 1.4))
+        for column, axis in enumerate(shaken):
+            _histories(panels[:3, column], motion, recorded, axis)
+            _response(panels[3, column], motion, recorded, axis)
+            _fourier(panels[4, column], motion, recorded, axis)
+        for row in panels:
+            for ax in row[1:]:
+                ax.set_ylabel("")
+        _share_limits(panels)
+        figure.suptitle(_title(motion), fontsize=10)
+    return figure
+
+
+def write_record_plots(pairs: Iterable[tuple[GroundMotion, GroundMotion | None]], folder: Path) -> list[Path]:
+    """Write one PNG per (motion, recorded) pair into `folder`, named after the record."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for motion, recorded in pairs:
+        path = folder / f"{motion.name}.png"
+        with mpl.rc_context(STYLE):
+            figure = plot_record(motion, recorded)
+            with replacing(path) as part:
+                figure.savefig(part, format="png", dpi=130)
+        paths.append(path)
+    return paths
+
+
+def _histories(panels: Array, motion: GroundMotion, recorded: GroundMotion | None, axis: int) -> None:
+    quantities = (
+        ("acceleration [m/s²]", lambda acc, dt: acc),
+        ("velocity [m/s]", velocity),
+        ("displacement [m]", displacement),
+    )
+    for ax, (label, integrate) in zip(panels, quantities, strict=True):
+        after = integrate(motion.acc[axis], motion.dt)
+        start = _seconds(motion, "pad_before_s")  # pads lie at negative times: both histories start at 0
+        if recorded is not None:
+            before = integrate(recorded.acc[axis], recorded.dt)
+            ax.plot(recorded.time, before, color=GREY, lw=0.7, label="as recorded")
+            _keep_in_view(ax, after, before)
+        ax.plot(motion.time - start, after, color=COLOURS[0], lw=0.7, label="corrected" if recorded else None)
+        ax.axhline(0.0, color="black", lw=0.4, zorder=0)
+        ax.set_ylabel(label)
+        peak = int(np.argmax(np.abs(after)))
+        ax.text(
+            0.99,
+            0.97,
+            f"peak {abs(after[peak]):.3g}",
+            transform=ax.transAxes,
+            ha="right",
+            va="top",
+            fontsize=8,
+        )
+    for ax in panels[:2]:
+        ax.tick_params(labelbottom=False)
+    panels[0].set_title(f"component {AXES[axis]}")
+    panels[2].set_xlabel("time [s]")
+    _zoom_on_record(panels, motion)
+    if recorded is not None:
+        panels[0].legend(loc="lower right", ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _seconds(motion: GroundMotion, name: str) -> float:
+    value = motion.provenance.get(name, 0.0)
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _zoom_on_record(panels: Array, motion: GroundMotion) -> None:
+    """Show the record and a part of its pads, which say how long they go on."""
+    before, after = _seconds(motion, "pad_before_s"), _seconds(motion, "pad_after_s")
+    length = motion.duration - before - after
+    margin = 0.12 * length
+    for ax in panels:
+        ax.set_xlim(-min(before, margin) - 0.01 * length, length + min(after, margin) + 0.01 * length)
+    if before + after > 0.0:
+        text = f"pads of {before:.3g} s and {after:.3g} s at the ends"
+        panels[2].text(0.99, 0.03, text, transform=panels[2].transAxes, ha="right", va="bottom", fontsize=7)
+
+
+def _keep_in_view(ax: Axes, after: Array, before: Array) -> None:
+    """A drift of metres must not flatten the corrected history: it may leave the panel."""
+    limit = 1.25 * float(np.max(np.abs(after)))
+    if limit > 0.0 and np.max(np.abs(before)) > 3.0 * limit:
+        ax.set_ylim(-limit, limit)
+        ax.text(
+            0.01, 0.03, f"as recorded reaches {np.max(np.abs(before)):.3g}", transform=ax.transAxes,
+            va="bottom", fontsize=7, color="#666666",
+        )  # fmt: skip
+
+
+def _response(ax: Axes, motion: GroundMotion, recorded: GroundMotion | None, axis: int) -> None:
+    if recorded is not None:
+        before = response_spectra(recorded.acc[axis], recorded.dt, PERIODS, (0.05,)).psa[0, 0]
+        ax.loglog(PERIODS, before, color=GREY, lw=0.9, label="5 %, as recorded")
+    spectra = response_spectra(motion.acc[axis], motion.dt, PERIODS, DAMPINGS)
+    for k, damping in enumerate(DAMPINGS):
+        ax.loglog(PERIODS, spectra.psa[0, k], color=COLOURS[k], lw=1.0, label=f"{100 * damping:g} %")
+    ax.set_xlabel("period [s]")
+    ax.set_ylabel("PSa [m/s²]")
+    ax.set_xlim(PERIODS[0], PERIODS[-1])
+    ax.legend(loc="lower left")
+
+
+def _fourier(ax: Axes, motion: GroundMotion, recorded: GroundMotion | None, axis: int) -> None:
+    for one, colour, label in ((recorded, GREY, "as recorded"), (motion, COLOURS[0], None)):
+        if one is not None:
+            freq, amplitude = _smoothed(*fourier_amplitude(one.acc[axis], one.dt))
+            ax.loglog(freq, amplitude, color=colour, lw=0.9, label=label)
+    for corner in _corners(motion):
+        ax.axvline(corner, color=COLOURS[1], lw=0.8, ls="--")
+        ax.text(corner, 0.98, f" {corner:.2g} Hz", transform=ax.get_xaxis_transform(), va="top", fontsize=7)
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_ylabel("Fourier amplitude [m/s]")
+    ax.set_ylim(bottom=1e-6 * ax.get_ylim()[1])
+    if recorded is not None:
+        ax.legend(loc="lower center")
+
+
+def _corners(motion: GroundMotion) -> list[float]:
+    steps = motion.provenance.get("correction", [])
+    found = [s for s in steps if s.get("step") == "butterworth"] if isinstance(steps, list) else []
+    return [s[key] for s in found for key in ("highpass_hz", "lowpass_hz") if s.get(key)]
+
+
+def _smoothed(freq: Array, amplitude: Array) -> tuple[Array, Array]:
+    """Root mean square in logarithmic bands, so that a page holds lines and not a smear."""
+    edges = np.geomspace(max(freq[1], 0.01), freq[-1], FOURIER_POINTS + 1)
+    total, _ = np.histogram(freq[1:], edges, weights=amplitude[1:] ** 2)
+    count, _ = np.histogram(freq[1:], edges)
+    held = count > 0
+    return np.sqrt(edges[1:] * edges[:-1])[held], np.sqrt(total[held] / count[held])
+
+
+def _share_limits(panels: Array) -> None:
+    """One scale for the components of a row, so that they can be compared by eye."""
+    for row in panels:
+        low, high = min(ax.get_ylim()[0] for ax in row), max(ax.get_ylim()[1] for ax in row)
+        for ax in row:
+            ax.set_ylim(low, high)
+
+
+def _title(motion: GroundMotion) -> str:
+    channels = motion.provenance.get("channels", [])
+    first = channels[0] if isinstance(channels, list) and channels else {}
+    about = [str(first.get(key, "")) for key in ("event", "station_name", "station")]
+    words = ", ".join(dict.fromkeys(word for word in about if word))
+    return f"{motion.name}: {words}" if words else motion.name

@@ -1,0 +1,246 @@
+"""The report of a suite: one page made from its summary, with the records' spectra and a picture if given."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.core.files import replacing
+from romdam.postprocess.responses import RUNS, intensity_of, measures, parameters, response_of
+from romdam.visual import suite_plots as plots
+from romdam.visual.report import page as html
+from romdam.visual.report.page import Section, number
+from romdam.visual.report.statistics import (
+    correlation_section,
+    fragility_section,
+    responses_section,
+    sensitivity_section,
+    worst_section,
+)
+from romdam.visual.report.study import Study, plain, values_of
+from romdam.visual.style import STYLE
+
+REPORT = "report.html"
+_SHOWN = 5  # names of runs that failed with one message
+
+
+def report_html(study: Study) -> str:
+    """The page of a suite.
+
+    Raises
+    ------
+    ResultError
+        for a response or measure that the suite does not have.
+    """
+    if study.wanted.response:
+        response_of(study.summary, study.wanted.response)
+    intensity_of(study.summary, study.wanted.intensity)
+    with mpl.rc_context(STYLE):
+        sections = [one for make in SECTIONS if (one := make(study)) is not None]
+    return html.page(str(study.summary.attrs.get("title", "Suite")), _head(study), sections)
+
+
+def write_report(study: Study, folder: Path) -> Path:
+    """Write `report.html`, whole or not at all.
+
+    Raises
+    ------
+    ResultError
+        for a name that the suite does not have, and where the folder refuses the file.
+    """
+    text = report_html(study)
+    with replacing(folder / REPORT) as part:
+        part.write_text(text, encoding="utf-8")
+    return folder / REPORT
+
+
+def _head(study: Study) -> str:
+    summary, failed = study.summary, int((study.summary.status > 0).sum())
+    cpu = values_of(study, "cpu_seconds")
+    size = " × ".join(f"{summary.sizes[dim]} {dim}{'s' * (summary.sizes[dim] > 1)}" for dim in RUNS)
+    rows = [
+        ("runs", f"{summary.status.size}", False),
+        ("of them failed", f"{failed}", failed > 0),
+        ("CPU of all runs", f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–", False),
+    ]
+    if study.done and study.response:
+        values = response_of(summary, study.response)
+        factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+        largest = f"{number(factor * float(values.max()))} {unit}"
+        rows.insert(2, (f"largest {plain(study.response)}", largest, False))
+    made = str(summary.attrs.get("date_created", ""))
+    return html.paragraph(f"{size}; summary of {made}", soft=True) + html.facts(rows)
+
+
+def _scene(study: Study) -> Section | None:
+    sketch = study.picture or plots.gap_sketch(study.summary)
+    if sketch is None:
+        return None
+    caption = "The blocks with their joints." if study.picture else "The gaps of the joints."
+    return Section("scene", "Scene", [html.side_by_side([html.picture(sketch, caption)])])
+
+
+def _what(study: Study) -> Section:
+    """Size of the study, what it varies, and with what model."""
+    summary, config = study.summary, study.configuration
+    model, transient = config.get("model", {}), config.get("transient", {})
+    scale = ", ".join(f"{value:g}" for value in summary.scale.values)
+    unit = plots.unit_text(str(summary.scale.attrs.get("units", "1")))
+    accuracy = transient.get("accuracy")
+    step = f"accuracy {100 * float(str(accuracy)):g} %" if accuracy else f"step {transient.get('dt')} s"
+    modes = f"{model['modes']} a block" if model.get("modes") else f"up to {model.get('cutoff')} Hz"
+    rows = [
+        ["records", str(summary.sizes["record"])],
+        [str(summary.scale.attrs.get("long_name", "scale")), f"{scale} {unit}".strip()],
+        ["samples", f"{summary.sizes['sample']} ({summary.attrs.get('design', '')})"],
+        ["modes", modes],
+        ["time stepping", step],
+    ]
+    varied = [_range(name, values) for name, values in parameters(summary).items()]
+    joints = []
+    for name in summary.joint.values if "joint" in summary.coords else ():
+        chosen = summary.gap_joint.values == name
+        area = float(summary.gap_area.values[chosen].sum())
+        joints.append([str(name), int(chosen.sum()), area])
+    return Section(
+        "what",
+        "What was run",
+        [
+            html.table(["", ""], rows),
+            html.table(["parameter", "unit", "lowest", "median", "highest", "stands for"], varied, "Samples"),
+            html.table(["joint", "gaps", "area [m²]"], joints, "Joints"),
+        ],
+    )
+
+
+def _range(name: str, values: xr.DataArray) -> list[object]:
+    low, middle, high = (float(np.quantile(values, q, method="nearest")) for q in (0.0, 0.5, 1.0))
+    unit = plots.unit_text(str(values.attrs.get("units", "1")))
+    return [name, unit, low, middle, high, str(values.attrs.get("long_name", ""))]
+
+
+def _records(study: Study) -> Section:
+    """Spectra and measures of the records."""
+    summary, parts = study.summary, []
+    if study.spectra is not None:
+        caption = "Pseudo-acceleration of the largest component of every record."
+        parts.append(html.side_by_side([html.picture(plots.spectra_figure(study.spectra), caption)]))
+    else:
+        parts.append(
+            html.paragraph(
+                "The spectra of the records are drawn where the report is given CONFIG.", soft=True
+            )
+        )
+    rows = []
+    for name in measures(summary):
+        values = intensity_of(summary, name)
+        finite = values.values[np.isfinite(values.values)]
+        if finite.size:
+            about = values.attrs
+            unit = plots.unit_text(str(about.get("units", "1")))
+            numbers = [float(np.quantile(finite, q)) for q in (0.0, 0.5, 1.0)]
+            rows.append([name, unit, *numbers, int(finite.size), str(about.get("long_name", name))])
+    head = ["measure", "unit", "lowest", "median", "highest", "n", "meaning"]
+    return Section("records", "Records", [*parts, html.table(head, rows, "Measures of the scaled records")])
+
+
+def _speed(study: Study) -> Section:
+    """What a run takes and how far off it says it is."""
+    asked = study.configuration.get("transient", {}).get("accuracy")
+    rows: list[list[object]] = []
+    for name, text, factor, unit in (
+        ("wall_seconds", "wall time of a run", 1.0, "s"),
+        ("cpu_seconds", "CPU time of a run", 1.0, "s"),
+        ("steps", "accepted steps", 1.0, ""),
+        ("finest_step", "finest step", 1e3, "ms"),
+        ("estimated_time_error", "estimated error of the time stepping", 100.0, "%"),
+        ("estimated_reduction_error", "estimated error of leaving out modes, openings in L2", 100.0, "%"),
+    ):
+        values = factor * values_of(study, name)
+        if values.size:
+            total = float(values.sum()) if unit == "s" else float("nan")
+            rows.append([text, unit, float(np.median(values)), float(values.max()), total, int(values.size)])
+    both = [values_of(study, name, keep=True) for name in ("energy_residual", "energy_input")]
+    if all(one.size for one in both):
+        share = 100.0 * np.abs(both[0]) / np.where(both[1] == 0.0, np.nan, np.abs(both[1]))
+        share = share[np.isfinite(share)]
+        if share.size:
+            text = "imbalance of the energy over the input"
+            rows.append(
+                [text, "%", float(np.median(share)), float(share.max()), float("nan"), int(share.size)]
+            )
+    notes = []
+    if not values_of(study, "estimated_reduction_error").size:
+        notes.append("The error of leaving out modes was not estimated; `romdam verify CONFIG` measures it.")
+    if asked:
+        error = values_of(study, "estimated_time_error")
+        over = int((error > float(str(asked))).sum())
+        notes.append(
+            f"The time-stepping error asked for was {100 * float(str(asked)):g} %; "
+            f"{over} of {error.size} runs estimate more."
+        )
+    head = ["", "unit", "median", "largest", "all runs", "n"]
+    return Section("speed", "Speed and error", [html.table(head, rows), *map(html.paragraph, notes)])
+
+
+def _failures(study: Study) -> Section:
+    summary = study.summary
+    failed = summary.status.transpose(*RUNS).values > 0
+    if not failed.any():
+        return Section("failures", "Failures", [html.paragraph(f"None of {failed.size} runs failed.")])
+    messages = summary.message.transpose(*RUNS).values
+    groups: dict[str, list[str]] = {}
+    for at in np.argwhere(failed):
+        groups.setdefault(str(messages[tuple(at)]), []).append(str(summary.record.values[at[0]]))
+    rows = []
+    for message, names in sorted(groups.items(), key=lambda group: -len(group[1])):
+        records = list(dict.fromkeys(names))
+        more = f" and {len(records) - _SHOWN} more" if len(records) > _SHOWN else ""
+        rows.append([len(names), ", ".join(records[:_SHOWN]) + more, message])
+    said = f"{int(failed.sum())} of {failed.size} runs failed; they are left out of every statistic."
+    return Section(
+        "failures", "Failures", [html.paragraph(said), html.table(["runs", "records", "message"], rows)]
+    )
+
+
+def _reproduce(study: Study) -> Section:
+    attrs = study.summary.attrs
+    versions = json.loads(str(attrs.get("versions", "{}")))
+    rows = [
+        ["configuration", str(attrs.get("configuration_file", "–"))],
+        ["its SHA-256", str(attrs.get("configuration_sha256", "–"))],
+        ["SHA-256 of the samples", str(attrs.get("design_sha256", "–"))],
+        ["summary made with", ", ".join(f"{name} {version}" for name, version in versions.items())],
+        ["page made with", f"romdam {romdam.__version__}"],
+    ]
+    commands = f"romdam run {attrs.get('configuration_file', 'CONFIG')} --out DIR"
+    if study.wanted.command:
+        commands += f"\n{study.wanted.command}"
+    whole = html.code(json.dumps(study.configuration, indent=1, ensure_ascii=False))
+    parts = [
+        html.table(["", ""], rows),
+        html.code(commands),
+        html.folded("The configuration, in SI units", whole),
+    ]
+    return Section("reproduce", "How to reproduce", parts)
+
+
+SECTIONS: tuple[Callable[[Study], Section | None], ...] = (
+    _scene,
+    _what,
+    _records,
+    worst_section,
+    responses_section,
+    fragility_section,
+    correlation_section,
+    sensitivity_section,
+    _speed,
+    _failures,
+    _reproduce,
+)

@@ -1,0 +1,214 @@
+"""The sections of a report that say what the runs answered."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from romdam.postprocess.analysis import (
+    correlation,
+    fragility,
+    ida_curves,
+    opening_envelopes,
+    sensitivity,
+    worst_runs,
+)
+from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
+from romdam.visual import suite_plots as plots
+from romdam.visual.report import page as html
+from romdam.visual.report.page import Section, number
+from romdam.visual.report.study import Study, in_unit, plain, responses, runs_text
+
+_WORST = 10
+
+
+def worst_section(study: Study) -> Section | None:
+    if not study.done or not study.response:
+        return None
+    summary, worst = study.summary, worst_runs(study.summary, study.response, _WORST)
+    several = [dim for dim in RUNS if summary.sizes[dim] > 1]
+    labels, rows = [], []
+    factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
+    measured = intensity_of(summary, study.wanted.intensity)
+    for k in range(worst.sizes["run"]):
+        at = {dim: worst[dim].values[k] for dim in RUNS}
+        names = {"record": str(at["record"]), "scale": f"× {at['scale']:g}", "sample": f"no. {at['sample']}"}
+        labels.append(" ".join(names[dim] for dim in several) or names["record"])
+        level = float(measured.sel(record=at["record"], scale=at["scale"]))
+        rows.append(
+            [names["record"], float(at["scale"]), int(at["sample"]), factor * float(worst.response[k]), level]
+        )
+    head = ["record", f"scale{in_unit(summary.scale)}", "sample", f"{plain(study.response)} [{unit}]"]
+    head.append(f"{study.wanted.intensity}{in_unit(measured)}")
+    caption = f"The {len(labels)} largest of {study.done} runs."
+    drawing = html.picture(plots.worst_figure(worst, labels), caption)
+    return Section("worst", "Worst runs", [html.side_by_side([drawing]), html.table(head, rows)])
+
+
+def responses_section(study: Study) -> Section | None:
+    """Every response over all runs, and the openings over the joints."""
+    rows = []
+    for name in responses(study.summary):
+        values = study.summary[name]
+        rest = [dim for dim in values.dims if dim not in RUNS]
+        for at in np.ndindex(*(values.sizes[dim] for dim in rest)):
+            one = values.isel(dict(zip(rest, at, strict=True)))
+            finite = one.values[np.isfinite(one.values)]
+            if finite.size:
+                factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+                where = " ".join(str(one.coords[dim].values) for dim in rest if dim in one.coords)
+                worst = finite.min() if finite.max() <= 0.0 else finite.max()
+                row = factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
+                numbers = _tidy(row, factor * float(np.nanmax(np.abs(values.values))))
+                rows.append([plain(name), where, unit, *numbers, int(finite.size)])
+    if not rows:
+        return None
+    head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
+    parts = [_envelopes(study)] if "gap_peak_opening" in study.summary else []
+    return Section("responses", "Openings and other responses", [*parts, html.table(head, rows, "All runs")])
+
+
+def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
+    """Numbers of a row without what is round-off beside its largest, and beside all of its kind."""
+    largest = max(float(np.abs(numbers).max()), 1e-6 * overall)
+    places = 4 - int(np.floor(np.log10(largest))) if largest > 0.0 else 0
+    return [float(one) for one in np.round(numbers, places) + 0.0]
+
+
+def _envelopes(study: Study) -> str:
+    envelopes = opening_envelopes(study.summary)
+    count = int(envelopes["count"].sum())
+    return html.side_by_side(
+        [
+            html.picture(plots.height_figure(envelopes), f"Openings over height; {count} runs."),
+            html.picture(plots.opening_map(envelopes), f"The largest opening of every gap in {count} runs."),
+        ]
+    )
+
+
+def thresholds_of(values: xr.DataArray) -> tuple[float, ...]:
+    """Up to three round thresholds within the middle of a response."""
+    finite = values.values[np.isfinite(values.values) & (values.values > 0.0)]
+    if not finite.size:
+        return ()
+    found = (float(f"{q:.1g}") for q in np.quantile(finite, (0.3, 0.5, 0.7)))
+    return tuple(dict.fromkeys(found))
+
+
+def fragility_section(study: Study) -> Section | None:
+    """Incremental curves and fragilities."""
+    if not study.done or not study.response:
+        return None
+    summary, response, intensity = study.summary, study.response, study.wanted.intensity
+    ida = ida_curves(summary, response, intensity)
+    values = response_of(summary, response)
+    chosen = study.wanted.thresholds or thresholds_of(values)
+    fits = [fragility(summary, response, one, intensity) for one in chosen]
+    pictures = []
+    if not ida.attrs["statement"]:
+        caption = f"Incremental dynamic analysis, {runs_text(ida)}."
+        pictures.append(html.picture(plots.ida_figure(ida), caption))
+    if fits:
+        caption = f"Fragility with pointwise 95 % bounds, {runs_text(ida)}."
+        pictures.append(html.picture(plots.fragility_figure(fits), caption))
+    notes = [f"Incremental curves: {ida.attrs['statement']}."] if ida.attrs["statement"] else []
+    if fits:
+        notes.append(_method(fits[0], bool(study.wanted.thresholds)))
+        if fits[0].attrs["observations"] > fits[0].attrs["records"]:
+            notes.append(
+                f"The bounds take {fits[0].attrs['observations']} observations of {fits[0].attrs['records']} "
+                "records as independent, which those of one record are not: the true bounds are wider."
+            )
+    parts = [html.side_by_side(pictures), *(html.paragraph(note, soft=True) for note in notes)]
+    return Section("fragility", "Incremental curves and fragility", [*parts, _fragility_table(fits, values)])
+
+
+def _method(fit: xr.Dataset, asked: bool) -> str:
+    counted = {
+        "capacities": "each record counts once, by the intensity at which it first exceeds the threshold",
+        "stripes": "each run counts once, by whether it exceeds the threshold",
+    }[str(fit.attrs["method"])]
+    chosen = "" if asked else " The thresholds are round numbers from the data; --threshold sets others."
+    return (
+        f"Lognormal, by maximum likelihood: {counted} (Baker 2015). Bounds are those of the profile "
+        f"likelihood. Runs that failed are left out and count as nothing.{chosen}"
+    )
+
+
+def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> str:
+    if not fits:
+        return ""
+    factor, unit = plots.shown(
+        np.array([f.attrs["threshold"] for f in fits]), str(values.attrs.get("units", "1"))
+    )
+    measure = plots.unit_text(str(fits[0].attrs["intensity_units"]))
+    rows = []
+    for fit in fits:
+        theta, beta = (f"{number(float(v))}" for v in (fit.theta, fit.beta))
+        bounds = (
+            f"{number(float(low))} to {number(float(high))}"
+            for low, high in (fit.theta_bounds.values, fit.beta_bounds.values)
+        )
+        about = fit.attrs
+        seen = f"{about['exceeding']} of {about['observations']}"
+        rows.append(
+            [factor * about["threshold"], theta, next(bounds), beta, next(bounds), seen, about["statement"]]
+        )
+    head = [f"threshold [{unit}]", f"median [{measure}]" if measure else "median", "95 %", "beta", "95 %"]
+    head = [*head, "exceeding", "note"]
+    if not any(row[-1] for row in rows):
+        head, rows = head[:-1], [row[:-1] for row in rows]
+    return html.table(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
+
+
+def correlation_section(study: Study) -> Section | None:
+    if not study.done or not study.response:
+        return None
+    found, title = correlation(study.summary, study.response), "Correlation with the records' measures"
+    if found.attrs["statement"]:
+        return Section("correlation", title, [html.paragraph(f"No correlation: {found.attrs['statement']}.")])
+    closest = str(found.measure.values[int(np.nanargmax(abs(found.spearman.values)))])
+    drawings = [
+        html.picture(plots.correlation_figure(found), f"Rank correlation, {runs_text(found)}."),
+        html.picture(
+            plots.scatter_figure(study.summary, study.response, closest), f"The closest measure, {closest}."
+        ),
+    ]
+    names = ("spearman", "pearson", "slope", "dispersion")
+    rows = [
+        [str(one.measure.values), *(float(one[name]) for name in names), int(one["count"])]
+        for one in (found.isel(measure=k) for k in range(found.sizes["measure"]))
+    ]
+    head = ["measure", "rank correlation", "correlation of logs", "slope of logs", "dispersion of ln", "n"]
+    return Section(
+        "correlation",
+        "Correlation with the records' measures",
+        [html.side_by_side(drawings), html.table(head, rows)],
+    )
+
+
+def sensitivity_section(study: Study) -> Section | None:
+    if not study.done or not study.response or not parameters(study.summary):
+        return None
+    found = sensitivity(study.summary, study.response)
+    title = "Sensitivity to the parameters"
+    if found.attrs["statement"]:
+        return Section("sensitivity", title, [html.paragraph(f"No sensitivity: {found.attrs['statement']}.")])
+    caption = (
+        f"{found.attrs['samples']} samples, {runs_text(found)}; bounds of 95 % by {found.attrs['bounds']}; "
+        f"the regression explains {number(100 * float(found.r_squared))} % of the ranks' variance."
+    )
+    rows = [
+        [str(one.parameter.values)]
+        + [_bounded(float(one[name]), one[f"{name}_bounds"].values) for name in ("regression", "spearman")]
+        for one in (found.isel(parameter=k) for k in range(found.sizes["parameter"]))
+    ]
+    drawing = html.picture(plots.sensitivity_figure(found), caption)
+    head = ["parameter", "standardised regression", "rank correlation"]
+    return Section("sensitivity", title, [html.side_by_side([drawing]), html.table(head, rows)])
+
+
+def _bounded(value: float, bounds: np.ndarray) -> str:
+    if np.isnan(value):
+        return "–"
+    return f"{value:.2f} ({bounds[0]:.2f} to {bounds[1]:.2f})"

@@ -1,0 +1,107 @@
+"""What a report is about, and how its sections name and count things."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from romdam.postprocess.responses import RUNS
+from romdam.visual.suite_plots import unit_text
+
+_NOT_RESPONSES = (
+    "wall_seconds",
+    "cpu_seconds",
+    "steps",
+    "finest_step",
+    "estimated_time_error",
+    "estimated_reduction_error",
+)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a report is to be about.
+
+    Attributes
+    ----------
+    response : of the curves, fragility, correlation and sensitivity; None for the first that the suite has
+    intensity : measure that curves and fragility are a function of
+    thresholds : of the fragilities, in the response's SI unit; round numbers from the data if empty
+    command : how the report was asked for
+    """
+
+    response: str | None = None
+    intensity: str = "sa"
+    thresholds: tuple[float, ...] = ()
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A summary and what the sections of its report need besides.
+
+    Attributes
+    ----------
+    summary : of the suite
+    wanted : what the report is about
+    spectra : `psa` (record, period) [m/s2]; None where they are not known
+    picture : bytes of a PNG of the scene; None where there is none
+    """
+
+    summary: xr.Dataset
+    wanted: Wanted
+    spectra: xr.Dataset | None = None
+    picture: bytes | None = None
+
+    @property
+    def response(self) -> str:
+        """The response that is looked at."""
+        return self.wanted.response or next(iter(responses(self.summary)), "")
+
+    @property
+    def done(self) -> int:
+        """Runs that succeeded."""
+        return int((self.summary.status == 0).sum())
+
+    @property
+    def configuration(self) -> dict[str, dict[str, object]]:
+        """The validated configuration; empty where the summary has none."""
+        return dict(json.loads(str(self.summary.attrs.get("configuration", "{}"))))
+
+
+def responses(summary: xr.Dataset) -> list[str]:
+    """Names of what a run answers with, in the summary's order."""
+    return [
+        str(name)
+        for name, values in summary.data_vars.items()
+        if values.dims[:3] == RUNS and values.dtype.kind == "f" and "gap" not in values.dims
+        and name not in _NOT_RESPONSES
+    ]  # fmt: skip
+
+
+def values_of(study: Study, name: str, keep: bool = False) -> np.ndarray:
+    """Finite numbers of a variable of the runs; those of all runs that are there where `keep`."""
+    if name not in study.summary:
+        return np.empty(0)
+    values = study.summary[name].values[study.summary.status.values == 0]
+    return values if keep else values[np.isfinite(values)]
+
+
+def plain(name: str) -> str:
+    """A name as words."""
+    return name.replace("_", " ")
+
+
+def in_unit(values: xr.DataArray) -> str:
+    """The unit of a variable in brackets, if it has one."""
+    unit = unit_text(str(values.attrs.get("units", "1")))
+    return f" [{unit}]" if unit else ""
+
+
+def runs_text(found: xr.Dataset) -> str:
+    """How many runs a statistic is made of."""
+    failed = found.attrs["failed"]
+    return f"{found.attrs['runs']} runs" + (f", {failed} failed ones left out" if failed else "")

@@ -1,0 +1,325 @@
+"""Figures of a suite, each from a Dataset of `analysis` or the summary; narrow enough for a telephone.
+
+A figure is drawn without pyplot, so that no global state, backend or style is touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.tri import Triangulation
+
+from romdam.core.arrays import Floats
+from romdam.postprocess.responses import RUNS, intensity_of, response_of
+from romdam.visual.style import COLOURS, GREY, scaled
+
+WIDTH = 4.8  # [in]
+_PREFIXED = ("m", "N", "Pa", "J")  # units that take a prefix which suits the numbers
+_MOST_LINES = 300
+SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def unit_text(units: str) -> str:
+    """A unit as in print: `m s-2` becomes m/s², `1` becomes nothing."""
+    above: list[str] = []
+    below: list[str] = []
+    for part in units.split():
+        name = part.rstrip("-0123456789")
+        power = int(part[len(name) :] or 1)
+        if name:
+            (above if power > 0 else below).append(
+                name + (str(abs(power)).translate(SUPERSCRIPTS) if abs(power) > 1 else "")
+            )
+    text = " ".join(above) or ("1" if below else "")
+    return f"{text}/{' '.join(below)}" if below else text
+
+
+def shown(values: xr.DataArray | Floats | float, units: str) -> tuple[float, str]:
+    """The factor and the unit that numbers are shown with."""
+    if units not in _PREFIXED:
+        return 1.0, unit_text(units)
+    finite = np.asarray(values, dtype=float)
+    _, factor, unit = scaled(xr.DataArray(finite[np.isfinite(finite)]), units)
+    return factor, unit
+
+
+def spectra_figure(spectra: xr.Dataset) -> Figure:
+    """Pseudo-acceleration of every record, with their median and fractiles: `psa` (record, period)."""
+    figure, ax = _panel()
+    psa = spectra.psa.dropna("record", how="all")
+    for row in psa.values[:_MOST_LINES]:
+        ax.plot(psa.period, row, color=GREY, lw=0.5, alpha=0.6)
+    for share, style, label in ((0.16, ":", "16 %"), (0.5, "-", "median"), (0.84, "--", "84 %")):
+        ax.plot(psa.period, psa.quantile(share, "record"), color=COLOURS[0], lw=1.5, ls=style, label=label)
+    _logarithmic(ax, "x")
+    _logarithmic(ax, "y")
+    ax.set_xlim(float(psa.period[0]), float(psa.period[-1]))
+    ax.set_xlabel("period [s]")
+    ax.set_ylabel(f"PSa, {100 * float(spectra.attrs['damping']):g} % damping [m/s²]")
+    ax.set_title(f"{psa.sizes['record']} records, {spectra.attrs['scaled']}", loc="left")
+    ax.legend(loc="lower left")
+    return figure
+
+
+def worst_figure(worst: xr.Dataset, labels: Sequence[str]) -> Figure:
+    """The runs with the largest response as bars, the worst on top."""
+    figure, ax = _panel(0.9 + 0.26 * len(labels))
+    factor, unit = shown(worst.response, worst.attrs["response_units"])
+    at, values = np.arange(len(labels)), worst.response.values * factor
+    ax.barh(at, values, color=COLOURS[0], height=0.65)
+    for y, value in enumerate(values):
+        ax.text(value, y, f" {value:.3g}", va="center", fontsize=8)
+    ax.set_yticks(at, labels)
+    ax.invert_yaxis()
+    ax.grid(visible=False, axis="y")
+    ax.margins(x=0.12)
+    ax.set_xlabel(f"{_name(worst.attrs['response'])} [{unit}]")
+    return figure
+
+
+def ida_figure(ida: xr.Dataset) -> Figure:
+    """Incremental curves: response along, intensity up, each record and the fractiles."""
+    figure, ax = _panel(3.8)
+    factor, unit = shown(ida.response, ida.attrs["response_units"])
+    y = ida.intensity.transpose("record", "sample", "scale").values.reshape(-1, ida.sizes["scale"])
+    x = factor * ida.response.transpose("record", "sample", "scale").values.reshape(y.shape)
+    for row_x, row_y in list(zip(x, y, strict=True))[:_MOST_LINES]:
+        order = np.argsort(row_y)
+        ax.plot(row_x[order], row_y[order], "-o", ms=1.5, color=GREY, lw=0.5, alpha=0.6)
+    for k, (style, label) in enumerate(((":", "16 %"), ("-", "median"), ("--", "84 %"))):
+        row = factor * ida.fractiles.values[k]
+        ax.plot(row, ida.level, color=COLOURS[0], lw=1.6, ls=style, label=label)
+    if np.nanmin(x) > 0.0:
+        _logarithmic(ax, "x")
+    _logarithmic(ax, "y")
+    ax.set_xlabel(f"{_name(ida.attrs['response'])} [{unit}]")
+    ax.set_ylabel(_measure(ida.attrs))
+    ax.set_title(f"{ida.attrs['curves']} curves, {ida.attrs['runs']} runs", loc="left")
+    ax.legend(loc="upper left", title="of the response")
+    return figure
+
+
+def fragility_figure(fits: Sequence[xr.Dataset]) -> Figure:
+    """Fitted fragilities with their bands, and the shares they were fitted to."""
+    figure, ax = _panel(3.8)
+    factor, unit = shown(np.array([fit.attrs["threshold"] for fit in fits]), fits[0].attrs["response_units"])
+    for colour, fit in zip(COLOURS, fits, strict=False):
+        label = f"> {factor * fit.attrs['threshold']:.3g} {unit}"
+        if np.isfinite(float(fit.theta)):
+            low, high = fit.probability_bounds.values.T
+            ax.fill_between(fit.level, low, high, color=colour, alpha=0.15, lw=0)
+            ax.plot(fit.level, fit.probability, color=colour, lw=1.6, label=label)
+            label = ""
+        ax.plot(
+            fit.group_intensity, fit.group_share, "o", ms=4, mfc="white", color=colour, label=label or None
+        )
+    _logarithmic(ax, "x")
+    ax.set_ylim(-0.02, 1.02)
+    ax.set_xlabel(_measure(fits[0].attrs))
+    ax.set_ylabel(f"probability that {_name(fits[0].attrs['response'])} exceeds")
+    counted = fits[0].attrs["method"] == "capacities"
+    dots = "records by where they exceed" if counted else "shares of groups of runs"
+    ax.set_title(f"{fits[0].attrs['runs']} runs; dots: {dots}", loc="left")
+    ax.legend(loc="upper left")
+    return figure
+
+
+def correlation_figure(found: xr.Dataset) -> Figure:
+    """Rank correlation of a response with every measure, the closest on top."""
+    found = found.dropna("measure", subset=["spearman"])
+    found = found.isel(measure=np.argsort(-abs(found.spearman.values), kind="stable"))
+    figure, ax = _panel(0.9 + 0.24 * found.sizes["measure"])
+    at = np.arange(found.sizes["measure"])
+    ax.barh(at, found.spearman, color=COLOURS[0], height=0.65)
+    ax.set_yticks(at, [str(name) for name in found.measure.values])
+    ax.invert_yaxis()
+    ax.axvline(0.0, color="black", lw=0.6)
+    ax.set_xlim(min(0.0, 1.1 * float(found.spearman.min())), 1.0)
+    ax.grid(visible=False, axis="y")
+    ax.set_xlabel(f"rank correlation with {_name(found.attrs['response'])}")
+    return figure
+
+
+def scatter_figure(summary: xr.Dataset, response: str, intensity: str) -> Figure:
+    """Every run: response against one measure."""
+    figure, ax = _panel(3.4)
+    values, measured = response_of(summary, response), intensity_of(summary, intensity)
+    units = str(values.attrs.get("units", "1"))
+    factor, unit = shown(values, units)
+    x = measured.broadcast_like(values).transpose(*RUNS).values.ravel()
+    y = factor * values.transpose(*RUNS).values.ravel()
+    ax.scatter(x, y, s=9, color=COLOURS[0], alpha=max(0.1, min(0.7, 100.0 / len(x))), lw=0, rasterized=True)
+    if np.nanmin(y) > 0.0 and np.nanmin(x) > 0.0:
+        _logarithmic(ax, "x")
+        _logarithmic(ax, "y")
+    ax.set_xlabel(_measure({"intensity": intensity, "intensity_units": measured.attrs.get("units", "1")}))
+    ax.set_ylabel(f"{_name(response)} [{unit}]")
+    ax.set_title(f"{int(np.isfinite(y).sum())} runs", loc="left")
+    return figure
+
+
+def sensitivity_figure(found: xr.Dataset) -> Figure:
+    """Standardised regression and rank correlation of every parameter with their bounds."""
+    figure, ax = _panel(1.3 + 0.45 * found.sizes["parameter"])
+    order = np.argsort(-np.nan_to_num(abs(found.regression.values)), kind="stable")
+    at = np.arange(len(order))
+    pairs = (("regression", "standardised regression", -0.14), ("spearman", "rank correlation", 0.14))
+    for colour, (name, label, aside) in zip(COLOURS, pairs, strict=False):
+        value = found[name].values[order]
+        ends = np.abs(found[f"{name}_bounds"].values[order].T - value)
+        ax.errorbar(value, at + aside, xerr=ends, fmt="o", ms=4, color=colour, capsize=2, lw=1.2, label=label)
+    ax.set_yticks(at, [str(name) for name in found.parameter.values[order]])
+    ax.set_ylim(len(order) - 0.5, -0.5)
+    ax.axvline(0.0, color="black", lw=0.6)
+    ax.set_xlim(-1.08, 1.08)
+    ax.grid(visible=False, axis="y")
+    ax.set_xlabel(f"effect on {_name(found.attrs['response'])}, on ranks")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def height_figure(envelopes: xr.Dataset) -> Figure:
+    """Openings over height, a panel a joint: medians at every scale, the largest of all runs."""
+    names = [str(name) for name in envelopes.joint.values]
+    columns = min(4, len(names))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(WIDTH, 3.4 * rows if rows < 3 else 2.4 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    factor, unit = shown(envelopes.opening, "m")
+    for ax, name in zip(axes, names, strict=False):
+        _heights(ax, envelopes, name, factor)
+        if len(names) > 1:
+            ax.set_title(name)
+    for ax in axes[len(names) :]:
+        ax.set_visible(False)
+    figure.supxlabel(f"largest opening at a height [{unit}]", fontsize=9)
+    figure.supylabel("z [m]", fontsize=9)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    return figure
+
+
+def _heights(ax: Axes, envelopes: xr.Dataset, name: str, factor: float) -> None:
+    """Lines of one joint: at each height the largest of the gaps there."""
+    chosen = envelopes.gap_joint.values == name
+    z = envelopes.gap_position.values[chosen, 2]
+    levels = np.unique(np.round(z, 3))
+    if len(levels) > 40:  # an irregular mesh has nearly as many heights as gaps
+        edges = np.linspace(z.min(), z.max(), 31)
+        where, levels = np.clip(np.digitize(z, edges) - 1, 0, 29), 0.5 * (edges[1:] + edges[:-1])
+    else:
+        where = np.searchsorted(levels, np.round(z, 3))
+    held = np.unique(where)
+    opening = factor * envelopes.opening.values[:, :, chosen]
+    rows = np.stack([opening[..., where == i].max(axis=-1) for i in held], axis=-1)
+    scales = envelopes.scale.values
+    colours = colormaps["viridis"](np.linspace(0.0, 0.85, len(scales)))
+    unit = unit_text(str(envelopes.scale.attrs.get("units", "1"))) or "times"
+    for k, scale in enumerate(scales if len(scales) <= 8 else []):
+        label = f"median, {scale:.3g} {unit}" if len(scales) > 1 else "median"
+        ax.plot(rows[0, k], levels[held], color=colours[k], lw=1.1, label=label)
+    if len(scales) == 1:
+        ax.plot(rows[1, 0], levels[held], color=COLOURS[1], lw=1.1, label="84 %")
+    ax.plot(rows[-1].max(axis=0), levels[held], color="black", lw=1.2, ls="--", label="largest")
+
+
+def opening_map(envelopes: xr.Dataset) -> Figure:
+    """Largest opening of every gap over all runs, in each joint's plane."""
+    names = [str(name) for name in envelopes.joint.values]
+    planes = {n: plane_of(envelopes.gap_position.values[envelopes.gap_joint.values == n]) for n in names}
+    columns = min(4, len(names))
+    rows = -(-len(names) // columns)
+    height = 3.4 if rows == 1 else 2.6
+    shape = max(float(np.ptp(x) / max(np.ptp(y), 1e-9)) for x, y in planes.values())
+    width = columns * (height * shape + 0.5) + 1.3
+    size = (float(np.clip(width, 2.4, WIDTH)), height * rows)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+    factor, unit = shown(envelopes.opening, "m")
+    peaks = factor * np.nanmax(envelopes.opening.values[-1], axis=0)
+    norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
+    for ax, name in zip(axes, names, strict=False):
+        chosen = envelopes.gap_joint.values == name
+        across, up = planes[name]
+        if np.ptp(across) > 0.0 and np.ptp(up) > 0.0 and len(up) > 3:
+            mesh = Triangulation(across, up)
+            ax.tripcolor(mesh, peaks[chosen], norm=norm, cmap="viridis", shading="gouraud")
+        else:  # gaps in a row have no face
+            ax.scatter(across, up, c=peaks[chosen], norm=norm, cmap="viridis", s=24, lw=0)
+        ax.grid(visible=False)
+        ax.set_aspect("equal")
+        ax.set_title(name)
+    for ax in axes[len(names) :]:
+        ax.set_visible(False)
+    for ax in axes[::columns]:
+        ax.set_ylabel("up [m]")
+    for ax in axes[max(0, len(names) - columns) : len(names)]:
+        ax.set_xlabel("across [m]")
+    figure.colorbar(
+        ScalarMappable(norm, "viridis"), ax=list(axes), label=f"largest opening [{unit}]", shrink=0.8
+    )
+    return figure
+
+
+def plane_of(position: Floats) -> tuple[Floats, Floats]:
+    """Coordinates of a joint's gaps across and up: along its longest horizontal extent, and z; (n,) [m].
+
+    A horizontal joint is shown in plan.
+    """
+    flat = position[:, :2] - position[:, :2].mean(axis=0)
+    _, _, axes = np.linalg.svd(flat, full_matrices=False) if len(flat) > 1 else (0, 0, np.eye(2))
+    along = axes[0] if axes[0].sum() >= 0.0 else -axes[0]
+    if np.ptp(position[:, 2]) <= 1e-9 * max(1.0, float(np.abs(position).max())):
+        return flat @ along, flat @ np.array([-along[1], along[0]])
+    return flat @ along, position[:, 2]
+
+
+def gap_sketch(summary: xr.Dataset) -> Figure | None:
+    """Where the gaps are, in 3-D: a picture of the scene where there is no mesh to draw."""
+    if "gap_position" not in summary.coords:
+        return None
+    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
+    ax = figure.add_subplot(projection="3d")
+    for k, name in enumerate(summary.joint.values):
+        x, y, z = summary.gap_position.values[summary.gap_joint.values == name].T
+        ax.scatter(x, y, z, s=8, color=COLOURS[k % len(COLOURS)], label=str(name), depthshade=False)
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel("y [m]")
+    ax.set_zlabel("z [m]")
+    ax.set_aspect("equal")
+    ax.locator_params(nbins=4)
+    figure.legend(loc="outside lower center", ncols=4)
+    return figure
+
+
+def _panel(height: float = 3.2) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, figure.subplots()
+
+
+def _name(response: str) -> str:
+    return response.replace("_", " ")
+
+
+def _measure(about: dict[str, str]) -> str:
+    """Label of an axis of intensity."""
+    unit = unit_text(str(about["intensity_units"]))
+    name = {"sa": "Sa", "scale": "scale"}.get(about["intensity"], about["intensity"].upper())
+    return f"{name} [{unit}]" if unit else name
+
+
+def _logarithmic(ax: Axes, which: str) -> None:
+    """A logarithmic axis with plain numbers, more of them where it spans little."""
+    ax.set(**{f"{which}scale": "log"})
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 500.0 * low else (1.0,)))
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
