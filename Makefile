@@ -24,7 +24,7 @@ test-slow: $(VENV)/.installed-dev
 test-kernels: $(VENV)/.installed-dev
 	@for kernel in Haswell SkylakeX Sandybridge; do \
 	  echo "OPENBLAS_CORETYPE=$$kernel"; \
-	  OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -n $(JOBS) tests/joints tests/dynamics || exit 1; done
+	  OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -n $(JOBS) tests/contact tests/timestepping || exit 1; done
 
 # Damaged records, meshes, configurations, caches, results, suites and disks, seeded: some minutes.
 fuzz: $(VENV)/.installed-dev

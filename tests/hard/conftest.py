@@ -1,4 +1,4 @@
-"""The hand-made systems of tests/dynamics and the small scenes of tests/reduction serve here as well."""
+"""The hand-made systems of tests/timestepping and the small scenes of tests/reduction serve here as well."""
 
 import sys
 from pathlib import Path
