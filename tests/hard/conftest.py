@@ -3,5 +3,5 @@
 import sys
 from pathlib import Path
 
-for folder in ("dynamics", "reduction"):
+for folder in ("timestepping", "reduction"):
     sys.path.insert(0, str(Path(__file__).parents[1] / folder))
