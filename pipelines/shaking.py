@@ -119,7 +119,7 @@ def choose_integrator(job: Job, system: System) -> str:
     if job.config.model.order == "full" or not system.diagonal:
         return "generalized_alpha"
     undamped = system.C.nnz == 0 or not system.C.diagonal().any()
-    plain = len(system.law) > 0 and not system.law.laws
+    plain = len(system.law) > 0 and not system.law.has_memory
     return "conserving" if undamped and plain else "adaptive"
 
 

@@ -38,7 +38,14 @@ ALLOWED = {
     "__main__": {"cli"},
     "__init__": {"pipelines", "results"},
 }
-TYPES = {"romdam.reduction.storage.model_file": {"results"}}
+LAWS = {"config", "fem", "scene"}  # what a joint may say follows from its laws
+TYPES = {
+    "romdam.reduction.storage.model_file": {"results"},
+    "romdam.contact.laws": LAWS,
+    "romdam.contact.laws.catalogue": LAWS,
+    "romdam.contact.laws.coulomb": LAWS,
+    "romdam.contact.laws.law": LAWS,
+}
 ANYWHERE = {"core", "config"}
 ONLY_IN = {
     "xarray": {"error", "pipelines", "postprocess", "results", "terminal", "visual"},

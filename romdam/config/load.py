@@ -57,6 +57,6 @@ def parse_config(raw: object, source: str) -> Config:
     if not isinstance(raw, dict):
         raise ConfigError(f"{source}: expected a mapping of keys at the top level, got {type(raw).__name__}")
     try:
-        return Config.model_validate(raw)
+        return Config.model_validate(raw, context={"folder": Path(source).parent})
     except ValidationError as error:
         raise ConfigError(explain(error, source, Config)) from None

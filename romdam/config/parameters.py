@@ -2,42 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Any, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
-from romdam.config.quantities import Stiffness
 from romdam.config.sections.job import Config, DampingConfig, RayleighConfig
-from romdam.config.sections.joint_laws import ShearKeyConfig
+from romdam.config.sections.joint_laws import annotation
 from romdam.config.sections.joints import JointConfig
+from romdam.contact.laws import LAWS
+from romdam.contact.laws.catalogue import law_order
+from romdam.contact.laws.law import Law, Parameter
 from romdam.core.errors import ConfigError, listed, shown
 
 Section = TypeVar("Section", bound=Model)
 
-# field -> units of its SI value
-_JOINT = {
-    "normal_stiffness": "N m-3",
-    "normal_stiffness.per_gap": "N m-1",
-    "tension_stiffness": "N m-3",
-    "tension_stiffness.per_gap": "N m-1",
-    "shear_stiffness": "N m-3",
-    "shear_stiffness.per_gap": "N m-1",
-    "friction": "1",
-    "friction_static": "1",
-    "gap": "m",
-    "tensile_strength": "Pa",
-    "cohesion": "Pa",
-    "viscosity": "N s m-3",
-    "shear_key.depth": "m",
-}
+_UDUNITS = {"": "1", "m/s": "m s-1", "N/m": "N m-1", "N/m^3": "N m-3", "N*s/m^3": "N s m-3", "1/s": "s-1"}
+_GAP = Parameter("gap", "m", least=-math.inf)
 _DAMPING = {"rayleigh.ratio": "1", "rayleigh.alpha": "s-1", "rayleigh.beta": "s", "modal": "1"}
-_MODELS: dict[str, type[Model]] = {"shear_key": ShearKeyConfig, "rayleigh": RayleighConfig}
-_PER_GAP: Any = Annotated[Stiffness, Field(ge=0.0)]
+
+
+def _places(laws: Iterable[type[Law]]) -> dict[str, Parameter]:
+    """Keys that laws add to a joint, dotted within, and what may stand there."""
+    keys = {}
+    for law in laws:
+        for parameter in law.parameters:
+            if parameter.unit != "axes":
+                keys[f"{law.section}.{parameter.name}".removeprefix(".")] = parameter
+            if parameter.per_gap:
+                keys[f"{parameter.name}.per_gap"] = replace(parameter, unit=parameter.per_gap, rigid=False)
+    return keys
+
+
+_JOINT = {**_places(LAWS), "gap": _GAP}
 
 
 @dataclass(frozen=True)
@@ -50,12 +52,14 @@ class Place:
     joints : names of the joints it stands in; empty for damping
     keys : of the joint or of `damping`
     units : of the SI value, UDUNITS
+    parameter : what may stand there, of a joint
     """
 
     path: str
     joints: tuple[str, ...]
     keys: tuple[str, ...]
     units: str
+    parameter: Parameter | None = None
 
 
 @dataclass(frozen=True)
@@ -83,14 +87,17 @@ def find_place(config: Config, path: str, name: str, source: str) -> Place:
     if root == "damping" and rest in _DAMPING:
         return Place(path, (), tuple(rest.split(".")), _DAMPING[rest])
     joint, _, field = rest.partition(".")
-    if root == "joints" and field in _JOINT:
-        known = tuple(config.every_joint)
-        named = known if joint == "*" else (joint,)
-        if not set(named) <= set(known):
-            raise ConfigError(f"{where}: no joint {shown(joint)} is defined; defined are {listed(known)}")
-        return Place(path, named, tuple(field.split(".")), _JOINT[field])
+    every = config.every_joint
+    users = {user.law for one in every.values() for user in one.law}
+    known = {**_JOINT, **_places(sorted(users, key=law_order))}
+    if root == "joints" and field in known:
+        named = tuple(every) if joint == "*" else (joint,)
+        if not set(named) <= set(every):
+            raise ConfigError(f"{where}: no joint {shown(joint)} is defined; defined are {listed(every)}")
+        unit = known[field].unit
+        return Place(path, named, tuple(field.split(".")), _UDUNITS.get(unit, unit), known[field])
     if root in ("joints", "damping"):
-        keys = [f"joints.<name>.{key}" for key in _JOINT] if root == "joints" else [*_DAMPING]
+        keys = [f"joints.<name>.{key}" for key in known] if root == "joints" else [*_DAMPING]
         raise ConfigError(f"{where}: {shown(path)} cannot be varied; in {root} can {', '.join(keys)}")
     raise ConfigError(
         f"{where}: {shown(path)} is not of the joints or the damping: it would change the reduced basis "
@@ -107,7 +114,7 @@ def si_value(place: Place, value: float | str, name: str, source: str) -> float:
     ConfigError
         for a value that its key would not take.
     """
-    if value == "rigid" and place.keys == ("normal_stiffness",):
+    if value == "rigid" and place.parameter is not None and place.parameter.rigid:
         return float("inf")
     try:
         found = _adapter(place).validate_python(value)
@@ -125,10 +132,10 @@ def _adapter(place: Place) -> TypeAdapter[Any]:
 
 
 def _annotation(place: Place) -> Any:
-    """What the place's key takes, in the model that owns it."""
-    if place.keys[-1] == "per_gap":
-        return _PER_GAP
-    owner = _MODELS.get(place.keys[0], JointConfig if place.joints else DampingConfig)
+    """What the place's key takes."""
+    if place.parameter is not None:
+        return annotation(place.parameter)
+    owner = RayleighConfig if place.keys[0] == "rayleigh" else DampingConfig
     field = owner.model_fields[place.keys[-1]]
     return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
 

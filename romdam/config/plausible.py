@@ -21,7 +21,7 @@ from romdam.config.sections.job import (
     TemperatureConfig,
     TransientConfig,
 )
-from romdam.config.sections.joint_laws import ShearKeyConfig
+from romdam.config.sections.joint_laws import LawSection
 from romdam.config.sections.joints import JointConfig, JointProperties
 from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
@@ -40,6 +40,12 @@ _JOINT: dict[str, Range] = {
     "cohesion": _STRENGTH,
     "tolerance": (0.0, 0.1, "m", "1 mm, and less than the distance of two nodes, finds what coincides"),
 }
+_OF_LAWS: dict[str, Range] = {  # keys of laws' own sections
+    "depth": (0.005, 2.0, "m", "keys are 5 to 50 cm deep"),
+    "mu_s": (0.1, 1.2, "", "concrete joints have about 0.6"),
+    "mu_d": (0.1, 1.2, "", "concrete joints have about 0.6"),
+    "v_c": (1e-4, 1.0, "m/s", "friction changes over millimetres to centimetres a second"),
+}
 _USUAL: dict[type[BaseModel], dict[str, Range]] = {
     MaterialConfig: {
         "E": (1e8, 2.5e11, "Pa", "concrete has about 30 GPa, rock 1 to 100 GPa"),
@@ -49,7 +55,6 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
     },
     JointConfig: _JOINT,
     JointProperties: _JOINT,
-    ShearKeyConfig: {"depth": (0.005, 2.0, "m", "keys are 5 to 50 cm deep")},
     HydrostaticConfig: {"density": _WATER},
     WaterConfig: {"density": _WATER},
     PressureConfig: {"value": (0.0, 1e7, "Pa", "1000 m of water have 10 MPa")},
@@ -101,7 +106,7 @@ def doubts(config: Config) -> tuple[str, ...]:
 
 def _unusual(model: BaseModel, path: str) -> Iterator[str]:
     """Numbers far from the usual, of a model and all that stand in it."""
-    usual = _USUAL.get(type(model), {})
+    usual = _OF_LAWS if isinstance(model, LawSection) else _USUAL.get(type(model), {})
     for field in type(model).model_fields:
         for place, value in _values(getattr(model, field), f"{path}{field}"):
             if isinstance(value, BaseModel):

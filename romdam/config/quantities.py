@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator
 
@@ -36,6 +36,7 @@ _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; 
     "N/m": 1e20,
     "N/m^3": 1e20,
     "N*s/m^3": 1e20,
+    "m/s": 1e6,
     "": 1e6,
     "1/K": 1.0,
     "delta_degC": 1e4,
@@ -130,6 +131,11 @@ def _angular(given: str) -> str:
 
 def _si(unit: str) -> BeforeValidator:
     return BeforeValidator(lambda value: to_si(value, unit))
+
+
+def in_unit(unit: str) -> Any:
+    """A number whose text is converted to this unit, in pint's spelling."""
+    return Annotated[float, _si(unit)]
 
 
 def _no_bool(value: object) -> object:

@@ -32,36 +32,44 @@ not 30 to 44 %.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.core.arrays import Floats
+from romdam.contact.laws.catalogue import find_law, source_of
+from romdam.contact.laws.compiled import Functions, compiled
+from romdam.contact.laws.coulomb import Coulomb
+from romdam.contact.laws.law import Law
+from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError
+from romdam.core.system import GapLaw, LawRows
 
 _HALF_WAY = (
     70.0  # z_0: from 40 on the openings no longer gain; from 150 on the forces of stiff gaps alternate
 )
 
 
-class Strength(NamedTuple):
-    """What a gap has beyond stiffness and friction; all arrays are empty where no gap of the scene has any.
+class Laws(NamedTuple):
+    """What a step needs of the gaps' further laws, L of them.
 
     Attributes
     ----------
-    tension, cohesion : (n,) tensile strength and cohesion of the bond, lost together [N]
-    mu_static : (n, 2) friction of a gap that does not slide yet, at least that of a sliding one
-    key : (n, 3) depth of the shear key [m], then 1 where it holds along j and along k
-    dash : (n,) share of a normal dashpot in the closed gap's stiffness over a step
+    parameters : (L, n, p) as the laws' functions get them, filled up with zeros
+    on : (L, n) which gaps have which
+    start : (L, n, s) memory of the unloaded gaps
+    dash : (n,) share of a normal dashpot in the closed gap's stiffness over the step
+    per_second : (1,) 1 over the step, 0 in statics [1/s]
+    functions : of the laws
     """
 
-    tension: Floats
-    cohesion: Floats
-    mu_static: Floats
-    key: Floats
+    parameters: Floats
+    on: Bools
+    start: Floats
     dash: Floats
+    per_second: Floats
+    functions: Functions
 
 
 class GapProblem(NamedTuple):
@@ -77,8 +85,9 @@ class GapProblem(NamedTuple):
     lag : (N,) (1 - theta) / theta; zero where the force follows the spring at the step's end
     own : (N,) how far a force moves its own jump over the step, without compliance [m/N]
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
+    whole : (n,) whole normal force per p_c of a closed gap
     gap : (n,) initial gap [m]
-    strength : see `Strength`
+    laws : further laws; None without any, which is a type of its own to numba
     frictional : True where gaps have shear, else None, which is a type of its own to numba: what is not
         called is not compiled either
     """
@@ -91,8 +100,9 @@ class GapProblem(NamedTuple):
     lag: Floats
     own: Floats
     mu: Floats
+    whole: Floats
     gap: Floats
-    strength: Strength
+    laws: Laws | None
     frictional: bool | None
 
 
@@ -147,9 +157,9 @@ class GapMemory(NamedTuple):
     known : (2, N) with friction, the force of the last solution and what W makes of it [N], [m]; else (2, 0)
     work : (3, N) scratch
     limits : in force now
-    weak : (n, 3) whether a gap's bond is lost, it slides, its key is out; moved by accepted steps only;
-        empty without `Strength`
-    trial : (n, 3) the same within a step
+    history : (L, n, s) what the further laws keep of each gap, moved by accepted steps only
+    trial : (L, n, s) the same within a step
+    limit : (5,) scratch, what the laws put of one gap
     spring : (N,) deformation of the gaps' springs at the last accepted step: the opening where it is
         below zero, and the jump from the slip anchor [m]
     worst : (1,) the gap farthest from a solution, where the last step did not converge
@@ -164,32 +174,24 @@ class GapMemory(NamedTuple):
     known: Floats
     work: Floats
     limits: Limits
-    weak: NDArray[np.bool_]
-    trial: NDArray[np.bool_]
+    history: Floats
+    trial: Floats
+    limit: Floats
     spring: Floats
     worst: NDArray[np.int64]
 
 
 def gap_problem(
-    H: Floats,
-    stiffness: tuple[Floats, Floats, Floats],
-    mu: Floats,
-    gap: Floats,
-    laws: Mapping[str, Floats] | None = None,
-    step: tuple[float, float] = (np.inf, 0.0),
-    own: Floats | None = None,
+    H: Floats, law: GapLaw, step: tuple[float, float] = (np.inf, 0.0), own: Floats | None = None
 ) -> GapProblem:
     """Set up the gap-space problem of one time step.
 
     Parameters
     ----------
     H : (N, N) jump per joint force over the step [m/N]; N = n (frictionless) or 3 n
-    stiffness : K_n (inf where rigid), K_nz, K_s, each (n,) [N/m]
-    mu : (n, 2)
-    gap : (n,) [m]
-    laws : further laws by name, see `gap_strength`
-    step : its length, for dashpots, inf in statics [s]; the largest lag, 1 where forces may follow the
-        springs from half of it on, 0 at its end only, as those of gaps with further laws always do
+    law : of the n gaps
+    step : its length, inf in statics [s]; the largest lag, 1 where forces may follow the springs from half of
+        it on, 0 at its end only, as those of gaps with further laws always do
     own : (N,) flexibility of a single gap per force of all those that a row stands for; H's where each
         stands for itself [m/N]
 
@@ -198,18 +200,17 @@ def gap_problem(
     ConfigError
         where K_nz exceeds K_n, or equals it at a gap with friction; for a dashpot on a rigid gap.
     """
-    (K_n, K_nz, K_s), (dt, most_lag) = stiffness, step
-    n = len(gap)
+    (dt, most_lag), K_n, K_nz, K_s, n = step, law.K_n, law.K_nz, law.K_s, len(law)
     d = max(1, len(H) // max(n, 1))
-    _check_tension(K_n, K_nz, mu)
+    _check_tension(K_n, K_nz, law.mu)
     unilateral = np.maximum(K_n - K_nz, 1e-12 * np.where(np.isinf(K_n), 1.0, K_n))
     with np.errstate(invalid="ignore"):
         whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
-    strength = gap_strength(laws or {}, unilateral, whole, dt)
+    laws = _laws(law, unilateral, dt) if law.has_memory else None
     compliance = np.zeros((n, d))
     compliance[:, 0] = 1.0 / unilateral
-    if len(strength.dash):
-        compliance[:, 0] *= 1.0 - strength.dash
+    if laws is not None:
+        compliance[:, 0] *= 1.0 - laws.dash
     if d == 3:
         with np.errstate(divide="ignore"):
             compliance[:, 1:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
@@ -222,7 +223,7 @@ def gap_problem(
         W = np.asarray(lift @ H)
     W = 0.5 * (W + W.T)
     own = W.diagonal() if own is None or len(lift) else own
-    lag = np.minimum(_lag(own.reshape(n, d), compliance), 0.0 if laws else most_lag)
+    lag = np.minimum(_lag(own.reshape(n, d), compliance), most_lag if laws is None else 0.0)
     compliance *= 1.0 + lag
     W = W + np.diag(compliance.ravel())
     return GapProblem(
@@ -233,9 +234,10 @@ def gap_problem(
         compliance=compliance.ravel(),
         lag=lag.ravel(),
         own=np.ascontiguousarray(own),
-        mu=np.ascontiguousarray(mu * whole[:, None]),
-        gap=np.ascontiguousarray(gap, dtype=float),
-        strength=strength,
+        mu=np.ascontiguousarray(law.mu * whole[:, None]),
+        whole=whole,
+        gap=np.ascontiguousarray(law.gap, dtype=float),
+        laws=laws,
         frictional=True if d == 3 else None,
     )
 
@@ -248,39 +250,47 @@ def _lag(flexibility: Floats, compliance: Floats) -> Floats:
     return lag
 
 
-def gap_strength(laws: Mapping[str, Floats], stiffness: Floats, whole: Floats, dt: float) -> Strength:
-    """Strength of every gap.
-
-    Parameters
-    ----------
-    laws : name -> one row per gap: tensile_strength [N], cohesion [N], friction_static (n, 2),
-        shear_key (n, 3) depth [m] and whether it holds along j, k, viscosity [N s/m]; empty: no strength
-    stiffness : (n,) of the closed gap beyond K_nz [N/m]
-    whole : (n,) normal force per p_c of a closed gap
-    dt : the step [s]
-
-    Raises
-    ------
-    ConfigError
-        for a dashpot on a rigid gap.
-    """
-    if not laws:
-        return Strength(np.zeros(0), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0))
-    n = len(stiffness)
-    shapes = {"tensile_strength": (n,), "cohesion": (n,), "friction_static": (n, 2), "shear_key": (n, 3)}
-    given = {name: np.asarray(laws.get(name, np.zeros(shape))) for name, shape in shapes.items()}
-    viscous = laws.get("viscosity", np.zeros(n)) / dt
-    if (np.isinf(stiffness) & (np.asarray(laws.get("viscosity", np.zeros(n))) > 0.0)).any():
-        raise ConfigError("joints: viscosity needs a finite normal_stiffness, got rigid; give a stiffness")
-    return Strength(
-        tension=given["tensile_strength"] / whole,
-        cohesion=given["cohesion"] + 0.0,
-        mu_static=given["friction_static"] * whole[:, None],
-        key=given["shear_key"] + 0.0,
-        dash=np.where(
-            viscous > 0.0, viscous / (np.where(np.isinf(stiffness), 1.0, stiffness) + viscous), 0.0
-        ),
+def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:
+    """The further laws over a step; `stiffness` (n,) is that of a closed gap beyond K_nz [N/m]."""
+    rows = every_law(law)
+    laws = [find_law(one.law) for one in rows]
+    shape = len(rows), len(law)
+    parameters = np.zeros((*shape, max((one.values.shape[1] for one in rows), default=0)))
+    on = np.zeros(shape, dtype=np.bool_)
+    for k, one in enumerate(rows):
+        parameters[k, :, : one.values.shape[1]], on[k] = one.values, one.on
+    start = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
+    return Laws(
+        parameters, on, start, _dashpot_share(law, stiffness, dt), np.array([1.0 / dt]), compiled(laws)
     )
+
+
+def every_law(law: GapLaw) -> tuple[LawRows, ...]:
+    """The further laws, and friction as one before them."""
+    if not law.has_memory or not law.mu.any():
+        return law.laws
+    return (LawRows(source_of(Coulomb), law.mu, np.asarray(law.mu.max(axis=1) > 0.0), shear=True), *law.laws)
+
+
+def law_memory(law: GapLaw, memory_of: Callable[[type[Law], Floats, int], Sequence[float]]) -> Floats:
+    """What the further laws keep of each gap, (L, n, s); `memory_of` gives it for law, parameters and gap."""
+    rows = every_law(law)
+    laws = [find_law(one.law) for one in rows]
+    memory = np.zeros((len(laws), len(law), max((len(each.memory) for each in laws), default=0)))
+    for k, (each, one) in enumerate(zip(laws, rows, strict=True)):
+        for i in np.flatnonzero(one.on):
+            memory[k, i, : len(each.memory)] = memory_of(each, one.values[i], int(i))
+    return memory
+
+
+def _dashpot_share(law: GapLaw, stiffness: Floats, dt: float) -> Floats:
+    if not law.viscosity.any():
+        return np.zeros(len(law))
+    if (np.isinf(stiffness) & (law.viscosity > 0.0)).any():
+        raise ConfigError("joints: viscosity needs a finite normal_stiffness, got rigid; give a stiffness")
+    viscous = law.viscosity / dt
+    finite = np.where(np.isinf(stiffness), 1.0, stiffness)
+    return np.where(viscous > 0.0, viscous / (finite + viscous), 0.0)
 
 
 def _check_tension(K_n: Floats, K_nz: Floats, mu: Floats) -> None:
@@ -309,10 +319,7 @@ def _dual(W: Floats) -> Floats:
 def gap_memory(problem: GapProblem) -> GapMemory:
     """A memory with every gap open and unloaded."""
     n, N = len(problem.gap), len(problem.W)
-    weak = np.zeros((len(problem.strength.tension), 3), dtype=np.bool_)
-    if len(weak):
-        weak[:, 0] = problem.gap > 0.0  # an initial gap is not bonded
-        weak[:, 2] = problem.gap > problem.strength.key[:, 0]
+    start = np.zeros((0, n, 0)) if problem.laws is None else problem.laws.start
     return GapMemory(
         force=np.zeros(N),
         anchor=np.zeros((0 if n == N else n, 2)),
@@ -323,8 +330,9 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         known=np.zeros((2, 0 if n == N else N)),
         work=np.zeros((3, N)),
         limits=Limits(np.zeros((n, 2)), problem.mu.copy(), np.zeros(n)),
-        weak=weak,
-        trial=weak.copy(),
+        history=start.copy(),
+        trial=start.copy(),
+        limit=np.zeros(5),
         spring=np.zeros(N),
         worst=np.zeros(1, dtype=np.int64),
     )

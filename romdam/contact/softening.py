@@ -1,41 +1,57 @@
-"""Strength that gaps lose within a step: bonds, static friction, shear keys; one mechanism for all.
+"""Further laws of the gaps within a step: what bounds their force, what they lose, what they keep.
 
-The limits of what is left (`contact.laws.point`) are solved as if they were ductile; a gap that reaches a
-limit it cannot hold (the bond opens or slides, static friction is overcome, the key's depth is exceeded) is
-weakened and the step solved again, until none is weakened any more. What was lost is committed once per
-accepted step.
+The limits of what is left are solved as if they were ductile; a gap that reaches a limit it cannot hold (a
+bond opens or slides, static friction is overcome, a key's depth is exceeded) gives it up and the step is
+solved again, until none gives up any more. What was lost is committed once per accepted step.
 """
 
 from __future__ import annotations
 
-from romdam.contact.laws.point import SLIP, shear_limit, slides
-from romdam.contact.problem import Floats, GapMemory, GapProblem
+from romdam.contact.cone import slides
+from romdam.contact.laws.law import COHESION_J, MU_J, TENSION
+from romdam.contact.problem import GapMemory, GapProblem, Laws
 from romdam.contact.solvers.newton import add_row
-from romdam.core.jit import njit
-
-BOND, SLIDES, KEY = 0, 1, 2
+from romdam.core.arrays import Floats
+from romdam.core.jit import copy, njit
 
 
 @njit(cache=True)
-def set_limits(problem: GapProblem, memory: GapMemory) -> None:
-    """Put the shear limits c + mu p' to what is left; p' is p_c from the bond's tension on."""
-    strength, limits = problem.strength, memory.limits
-    for i in range(len(memory.trial)):
-        bond = (strength.tension[i], strength.cohesion[i])
-        if memory.trial[i, BOND]:
-            bond = (0.0, 0.0)
-        limits.tension[i] = bond[0]
+def begin_step(laws: Laws | None, memory: GapMemory, w_free: Floats) -> None:
+    """Start from what the gaps keep; a dashpot acts from where the gap was."""
+    if laws is None:
+        return
+    copy(memory.history.ravel(), memory.trial.ravel())
+    d = len(w_free) // max(len(laws.dash), 1)
+    for i in range(len(laws.dash)):
+        w_free[d * i] -= laws.dash[i] * memory.spring[d * i]
+
+
+@njit(cache=True)
+def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
+    """Put what bounds the gaps' force now, in terms of p_c."""
+    if laws is None:
+        return
+    limit, limits = memory.limit, memory.limits
+    for i in range(len(whole)):
+        for entry in range(len(limit)):
+            limit[entry] = 0.0
+        for k in range(len(laws.on)):
+            if laws.on[k, i]:
+                laws.functions.limit[k](laws.parameters[k, i], memory.trial[k, i], limit)
+        limits.tension[i] = limit[TENSION] / whole[i]
         for a in range(2):
-            keyed = strength.key[i, 1 + a] > 0.0 and not memory.trial[i, KEY]
-            limits.cohesion[i, a], limits.mu[i, a] = shear_limit(
-                problem.mu[i, a], strength.mu_static[i, a], bond, keyed, memory.trial[i, SLIDES]
-            )
+            limits.mu[i, a] = limit[MU_J + a] * whole[i]
+            limits.cohesion[i, a] = max(limit[COHESION_J + a] - limits.mu[i, a] * limits.tension[i], 0.0)
 
 
 @njit(cache=True)
-def bond_forces(problem: GapProblem, memory: GapMemory, y_free: Floats, sign: float) -> None:
+def bond_forces(
+    laws: Laws | None, problem: GapProblem, memory: GapMemory, y_free: Floats, sign: float
+) -> None:
     """Count the force from the tension of what is left of the bonds on (sign 1), or from zero again (-1)."""
-    for i in range(len(memory.trial)):
+    if laws is None:
+        return
+    for i in range(len(problem.gap)):
         b, tension = len(y_free) // len(problem.gap) * i, memory.limits.tension[i]
         memory.force[b] += sign * tension
         if sign > 0.0:
@@ -45,48 +61,40 @@ def bond_forces(problem: GapProblem, memory: GapMemory, y_free: Floats, sign: fl
 
 
 @njit(cache=True)
-def opening(problem: GapProblem, memory: GapMemory, y: Floats, i: int, d: int) -> float:
-    """Opening of gap i (with the initial gap) in a solution [m]."""
-    shift = problem.strength.dash[i] * memory.spring[d * i]
-    return y[d * i] - problem.compliance[d * i] * memory.force[d * i] + shift
-
-
-@njit(cache=True)
-def weaken(problem: GapProblem, memory: GapMemory, y: Floats) -> int:
-    """Take from the gaps what they cannot hold in this solution (memory.force is p_c); how many lost some."""
-    lost = 0
-    d = len(y) // max(len(problem.gap), 1)
-    for i in range(len(memory.trial)):
-        strength, b, trial = problem.strength, d * i, memory.trial[i]
-        p = memory.force[b] + memory.limits.tension[i]
-        slipping = False
+def release(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: Floats) -> int:
+    """Let the gaps give up what they cannot hold in this solution (memory.force is p_c); how many do."""
+    if laws is None:
+        return 0
+    given_up, d = 0, len(y) // max(len(problem.gap), 1)
+    for i in range(len(problem.gap)):
+        b = d * i
+        p, sliding, gives_up = memory.force[b] + memory.limits.tension[i], False, False
         if d == 3:
-            limit = memory.limits.cohesion[i] + memory.limits.mu[i] * p
-            slipping = slides(limit[0], limit[1], memory.force[b + 1], memory.force[b + 2])
-        has_bond = strength.tension[i] > 0.0 or strength.cohesion[i] > 0.0
-        breaks = has_bond and not trial[BOND] and (slipping or (p <= 0.0 and y[b] > 0.0))
-        begins = not trial[SLIDES] and slipping and (strength.mu_static[i] > problem.mu[i]).any()
-        leaves = (
-            not trial[KEY]
-            and strength.key[i, 0] > 0.0
-            and opening(problem, memory, y, i, d) > strength.key[i, 0]
-        )
-        trial[BOND], trial[SLIDES], trial[KEY] = (
-            trial[BOND] or breaks,
-            trial[SLIDES] or begins,
-            trial[KEY] or leaves,
-        )
-        lost += int(breaks or begins or leaves)
-    return lost
+            limit_j = memory.limits.cohesion[i, 0] + memory.limits.mu[i, 0] * p
+            limit_k = memory.limits.cohesion[i, 1] + memory.limits.mu[i, 1] * p
+            sliding = slides(limit_j, limit_k, memory.force[b + 1], memory.force[b + 2])
+        opening = y[b] - problem.compliance[b] * memory.force[b] + laws.dash[i] * memory.spring[b]
+        pulled = p <= 0.0 and y[b] > 0.0
+        for k in range(len(laws.on)):
+            if laws.on[k, i] and laws.functions.release[k](
+                laws.parameters[k, i], memory.trial[k, i], opening, pulled, sliding
+            ):
+                gives_up = True
+        given_up += int(gives_up)
+    return given_up
 
 
 @njit(cache=True)
-def settle(problem: GapProblem, memory: GapMemory, i: int, state: int, opening: float) -> bool:
-    """Commit the history of gap i in an accepted step; whether it was weakened in it."""
-    weak, trial = memory.weak[i], memory.trial[i]
-    weakened = (trial[BOND] and not weak[BOND]) or (trial[KEY] and not weak[KEY])
-    weakened = weakened or (trial[SLIDES] and not weak[SLIDES])
-    weak[BOND] = trial[BOND]
-    weak[SLIDES] = state == SLIP
-    weak[KEY] = trial[KEY] and opening > problem.strength.key[i, 0]
-    return weakened
+def commit_laws(
+    laws: Laws, memory: GapMemory, i: int, opening: float, sliding: bool, slip: tuple[float, float]
+) -> bool:
+    """Move what gap i keeps, in an accepted step with this slip [m]; whether it gave something up in it."""
+    given_up, rate_j, rate_k = False, slip[0] * laws.per_second.item(), slip[1] * laws.per_second.item()
+    for k in range(len(laws.on)):
+        kept, trial = memory.history[k, i], memory.trial[k, i]
+        for entry in range(len(kept)):
+            given_up = given_up or kept[entry] != trial[entry]
+            kept[entry] = trial[entry]
+        if laws.on[k, i]:
+            laws.functions.commit[k](laws.parameters[k, i], kept, opening, sliding, rate_j, rate_k)
+    return given_up

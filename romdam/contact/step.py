@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.laws.point import OPEN, SLIP, STICK, project_shear, slides
-from romdam.contact.problem import GapMemory, GapProblem
-from romdam.contact.softening import bond_forces, set_limits, settle, weaken
+from romdam.contact.cone import OPEN, SLIP, STICK, project_shear, slides
+from romdam.contact.problem import GapMemory, GapProblem, Laws
+from romdam.contact.softening import begin_step, bond_forces, commit_laws, release, set_limits
 from romdam.contact.solvers.gauss_seidel import solve_frictional
 from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.core.arrays import Floats
@@ -55,16 +55,13 @@ def solve_gaps(
         w_free[3 * i + 2] -= memory.anchor[i, 1]
     for b in range(len(w_free)):
         w_free[b] += problem.lag[b] * memory.spring[b]
-    if len(memory.trial):
-        copy(memory.weak.ravel(), memory.trial.ravel())
-        for i in range(n):
-            w_free[d * i] -= problem.strength.dash[i] * memory.spring[d * i]
+    begin_step(problem.laws, memory, w_free)
     while True:  # once, unless gaps lose strength
-        set_limits(problem, memory)
-        bond_forces(problem, memory, w_free, 1.0)
+        set_limits(problem.laws, problem.whole, memory)
+        bond_forces(problem.laws, problem, memory, w_free, 1.0)
         residual = _solve(problem.frictional, problem, memory, closed, w_free, y, control)
-        bond_forces(problem, memory, w_free, -1.0)
-        if not residual <= control[0] or weaken(problem, memory, y) == 0:
+        bond_forces(problem.laws, problem, memory, w_free, -1.0)
+        if not residual <= control[0] or release(problem.laws, problem, memory, y) == 0:
             return residual
         if control[1]:
             return np.inf
@@ -93,10 +90,10 @@ def _solve(
 
 
 @njit(cache=True)
-def _energies(problem: GapProblem, jump: Floats, force: Floats) -> Floats:
+def _energies(problem: GapProblem, dash: Floats, jump: Floats, force: Floats) -> Floats:
     """Energy in the springs of every gap, where some have strength [J]; force is the whole joint force."""
     n, d = jump.shape
-    energy, dash = np.zeros(n), problem.strength.dash
+    energy = np.zeros(n)
     for i in range(n):
         p_c, k = force[i, 0] + problem.tension[i] * jump[i, 0], problem.compliance[d * i]
         energy[i] = 0.5 * problem.tension[i] * jump[i, 0] ** 2 + 0.5 * k * p_c**2
@@ -133,20 +130,34 @@ def commit_gaps(
     (stored, lost) : energy stored in the gaps now, and taken in the step by sliding; in gaps that lost
         strength or have a dashpot, all that their force did not do as work [J]
     """
-    n = len(problem.gap)
-    if len(memory.weak) == 0:
+    return _commit(problem.laws, problem, memory, y, (jump, force, state))
+
+
+@njit(cache=True)
+def _commit(
+    laws: Laws | None,
+    problem: GapProblem,
+    memory: GapMemory,
+    y: Floats,
+    gaps: tuple[Floats, Floats, NDArray[np.uint8]],
+) -> tuple[float, float]:
+    jump, force, state = gaps
+    if laws is None:
         return _move(problem, memory, y, jump, force, state)
-    before, old = _energies(problem, jump, force), jump.copy()
+    n = len(problem.gap)
+    before, old = _energies(problem, laws.dash, jump, force), jump.copy()
     for i in range(n):
-        y[len(y) // n * i] += problem.strength.dash[i] * memory.spring[len(y) // n * i]
+        y[len(y) // n * i] += laws.dash[i] * memory.spring[len(y) // n * i]
     lost = _move(problem, memory, y, jump, force, state)[1]
-    after = _energies(problem, jump, force)
+    after = _energies(problem, laws.dash, jump, force)
     for i in range(n):
-        p, slid = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0
+        p, slid, slip = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0, (0.0, 0.0)
         state[i] = OPEN if p <= 0.0 else max(state[i], STICK)
         for a in range(1, jump.shape[1]):
             slid -= force[i, a] * y[3 * i + a]
-        if settle(problem, memory, i, state[i], jump[i, 0]) or problem.strength.dash[i] > 0.0:
+        if len(y) == 3 * n:
+            slip = (y[3 * i + 1], y[3 * i + 2])
+        if commit_laws(laws, memory, i, jump[i, 0], state[i] == SLIP, slip) or laws.dash[i] > 0.0:
             lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
     return after.sum(), lost
 

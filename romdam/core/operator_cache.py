@@ -8,6 +8,7 @@ record took 130 to 330 (100 gaps), and 7 s beside 3.6 s of marching (1,088 gaps 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from dataclasses import is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -39,5 +40,5 @@ def _bytes(value: object) -> int:
     """Of the arrays in tuples and dataclasses."""
     if isinstance(value, np.ndarray):
         return value.nbytes
-    parts = value if isinstance(value, tuple) else getattr(value, "__dict__", {}).values()
+    parts = value if isinstance(value, tuple) else vars(value).values() if is_dataclass(value) else ()
     return sum(map(_bytes, parts))

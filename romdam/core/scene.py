@@ -8,6 +8,7 @@ from typing import Self
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.system import LawRows
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ class Joint:
     gap : (n,) initial gap [m]; negative is initial penetration
     K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
     mu : (n, 2) friction coefficients along j and k
-    laws : further laws, one row per gap, see `romdam.contact.problem.gap_strength`; those not given are off
+    viscosity : (n,) normal dashpot of each gap [N s/m]
+    laws : further laws that the joint has
     """
 
     name: str
@@ -98,7 +100,8 @@ class Joint:
     K_nz: Floats
     K_s: Floats
     mu: Floats
-    laws: dict[str, Floats] = field(default_factory=dict)
+    viscosity: Floats
+    laws: tuple[LawRows, ...] = ()
 
     @property
     def has_friction(self) -> bool:

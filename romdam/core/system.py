@@ -9,10 +9,42 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Bools, Floats
 from romdam.core.operator_cache import Kept
 
-SHEAR_LAWS = ("cohesion", "friction_static", "shear_key")
+
+@dataclass(frozen=True)
+class LawSource:
+    """Where a law is from.
+
+    Attributes
+    ----------
+    name : of the class; of a user's, with its module
+    file : the user's; empty for romdam's own
+    sha256 : of that file
+    """
+
+    name: str
+    file: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class LawRows:
+    """A further joint law at some gaps.
+
+    Attributes
+    ----------
+    law : which, see `romdam.contact.laws.catalogue`
+    values : (n, p) what its functions get as parameters, see `romdam.contact.laws.law`
+    on : (n,) which gaps have it
+    shear : whether it lets them carry shear
+    """
+
+    law: LawSource
+    values: Floats
+    on: Bools
+    shear: bool
 
 
 @dataclass(frozen=True)
@@ -25,7 +57,8 @@ class GapLaw:
     mu : (ng, 2) friction along the local axes j and k
     gap : (ng,) initial gap [m]
     joints : name -> slice of its gaps
-    laws : further laws, one row per gap, see `romdam.contact.problem.gap_strength`; empty without any
+    laws : further laws, in the order in which they apply; empty without any
+    viscosity : (ng,) normal dashpot [N s/m]; empty without any
     """
 
     K_n: Floats
@@ -34,13 +67,18 @@ class GapLaw:
     mu: Floats
     gap: Floats
     joints: dict[str, slice]
-    laws: dict[str, Floats] = field(default_factory=dict)
+    laws: tuple[LawRows, ...] = ()
+    viscosity: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def directions(self) -> int:
         """Components of force and jump at a gap: 1 without anything that carries shear, else 3 (i, j, k)."""
-        shear = (self.mu, *(self.laws[name] for name in SHEAR_LAWS if name in self.laws))
-        return 3 if any(values.max(initial=0.0) > 0.0 for values in shear) else 1
+        return 3 if self.mu.max(initial=0.0) > 0.0 or any(rows.shear for rows in self.laws) else 1
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether the gaps' forces follow from more than stiffness and friction."""
+        return bool(self.laws) or bool(self.viscosity.any())
 
     def place(self, gap: int) -> str:
         """A gap by its number within its joint, for messages."""

@@ -30,7 +30,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_matrix, spmatrix
 
-from romdam.contact.laws.point import SLIP, STICK
+from romdam.contact.cone import SLIP, STICK
+from romdam.contact.laws.law import Law, Past
+from romdam.contact.problem import law_memory
 from romdam.core.arrays import Floats
 from romdam.core.system import GapLaw, History, System
 from romdam.linalg.factor import Factor
@@ -206,12 +208,25 @@ def start_at(history: History, law: GapLaw, row: int) -> Start:
     A bond counts as lost where a row so far, the unloaded start aside, shows its gap open or sliding.
     """
     assert history.q is not None and history.v is not None
-    weak = None
+    memory = None
     if law.laws:
-        depth = law.laws["shear_key"][:, 0] if "shear_key" in law.laws else np.full(len(law), np.inf)
-        lost = (history.state[1 : row + 1] != STICK).any(axis=0) | (law.gap > 0.0)
-        weak = np.stack([lost, history.state[row] == SLIP, history.jump[row, :, 0] > depth], axis=1)
-    return Start(history.q[row], history.v[row], history.jump[row], history.traction[row], weak)
+        has_moved = (history.state[1 : row + 1] != STICK).any(axis=0)
+        rate = _slip_rate(history, row)
+
+        def resumed(each: type[Law], values: Floats, i: int) -> tuple[float, ...]:
+            sliding, opening = bool(history.state[row, i] == SLIP), float(history.jump[row, i, 0])
+            return each.resumed(values, Past(law.gap[i], opening, sliding, bool(has_moved[i]), rate[i]))
+
+        memory = law_memory(law, resumed)
+    return Start(history.q[row], history.v[row], history.jump[row], history.traction[row], memory)
+
+
+def _slip_rate(history: History, row: int) -> Floats:
+    """Mean speed of slip (ng,) over the interval that ends at a row, zero at the first [m/s]."""
+    if row == 0:
+        return np.zeros(history.jump.shape[1])
+    slip = history.jump[row, :, 1:] - history.jump[row - 1, :, 1:]
+    return np.sqrt((slip**2).sum(axis=1)) / (history.time[row] - history.time[row - 1])
 
 
 @dataclass(frozen=True)

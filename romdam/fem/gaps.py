@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix, vstack
 
+from romdam.contact.laws.catalogue import find_law, law_order
 from romdam.core.arrays import Floats
 from romdam.core.scene import Joint, Scene
-from romdam.core.system import GapLaw
+from romdam.core.system import GapLaw, LawRows, LawSource
 
 
 def gap_law(scene: Scene) -> GapLaw:
@@ -25,14 +26,28 @@ def gap_law(scene: Scene) -> GapLaw:
         mu=stacked("mu", (0, 2)),
         gap=stacked("gap"),
         joints={joint.name: slice(a, b) for joint, a, b in zip(joints, ends[:-1], ends[1:], strict=True)},
-        laws={name: _law(joints, name) for name in sorted({law for joint in joints for law in joint.laws})},
+        laws=_laws(joints),
+        viscosity=stacked("viscosity"),
     )
 
 
-def _law(joints: list[Joint], name: str) -> Floats:
-    """One further law of all gaps, zero (off) at joints that have not got it."""
-    shape = next(joint.laws[name].shape[1:] for joint in joints if name in joint.laws)
-    return np.concatenate([joint.laws.get(name, np.zeros((len(joint.gap), *shape))) for joint in joints])
+def _laws(joints: list[Joint]) -> tuple[LawRows, ...]:
+    """The further laws of all gaps, in the order in which they apply."""
+    names = {rows.law for joint in joints for rows in joint.laws}
+    return tuple(_law(joints, law) for law in sorted(names, key=lambda law: law_order(find_law(law))))
+
+
+def _law(joints: list[Joint], law: LawSource) -> LawRows:
+    """One further law of all gaps, off at joints that have not got it."""
+    size, start = sum(len(joint.gap) for joint in joints), 0
+    on, values, shear = np.zeros(size, dtype=np.bool_), np.zeros((size, 0)), False
+    for joint in joints:
+        gaps = slice(start, start := start + len(joint.gap))
+        for rows in joint.laws:
+            if rows.law == law:
+                values = values if values.size else np.zeros((size, rows.values.shape[1]))
+                on[gaps], values[gaps], shear = True, rows.values, shear or rows.shear
+    return LawRows(law, values, on, shear)
 
 
 def gap_operators(scene: Scene, directions: int) -> dict[str, csr_matrix]:

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from romdam.config.sections.joints import GapTable, JointConfig, PerGap, SurfaceStiffness
+from romdam.config.sections.joints import GapTable, JointConfig
+from romdam.contact.laws import LAWS
+from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.coulomb import Coulomb
+from romdam.contact.laws.law import Law
+from romdam.core.arrays import Bools, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, Ints, Joint
+from romdam.core.scene import Block, Joint
+from romdam.core.system import LawRows
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import gap_weights, node_normals
 from romdam.scene.gap_table import table_gap
@@ -93,26 +99,23 @@ def _properties(
     joint: JointConfig, area: Floats, position: Floats, folder: Path, place: str
 ) -> dict[str, Any]:
     """What of a `Joint` depends on its parameters alone."""
+    keys = joint.law_keys
     return {
         "gap": _initial_gap(joint, position, folder, place),
-        "K_n": _per_gap(joint.normal_stiffness, area),
-        "K_nz": _per_gap(joint.tension_stiffness, area),
-        "K_s": _per_gap(joint.shear_stiffness, area),
-        "mu": np.tile(np.array(joint.friction), (len(area), 1)),
-        "laws": _laws(joint, area),
+        **{law.array: _rows(law, keys, area)[:, 0] for law in LAWS if law.array and law is not Coulomb},
+        "mu": _rows(Coulomb, keys, area),
+        "laws": tuple(_further(law, keys, area) for law in joint.every_law if not law.array),
     }
 
 
-def _laws(joint: JointConfig, area: Floats) -> dict[str, Floats]:
-    """The joint's further laws by name, those that it has."""
-    per_area = {name: getattr(joint, name) for name in ("tensile_strength", "cohesion", "viscosity")}
-    laws = {name: value * area for name, value in per_area.items() if value > 0.0}
-    if joint.friction_static is not None:
-        laws["friction_static"] = np.tile(np.array(joint.friction_static), (len(area), 1))
-    if joint.shear_key is not None:
-        holds = [float(axis in joint.shear_key.directions) for axis in ("j", "k")]
-        laws["shear_key"] = np.tile([joint.shear_key.depth, *holds], (len(area), 1))
-    return laws
+def _further(law: type[Law], keys: Mapping[str, Any], area: Floats) -> LawRows:
+    on = np.ones(len(area), dtype=np.bool_)
+    return LawRows(source_of(law), _rows(law, keys, area), on, law.needs_shear(keys))
+
+
+def _rows(law: type[Law], keys: Mapping[str, Any], area: Floats) -> Floats:
+    """Parameters of a law at every gap, (n, p)."""
+    return np.array([law.row(keys, float(each)) for each in area])
 
 
 def local_axes(normal: Floats) -> Floats:
@@ -172,14 +175,6 @@ def _initial_gap(joint: JointConfig, position: Floats, folder: Path, place: str)
     return np.full(len(position), joint.gap)
 
 
-def _per_gap(stiffness: str | SurfaceStiffness, area: Floats) -> Floats:
-    if stiffness == "rigid":
-        return np.full(len(area), np.inf)
-    if isinstance(stiffness, PerGap):
-        return np.full(len(area), stiffness.per_gap)
-    return float(stiffness) * area
-
-
 def _free_components(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bools:
     """(2, k, 3) components that can change the jump at each node pair, on either side.
 
@@ -235,5 +230,6 @@ def _select(joint: Joint, keep: Ints) -> Joint:
         K_nz=joint.K_nz[keep],
         K_s=joint.K_s[keep],
         mu=joint.mu[keep],
-        laws={name: values[keep] for name, values in joint.laws.items()},
+        viscosity=joint.viscosity[keep],
+        laws=tuple(replace(rows, values=rows.values[keep], on=rows.on[keep]) for rows in joint.laws),
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
+from romdam.contact.softening import set_limits
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
@@ -38,7 +39,7 @@ class GapState:
     p_c : (N,) the solver's force, its warm start [N]
     anchor : (n, 2) slip anchors [m]; empty without friction
     stored : energy in the gaps [J]
-    weak : (n, 3) see `romdam.contact.problem.GapMemory`; empty where nothing has been weakened
+    history : (L, n, s) see `romdam.contact.problem.GapMemory`; empty where it is that of unloaded gaps
     """
 
     jump: Floats
@@ -47,15 +48,14 @@ class GapState:
     p_c: Floats
     anchor: Floats
     stored: float
-    weak: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.bool_))
+    history: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
 
 def system_gap_problem(
     system: System, H: Floats, dt: float = np.inf, most_lag: float = 0.0, own: Floats | None = None
 ) -> GapProblem:
     """Make the gap-space problem for one flexibility H; for the step see `romdam.contact.problem`."""
-    law = system.law
-    return gap_problem(H, (law.K_n, law.K_nz, law.K_s), law.mu, law.gap, law.laws, (dt, most_lag), own)
+    return gap_problem(H, system.law, (dt, most_lag), own)
 
 
 def take_over(memory: GapMemory, gaps: GapState) -> None:
@@ -65,8 +65,8 @@ def take_over(memory: GapMemory, gaps: GapState) -> None:
     spring[:, 0] = np.minimum(gaps.jump[:, 0], 0.0)
     if len(gaps.anchor):
         spring[:, 1:] = gaps.jump[:, 1:] - gaps.anchor
-    if len(memory.weak) and len(gaps.weak):
-        memory.weak[:] = gaps.weak
+    if len(gaps.history):
+        memory.history[:] = gaps.history
 
 
 def undeformed(system: System) -> tuple[Floats, GapState]:
@@ -110,16 +110,21 @@ def resumed(system: System, start: Start) -> GapState:
     law, d = system.law, system.law.directions
     tension = law.K_nz * start.jump[:, 0]
     p_c, anchor = start.traction.copy(), np.zeros((0, 2))
-    weak = np.zeros((0, 3), dtype=np.bool_) if start.weak is None else start.weak
-    bonded = ~weak[:, 0] if len(weak) else False
+    history = np.zeros((0, 0, 0)) if start.memory is None else start.memory
+    problem = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d)))
+    memory = gap_memory(problem)
+    if len(history):
+        memory.trial[:] = history
+    set_limits(problem.laws, problem.whole, memory)
+    bonded = memory.limits.tension > 0.0
     p_c[:, 0] = np.where(bonded, p_c[:, 0], np.maximum(p_c[:, 0] + tension, 0.0))
-    compliance = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d))).compliance.reshape(-1, d)
+    compliance = problem.compliance.reshape(-1, d)
     if d == 3:
         anchor = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
     stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, 0]).sum()
     closed = (p_c[:, 0] > 0.0).astype(np.uint8)
     return GapState(
-        start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored), weak
+        start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored), history
     )
 
 
@@ -177,5 +182,5 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)
-    p_c, anchor, weak = memory.force.copy(), memory.anchor.copy(), memory.weak.copy()
-    return GapState(jump, force, state, p_c, anchor, stored, weak)
+    p_c, anchor, history = memory.force.copy(), memory.anchor.copy(), memory.history.copy()
+    return GapState(jump, force, state, p_c, anchor, stored, history)

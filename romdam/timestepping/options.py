@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from romdam.core.arrays import Floats
 
 
@@ -18,14 +15,14 @@ class Start:
     ----------
     q, v : (n,) unknowns of a diagonal system and their rates
     jump, traction : (ng, d) of the gaps [m], [N]
-    weak : (ng, 3) what the gaps have lost, see `romdam.contact.problem.GapMemory`; None where nothing can be
+    memory : (L, ng, s) what the further laws keep, see `romdam.contact.problem.GapMemory`; None without any
     """
 
     q: Floats
     v: Floats
     jump: Floats
     traction: Floats
-    weak: NDArray[np.bool_] | None = None
+    memory: Floats | None = None
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from romdam.contact.laws.catalogue import further_keys
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.system import History, System
@@ -144,7 +145,7 @@ def conserving(cases: Sequence[Case], options: TransientOptions, progress: Progr
             "transient.integrator: conserving is for scenes without damping, and this one has some: its "
             "massless joint boundary is wrong where damping acts on it; use adaptive, the default here"
         )
-    laws = sorted({name for case in cases for name in case.system.law.laws})
+    laws = sorted({key for case in cases for key in further_keys(case.system.law)})
     if laws:
         raise ConfigError(
             f"transient.integrator: conserving knows no {', '.join(laws)}; "
@@ -193,7 +194,8 @@ def _march_alike(
         if id(system) not in splits:
             splits[id(system)] = split_of(system)
         groups_of = b"" if system.alike is None else system.alike.gaps.tobytes()
-        kind = (law.directions, bool(law.laws), bool(law.K_nz.any()), groups_of)
+        laws = law.has_memory, tuple(one.law for one in law.laws), bool(law.laws and law.mu.any())
+        kind = (law.directions, *laws, bool(law.K_nz.any()), groups_of)
         groups.setdefault((splits[id(system)].states.tobytes(), *kind), []).append(i)
     outcomes: dict[int, Outcome] = {}
     total = sum(case.ground.shape[1] - 1 for case in cases)

@@ -3,6 +3,7 @@
 import copy
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -41,7 +42,7 @@ MISTAKES = [
     ((*JOINT, "friction"), 0.6, ["joints.contraction: friction 0.6 needs `shear_stiffness`", "or set"]),
     ((*JOINT, "friction"), -0.6, ["friction[0] must be at least 0, got -0.6"]),
     ((*JOINT, "friction_static"), -0.1, ["friction_static[0] must be at least 0, got -0.1"]),
-    ((*JOINT, "cohesion"), "1 MPa", ["`cohesion` or `shear_key` needs `shear_stiffness`", "give it"]),
+    ((*JOINT, "cohesion"), "1 MPa", ["`cohesion` needs `shear_stiffness`", "give it"]),
     ((*JOINT, "cohesion"), "1 kg", ["joints.contraction.cohesion: '1 kg' is not a quantity in Pa"]),
     ((*JOINT, "tensile_strength"), -1, ["tensile_strength must be at least 0, got -1"]),
     ((*JOINT, "viscosity"), "3 Pa", ["joints.contraction.viscosity: '3 Pa' is not a quantity in"]),
@@ -134,11 +135,11 @@ def test_further_joint_laws_are_read_and_reach_every_gap():
     scene = build_scene(parse_config(raw, "dam.yaml"), EXAMPLE.parent, "dam.yaml")
     joint = scene.joints["contraction"]
     area = joint.area
-    assert joint.laws["tensile_strength"] == pytest.approx(2e6 * area)
-    assert joint.laws["cohesion"] == pytest.approx(3e6 * area)
-    assert joint.laws["viscosity"] == pytest.approx(1e6 * area)
-    assert (joint.laws["friction_static"] == [0.7, 0.8]).all()
-    assert (joint.laws["shear_key"] == [0.03, 0.0, 1.0]).all()
+    laws = {rows.law.name: rows.values for rows in joint.laws}
+    assert laws["Bond"] == pytest.approx(np.column_stack([2e6 * area, 3e6 * area]))
+    assert joint.viscosity == pytest.approx(1e6 * area)
+    assert (laws["StaticFriction"] == [0.7, 0.8, 0.6, 0.6]).all()
+    assert (laws["ShearKey"] == [0.03, 0.0, 1.0]).all()
 
 
 def test_several_mistakes_have_a_line_each():

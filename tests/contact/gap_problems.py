@@ -3,10 +3,12 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from further_laws import with_laws
+from point_law import Gap, Past, strong
 
-from romdam.contact.laws.point import Gap, Past, strong
 from romdam.contact.problem import gap_memory, gap_problem
 from romdam.contact.step import commit_gaps, solve_gaps
+from romdam.core.system import GapLaw
 
 TOLERANCE = 1e-8
 STEP = 1e-3  # [s], what the dashpots are taken over
@@ -26,7 +28,11 @@ class Case:
 
     @property
     def problem(self):
-        return gap_problem(self.H, self.stiffness, self.mu, self.gap, self.laws, (STEP, False))
+        return gap_problem(self.H, self.law, (STEP, False))
+
+    @property
+    def law(self):
+        return with_laws(GapLaw(*self.stiffness, self.mu, self.gap, {}), **self.laws)
 
     def parameters(self, i):
         """One gap's, for the point laws."""

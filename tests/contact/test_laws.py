@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from point_law import LAWS, Gap, Past
 
-from romdam.contact.laws.point import LAWS, OPEN, SLIP, STICK, Gap, Past, project_shear
+from romdam.contact.cone import OPEN, SLIP, STICK, project_shear
 
 
 def coulomb(jump, anchor, stiffness, mu):

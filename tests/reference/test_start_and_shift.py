@@ -1,6 +1,8 @@
 """Going on from a written state, and jumps added from outside."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,10 @@ from romdam.error.replay import start_at
 from romdam.reduction.synthesis import reduce_scene
 from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.simulate import integrate
+
+sys.path.append(str(Path(__file__).parents[1] / "contact"))
+
+from further_laws import lost, with_laws
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.6], ids=["frictionless", "friction"])
@@ -43,13 +49,13 @@ def test_a_start_knows_what_the_gaps_have_lost(pounding):
     if system.law.directions == 3:
         laws["cohesion"], laws["friction_static"] = laws["tensile_strength"], np.full((n, 2), 0.7)
         laws["shear_key"] = np.tile([0.004, 1.0, 0.0], (n, 1))
-    system = replace(system, law=replace(system.law, laws=laws))
+    system = replace(system, law=with_laws(system.law, **laws))
     whole, row = integrate(system, ground, OPTIONS), 400
     start = start_at(whole, system.law, row)
     rest = integrate(system, ground[:, row:], replace(OPTIONS, start=start))
-    assert 0 < start.weak[:, 0].sum() < n
+    assert 0 < lost(system.law, start.memory)[:, 0].sum() < n
     assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-6 * np.abs(whole.jump).max()
-    naive = integrate(system, ground[:, row:], replace(OPTIONS, start=replace(start, weak=None)))
+    naive = integrate(system, ground[:, row:], replace(OPTIONS, start=replace(start, memory=None)))
     assert np.abs(naive.jump - whole.jump[row:]).max() > 1e-3 * np.abs(whole.jump).max()
 
 

@@ -1,14 +1,15 @@
 """Laws beyond stiffness and friction in marches whose answers are known."""
 
-import dataclasses
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hand_systems import assert_ledger, gap_law, modal_twin, run, sparse_system, still
 
+sys.path.append(str(Path(__file__).parents[1] / "contact"))
 
-def _with(law, **laws):
-    return dataclasses.replace(law, laws={name: np.asarray(values) for name, values in laws.items()})
+from further_laws import with_laws
 
 
 def _bar_system(law, force=None):
@@ -23,7 +24,7 @@ def test_sdnd106_static_and_dynamic_friction():
     pressed on a rigid floor; unknowns are its height, x1 and x2.
     """
     dt = 2e-5
-    law = _with(gap_law(1, mu=0.2), friction_static=[[0.3, 0.3]])
+    law = with_laws(gap_law(1, mu=0.2), friction_static=[[0.3, 0.3]])
     M, K = np.diag([5.0, 5.0, 5.0]), np.array([[0, 0, 0], [0, 1e4, -1e4], [0, -1e4, 1e4]], dtype=float)
     B = [[1, 0, 0], [0, 1, 0], [0, 0, 0]]
     system = modal_twin(
@@ -49,7 +50,7 @@ def test_sdnd106_static_and_dynamic_friction():
 
 def test_a_bond_breaks_at_its_strength_and_not_before():
     """A push grows by 1 N per ms against K_n 1e6 beside 1e4 N/m: the bond holds 100/101 of it, up to 50 N."""
-    law = _with(gap_law(1, K_n=1e6), tensile_strength=[50.0])
+    law = with_laws(gap_law(1, K_n=1e6), tensile_strength=[50.0])
     h = run(_bar_system(law), -np.linspace(0.0, 100.0, 100001), 1e-6)
     force = h.traction[:, 0, 0]
     broken = np.flatnonzero(h.state[:, 0] == 0)[1]  # the first row is the undeformed start
@@ -63,7 +64,7 @@ def test_a_bond_breaks_at_its_strength_and_not_before():
 @pytest.mark.parametrize("strength", [0.0, 0.4e3, 1e3])
 def test_a_stronger_bond_holds(strength):
     """50 N/kg to both sides: the bond that holds stays stiff in tension, the broken one opens by 5 mm."""
-    law = _with(gap_law(1, K_n=1e6), tensile_strength=[strength])
+    law = with_laws(gap_law(1, K_n=1e6), tensile_strength=[strength])
     h = run(_bar_system(law), -np.linspace(0.0, 500.0, 20001), 1e-5)
     assert (h.jump[-1, 0, 0] > 1e-2) == (strength < 500.0)
     assert_ledger(h)
@@ -71,7 +72,7 @@ def test_a_stronger_bond_holds(strength):
 
 def _slider(**laws):
     """A mass of 1 kg pressed by 10 N on a floor, tangentially on a weak spring, shaken along x."""
-    law = _with(gap_law(1, K_n=1e6, K_s=1e6, mu=0.5), **laws)
+    law = with_laws(gap_law(1, K_n=1e6, K_s=1e6, mu=0.5), **laws)
     M, K = np.eye(3), np.diag([0.0, 10.0, 10.0])
     return modal_twin(
         sparse_system(M, K, np.eye(3), law, force=[-10.0, 0, 0], load=[0, 1.0, 0], floating=True)
@@ -91,7 +92,7 @@ def test_cohesion_holds_and_is_lost_at_the_first_slip():
 @pytest.mark.parametrize(("axis", "holds"), [([1.0, 0.0], True), ([0.0, 1.0], False)])
 def test_a_key_holds_in_its_direction_closed_and_open(axis, holds):
     """Lifted by 1 mm below a depth of 0.1 m; 50 N along j, no friction acts there. K_s 1e6 beside 10 N/m."""
-    law = _with(gap_law(1, K_n=1e6, K_s=1e6, mu=0.5), shear_key=[[0.1, *axis]])
+    law = with_laws(gap_law(1, K_n=1e6, K_s=1e6, mu=0.5), shear_key=[[0.1, *axis]])
     M, K = np.eye(3), np.diag([1e3, 10.0, 10.0])
     C = np.diag([60.0, 6.0, 6.0])
     system = modal_twin(sparse_system(M, K, np.eye(3), law, C=C, force=[1.0, 0, 0], load=[0, 1.0, 0]))
@@ -104,7 +105,7 @@ def test_a_key_holds_in_its_direction_closed_and_open(axis, holds):
 
 
 def test_a_key_lets_go_above_its_depth():
-    law = _with(gap_law(1, K_n=1e6, K_s=1e6, mu=0.5), shear_key=[[0.01, 1.0, 1.0]])
+    law = with_laws(gap_law(1, K_n=1e6, K_s=1e6, mu=0.5), shear_key=[[0.01, 1.0, 1.0]])
     M, K, C = np.eye(3), np.diag([1e3, 10.0, 10.0]), np.diag([60.0, 6.0, 6.0])
     system = modal_twin(sparse_system(M, K, np.eye(3), law, C=C, load=[1.0, 1.0, 0]))
     h = run(system, -50.0 * np.minimum(np.linspace(0, 4, 8001), 1.0), 1e-4)
@@ -127,11 +128,49 @@ def test_restitution_of_a_viscous_contact(xi):
     s = np.sqrt(1.0 - xi**2)
     t = np.arctan2(2 * xi * s, 2 * xi**2 - 1.0) / (w * s)
     v = np.exp(-xi * w * t) * (np.cos(w * s * t) - xi / s * np.sin(w * s * t))
-    law = _with(gap_law(1, K_n=k), viscosity=[2 * xi * w])
+    law = with_laws(gap_law(1, K_n=k), viscosity=[2 * xi * w])
     system = modal_twin(sparse_system([[1.0]], [[0.0]], [[1.0]], law, load=[1.0], floating=True))
     dt = 1e-7
     acc = still(0.006, dt)
     acc[: round(1e-4 / dt)] = 1e4
     h = run(system, acc, dt, integrator="modal", stride=100)
     assert h.vel[-1, 0] == pytest.approx(-v, rel=0.03)
+    assert_ledger(h)
+
+
+def _pressed(law):
+    """A mass of 1 kg pressed by 10 N on a floor, free along it."""
+    static = {"force": [-10.0, 0, 0], "load": [0, 1.0, 0], "floating": True}
+    return sparse_system(np.eye(3), np.zeros((3, 3)), np.eye(3), law, **static)
+
+
+def _speed_of_a_sliding_mass(t, push, mu_s, mu_d, v_c):
+    """v' = A - B exp(-v / v_c) from rest, A = push - 10 mu_d, B = 10 (mu_s - mu_d)."""
+    A, B = push - 10.0 * mu_d, 10.0 * (mu_s - mu_d)
+    return v_c * np.log(B / A + (1.0 - B / A) * np.exp(A * t / v_c))
+
+
+@pytest.mark.parametrize(("mu_s", "mu_d"), [(0.6, 0.4), (0.3, 0.5)], ids=["falls", "rises"])
+def test_friction_that_changes_with_speed(mu_s, mu_d):
+    """1 kg on a floor, 10 N down and 7 N along: the speed in closed form, the error of first order."""
+    push, v_c, errors = 7.0, 0.5, []
+    law = with_laws(gap_law(1, K_n=1e6), velocity=(mu_s, mu_d, v_c))
+    system = modal_twin(_pressed(law))
+    for dt in (2e-3, 1e-3):
+        h = run(system, -push * np.ones(round(1.0 / dt) + 1), dt, initial_state="static")
+        v = _speed_of_a_sliding_mass(h.time, push, mu_s, mu_d, v_c)
+        errors.append(np.abs(h.vel[:, 1] - v).max() / v.max())
+        assert_ledger(h)
+    assert errors[1] < 2e-3
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
+
+
+def test_friction_that_falls_with_speed_holds_up_to_the_static_limit():
+    """Pushed slowly harder, the mass sticks up to mu_s N = 6 N, then slides at mu_d N."""
+    law = with_laws(gap_law(1, K_n=1e6), velocity=(0.6, 0.4, 1e-3))
+    system = modal_twin(_pressed(law))
+    h = run(system, -np.linspace(0.0, 7.0, 7001), 1e-4, initial_state="static")
+    shear = np.abs(h.traction[:, 0, 1])
+    assert shear.max() == pytest.approx(6.0, rel=1e-3)
+    assert shear[-1] == pytest.approx(4.0, rel=1e-3)
     assert_ledger(h)

@@ -1,72 +1,162 @@
-"""Optional laws of a joint beyond stiffness and friction; all off by default."""
+"""What the laws of a joint add to its keys; their parameters say all of it."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, Tag, create_model
 
-from romdam.config.base import Model
-from romdam.config.quantities import Dimensionless, Length, Pressure, ViscosityPerArea
+from romdam.config.base import Model, by_shape
+from romdam.config.quantities import in_unit
+from romdam.contact.laws import LAWS
+from romdam.contact.laws.catalogue import find_law, loaded_law, user_law
+from romdam.contact.laws.law import Law, Parameter
+from romdam.core.errors import shown
+from romdam.core.system import LawSource
+
+_STIFFNESS = "a stiffness per area such as 16 GPa/m{} {{per_gap: 1 GN/m}}{}"
 
 
-def _friction(value: object) -> object:
+class LawSection(Model):
+    """The parameters of a law that stand in a mapping of their own."""
+
+
+def _both(value: object) -> object:
     return (value, value) if not isinstance(value, list | tuple) else value
 
 
-FrictionNumber = Annotated[Dimensionless, Field(ge=0.0, le=2.0)]
-Friction = Annotated[tuple[FrictionNumber, FrictionNumber], BeforeValidator(_friction)]
-NonNegative = Field(ge=0.0)
+def annotation(parameter: Parameter, per_gap: bool = False) -> Any:
+    """Type of a parameter in a configuration, with unit and bounds; `per_gap`: of its value at a gap."""
+    if parameter.unit == "axes":
+        return Annotated[tuple[Literal["j", "k"], ...], Field(min_length=1)]
+    unit = parameter.per_gap if per_gap else parameter.unit
+    least, most = parameter.least, parameter.most
+    bounds: Any = Field(gt=least, le=most) if parameter.above else Field(ge=least, le=most)
+    number: Any = Annotated[in_unit(unit), bounds]
+    return Annotated[tuple[number, number], BeforeValidator(_both)] if parameter.both else number
 
 
-class ShearKeyConfig(Model):
-    """Keys that hold the shear while the opening is less than their depth, along the local axes named."""
+def _type(parameter: Parameter) -> Any:
+    """As `annotation`, with {per_gap: value} and the word "rigid" where these are allowed."""
+    if not parameter.per_gap:
+        return annotation(parameter)
+    number, mapping = (
+        annotation(parameter),
+        create_model("PerGap", __base__=Model, per_gap=(annotation(parameter, per_gap=True), ...)),
+    )
+    numbers: Any = Annotated[number, Tag("number")] | Annotated[mapping, Tag("mapping")]
+    if not parameter.rigid:
+        return Annotated[numbers, by_shape(_STIFFNESS.format(", or", ""))]
+    return Annotated[
+        numbers | Annotated[Literal["rigid"], Tag("word")],
+        by_shape(_STIFFNESS.format(",", ', or "rigid"'), "rigid"),
+    ]
 
-    depth: Annotated[Length, Field(gt=0.0)]
-    directions: Annotated[tuple[Literal["j", "k"], ...], Field(min_length=1)] = ("j", "k")
+
+def fields(law: type[Law]) -> dict[str, Any]:
+    """The keys that a law adds to a joint, as pydantic's create_model takes them."""
+    keys = {}
+    for p in law.parameters:
+        if p.default is not None:
+            keys[p.name] = _type(p), p.default
+        else:
+            keys[p.name] = (_type(p), ...) if law.section or p.required else (_type(p) | None, None)
+    if not law.section:
+        return keys
+    options: dict[str, Any] = {"__base__": LawSection, "__doc__": law.__doc__, **keys}
+    section: Any = create_model(f"{law.__name__}Config", **options)
+    return {law.section: (section | None, None)}
 
 
-class JointLaws(Model):
-    """Laws that a joint may have besides.
+class UserLaw(Model):
+    """A law of a user's file, with what the joint says of its parameters.
 
-    `tensile_strength`: the closed gap holds with normal_stiffness in tension too, up to this traction.
-    `cohesion` c: the stuck gap holds c A + mu p of shear. Both are one bond, lost for good at the first
-    opening or slip; gaps with an initial gap have none. `friction_static`: until a gap slides, and again once
-    it sticks; `friction` is then the dynamic one. `shear_key`: no sliding while the opening is less than the
-    depth, closed or open; a key that comes back in holds where it then is. `viscosity`: normal dashpot per
-    area [N s/m3] that acts while the gap overlaps and never pulls.
+    Attributes
+    ----------
+    name : module.Class
+    sha256 : of the file
+    file : where it is read; no part of what the configuration says
+    values : by key [SI]
     """
 
-    tensile_strength: Annotated[Pressure, NonNegative] = 0.0
-    cohesion: Annotated[Pressure, NonNegative] = 0.0
-    friction_static: Friction | None = None
-    shear_key: ShearKeyConfig | None = None
-    viscosity: Annotated[ViscosityPerArea, NonNegative] = 0.0
+    name: str
+    sha256: str
+    file: str = Field(exclude=True)
+    values: dict[str, Any]
 
-    def inconsistent(self, friction: tuple[float, float], shear: float, rigid: bool) -> str | None:
-        """What does not fit together, and the remedy; None if all does.
+    @property
+    def source(self) -> LawSource:
+        """Where it is from."""
+        return LawSource(self.name, self.file, self.sha256)
 
-        Parameters
-        ----------
-        friction : the dynamic coefficients
-        shear : shear_stiffness, per area or per gap
-        rigid : whether normal_stiffness is "rigid"
-        """
-        static = self.friction_static or friction
-        if min(s - d for s, d in zip(static, friction, strict=True)) < 0.0:
-            return f"friction_static {static} must be at least friction {friction}; raise it, or leave it out"
-        if shear <= 0.0 and (max(static) > 0.0 or self.cohesion > 0.0 or self.shear_key is not None):
-            what = f"friction {max(static):g}" if max(static) > 0.0 else "`cohesion` or `shear_key`"
-            return (
-                f"{what} needs `shear_stiffness` above 0 (the stick stiffness K_s); "
-                "give it, commonly half of normal_stiffness, or set friction to 0"
-            )
-        if max(static) * self.tensile_strength > self.cohesion:
-            return (
-                f"cohesion {self.cohesion:g} Pa must be at least friction times tensile_strength, "
-                f"{max(static) * self.tensile_strength:g} Pa, or the bond slips before it opens; "
-                "raise cohesion, or lower tensile_strength"
-            )
-        if rigid and self.viscosity > 0.0:
-            return "viscosity needs a finite `normal_stiffness`, not rigid; give a stiffness, or leave it out"
-        return None
+    @property
+    def law(self) -> type[Law]:
+        """The class."""
+        return find_law(self.source)
+
+
+def read_user_laws(joint: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
+    """The keys of a joint with those of its user's laws taken out of them and into `law`.
+
+    Parameters
+    ----------
+    folder : where the files of such laws are; None where they have been loaded before
+
+    Raises
+    ------
+    ValueError, ConfigError
+        for a law that cannot be loaded, and for what it does not take.
+    """
+    keys = dict(joint)
+    given = keys.pop("law", ())
+    asked = [given] if isinstance(given, str) or not isinstance(given, list | tuple) else given
+    names = [one for one in asked if isinstance(one, str)]
+    if len(set(names)) < len(names):
+        raise ValueError("`law` names a class twice; each is applied once")
+    laws = [_user_law(one, keys, folder) for one in asked]
+    return keys | ({"law": tuple(laws)} if laws else {})
+
+
+def _user_law(asked: Any, keys: dict[str, Any], folder: Path | None) -> UserLaw:
+    """One law, its values taken from the joint's keys, or from where they were before."""
+    if isinstance(asked, UserLaw):
+        source, before = asked.source, asked.values
+    elif isinstance(asked, dict) and {"name", "sha256", "values"} <= set(asked):
+        source, before = loaded_law(str(asked["name"]), str(asked["sha256"])), dict(asked["values"])
+    else:
+        source, before = user_law(*_file_of(asked, folder)), {}
+    law = find_law(source)
+    values = before | {key: keys.pop(key) for key in law.key_names() if key in keys}
+    checked = _model(source).model_validate(values).model_dump(mode="json")
+    return UserLaw(name=source.name, sha256=source.sha256, file=source.file, values=checked)
+
+
+@cache
+def _model(source: LawSource) -> type[Model]:
+    law = find_law(source)
+    return create_model(law.__name__, __base__=Model, **fields(law))
+
+
+def _file_of(asked: Any, folder: Path | None) -> tuple[str, Path]:
+    """Name and file of a law as YAML names it: module.Class, the module's file beside the configuration."""
+    module, _, name = asked.rpartition(".") if isinstance(asked, str) else ("", "", "")
+    if (
+        folder is None
+        or not name.isidentifier()
+        or not all(part.isidentifier() for part in module.split("."))
+    ):
+        raise ValueError(
+            f"`law` must be module.Class, a class in module.py beside this file, got {shown(asked)}"
+        )
+    return asked, folder.joinpath(*module.split(".")).with_suffix(".py")
+
+
+if TYPE_CHECKING:
+    JointLaws = Model
+else:
+    JointLaws = create_model(
+        "JointLaws", __base__=Model, **{key: kind for law in LAWS for key, kind in fields(law).items()}
+    )

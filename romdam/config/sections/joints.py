@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, Tag, model_validator
+from pydantic import Tag, ValidationError, ValidationInfo, model_validator
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Length, Stiffness, StiffnessPerArea
-from romdam.config.sections.joint_laws import Friction, JointLaws
+from romdam.config.explain import explain
+from romdam.config.quantities import Length
+from romdam.config.sections.joint_laws import JointLaws, UserLaw, read_user_laws
 from romdam.config.sections.places import Direction, Tolerance
-
-NonNegative = Field(ge=0.0)
-
-
-class PerGap(Model):
-    """A stiffness of each gap, whatever its tributary area."""
-
-    per_gap: Annotated[Stiffness, NonNegative]
+from romdam.contact.laws import LAWS
+from romdam.contact.laws.coulomb import Coulomb
+from romdam.contact.laws.law import Law
+from romdam.core.errors import ConfigError
 
 
 class GapTable(Model):
@@ -27,16 +25,6 @@ class GapTable(Model):
     table: Path
 
 
-StiffnessNumber = Annotated[StiffnessPerArea, NonNegative, Tag("number")]
-StiffnessTable = Annotated[PerGap, Tag("mapping")]
-SurfaceStiffness = Annotated[
-    StiffnessNumber | StiffnessTable,
-    by_shape("a stiffness per area such as 16 GPa/m, or {per_gap: 1 GN/m}"),
-]
-NormalStiffness = Annotated[
-    StiffnessNumber | StiffnessTable | Annotated[Literal["rigid"], Tag("word")],
-    by_shape('a stiffness per area such as 16 GPa/m, {per_gap: 1 GN/m}, or "rigid"', "rigid"),
-]
 InitialGap = Annotated[
     Annotated[Length, Tag("number")] | Annotated[GapTable, Tag("mapping")],
     by_shape("a length such as 2 mm, or {table: gaps.csv}"),
@@ -50,37 +38,62 @@ NormalRule = Annotated[
 class JointProperties(JointLaws):
     """What gap elements do, wherever they stand.
 
-    `normal_stiffness` K_n acts when closed ("rigid": exactly unilateral), `tension_stiffness` K_nz
-    when open, `shear_stiffness` K_s while stuck; `friction` is mu, or [mu_y, mu_z] along the local
-    axes j and k (equal: Coulomb on the resultant; unequal: per direction). `gaps` stand at every face node,
-    or at the corners of quadratic facets only. Further laws: `JointLaws`.
+    The keys of its laws are theirs (`romdam.contact.laws`), `law` adds those of a user's file. `gaps` stand
+    at every face node, or at the corners of quadratic facets only.
     """
 
-    normal_stiffness: NormalStiffness
-    tension_stiffness: SurfaceStiffness = 0.0
-    shear_stiffness: SurfaceStiffness = 0.0
-    friction: Friction = (0.0, 0.0)
+    law: tuple[UserLaw, ...] = ()
     gap: InitialGap = 0.0
     gaps: Literal["nodes", "corners"] = "nodes"
     normal: NormalRule = "face"
     tolerance: Tolerance = 1e-3
 
+    @model_validator(mode="before")
+    @classmethod
+    def _laws_of_files(cls, keys: Any, info: ValidationInfo) -> Any:
+        if not isinstance(keys, dict) or "law" not in keys:
+            return keys
+        try:
+            return read_user_laws(keys, (info.context or {}).get("folder"))
+        except ValidationError as error:
+            raise ValueError(explain(error, "law", cls)) from None
+        except ConfigError as error:
+            raise ValueError(str(error)) from None
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        shear = self.shear_stiffness
-        wrong = self.inconsistent(
-            self.friction,
-            shear.per_gap if isinstance(shear, PerGap) else shear,
-            self.normal_stiffness == "rigid",
-        )
-        if wrong is not None:
-            raise ValueError(wrong)
+        keys = self.law_keys
+        for law in self.every_law:
+            wrong = law.wrong(keys) or _without_shear_stiffness(law, keys)
+            if wrong is not None:
+                raise ValueError(wrong)
         return self
 
     @property
-    def has_friction(self) -> bool:
-        """Whether the tangential directions carry force."""
-        return max(self.friction) > 0.0
+    def law_keys(self) -> dict[str, Any]:
+        """Every key of every law, a section as a mapping [SI]."""
+        own = self.model_dump(include={key for law in LAWS for key in law.key_names()})
+        return own | {key: value for law in self.law for key, value in law.values.items()}
+
+    @property
+    def every_law(self) -> tuple[type[Law], ...]:
+        """The laws that the joint has, in the order in which they apply."""
+        keys = self.law_keys
+        return tuple(law for law in (*LAWS, *(user.law for user in self.law)) if law.is_on(keys))
+
+
+def _without_shear_stiffness(law: type[Law], keys: Mapping[str, Any]) -> str | None:
+    """Complain of a law that needs the stick stiffness where there is none."""
+    stiffness = keys["shear_stiffness"]
+    if not law.needs_shear(keys) or stiffness not in (0.0, {"per_gap": 0.0}):
+        return None
+    what = " with ".join(f"`{key}`" for key in law.key_names() if keys[key])
+    if law is Coulomb:
+        what = f"friction {max(keys['friction']):g}"
+    return (
+        f"{what} needs `shear_stiffness` above 0 (the stick stiffness K_s); give it, commonly half of "
+        f"normal_stiffness, or set {law.key_names()[0]} to 0"
+    )
 
 
 class JointConfig(JointProperties):

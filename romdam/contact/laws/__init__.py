@@ -1,1 +1,25 @@
-"""What one gap answers."""
+"""What one gap answers: joint laws, one file each."""
+
+from romdam.contact.laws.bond import Bond
+from romdam.contact.laws.coulomb import Coulomb
+from romdam.contact.laws.dashpot import Dashpot
+from romdam.contact.laws.law import Law
+from romdam.contact.laws.penalty import Penalty
+from romdam.contact.laws.shear_key import ShearKey
+from romdam.contact.laws.shear_stiffness import ShearStiffness
+from romdam.contact.laws.static_friction import StaticFriction
+from romdam.contact.laws.tension_stiffness import TensionStiffness
+from romdam.contact.laws.velocity_friction import VelocityFriction
+
+# in the order in which their limits apply
+LAWS: tuple[type[Law], ...] = (
+    Penalty,
+    TensionStiffness,
+    ShearStiffness,
+    Dashpot,
+    Coulomb,
+    StaticFriction,
+    VelocityFriction,
+    Bond,
+    ShearKey,
+)

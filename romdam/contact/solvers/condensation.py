@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.laws.point import project_shear, slides
+from romdam.contact.cone import project_shear, slides
 from romdam.contact.problem import GapMemory, Limits
 from romdam.core.arrays import Floats, Singles
 from romdam.core.jit import ARRAYS, njit

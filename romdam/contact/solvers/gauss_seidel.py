@@ -25,7 +25,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.laws.point import project_shear
+from romdam.contact.cone import project_shear
 from romdam.contact.problem import GapMemory, Limits
 from romdam.contact.solvers.condensation import (
     let_all_go,

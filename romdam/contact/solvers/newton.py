@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.laws.point import project_shear
+from romdam.contact.cone import project_shear
 from romdam.contact.problem import GapMemory, Limits
 from romdam.core.arrays import Bools, Floats
 from romdam.core.jit import copy, njit

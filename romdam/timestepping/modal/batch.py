@@ -86,9 +86,10 @@ def _variants(system: System, runs: Sequence[BatchRun]) -> list[System]:
 
 def _key(run: BatchRun) -> tuple[object, ...]:
     law = run.law
-    arrays = (law.K_n, law.K_nz, law.K_s, law.mu, law.gap, *law.laws.values())
+    arrays = (law.K_n, law.K_nz, law.K_s, law.mu, law.gap, law.viscosity)
     damping = b"" if run.damping is None else run.damping.tobytes()
-    return (*law.laws, damping, *(np.asarray(values).tobytes() for values in arrays))
+    laws = tuple((one.law, one.values.tobytes(), one.on.tobytes()) for one in law.laws)
+    return (laws, damping, *(np.asarray(values).tobytes() for values in arrays))
 
 
 def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> System:

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from romdam.contact.problem import GapMemory, GapProblem, Limits, Strength
+from romdam.contact.problem import GapMemory, GapProblem, Laws, Limits
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
@@ -62,12 +62,20 @@ def _step_of(levels: Levels, runs: Runs, run: int) -> Propagator:
     )  # fmt: skip
 
 
+@njit(cache=True)
+def _laws_of(laws: Laws | None, i: int, l: int) -> Laws | None:
+    """Views of a variant's further laws at a level."""
+    if laws is None:
+        return None
+    return Laws(
+        laws.parameters[i], laws.on[i], laws.start[i], laws.dash[i, l], laws.per_second[i, l], laws.functions
+    )
+
+
 @njit(cache=True, inline="always")
 def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemory]:
     """Views of the gap-space problem at a run's level."""
     p, m, i, l = levels.problem, runs.memory, runs.variant[1, run], runs.clock[run, 2]
-    x = p.strength
-    strength = Strength(x.tension[i], x.cohesion[i], x.mu_static[i], x.key[i], x.dash[i, l])
     problem = GapProblem(
         p.W[i, l],
         p.Z[i, l],
@@ -77,14 +85,15 @@ def _gaps_of(levels: Levels, runs: Runs, run: int) -> tuple[GapProblem, GapMemor
         p.lag[i, l],
         p.own[i, l],
         p.mu[i],
+        p.whole[i],
         p.gap[i],
-        strength,
+        _laws_of(p.laws, i, l),
         p.frictional,
     )
     limits = Limits(m.limits.cohesion[run], m.limits.mu[run], m.limits.tension[run])
     memory = GapMemory(
         m.force[run], m.anchor[run], m.active[run, l], m.inverse[run, l], m.order[run, l], m.counts[run, l],
-        m.known[run, l], m.work, limits, m.weak[run], m.trial[run], m.spring[run], m.worst[run],
+        m.known[run, l], m.work, limits, m.history[run], m.trial[run], m.limit, m.spring[run], m.worst[run],
     )  # fmt: skip
     return problem, memory
 

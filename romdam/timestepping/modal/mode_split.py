@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.problem import GapMemory, GapProblem, Limits, Strength, gap_memory
+from romdam.contact.problem import GapMemory, GapProblem, Laws, Limits, gap_memory
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.system import Alike, System
@@ -273,8 +273,6 @@ def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
     def by_level(name: str) -> Floats:
         return np.stack([np.stack([getattr(p, name) for p in levels]) for levels in problems])
 
-    dash = np.stack([np.stack([p.strength.dash for p in levels]) for levels in problems])
-    strengths = zip(*(problem.strength._replace(dash=np.zeros(0)) for problem in firsts), strict=True)
     return GapProblem(
         W=by_level("W"),
         Z=by_level("Z") if with_dual else empty,
@@ -284,9 +282,26 @@ def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
         lag=by_level("lag"),
         own=by_level("own"),
         mu=np.stack([problem.mu for problem in firsts]),
+        whole=np.stack([problem.whole for problem in firsts]),
         gap=np.stack([problem.gap for problem in firsts]),
-        strength=Strength(*(np.stack(values) for values in strengths))._replace(dash=dash),
+        laws=_stacked_laws(problems),
         frictional=firsts[0].frictional,
+    )
+
+
+def _stacked_laws(problems: list[list[GapProblem]]) -> Laws | None:
+    """Further laws of every variant and level, which are the same for all."""
+    laws = [[problem.laws for problem in levels if problem.laws is not None] for levels in problems]
+    if not laws[0]:
+        return None
+    firsts = [levels[0] for levels in laws]
+    return Laws(
+        parameters=np.stack([one.parameters for one in firsts]),
+        on=np.stack([one.on for one in firsts]),
+        start=np.stack([one.start for one in firsts]),
+        dash=np.stack([np.stack([one.dash for one in levels]) for levels in laws]),
+        per_second=np.array([[one.per_second for one in levels] for levels in laws]),
+        functions=firsts[0].functions,
     )
 
 
@@ -319,8 +334,9 @@ def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
         known=by_level(first.known),
         work=first.work,
         limits=Limits(*(np.stack(values) for values in limits)),
-        weak=by_run("weak"),
+        history=by_run("history"),
         trial=by_run("trial"),
+        limit=first.limit,
         spring=by_run("spring"),
         worst=by_run("worst"),
     )
@@ -328,13 +344,17 @@ def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
 
 def _first_level(problem: GapProblem, variant: int) -> GapProblem:
     """The base step's problem of one variant."""
-    strength = Strength(*(values[variant] for values in problem.strength))
-    parts = {name: getattr(problem, name)[variant] for name in ("tension", "mu", "gap")}
+    parts = {name: getattr(problem, name)[variant] for name in ("tension", "mu", "whole", "gap")}
     arrays = {
         name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance", "lag", "own")
     }
-    strength = strength._replace(dash=strength.dash[0])
-    return GapProblem(**arrays, **parts, strength=strength, frictional=problem.frictional)
+    laws = problem.laws
+    if laws is not None:
+        laws = Laws(
+            laws.parameters[variant], laws.on[variant], laws.start[variant], laws.dash[variant, 0],
+            laws.per_second[variant, 0], laws.functions,
+        )  # fmt: skip
+    return GapProblem(**arrays, **parts, laws=laws, frictional=problem.frictional)
 
 
 def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:

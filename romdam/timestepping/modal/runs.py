@@ -177,9 +177,8 @@ def _external_force(model: ModalModel, acc: Floats) -> Floats:
 
 def _memory_of(memory: GapMemory, run: int) -> GapMemory:
     """What `take_over` sets, of one run."""
-    return memory._replace(
-        force=memory.force[run], anchor=memory.anchor[run], weak=memory.weak[run], spring=memory.spring[run]
-    )
+    taken = {name: getattr(memory, name)[run] for name in ("force", "anchor", "history", "spring")}
+    return memory._replace(**taken)
 
 
 def _runs(

@@ -46,7 +46,7 @@ def folded(system: System, active: Ints) -> System | None:
     active : the shaken components
     """
     law = system.law
-    if len(law) < 2 or not system.diagonal or law.laws or law.K_nz.any():
+    if len(law) < 2 or not system.diagonal or law.has_memory or law.K_nz.any():
         return None
     gaps, signs = _partition(system, active)
     if gaps.max() + 1 == len(law) or (np.isinf(law.K_s) & (signs == 0.0).any(axis=1)).any():

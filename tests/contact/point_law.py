@@ -9,7 +9,7 @@ ductile, which is the most that it can carry; where it reaches a limit it cannot
 answers again. Gaps only ever weaken within a step, so this ends. Static friction is regained by a gap that
 sticks or opens, a key by one that closes below its depth (at the slip it then has), a bond never.
 
-The solver of all gaps (`romdam.contact.step`) satisfies these laws at its solution and shares their limits.
+An oracle for the solver of all gaps (`romdam.contact.step`), which has its laws from `romdam.contact.laws`.
 
 References
 ----------
@@ -24,9 +24,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from romdam.core.jit import njit
-
-OPEN, STICK, SLIP = 0, 1, 2
+from romdam.contact.cone import OPEN, SLIP, STICK, project_shear, slides
 
 Pair = tuple[float, float]
 
@@ -78,25 +76,6 @@ Force = tuple[float, float, float]
 Answer = tuple[Force, int, Past]
 
 
-@njit(cache=True)
-def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tuple[float, float, bool]:
-    """Nearest admissible shear to a trial shear, and whether the gap slips.
-
-    Equal limits bound the resultant (a disc), unequal limits each direction (a rectangle).
-    """
-    if limit_j == limit_k:
-        large, small = max(abs(t_j), abs(t_k)), min(abs(t_j), abs(t_k))
-        # no hypot: it is a call, a tenth of a march with friction
-        size = large * math.sqrt(1.0 + (small / large) ** 2) if large > 0.0 else 0.0
-        if size <= limit_j:
-            return t_j, t_k, False
-        return t_j * (limit_j / size), t_k * (limit_j / size), True
-    p_j = min(max(t_j, -limit_j), limit_j)
-    p_k = min(max(t_k, -limit_k), limit_k)
-    return p_j, p_k, p_j != t_j or p_k != t_k
-
-
-@njit(cache=True)
 def shear_limit(mu: float, mu_static: float, bond: Pair, keyed: bool, slides: bool) -> Pair:
     """Cohesion and friction (c, mu) that are left along one direction: |t| <= c + mu (p_n + tension).
 
@@ -108,15 +87,6 @@ def shear_limit(mu: float, mu_static: float, bond: Pair, keyed: bool, slides: bo
     """
     friction = mu if slides else max(mu, mu_static)
     return math.inf if keyed else max(bond[1] - friction * bond[0], 0.0), friction
-
-
-@njit(cache=True)
-def slides(limit_j: float, limit_k: float, t_j: float, t_k: float) -> bool:
-    """Whether a shear is on its limit (to round-off), never without one."""
-    near_j, near_k = (1.0 - 1e-9) * limit_j, (1.0 - 1e-9) * limit_k
-    if limit_j == limit_k:
-        return near_j > 0.0 and t_j**2 + t_k**2 >= near_j**2
-    return (near_j > 0.0 and abs(t_j) >= near_j) or (near_k > 0.0 and abs(t_k) >= near_k)
 
 
 def _ductile(jump: Force, past: Past, gap: Gap) -> tuple[Force, Pair]:

@@ -1,0 +1,36 @@
+"""Admissible shear of a gap: a disc where its limits are equal along j and k, else a rectangle."""
+
+from __future__ import annotations
+
+import math
+
+from romdam.core.jit import njit
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+@njit(cache=True)
+def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tuple[float, float, bool]:
+    """Nearest admissible shear to a trial shear, and whether the gap slips.
+
+    Equal limits bound the resultant (a disc), unequal limits each direction (a rectangle).
+    """
+    if limit_j == limit_k:
+        large, small = max(abs(t_j), abs(t_k)), min(abs(t_j), abs(t_k))
+        # no hypot: it is a call, in the innermost loop
+        size = large * math.sqrt(1.0 + (small / large) ** 2) if large > 0.0 else 0.0
+        if size <= limit_j:
+            return t_j, t_k, False
+        return t_j * (limit_j / size), t_k * (limit_j / size), True
+    p_j = min(max(t_j, -limit_j), limit_j)
+    p_k = min(max(t_k, -limit_k), limit_k)
+    return p_j, p_k, p_j != t_j or p_k != t_k
+
+
+@njit(cache=True)
+def slides(limit_j: float, limit_k: float, t_j: float, t_k: float) -> bool:
+    """Whether a shear is on its limit (to round-off), never without one."""
+    near_j, near_k = (1.0 - 1e-9) * limit_j, (1.0 - 1e-9) * limit_k
+    if limit_j == limit_k:
+        return near_j > 0.0 and t_j**2 + t_k**2 >= near_j**2
+    return (near_j > 0.0 and abs(t_j) >= near_j) or (near_k > 0.0 and abs(t_k) >= near_k)

@@ -1,0 +1,142 @@
+"""Laws by name: romdam's own, and those of a user's file."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import keyword
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from romdam.contact.laws import LAWS
+from romdam.contact.laws.law import Law, Parameter
+from romdam.core.errors import ConfigError, listed, shown
+from romdam.core.system import GapLaw, LawSource
+
+_OWN = {law.__name__: law for law in LAWS}
+_UNITS = ("", "axes", "m", "s", "m/s", "Pa", "N", "N/m", "N/m^3", "N*s/m^3", "1/s", "Hz")
+_RESERVED = {"between", "law", "gap", "gaps", "normal", "tolerance"}  # keys of a joint that no law may add
+
+
+_LOADED: dict[LawSource, type[Law]] = {}
+
+
+def source_of(law: type[Law]) -> LawSource:
+    """Where a law of romdam, or one that `user_law` has loaded, is from."""
+    if law in LAWS:
+        return LawSource(law.__name__)
+    return next(source for source, loaded in _LOADED.items() if loaded is law)
+
+
+def law_order(law: type[Law]) -> tuple[int, str]:
+    """Where a law stands in the order in which they apply: a user's own come last, by name."""
+    return LAWS.index(law) if law in LAWS else len(LAWS), source_of(law).name
+
+
+def find_law(source: LawSource) -> type[Law]:
+    """Find a law, in the process that has loaded it or in another.
+
+    Raises
+    ------
+    ConfigError
+        for a user's file that is gone or has changed since.
+    """
+    if source.name in _OWN:
+        return _OWN[source.name]
+    if source not in _LOADED:
+        now = user_law(source.name, Path(source.file))
+        if now != source:
+            raise ConfigError(
+                f"{source.file}: has changed since law {source.name} was read from it; start again"
+            )
+    return _LOADED[source]
+
+
+def loaded_law(name: str, sha256: str) -> LawSource:
+    """Where a user's law is from that has been loaded in this process.
+
+    Raises
+    ------
+    ConfigError
+        where it has not.
+    """
+    for source in _LOADED:
+        if (source.name, source.sha256) == (name, sha256):
+            return source
+    raise ConfigError(
+        f"law {shown(name)}: its file, SHA-256 {sha256[:12]}, is not at hand or has changed since"
+    )
+
+
+def further_keys(law: GapLaw) -> list[str]:
+    """Keys of joints that give the gaps more than stiffness and friction."""
+    keys = {key for one in law.laws for key in find_law(one.law).key_names()}
+    return sorted(keys | {"viscosity"} if law.viscosity.any() else keys)
+
+
+def user_law(name: str, file: Path) -> LawSource:
+    """Load a law, module.Class, from the module's file and check that it keeps to the protocol.
+
+    Raises
+    ------
+    ConfigError
+        for a file that cannot be read or run, and for a class that is none or does not keep to the protocol.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"law {shown(name)}: cannot read {file}: {error.strerror}") from None
+    source = LawSource(name, str(file.absolute()), hashlib.sha256(content).hexdigest())
+    if source not in _LOADED:
+        law = getattr(_module(file, source.sha256), name.rpartition(".")[2], None)
+        if not (isinstance(law, type) and issubclass(law, Law) and law is not Law):
+            raise ConfigError(
+                f"law {shown(name)}: {file} has no class of that name that is a romdam.contact.Law"
+            )
+        _check(law, f"{file}: {law.__name__}")
+        _LOADED[source] = law
+    return source
+
+
+def _module(file: Path, sha256: str) -> ModuleType:
+    name = f"romdam_law_{file.stem}_{sha256[:12]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise ConfigError(f"{file}: is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever a user's file raises
+        raise ConfigError(f"{file}: cannot be run: {type(error).__name__}: {error}") from error
+    sys.modules[name] = module
+    return module
+
+
+def _check(law: type[Law], place: str) -> None:
+    """Refuse what would fail, or be silently nothing, later."""
+    own = {key for each in LAWS for key in each.key_names()} | _RESERVED
+    names = [parameter.name for parameter in law.parameters if isinstance(parameter, Parameter)]
+    if not names or len(names) != len(law.parameters) or len(set(names)) != len(names):
+        raise ConfigError(f"{place}.parameters must be a tuple of Parameters with names of their own")
+    wrong = [
+        name for name in (*names, *law.key_names()) if not name.isidentifier() or keyword.iskeyword(name)
+    ]
+    if wrong:
+        raise ConfigError(f"{place}.parameters: {shown(wrong[0])} is no name; use letters, digits and _")
+    taken = sorted(own & set(law.key_names()))
+    if taken:
+        raise ConfigError(f"{place}: {listed(taken)} is a key of joints already; choose another name")
+    units = sorted({parameter.unit for parameter in law.parameters} - set(_UNITS))
+    if units:
+        raise ConfigError(
+            f"{place}.parameters: unit {shown(units[0])} is not known; known are {listed(_UNITS[1:])}"
+        )
+    if law.array:
+        raise ConfigError(f"{place}.array: the gaps' own arrays are romdam's; leave it out")
+    if law.limit is None:
+        raise ConfigError(f"{place}: a law without the function `limit` does nothing; define it")
+    if law.release is not None and not law.memory:
+        raise ConfigError(f"{place}.release has no `memory` to note in what was given up; name what it keeps")

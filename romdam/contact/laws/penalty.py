@@ -1,0 +1,14 @@
+"""Normal stiffness of a closed gap, finite or rigid."""
+
+from __future__ import annotations
+
+from romdam.contact.laws.law import Law, Parameter
+
+
+class Penalty(Law):
+    """K_n acts while the gap overlaps; "rigid" makes it exactly unilateral."""
+
+    parameters = (
+        Parameter("normal_stiffness", "N/m^3", per_area=True, per_gap="N/m", rigid=True, required=True),
+    )
+    array = "K_n"

@@ -1,0 +1,55 @@
+"""Friction that falls, or rises, with the speed of sliding."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from romdam.contact.laws.law import MU_J, MU_K, Law, Parameter, Past, Row
+
+STATIC, DYNAMIC, SPEED = range(3)
+(RATE,) = range(1)
+
+
+class VelocityFriction(Law):
+    """mu = mu_d + (mu_s - mu_d) exp(-|v| / v_c) on the resultant, in place of `friction`.
+
+    v is the speed of the step before: within a step the bound is constant, which leaves an error of first
+    order in the step, and the problem of the step as easy as Coulomb's.
+
+    References
+    ----------
+    Constantinou, Mokha, Reinhorn, J. Struct. Eng. 116 (1990) 455: the law of sliding bearings, there rising.
+    """
+
+    section = "velocity_friction"
+    parameters = (
+        Parameter("mu_s", "", most=2.0),
+        Parameter("mu_d", "", most=2.0),
+        Parameter("v_c", "m/s", above=True),
+    )
+    memory = ("rate",)
+    shear = True
+
+    @classmethod
+    def wrong(cls, joint: Mapping[str, Any]) -> str | None:
+        if any(joint["friction"]) or joint["friction_static"] is not None:
+            return "velocity_friction stands in place of `friction` and `friction_static`; leave these out"
+        return None
+
+    @classmethod
+    def resumed(cls, parameters: Row, past: Past) -> tuple[float, ...]:
+        return (past.rate if past.sliding else 0.0,)
+
+    @staticmethod
+    def limit(parameters: Any, memory: Any, limit: Any) -> None:
+        fall = math.exp(-memory[RATE] / parameters[SPEED])
+        mu = parameters[DYNAMIC] + (parameters[STATIC] - parameters[DYNAMIC]) * fall
+        limit[MU_J], limit[MU_K] = mu, mu
+
+    @staticmethod
+    def commit(
+        parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
+    ) -> None:
+        memory[RATE] = math.sqrt(rate_j**2 + rate_k**2) if sliding else 0.0

@@ -1,0 +1,53 @@
+"""Further laws at gaps that were written down by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from romdam.contact.laws import Bond, ShearKey, StaticFriction, VelocityFriction
+from romdam.contact.laws.catalogue import source_of
+from romdam.contact.problem import every_law
+from romdam.core.system import LawRows
+
+
+def with_laws(
+    law,
+    tensile_strength=0.0,
+    cohesion=0.0,
+    friction_static=None,
+    shear_key=None,
+    viscosity=0.0,
+    velocity=None,
+):
+    """The same gaps with further laws.
+
+    Parameters
+    ----------
+    tensile_strength, cohesion, viscosity : of one or each gap [N], [N s/m]
+    friction_static : of each gap (n, 2)
+    shear_key : of each gap (n, 3): depth [m], whether it holds along j and along k
+    velocity : mu_s, mu_d, v_c [m/s] of every gap
+    """
+    n, rows = len(law), []
+    full = lambda values: np.broadcast_to(np.asarray(values, dtype=float), (n,))  # noqa: E731
+    if friction_static is not None:
+        static = np.asarray(friction_static, dtype=float)
+        rows.append((StaticFriction, np.hstack([static, law.mu]), bool(static.any())))
+    if velocity is not None:
+        rows.append((VelocityFriction, np.tile(np.asarray(velocity, dtype=float), (n, 1)), True))
+    if np.any(tensile_strength) or np.any(cohesion):
+        rows.append((Bond, np.column_stack([full(tensile_strength), full(cohesion)]), bool(np.any(cohesion))))
+    if shear_key is not None:
+        rows.append((ShearKey, np.asarray(shear_key, dtype=float), True))
+    laws = tuple(LawRows(source_of(one), values, values.any(axis=1), shear) for one, values, shear in rows)
+    return replace(law, laws=laws, viscosity=full(viscosity) + 0.0 if np.any(viscosity) else np.zeros(0))
+
+
+def lost(law, memory):
+    """Whether the bond is lost, the gap slides, the key is out, of every gap, (n, 3)."""
+    names = [rows.law.name for rows in every_law(law)]
+    flags = np.zeros((len(law), 3), dtype=bool)
+    for column, name in enumerate(("Bond", "StaticFriction", "ShearKey")):
+        if name in names:
+            flags[:, column] = memory[names.index(name), :, 0] > 0.0
+    return flags

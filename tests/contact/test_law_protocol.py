@@ -1,0 +1,145 @@
+"""Laws as a stranger adds them: declared once, checked, read from a file of one's own, run."""
+
+import copy
+import inspect
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from romdam.config import load_config
+from romdam.config.parameters import find_place, si_value
+from romdam.contact.laws import LAWS
+from romdam.contact.laws.catalogue import find_law
+from romdam.contact.laws.compiled import compiled
+from romdam.core.errors import ConfigError
+from romdam.pipelines.run import run
+
+EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
+RATE = '''
+import math
+
+from romdam.contact import Law, Parameter
+from romdam.contact.laws.law import MU_J, MU_K
+
+
+class RateFriction(Law):
+    """mu = mu_d + (mu_s - mu_d) exp(-|v| / v_c)."""
+
+    parameters = (
+        Parameter("rate_mu_s", "", most=2.0, required=True),
+        Parameter("rate_mu_d", "", most=2.0, required=True),
+        Parameter("rate_v_c", "m/s", above=True, required=True),
+    )
+    memory = ("rate",)
+    shear = True
+
+    @staticmethod
+    def limit(parameters, memory, limit):
+        mu = parameters[1] + (parameters[0] - parameters[1]) * math.exp(-memory[0] / parameters[2])
+        limit[MU_J], limit[MU_K] = mu, mu
+
+    @staticmethod
+    def commit(parameters, memory, opening, sliding, rate_j, rate_k):
+        memory[0] = math.sqrt(rate_j**2 + rate_k**2) if sliding else 0.0
+'''
+KEYS = {"law": "own_laws.RateFriction", "rate_mu_s": 0.6, "rate_mu_d": 0.4, "rate_v_c": "10 mm/s"}
+
+
+def written(folder, joint, source=RATE):
+    """A short job with these keys in its joint, and the user's file beside it."""
+    raw = yaml.safe_load(EXAMPLE.read_text())
+    data = EXAMPLE.parent
+    for record in raw["records"]:
+        record["file"] = str((data / record["file"]).resolve())
+    raw["joints"]["contraction"] |= {"shear_stiffness": "8 GPa/m"} | joint
+    raw["transient"] = {"dt": "2.5 ms", "duration": "1.0 s"}
+    raw["outputs"] = {"error_estimate": False, "plots": False}
+    raw["model"] = {"order": "reduced", "modes": 5}
+    (folder / "own_laws.py").write_text(source)
+    (folder / "dam.yaml").write_text(yaml.safe_dump(raw))
+    return folder / "dam.yaml"
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
+def test_a_law_declares_itself_whole(law):
+    assert inspect.getdoc(law)
+    assert law.key_names() and len({p.name for p in law.parameters}) == len(law.parameters)
+    assert bool(law.array) or law.limit is not None
+    assert law.release is None or law.memory
+    for name in ("limit", "release", "commit"):
+        function = getattr(law, name)
+        assert function is None or list(inspect.signature(function).parameters)[:2] == [
+            "parameters",
+            "memory",
+        ]
+
+
+def test_a_law_of_a_users_file_runs_as_the_same_one_inside(tmp_path):
+    own, inside = tmp_path / "own", tmp_path / "inside"
+    own.mkdir(), inside.mkdir()
+    within = {"velocity_friction": {"mu_s": 0.6, "mu_d": 0.4, "v_c": "10 mm/s"}}
+    results = [
+        xr.load_dataset(run(load_config(written(folder, joint)), tmp_path / "out" / folder.name).paths[0])
+        for folder, joint in ((own, KEYS), (inside, within))
+    ]
+    assert np.abs(results[0].slip).max() > 0.0
+    for name in ("opening", "slip", "shear_force"):
+        assert np.array_equal(results[0][name], results[1][name]), name
+
+
+def test_a_users_law_is_of_the_configuration_and_its_file_of_the_digest(tmp_path):
+    path = written(tmp_path, KEYS)
+    job = load_config(path)
+    (law,) = job.config.joints["contraction"].law
+    assert law.values == {"rate_mu_s": 0.6, "rate_mu_d": 0.4, "rate_v_c": 0.01}
+    assert str(tmp_path) not in job.config.model_dump_json()
+    assert load_config(path).digest == job.digest
+    other = written(tmp_path, KEYS | {"rate_mu_d": 0.3})
+    assert load_config(other).digest != job.digest
+    path = written(tmp_path, KEYS, RATE.replace("if sliding else 0.0", "if sliding else -0.0"))
+    assert load_config(path).digest != job.digest
+
+
+def test_a_suite_may_vary_what_a_users_law_declares(tmp_path):
+    config = load_config(written(tmp_path, KEYS)).config
+    place = find_place(config, "joints.contraction.rate_v_c", "v", "dam.yaml")
+    assert place.units == "m s-1" and si_value(place, "5 mm/s", "v", "dam.yaml") == pytest.approx(0.005)
+    with pytest.raises(ConfigError, match="greater than 0"):
+        si_value(place, 0.0, "v", "dam.yaml")
+
+
+MISTAKES = [
+    ({"law": "own_laws.Nothing"}, RATE, "has no class of that name"),
+    ({"law": "elsewhere.RateFriction"}, RATE, "cannot read"),
+    ({"law": "RateFriction"}, RATE, "module.Class"),
+    ({"law": ["own_laws.RateFriction"] * 2}, RATE, "names a class twice"),
+    ({"rate_mu_s": -1.0}, RATE, "rate_mu_s must be at least 0, got -1"),
+    ({"rate_mu_s": "3 m"}, RATE, "rate_mu_s"),
+    ({"rate_mu": 0.1}, RATE, "rate_mu is not a known key"),
+    ({"rate_v_c": None}, RATE.replace("", ""), "rate_v_c"),
+    ({}, RATE + "\nraise KeyError('x')\n", "cannot be run: KeyError"),
+    ({}, RATE + "\nsyntax error\n", "cannot be run: SyntaxError"),
+    ({}, RATE.replace('"rate_mu_s"', '"friction"'), "is a key of joints already"),
+    ({}, RATE.replace('"m/s"', '"furlong"'), "unit 'furlong' is not known"),
+    ({}, RATE.replace("def limit", "def bound"), "without the function `limit`"),
+    ({"shear_stiffness": 0.0}, RATE, "needs `shear_stiffness`"),
+]
+
+
+@pytest.mark.parametrize(("joint", "source", "message"), MISTAKES, ids=[m[2] for m in MISTAKES])
+def test_what_a_users_law_gets_wrong_is_one_clear_error(tmp_path, joint, source, message):
+    with pytest.raises(ConfigError) as caught:
+        load_config(written(tmp_path, copy.deepcopy(KEYS) | joint, source))
+    assert message in str(caught.value) and "joints.contraction" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_function_that_does_not_compile_is_named(tmp_path):
+    source = RATE.replace("mu = parameters[1]", "mu = open('x')")
+    job = load_config(written(tmp_path, KEYS, source))
+    law = find_law(next(iter(job.config.joints["contraction"].law)).source)
+    with pytest.raises(ConfigError, match=r"own_laws.py: RateFriction.limit cannot be compiled"):
+        compiled([law])
