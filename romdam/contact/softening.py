@@ -8,12 +8,11 @@ accepted step.
 
 from __future__ import annotations
 
+from romdam.contact.components import SHEAR_J, SHEAR_K
 from romdam.contact.laws.point import SLIP, shear_limit, slides
-from romdam.contact.problem import Floats, GapMemory, GapProblem
+from romdam.contact.problem import BOND, DEPTH, KEY, SLIDES, Floats, GapMemory, GapProblem
 from romdam.contact.solvers.newton import add_row
 from romdam.core.jit import njit
-
-BOND, SLIDES, KEY = 0, 1, 2
 
 
 @njit(cache=True)
@@ -61,15 +60,15 @@ def weaken(problem: GapProblem, memory: GapMemory, y: Floats) -> int:
         p = memory.force[b] + memory.limits.tension[i]
         slipping = False
         if d == 3:
-            limit = memory.limits.cohesion[i] + memory.limits.mu[i] * p
-            slipping = slides(limit[0], limit[1], memory.force[b + 1], memory.force[b + 2])
+            limit_j, limit_k = memory.limits.cohesion[i] + memory.limits.mu[i] * p
+            slipping = slides(limit_j, limit_k, memory.force[b + SHEAR_J], memory.force[b + SHEAR_K])
         has_bond = strength.tension[i] > 0.0 or strength.cohesion[i] > 0.0
         breaks = has_bond and not trial[BOND] and (slipping or (p <= 0.0 and y[b] > 0.0))
         begins = not trial[SLIDES] and slipping and (strength.mu_static[i] > problem.mu[i]).any()
         leaves = (
             not trial[KEY]
-            and strength.key[i, 0] > 0.0
-            and opening(problem, memory, y, i, d) > strength.key[i, 0]
+            and strength.key[i, DEPTH] > 0.0
+            and opening(problem, memory, y, i, d) > strength.key[i, DEPTH]
         )
         trial[BOND], trial[SLIDES], trial[KEY] = (
             trial[BOND] or breaks,
@@ -88,5 +87,5 @@ def settle(problem: GapProblem, memory: GapMemory, i: int, state: int, opening: 
     weakened = weakened or (trial[SLIDES] and not weak[SLIDES])
     weak[BOND] = trial[BOND]
     weak[SLIDES] = state == SLIP
-    weak[KEY] = trial[KEY] and opening > problem.strength.key[i, 0]
+    weak[KEY] = trial[KEY] and opening > problem.strength.key[i, DEPTH]
     return weakened
