@@ -7,25 +7,26 @@ The compliance of the gaps (1/(K_n - K_nz), 1/K_s; zero where rigid) adds to the
 
     y = W p_c + y_free,   W = H' + diag(compliance),   H' = (I + H D)^-1 H,   y_free = (I + H D)^-1 w_free,
 
-with D = diag(K_nz) on the normal directions, and the initial gap and the slip anchors in y_free:
+with D = diag(K_nz) on the normal directions, and the initial gap and the accumulated slip in y_free:
 
     y_n >= 0,  p_n >= 0,  y_n p_n = 0;   |t| <= mu' p_n,  y_t = -lambda t/|t|,  lambda >= 0 where sliding.
 
-W is symmetric and positive definite; K_n = infinity is the same problem with a zero on the diagonal.
+W, the Delassus operator with the compliance on its diagonal, is symmetric and positive definite;
+K_n = infinity is the same problem with a zero compliance.
 
 A force that is constant over the step and follows the springs at the step's end takes energy out of them like
 a damper. So it may follow them at a point within the step, 1 - theta of the way before its end (a generalised
 midpoint rule): p = -k (theta e_1 + (1 - theta) e_0), e the deformation of the spring, at most zero along
-the normal. With lag = (1 - theta) / theta this is the same problem with (1 + lag) / k as the compliance and
-lag e_0 added to y_free. For theta of 1/2 or more no gap ever gives back more than it took: along the normal
--p (w_1 - w_0) is at least the change of k e^2 / 2 whether the gap stays closed, closes or opens, and in
-shear too, where the deformation left at the step's end is cut to the limit. With H what the step lets a jump
-move, theta follows z = k H,
+the normal. With the theta ratio r = (1 - theta) / theta this is the same problem with (1 + r) / k as the
+compliance and r e_0 added to y_free. For theta of 1/2 or more no gap ever gives back more than it took: along
+the normal -p (w_1 - w_0) is at least the change of k e^2 / 2 whether the gap stays closed, closes or opens,
+and in shear too, where the deformation left at the step's end is cut to the limit. With H what the step lets
+a jump move, theta follows z = k H,
 
     theta = 1/2 + z / (z + z_0) / 2,
 
-so that the deformation of a stiff spring, which alternates about its mean with the factor -lag, comes to
-rest. Against theta = 1 the error of the openings falls to 0.3 where z is about 25 (the two-cantilever model
+so that the deformation of a stiff spring, which alternates about its mean with the factor -r, converges.
+Against theta = 1 the error of the openings falls to 0.3 where z is about 25 (the two-cantilever model
 at 0.0025 s), to a twentieth at 3, and stays where gaps are stiff; the largest joint force is 4 to 8 % short,
 not 30 to 44 %.
 """
@@ -33,16 +34,17 @@ not 30 to 44 %.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from romdam.contact.components import NORMAL, SHEAR_J
 from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.compiled import Functions, compiled
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import Law
-from romdam.core.arrays import Bools, Floats
+from romdam.contact.solvers.state import solver_state
+from romdam.core.arrays import Bools, Floats, Record, record, record_type
 from romdam.core.errors import ConfigError
 from romdam.core.system import GapLaw, LawRows
 
@@ -77,33 +79,30 @@ class GapProblem(NamedTuple):
 
     Attributes
     ----------
-    W : (N, N) flexibility of the jumps with the gaps' own compliance on the diagonal [m/N]
+    W : (N, N) Delassus operator: jump per joint force, with the gaps' own compliance on the diagonal [m/N]
     Z : (n, n) its inverse (frictionless, where W is well conditioned), else (0, 0) [N/m]
-    lift : (N, N) or (0, 0), the factor (I + H D)^-1 where there is tension stiffness
+    tension_transform : (N, N) or (0, 0), (I + H D)^-1 where there is tension stiffness
     tension : (n,) K_nz [N/m]
-    compliance : (N,) of the gaps over the step, with (1 + lag) [m/N]
-    lag : (N,) (1 - theta) / theta; zero where the force follows the spring at the step's end
-    own : (N,) how far a force moves its own jump over the step, without compliance [m/N]
+    compliance : (N,) of the gaps over the step, with (1 + theta ratio) [m/N]
+    theta_ratio : (N,) (1 - theta) / theta; zero where the force follows the spring at the step's end
+    self_flexibility : (N,) how far a force moves its own jump over the step, without compliance [m/N]
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
     whole : (n,) whole normal force per p_c of a closed gap
     gap : (n,) initial gap [m]
     laws : further laws; None without any, which is a type of its own to numba
-    frictional : True where gaps have shear, else None, which is a type of its own to numba: what is not
-        called is not compiled either
     """
 
     W: Floats
     Z: Floats
-    lift: Floats
+    tension_transform: Floats
     tension: Floats
     compliance: Floats
-    lag: Floats
-    own: Floats
+    theta_ratio: Floats
+    self_flexibility: Floats
     mu: Floats
     whole: Floats
     gap: Floats
     laws: Laws | None
-    frictional: bool | None
 
 
 class Limits(NamedTuple):
@@ -121,23 +120,7 @@ class Limits(NamedTuple):
     tension: Floats
 
 
-class ActiveSet(NamedTuple):
-    """The inverse of W (or Z) on an active set, changed in place.
-
-    Attributes
-    ----------
-    active : (n,) whether a gap is in the set
-    inverse : (n, n) the inverse on the set in its leading rows
-    order : (n,) the gaps of the set in the order of those rows
-    counts : (4,) size of the set, changes since the inverse was made, changes in all, largest in a step
-    work : (3, n) scratch
-    """
-
-    active: NDArray[np.bool_]
-    inverse: Floats
-    order: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    work: Floats
+FAILURE = record_type(gap=int)
 
 
 class GapMemory(NamedTuple):
@@ -146,39 +129,27 @@ class GapMemory(NamedTuple):
     Attributes
     ----------
     force : (N,) p_c of the last step, the warm start [N]
-    anchor : (n, 2) slip anchors [m], moved by accepted steps only; empty without friction
-    active, inverse, order, counts : two of each of `ActiveSet`'s: closed gaps with W, open gaps with Z.
-        With friction inverse[0] holds W on the gaps of order[0] in single precision, active[0] says which
-        these are, counts[0, 0] is their number, and
-        counts[0, 1:] are the steps that needed Newton, the iterations in all and the most in a step;
-        inverse[1] holds the principal pivot of W on the held gaps (`solvers.condensation`), active[1] says
-        which these are, order[1] for how many solutions every gap has been stuck, counts[1, 0] is the held
-        gaps' number and counts[1, 1] its sum over the solutions
-    known : (2, N) with friction, the force of the last solution and what W makes of it [N], [m]; else (2, 0)
-    work : (3, N) scratch
+    accumulated_slip : (n, 2) where the shear springs have no deformation [m], moved by accepted steps only;
+        empty without friction
     limits : in force now
     history : (L, n, s) what the further laws keep of each gap, moved by accepted steps only
     trial : (L, n, s) the same within a step
     limit : (5,) scratch, what the laws put of one gap
     spring : (N,) deformation of the gaps' springs at the last accepted step: the opening where it is
-        below zero, and the jump from the slip anchor [m]
-    worst : (1,) the gap farthest from a solution, where the last step did not converge
+        below zero, and the jump from the accumulated slip [m]
+    failure : `FAILURE`: the gap farthest from a solution, where the last step did not converge
+    solver : what the solver has learnt, see `romdam.contact.solvers.state`
     """
 
     force: Floats
-    anchor: Floats
-    active: NDArray[np.bool_]
-    inverse: Floats
-    order: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    known: Floats
-    work: Floats
+    accumulated_slip: Floats
     limits: Limits
     history: Floats
     trial: Floats
     limit: Floats
     spring: Floats
-    worst: NDArray[np.int64]
+    failure: Record
+    solver: Any
 
 
 def gap_problem(
@@ -190,8 +161,8 @@ def gap_problem(
     ----------
     H : (N, N) jump per joint force over the step [m/N]; N = n (frictionless) or 3 n
     law : of the n gaps
-    step : its length, inf in statics [s]; the largest lag, 1 where forces may follow the springs from half of
-        it on, 0 at its end only, as those of gaps with further laws always do
+    step : its length, inf in statics [s]; the largest theta ratio, 1 where forces may follow the springs from
+        half of it on, 0 at its end only, as those of gaps with further laws always do
     own : (N,) flexibility of a single gap per force of all those that a row stands for; H's where each
         stands for itself [m/N]
 
@@ -200,54 +171,64 @@ def gap_problem(
     ConfigError
         where K_nz exceeds K_n, or equals it at a gap with friction; for a dashpot on a rigid gap.
     """
-    (dt, most_lag), K_n, K_nz, K_s, n = step, law.K_n, law.K_nz, law.K_s, len(law)
+    (dt, most_ratio), K_n, K_nz, n = step, law.K_n, law.K_nz, len(law)
     d = max(1, len(H) // max(n, 1))
     _check_tension(K_n, K_nz, law.mu)
     unilateral = np.maximum(K_n - K_nz, 1e-12 * np.where(np.isinf(K_n), 1.0, K_n))
     with np.errstate(invalid="ignore"):
         whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
     laws = _laws(law, unilateral, dt) if law.has_memory else None
-    compliance = np.zeros((n, d))
-    compliance[:, 0] = 1.0 / unilateral
-    if laws is not None:
-        compliance[:, 0] *= 1.0 - laws.dash
-    if d == 3:
-        with np.errstate(divide="ignore"):
-            compliance[:, 1:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
-    lift: Floats = np.zeros((0, 0))
-    W: Floats = H
-    if K_nz.any():
-        D = np.zeros((n, d))
-        D[:, 0] = K_nz
-        lift = np.asarray(np.linalg.inv(np.eye(n * d) + H * D.ravel()), dtype=float)
-        W = np.asarray(lift @ H)
-    W = 0.5 * (W + W.T)
-    own = W.diagonal() if own is None or len(lift) else own
-    lag = np.minimum(_lag(own.reshape(n, d), compliance), most_lag if laws is None else 0.0)
-    compliance *= 1.0 + lag
+    compliance = _compliance(unilateral, law.K_s, None if laws is None else laws.dash, d)
+    transform, W = _with_tension(H, K_nz)
+    own = W.diagonal() if own is None or len(transform) else own
+    ratio = np.minimum(_theta_ratio(own.reshape(n, d), compliance), most_ratio if laws is None else 0.0)
+    compliance *= 1.0 + ratio
     W = W + np.diag(compliance.ravel())
     return GapProblem(
         W=np.ascontiguousarray(W),
         Z=_dual(W) if d == 1 else np.zeros((0, 0)),
-        lift=np.ascontiguousarray(lift),
+        tension_transform=np.ascontiguousarray(transform),
         tension=np.ascontiguousarray(K_nz, dtype=float),
         compliance=compliance.ravel(),
-        lag=lag.ravel(),
-        own=np.ascontiguousarray(own),
+        theta_ratio=ratio.ravel(),
+        self_flexibility=np.ascontiguousarray(own),
         mu=np.ascontiguousarray(law.mu * whole[:, None]),
         whole=whole,
         gap=np.ascontiguousarray(law.gap, dtype=float),
         laws=laws,
-        frictional=True if d == 3 else None,
     )
 
 
-def _lag(flexibility: Floats, compliance: Floats) -> Floats:
+def _compliance(unilateral: Floats, K_s: Floats, dash: Floats | None, d: int) -> Floats:
+    """Compliance of the gaps' springs where the force follows them at the step's end, (n, d) [m/N]."""
+    compliance = np.zeros((len(unilateral), d))
+    compliance[:, NORMAL] = 1.0 / unilateral
+    if dash is not None:
+        compliance[:, NORMAL] *= 1.0 - dash
+    if d == 3:
+        with np.errstate(divide="ignore"):
+            compliance[:, SHEAR_J:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
+    return compliance
+
+
+def _with_tension(H: Floats, K_nz: Floats) -> tuple[Floats, Floats]:
+    """(I + H D)^-1, (0, 0) without tension stiffness, and H' that it makes of H."""
+    transform: Floats = np.zeros((0, 0))
+    W: Floats = H
+    if K_nz.any():
+        D = np.zeros((len(K_nz), len(H) // len(K_nz)))
+        D[:, NORMAL] = K_nz
+        transform = np.asarray(np.linalg.inv(np.eye(len(H)) + H * D.ravel()), dtype=float)
+        W = np.asarray(transform @ H)
+    return transform, 0.5 * (W + W.T)
+
+
+def _theta_ratio(flexibility: Floats, compliance: Floats) -> Floats:
     """(1 - theta) / theta of every spring, (n, d); the same for both directions of the shear."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        lag = np.where(compliance > 0.0, 1.0 / (1.0 + 2.0 / _HALF_WAY * flexibility / compliance), 0.0)
-    lag[:, 1:] = lag[:, 1:].min(axis=1, initial=1.0, keepdims=True)
-    return lag
+        ratio = np.where(compliance > 0.0, 1.0 / (1.0 + 2.0 / _HALF_WAY * flexibility / compliance), 0.0)
+    ratio[:, SHEAR_J:] = ratio[:, SHEAR_J:].min(axis=1, initial=1.0, keepdims=True)
+    return ratio
 
 
 def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:
@@ -322,17 +303,12 @@ def gap_memory(problem: GapProblem) -> GapMemory:
     start = np.zeros((0, n, 0)) if problem.laws is None else problem.laws.start
     return GapMemory(
         force=np.zeros(N),
-        anchor=np.zeros((0 if n == N else n, 2)),
-        active=np.zeros((2, n), dtype=np.bool_),
-        inverse=np.zeros((2, N, N) if n == N else (2, N, (N + 1) // 2)),
-        order=np.full((2, n), N, dtype=np.int64),  # what is stuck at first counts as long stuck
-        counts=np.zeros((2, 4), dtype=np.int64),
-        known=np.zeros((2, 0 if n == N else N)),
-        work=np.zeros((3, N)),
+        accumulated_slip=np.zeros((0 if n == N else n, 2)),
         limits=Limits(np.zeros((n, 2)), problem.mu.copy(), np.zeros(n)),
         history=start.copy(),
         trial=start.copy(),
         limit=np.zeros(5),
         spring=np.zeros(N),
-        worst=np.zeros(1, dtype=np.int64),
+        failure=record(FAILURE),
+        solver=solver_state(n, n != N),
     )

@@ -7,6 +7,7 @@ solved again, until none gives up any more. What was lost is committed once per 
 
 from __future__ import annotations
 
+from romdam.contact.components import ALONG_J, ALONG_K, SHEAR_J, SHEAR_K
 from romdam.contact.cone import slides
 from romdam.contact.laws.law import COHESION_J, MU_J, TENSION
 from romdam.contact.problem import GapMemory, GapProblem, Laws
@@ -70,9 +71,9 @@ def release(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: Floats
         b = d * i
         p, sliding, gives_up = memory.force[b] + memory.limits.tension[i], False, False
         if d == 3:
-            limit_j = memory.limits.cohesion[i, 0] + memory.limits.mu[i, 0] * p
-            limit_k = memory.limits.cohesion[i, 1] + memory.limits.mu[i, 1] * p
-            sliding = slides(limit_j, limit_k, memory.force[b + 1], memory.force[b + 2])
+            limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
+            limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
+            sliding = slides(limit_j, limit_k, memory.force[b + SHEAR_J], memory.force[b + SHEAR_K])
         opening = y[b] - problem.compliance[b] * memory.force[b] + laws.dash[i] * memory.spring[b]
         pulled = p <= 0.0 and y[b] > 0.0
         for k in range(len(laws.on)):
@@ -89,7 +90,8 @@ def commit_laws(
     laws: Laws, memory: GapMemory, i: int, opening: float, sliding: bool, slip: tuple[float, float]
 ) -> bool:
     """Move what gap i keeps, in an accepted step with this slip [m]; whether it gave something up in it."""
-    given_up, rate_j, rate_k = False, slip[0] * laws.per_second.item(), slip[1] * laws.per_second.item()
+    given_up, (slip_j, slip_k) = False, slip
+    rate_j, rate_k = slip_j * laws.per_second.item(), slip_k * laws.per_second.item()
     for k in range(len(laws.on)):
         kept, trial = memory.history[k, i], memory.trial[k, i]
         for entry in range(len(kept)):

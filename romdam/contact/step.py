@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
+from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import OPEN, SLIP, STICK, project_shear, slides
 from romdam.contact.problem import GapMemory, GapProblem, Laws
 from romdam.contact.softening import begin_step, bond_forces, commit_laws, release, set_limits
 from romdam.contact.solvers.gauss_seidel import solve_frictional
 from romdam.contact.solvers.pivoting import solve_unilateral
+from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import Floats
 from romdam.core.jit import ARRAYS, copy, njit
+
+SOLVERS: dict[type, Callable[..., Any]] = {PivotingState: solve_unilateral, FrictionalState: solve_frictional}
 
 
 @njit(**ARRAYS)
@@ -48,28 +55,27 @@ def solve_gaps(
     d = len(w_free) // n
     for i in range(n):
         w_free[d * i] += problem.gap[i]
-    if len(problem.lift):
-        copy(problem.lift @ w_free, w_free)
+    if len(problem.tension_transform):
+        copy(problem.tension_transform @ w_free, w_free)
     for i in range(n if d == 3 else 0):
-        w_free[3 * i + 1] -= memory.anchor[i, 0]
-        w_free[3 * i + 2] -= memory.anchor[i, 1]
+        w_free[3 * i + SHEAR_J] -= memory.accumulated_slip[i, ALONG_J]
+        w_free[3 * i + SHEAR_K] -= memory.accumulated_slip[i, ALONG_K]
     for b in range(len(w_free)):
-        w_free[b] += problem.lag[b] * memory.spring[b]
+        w_free[b] += problem.theta_ratio[b] * memory.spring[b]
     begin_step(problem.laws, memory, w_free)
+    tolerance, steady = control
     while True:  # once, unless gaps lose strength
         set_limits(problem.laws, problem.whole, memory)
         bond_forces(problem.laws, problem, memory, w_free, 1.0)
-        residual = _solve(problem.frictional, problem, memory, closed, w_free, y, control)
+        residual = _solve(problem, memory, closed, w_free, y, control)
         bond_forces(problem.laws, problem, memory, w_free, -1.0)
-        if not residual <= control[0] or release(problem.laws, problem, memory, y) == 0:
+        if not residual <= tolerance or release(problem.laws, problem, memory, y) == 0:
             return residual
-        if control[1]:
+        if steady:
             return np.inf
 
 
-@njit(cache=True)
 def _solve(
-    frictional: bool | None,
     problem: GapProblem,
     memory: GapMemory,
     closed: NDArray[np.bool_],
@@ -77,16 +83,23 @@ def _solve(
     y: Floats,
     control: tuple[float, bool],
 ) -> float:
-    """Solve for the present limits."""
-    tolerance, steady = control
-    if frictional is None:
-        found = solve_unilateral(problem, memory, closed, y_free, y, control)
-        if not found <= tolerance:
-            memory.worst[0] = memory.work[2].argmin()
-    else:
-        kept = closed if steady else closed[:0]
-        found = solve_frictional(problem.W, memory.limits, memory, y_free, y, (tolerance, kept))
-    return found
+    """Solve for the present limits, by the solver whose state the memory holds."""
+    return float(SOLVERS[type(memory.solver)](problem, memory, closed, y_free, y, control))
+
+
+@overload(_solve)
+def _compiled_solve(
+    problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any
+) -> Callable[..., Any]:
+    """Compile the solver that the type of the memory asks for, and no other."""
+    solver = SOLVERS[memory[memory.fields.index("solver")].instance_class]
+
+    def compiled(
+        problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any
+    ) -> Callable[..., Any]:
+        return solver(problem, memory, closed, y_free, y, control)
+
+    return compiled
 
 
 @njit(cache=True)
@@ -95,10 +108,10 @@ def _energies(problem: GapProblem, dash: Floats, jump: Floats, force: Floats) ->
     n, d = jump.shape
     energy = np.zeros(n)
     for i in range(n):
-        p_c, k = force[i, 0] + problem.tension[i] * jump[i, 0], problem.compliance[d * i]
-        energy[i] = 0.5 * problem.tension[i] * jump[i, 0] ** 2 + 0.5 * k * p_c**2
+        p_c, k = force[i, NORMAL] + problem.tension[i] * jump[i, NORMAL], problem.compliance[d * i]
+        energy[i] = 0.5 * problem.tension[i] * jump[i, NORMAL] ** 2 + 0.5 * k * p_c**2
         if dash[i] > 0.0:  # the dashpot's share of the force is no energy
-            energy[i] += 0.5 * (1.0 - dash[i]) / k * min(jump[i, 0], 0.0) ** 2 - 0.5 * k * p_c**2
+            energy[i] += 0.5 * (1.0 - dash[i]) / k * min(jump[i, NORMAL], 0.0) ** 2 - 0.5 * k * p_c**2
         for a in range(1, d):
             energy[i] += 0.5 * problem.compliance[d * i + a] * force[i, a] ** 2
     return energy
@@ -113,9 +126,9 @@ def commit_gaps(
     force: Floats,
     state: NDArray[np.uint8],
 ) -> tuple[float, float]:
-    """Accept a step: jumps, whole joint forces and states at its end from the solution; move the anchors.
+    """Accept a step: jumps, whole joint forces and states at its end from the solution; the slip is added up.
 
-    The anchor of a gap moves by y_t, whatever its state: nothing while it sticks, the slip while it
+    The accumulated slip of a gap grows by y_t, whatever its state: nothing while it sticks, the slip while it
     slides, and to the present jump while it is open. Where forces follow the springs within the step, it
     moves as far as leaves a deformation within the limit.
 
@@ -156,8 +169,8 @@ def _commit(
         for a in range(1, jump.shape[1]):
             slid -= force[i, a] * y[3 * i + a]
         if len(y) == 3 * n:
-            slip = (y[3 * i + 1], y[3 * i + 2])
-        if commit_laws(laws, memory, i, jump[i, 0], state[i] == SLIP, slip) or laws.dash[i] > 0.0:
+            slip = (y[3 * i + SHEAR_J], y[3 * i + SHEAR_K])
+        if commit_laws(laws, memory, i, jump[i, NORMAL], state[i] == SLIP, slip) or laws.dash[i] > 0.0:
             lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
     return after.sum(), lost
 
@@ -171,29 +184,29 @@ def _move(
     force: Floats,
     state: NDArray[np.uint8],
 ) -> tuple[float, float]:
-    """Jumps, forces, states, springs and anchors; energy in the springs, and taken by sliding."""
+    """Jumps, forces, states, springs and slip; energy in the springs, and taken by sliding."""
     n = len(problem.gap)
     d = len(y) // max(n, 1)
     stored, lost = 0.0, 0.0
     for i in range(n):
         b = d * i
-        p_c, lag, compliance = memory.force[b], problem.lag[b], problem.compliance[b]
-        jump[i, 0] = y[b] - compliance * p_c - lag * memory.spring[b]
-        memory.spring[b] = min(jump[i, 0], 0.0)
-        if lag > 0.0:
-            compliance /= 1.0 + lag
+        p_c, ratio, compliance = memory.force[b], problem.theta_ratio[b], problem.compliance[b]
+        jump[i, NORMAL] = y[b] - compliance * p_c - ratio * memory.spring[b]
+        memory.spring[b] = min(jump[i, NORMAL], 0.0)
+        if ratio > 0.0:
+            compliance /= 1.0 + ratio
             p_c = -memory.spring[b] / compliance
-        force[i, 0] = p_c - problem.tension[i] * jump[i, 0]
-        stored += 0.5 * compliance * p_c**2 + 0.5 * problem.tension[i] * jump[i, 0] ** 2
+        force[i, NORMAL] = p_c - problem.tension[i] * jump[i, NORMAL]
+        stored += 0.5 * compliance * p_c**2 + 0.5 * problem.tension[i] * jump[i, NORMAL] ** 2
         state[i] = STICK if p_c > 0.0 else OPEN
         if d == 3:
             p = min(p_c, memory.force[b]) + memory.limits.tension[i]
-            limit_j = memory.limits.cohesion[i, 0] + memory.limits.mu[i, 0] * p
-            limit_k = memory.limits.cohesion[i, 1] + memory.limits.mu[i, 1] * p
+            limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
+            limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
             held, slid = _shear(problem, memory, (y, jump, force), (limit_j, limit_k), i)
             stored += held
             lost += slid
-            if p > 0.0 and slides(limit_j, limit_k, force[i, 1], force[i, 2]):
+            if p > 0.0 and slides(limit_j, limit_k, force[i, SHEAR_J], force[i, SHEAR_K]):
                 state[i] = SLIP
     return stored, lost
 
@@ -206,26 +219,28 @@ def _shear(
     limits: tuple[float, float],
     i: int,
 ) -> tuple[float, float]:
-    """Slip, shear, springs and anchor of gap i; energy in its shear springs, and taken by sliding."""
+    """Slip, shear, springs and accumulated slip of gap i; energy in the springs, and taken by sliding."""
     y, jump, force = vectors
-    stored, slid, taken, lag = 0.0, 0.0, 0.0, problem.lag[3 * i + 1]
-    compliance = problem.compliance[3 * i + 1] / (1.0 + lag)
+    stored, slid, taken, ratio = 0.0, 0.0, 0.0, problem.theta_ratio[3 * i + SHEAR_J]
+    compliance = problem.compliance[3 * i + SHEAR_J] / (1.0 + ratio)
     for a in range(2):
-        b = 3 * i + 1 + a
-        t, anchor, old = memory.force[b], memory.anchor[i, a], jump[i, 1 + a]
-        jump[i, 1 + a] = y[b] + anchor - problem.compliance[b] * t - lag * memory.spring[b]
-        force[i, 1 + a] = t
-        if lag > 0.0:
-            force[i, 1 + a] = (anchor - jump[i, 1 + a]) / compliance
-            taken += 0.5 * memory.spring[b] ** 2 / compliance - t * (jump[i, 1 + a] - old)
-    if lag > 0.0:
-        force[i, 1], force[i, 2], _ = project_shear(force[i, 1], force[i, 2], limits[0], limits[1])
+        b = 3 * i + SHEAR_J + a
+        t, rest, old = memory.force[b], memory.accumulated_slip[i, a], jump[i, SHEAR_J + a]
+        jump[i, SHEAR_J + a] = y[b] + rest - problem.compliance[b] * t - ratio * memory.spring[b]
+        force[i, SHEAR_J + a] = t
+        if ratio > 0.0:
+            force[i, SHEAR_J + a] = (rest - jump[i, SHEAR_J + a]) / compliance
+            taken += 0.5 * memory.spring[b] ** 2 / compliance - t * (jump[i, SHEAR_J + a] - old)
+    if ratio > 0.0:
+        limit_j, limit_k = limits
+        t_j, t_k, _ = project_shear(force[i, SHEAR_J], force[i, SHEAR_K], limit_j, limit_k)
+        force[i, SHEAR_J], force[i, SHEAR_K] = t_j, t_k
     for a in range(2):
-        b = 3 * i + 1 + a
-        strain = -compliance * force[i, 1 + a]
-        moved = y[b] if lag == 0.0 else jump[i, 1 + a] - strain - memory.anchor[i, a]
+        b = 3 * i + SHEAR_J + a
+        strain = -compliance * force[i, SHEAR_J + a]
+        moved = y[b] if ratio == 0.0 else jump[i, SHEAR_J + a] - strain - memory.accumulated_slip[i, a]
         memory.spring[b] = strain
-        memory.anchor[i, a] += moved
-        stored += 0.5 * compliance * force[i, 1 + a] ** 2
+        memory.accumulated_slip[i, a] += moved
+        stored += 0.5 * compliance * force[i, SHEAR_J + a] ** 2
         slid -= memory.force[b] * moved
-    return stored, slid if lag == 0.0 else min(max(slid, 0.0), taken - stored)
+    return stored, slid if ratio == 0.0 else min(max(slid, 0.0), taken - stored)

@@ -1,9 +1,8 @@
 """What jitted functions share: a cache that may be missing or damaged, whether views count references.
 
-Every view (a row of a run's state) takes an atomic increment and a decrement, dozens per step: a quarter of
-the time of the march on the two-cantilever model (24 -> 17 us a step without them). The march itself makes no
-arrays, so it needs none; what it calls says so where it does make some, for the option is handed down to the
-functions that are called.
+Every view (a row of a run's state) takes an atomic increment and a decrement, dozens per step. The time loop
+itself makes no arrays, so it needs none; what it calls says so where it does make some, for the option is
+handed down to the functions that are called.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import logging
+import operator
 import os
 import stat
 import tempfile
@@ -20,7 +20,12 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba import types
+from numba.core.imputils import impl_ret_borrowed
+from numba.extending import lower_builtin, type_callable
 from numpy.typing import NDArray
+
+from romdam.core.arrays import at
 
 log = logging.getLogger(__name__)
 
@@ -98,7 +103,8 @@ def _code_of(folder: Path) -> str:
     """SHA-256 of what compiled functions of a folder may call: its files, and all of _KERNELS."""
     package, content = Path(__file__).parents[1], hashlib.sha256()
     kernels = {path for room in _KERNELS for path in (package / room).rglob("*.py")}
-    for path in sorted({*folder.glob("*.py"), *kernels, Path(__file__)}):
+    kernels |= {Path(__file__), Path(__file__).with_name("arrays.py")}
+    for path in sorted({*folder.glob("*.py"), *kernels}):
         with suppress(OSError):  # a package in an archive, which does not change file by file
             content.update(path.read_bytes())
     return content.hexdigest()
@@ -134,3 +140,40 @@ def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
     """
     for i in range(len(target)):
         target[i] = source[i]
+
+
+def _element(context: Any, kind: Any, index: Any) -> Any:
+    """Signature of `array[index]`."""
+    return context.resolve_function_type(operator.getitem, (kind, index), {})
+
+
+def _type_of_view(context: Any, kind: Any, index: Any) -> Any:
+    if hasattr(kind, "instance_class"):  # a NamedTuple
+        views = [_type_of_view(context, of, index) for of in kind]
+        return types.BaseTuple.from_types(views, kind.instance_class)
+    return _element(context, kind, index).return_type if isinstance(kind, types.Array) else kind
+
+
+@type_callable(at)
+def _type_at(context: Any) -> Callable[[Any, Any], Any]:
+    """Type of `at` in compiled functions."""
+    return lambda many, index: _type_of_view(context, many, index)
+
+
+@lower_builtin(at, types.Any, types.Any)
+def _lower_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    """Code of `at`, in place: functions cannot return records, and where numba inlines an `overload` it takes
+    what is written to the views for dead code.
+    """
+    (_, index), typing = signature.args, context.typing_context
+
+    def view(kind: Any, value: Any) -> Any:
+        if hasattr(kind, "instance_class"):
+            views = [view(of, builder.extract_value(value, i)) for i, of in enumerate(kind)]
+            return context.make_tuple(builder, _type_of_view(typing, kind, index), views)
+        if isinstance(kind, types.Array):
+            element = context.get_function(operator.getitem, _element(typing, kind, index))
+            return element(builder, (value, args[1]))
+        return impl_ret_borrowed(context, builder, kind, value)
+
+    return view(signature.args[0], args[0])

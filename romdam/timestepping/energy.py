@@ -15,9 +15,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Floats, Record, record_type
 
-ACCUMULATED = ("input", "damping", "joint_work", "friction")
+ENERGIES = record_type(input=float, damping=float, joint_work=float, friction=float, stored=float)
 TERMS = (
     "input",
     "kinetic",
@@ -35,21 +35,21 @@ _AT_REST = 1e-9  # of the energy that rests in the scene: an exchange below it i
 
 
 def ledger(
-    accumulated: Floats, kinetic: Floats, strain: Floats, stored: Floats, numerical: Floats | None = None
+    works: Record, kinetic: Floats, strain: Floats, numerical: Floats | None = None
 ) -> dict[str, Floats]:
     """Assemble the ledger.
 
     Parameters
     ----------
-    accumulated : (nt, 4) works since the start, in the order of `ACCUMULATED` [J]
-    kinetic, strain, stored : (nt,) energies of the blocks and of the gaps [J]
+    works : (nt,) works since the start and energy stored in the gaps, see `ENERGIES` [J]
+    kinetic, strain : (nt,) energies of the blocks [J]
     numerical : (nt,) taken by the scheme's own damping since the start [J]; None where it has none
 
     Returns
     -------
     dict of (nt,) arrays with the keys of `TERMS`, and "numerical" where it is given
     """
-    work_in, damping, joint_work, friction = accumulated.T
+    work_in, damping, joint_work, friction, stored = (works[name] for name in ENERGIES.names or ())
     contact = -joint_work - (stored - stored[0]) - friction
     change = (kinetic - kinetic[0]) + (strain - strain[0])
     own = {} if numerical is None else {"numerical": numerical}

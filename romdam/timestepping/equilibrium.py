@@ -12,8 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
 from romdam.contact.softening import set_limits
+from romdam.contact.solvers.state import forget_product
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
@@ -52,17 +54,17 @@ class GapState:
 
 
 def system_gap_problem(
-    system: System, H: Floats, dt: float = np.inf, most_lag: float = 0.0, own: Floats | None = None
+    system: System, H: Floats, dt: float = np.inf, most_ratio: float = 0.0, own: Floats | None = None
 ) -> GapProblem:
     """Make the gap-space problem for one flexibility H; for the step see `romdam.contact.problem`."""
-    return gap_problem(H, system.law, (dt, most_lag), own)
+    return gap_problem(H, system.law, (dt, most_ratio), own)
 
 
 def take_over(memory: GapMemory, gaps: GapState) -> None:
     """Give a solver's memory the gaps of a state to start from."""
-    memory.force[:], memory.anchor[:] = gaps.p_c, gaps.anchor
+    memory.force[:], memory.accumulated_slip[:] = gaps.p_c, gaps.anchor
     spring = memory.spring.reshape(gaps.jump.shape)
-    spring[:, 0] = np.minimum(gaps.jump[:, 0], 0.0)
+    spring[:, NORMAL] = np.minimum(gaps.jump[:, NORMAL], 0.0)
     if len(gaps.anchor):
         spring[:, 1:] = gaps.jump[:, 1:] - gaps.anchor
     if len(gaps.history):
@@ -92,7 +94,7 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
     law = system.law
     n, d = len(law), law.directions
     jump = np.zeros((n, d))
-    jump[:, 0] = law.gap
+    jump[:, NORMAL] = law.gap
     stiffness = np.where(law.gap < 0.0, np.where(np.isinf(law.K_n), 0.0, law.K_n), law.K_nz)
     empty = GapState(
         jump=jump,
@@ -108,7 +110,7 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
 def resumed(system: System, start: Start) -> GapState:
     """The gaps of a state to go on from; each slip anchor follows from its shear force."""
     law, d = system.law, system.law.directions
-    tension = law.K_nz * start.jump[:, 0]
+    tension = law.K_nz * start.jump[:, NORMAL]
     p_c, anchor = start.traction.copy(), np.zeros((0, 2))
     history = np.zeros((0, 0, 0)) if start.memory is None else start.memory
     problem = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d)))
@@ -117,12 +119,12 @@ def resumed(system: System, start: Start) -> GapState:
         memory.trial[:] = history
     set_limits(problem.laws, problem.whole, memory)
     bonded = memory.limits.tension > 0.0
-    p_c[:, 0] = np.where(bonded, p_c[:, 0], np.maximum(p_c[:, 0] + tension, 0.0))
+    p_c[:, NORMAL] = np.where(bonded, p_c[:, NORMAL], np.maximum(p_c[:, NORMAL] + tension, 0.0))
     compliance = problem.compliance.reshape(-1, d)
     if d == 3:
         anchor = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
-    stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, 0]).sum()
-    closed = (p_c[:, 0] > 0.0).astype(np.uint8)
+    stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, NORMAL]).sum()
+    closed = (p_c[:, NORMAL] > 0.0).astype(np.uint8)
     return GapState(
         start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored), history
     )
@@ -170,7 +172,7 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     n, N = len(problem.gap), len(problem.W)
     d = N // n if n else 1  # a scene of grown-together blocks has no gaps
     y = np.zeros(N)
-    memory.known[:] = np.nan  # free motions are large here: a kept product would leave their round-off
+    forget_product(memory.solver)
     closed = memory.force[::d] > 0.0
     residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (min(tolerance, _TIGHT), False))
     if not residual <= _TIGHT:  # round-off forbids as much: take what was asked
@@ -182,5 +184,5 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)
-    p_c, anchor, history = memory.force.copy(), memory.anchor.copy(), memory.history.copy()
+    p_c, anchor, history = memory.force.copy(), memory.accumulated_slip.copy(), memory.history.copy()
     return GapState(jump, force, state, p_c, anchor, stored, history)

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from romdam.core.arrays import Floats
+from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
+from romdam.core.arrays import Floats, Record, record_type
 
-PEAKS = ("opening", "opening_time", "compression", "slip")
-
-
-def first_peaks(jump: Floats, force: Floats) -> Floats:
-    """(4, n) peaks that the first state sets, in the order of `PEAKS`."""
-    slip = np.hypot(jump[:, 1], jump[:, 2]) if jump.shape[1] == 3 else np.zeros(len(jump))
-    return np.stack([jump[:, 0], np.zeros(len(jump)), np.maximum(force[:, 0], 0.0), slip])
+PEAKS = record_type(opening=float, opening_time=float, compression=float, slip=float)
 
 
-def named_peaks(peaks: Floats) -> dict[str, Floats]:
-    """Peaks by name."""
-    return dict(zip(PEAKS, peaks, strict=True))
+def first_peaks(jump: Floats, force: Floats) -> Record:
+    """(n,) peaks that the first state sets, `PEAKS`."""
+    peaks = np.zeros(len(jump), PEAKS)
+    peaks["opening"], peaks["compression"] = jump[:, NORMAL], np.maximum(force[:, NORMAL], 0.0)
+    if jump.shape[1] == 3:
+        peaks["slip"] = np.hypot(jump[:, SHEAR_J], jump[:, SHEAR_K])
+    return peaks
+
+
+def raise_peaks(peaks: Record, now: Record, time: float) -> None:
+    """Raise peaks to those of a state at a time [s]."""
+    peaks["opening_time"][now["opening"] > peaks["opening"]] = time
+    for name in ("opening", "compression", "slip"):
+        peaks[name] = np.maximum(peaks[name], now[name])
+
+
+def named_peaks(peaks: Record) -> dict[str, Floats]:
+    """Peaks by name, an array each."""
+    return {name: peaks[name].copy() for name in PEAKS.names or ()}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
@@ -240,7 +241,7 @@ def _measured(history: History) -> Floats:
     """What is compared between two runs."""
     if history.integrator == "conserving":
         return np.array([history.peaks["opening"].max(initial=0.0)])
-    return history.jump[..., 0].copy() if history.jump.size else history.disp
+    return history.jump[..., NORMAL].copy() if history.jump.size else history.disp
 
 
 def _step_of(integrator: str, finest: float, coarse: float, every: float) -> tuple[float, tuple[int, ...]]:

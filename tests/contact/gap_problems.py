@@ -84,7 +84,7 @@ def solve(case, memory=None, problem=None):
     problem = case.problem if problem is None else problem
     if memory is None:
         memory = gap_memory(problem)
-        memory.anchor[:] = case.anchor
+        memory.accumulated_slip[:] = case.anchor
     n, N = len(case.gap), len(case.w_free)
     y, residual = solve_step(problem, memory, case.w_free)
     assert residual <= TOLERANCE, f"not converged: {residual:.3g}"

@@ -12,6 +12,7 @@ from point_law import LAWS, Past
 
 from romdam.contact.cone import OPEN, SLIP, STICK, project_shear
 from romdam.contact.problem import gap_memory, gap_problem
+from romdam.contact.solvers import continuation
 from romdam.contact.solvers import gauss_seidel as frictional
 from romdam.contact.solvers.single_contact import solve_gap
 from romdam.contact.step import commit_gaps, solve_gaps
@@ -53,7 +54,7 @@ def test_frictional_solution_satisfies_the_law(seed, n, mu, K_n, share):
     jump, force, state, memory, stored, friction = solve(case)
     check(case, jump, force, state)
     K_s = case.stiffness[2]
-    moved = memory.anchor - case.anchor
+    moved = memory.accumulated_slip - case.anchor
     work = -(force[:, 1:] * moved).sum()
     assert friction == pytest.approx(work, rel=1e-9, abs=1e-12)
     assert friction >= -1e-7 * np.abs(force).max() * 1e-3
@@ -95,7 +96,7 @@ def test_the_solution_satisfies_every_law(law, seed, n, mu):
     plain = random_case(seed, n, mu if max(mu) > 0.0 or law == "dashpot" else (1e-9, 1e-9), coupling=0.3)
     case = dataclasses.replace(plain, laws=_FURTHER[law](n, mu))
     memory, rng = gap_memory(case.problem), np.random.default_rng(seed)
-    memory.anchor[:] = case.anchor
+    memory.accumulated_slip[:] = case.anchor
     overlap = -1e-4 * rng.random(n)
     memory.spring[:: len(memory.spring) // n] = overlap
     first = lost(case.law, memory.history)
@@ -114,7 +115,7 @@ def test_within_the_step_no_gap_gives_more_than_it_took(K_n, mu):
         case, rng = random_case(seed, 6, mu, K_n=K_n, K_s=min(K_n, 1e9) / 2), np.random.default_rng(seed)
         gap = np.abs(case.gap)
         problem = gap_problem(case.H, dataclasses.replace(case.law, gap=gap), (1e-3, True))
-        assert (problem.lag[:: len(problem.lag) // 6] > 0.0).all() == np.isfinite(K_n)
+        assert (problem.theta_ratio[:: len(problem.theta_ratio) // 6] > 0.0).all() == np.isfinite(K_n)
         memory, d = gap_memory(problem), len(case.w_free) // 6
         old, before = np.zeros((6, d)), 0.0
         old[:, 0] = gap
@@ -269,10 +270,10 @@ def test_solution_is_followed_from_no_friction_where_all_else_fails(seed, monkey
 
         return search
 
-    monkeypatch.setattr(frictional, "newton", failing(frictional.newton))
-    monkeypatch.setattr(frictional, "_exact_sweeps", failing(frictional._exact_sweeps))
+    monkeypatch.setattr(continuation, "newton", failing(continuation.newton))
+    monkeypatch.setattr(continuation, "exact_sweeps", failing(continuation.exact_sweeps))
     control = (TOLERANCE, np.zeros(0, dtype=bool))
-    search = frictional._rescue.py_func
+    search = continuation.continue_from_no_friction.py_func
     residual = search(case.problem.W, memory.limits, memory, y_free, y_free.copy(), control)
     assert shares[0] == pytest.approx(0.1) and shares[-1] == 1.0 and residual <= TOLERANCE
     assert np.abs(memory.force - wanted).max() <= 1e-6 * wanted.max()
@@ -288,7 +289,7 @@ def test_every_way_alone_finds_the_same_force(way, seed):
         free = (TOLERANCE, np.zeros(0, dtype=bool))
         residual = frictional._sweeps(W, memory.limits, memory, y_free, y, free)
     else:
-        find = {"newton": frictional.newton, "exact": frictional._exact_sweeps}[way]
+        find = {"newton": continuation.newton, "exact": continuation.exact_sweeps}[way]
         residual = find(W, memory.limits, memory, y_free, y, TOLERANCE)
     assert residual <= TOLERANCE
     assert np.abs(memory.force - wanted).max() <= 1e-6 * wanted.max()
@@ -328,7 +329,7 @@ def test_a_change_of_contact_that_must_not_be_ends_the_search():
     closed = solve(case, problem=problem)[1][:, 0] > 0.0
     for kept, ends in ((closed, False), (~closed, True)):
         memory, y = gap_memory(problem), np.empty(36)
-        memory.anchor[:] = case.anchor
+        memory.accumulated_slip[:] = case.anchor
         residual = solve_gaps(problem, memory, kept, case.w_free.copy(), y, (TOLERANCE, True))
         assert (residual == np.inf) == ends
 
@@ -339,7 +340,7 @@ def _march(case, problem, memory, rng, steps):
     for _ in range(steps):
         w = 0.9 * w + 0.4e-3 * rng.standard_normal(len(w))
         now = dataclasses.replace(case, w_free=w)
-        anchor = memory.anchor.copy()
+        anchor = memory.accumulated_slip.copy()
         solution = solve(now, memory, problem)
     return dataclasses.replace(now, anchor=anchor), solution
 
@@ -365,7 +366,7 @@ def test_frictional_march_follows_the_law_step_by_step():
         case = random_case(2, 10, (0.6, 0.6), K_n=K_n)
         problem = case.problem
         memory = gap_memory(problem)
-        memory.anchor[:] = case.anchor
+        memory.accumulated_slip[:] = case.anchor
         rng = np.random.default_rng(5)
         for _ in range(100):
             now, (jump, force, state, _, _, friction) = _march(case, problem, memory, rng, 3)
@@ -380,11 +381,11 @@ def test_solving_does_not_move_the_history(mu):
     other = random_case(5, 12, mu)
     problem = case.problem
     memory = gap_memory(problem)
-    memory.anchor[:] = case.anchor
-    anchor = memory.anchor.copy()
+    memory.accumulated_slip[:] = case.anchor
+    anchor = memory.accumulated_slip.copy()
     for w in (case.w_free, other.w_free, -other.w_free):
         assert solve_step(problem, memory, w)[1] <= TOLERANCE
-        assert (memory.anchor == anchor).all()
+        assert (memory.accumulated_slip == anchor).all()
     late, fresh = solve(case, memory, problem), solve(case, problem=problem)
     assert np.abs(late[1] - fresh[1]).max() <= 1e-6 * np.abs(fresh[1]).max()
     assert (late[2] == fresh[2]).all()
@@ -409,7 +410,7 @@ def test_one_gap_by_hand():
     assert force[0] == pytest.approx([4000.0, -1200.0, -1600.0], rel=1e-8)
     assert jump[0] == pytest.approx([-1e-3, 1.8e-3, 2.4e-3], rel=1e-8)
     assert state[0] == SLIP
-    assert memory.anchor[0] == pytest.approx([0.6e-3, 0.8e-3], rel=1e-7)
+    assert memory.accumulated_slip[0] == pytest.approx([0.6e-3, 0.8e-3], rel=1e-7)
     assert friction == pytest.approx(2.0, rel=1e-7)
     assert stored == pytest.approx(0.5 * 4e6 * 1e-6 + 0.5 * 2000.0**2 / 1e6, rel=1e-7)
     stuck = solve(dataclasses.replace(case, w_free=1e-3 * np.array([-5.0, 1.5, 2.0])))
@@ -418,7 +419,7 @@ def test_one_gap_by_hand():
     opened = solve(dataclasses.replace(case, w_free=1e-3 * np.array([0.1, 1.5, 2.0])))
     assert opened[2][0] == OPEN
     assert (opened[1] == 0.0).all()
-    assert opened[3].anchor[0] == pytest.approx([1.5e-3, 2.0e-3])
+    assert opened[3].accumulated_slip[0] == pytest.approx([1.5e-3, 2.0e-3])
     # an initial gap of 1 mm takes 1 mm off the approach; an initial penetration adds it
     for gap, p_n in ((1e-3, 3200.0), (-1e-3, 4800.0), (6e-3, 0.0)):
         force = solve(dataclasses.replace(case, gap=np.array([gap])))[1]
@@ -501,9 +502,9 @@ def test_hard_problems_converge_and_few_need_newton():
             seed, n, mu, K_n=K_n, K_s=K_s, coupling=(0.05, 0.3, 1.0)[rng.integers(3)], floor=floor
         )
         memory = gap_memory(case.problem)
-        memory.anchor[:] = case.anchor
+        memory.accumulated_slip[:] = case.anchor
         assert solve_step(case.problem, memory, case.w_free)[1] <= TOLERANCE
-        newton += memory.counts[0, 1] > 0
+        newton += memory.solver.sweeps.counts.newton_steps > 0
     assert newton <= 0.15 * 600
 
 
@@ -515,11 +516,11 @@ def test_few_closed_gaps_among_many_open_ones(seed):
     case = dataclasses.replace(case, gap=gap, anchor=np.zeros((40, 2)))
     move, memory = 1e-3 * np.random.default_rng(seed).standard_normal(120), gap_memory(case.problem)
     for step in steps:
-        before = memory.anchor.copy()
+        before = memory.accumulated_slip.copy()
         w_free = case.w_free + np.sin(0.1 * step) * move
         now = dataclasses.replace(case, w_free=w_free, anchor=before)
         jump, force, state, *_ = solve(now, memory, case.problem)
         check(now, jump, force, state)
         assert np.count_nonzero(state) <= 5
-    assert memory.counts[0, 1] == 0  # Newton never helps
-    assert memory.counts[0, 2] <= 8 * len(steps)  # sweeps
+    assert memory.solver.sweeps.counts.newton_steps == 0  # Newton never helps
+    assert memory.solver.sweeps.counts.iterations <= 8 * len(steps)  # sweeps

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from romdam.contact.components import ALONG_J, ALONG_K
 from romdam.contact.laws.law import MU_J, MU_K, Law, Parameter
 
 
@@ -24,4 +25,4 @@ class Coulomb(Law):
 
     @staticmethod
     def limit(parameters: Any, memory: Any, limit: Any) -> None:
-        limit[MU_J], limit[MU_K] = parameters[0], parameters[1]
+        limit[MU_J], limit[MU_K] = parameters[ALONG_J], parameters[ALONG_K]

@@ -1,15 +1,15 @@
-"""Gaps that have been stuck for long are no unknowns of the sweeps: what holds them is eliminated.
+"""Condensation of sticking contacts: those that have long stuck are no unknowns of the sweeps.
 
-    [p_h]       [-y_h ]          M_hh = W_hh^-1,   M_hf = W_hh^-1 W_hf,   M_ff = W_ff - W_fh W_hh^-1 W_hf
+    [p_s]       [-y_s ]          M_ss = W_ss^-1,   M_sf = W_ss^-1 W_sf,   M_ff = W_ff - W_fs W_ss^-1 W_sf
     [   ] = M   [     ]  + ...
-    [y_f]       [ p_f ]          h the held gaps, f the others
+    [y_f]       [ p_f ]          s the condensed sticking contacts, f the others
 
-M is the principal pivot of W on the held gaps. Sweeps run on M_ff; the held gaps' force follows from theirs,
-and those that are not stuck in it are let go, by one exchange of all their directions. So a held gap costs a
-product, and every step proves it stuck. Of the 189 gaps of configs/arch_dam.yaml at a tenth of
-its shaking 122 never slide; 114 are held on average, and the march takes 0.59 of the time
-(`tests/benchmarks/bench_held_gaps.py`). M is in single precision, like the sweeps: the responses between them
-are exact.
+M is the principal pivot of the Delassus operator W on the condensed contacts. Sweeps run on M_ff; the force
+of the condensed contacts follows from theirs, and those that do not stick in it are released, by one exchange
+of all their directions. So a condensed contact costs a product, and every step proves that it sticks. Of the
+189 gaps of configs/arch_dam.yaml at a tenth of its shaking 122 never slide, and 114 are condensed on average
+(`tests/benchmarks/bench_condensation.py`). M is in single precision, like the sweeps: the responses between
+them are exact.
 
 References
 ----------
@@ -21,29 +21,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import project_shear, slides
-from romdam.contact.problem import GapMemory, Limits
+from romdam.contact.problem import Limits
+from romdam.contact.solvers.state import FrictionalState
 from romdam.core.arrays import Floats, Singles
 from romdam.core.jit import ARRAYS, njit
 
-_WORTH = 8  # M is made anew for one more gap in so many, and given up for fewer held ones
+_WORTH = 8  # M is made anew for one more contact in so many, and given up for fewer condensed ones
 _REGULAR = 1e-12  # of the largest diagonal: a singular matrix is inverted too, and refused
-_CONDITION = 1e5  # of W on the held gaps: beyond it single precision does not hold them
+_CONDITION = 1e5  # of W on the condensed contacts: beyond it single precision does not hold them
 
 
 @njit(cache=True)
-def tableau(memory: GapMemory) -> Singles:
-    """M, (N, N) or with an idle column."""
-    return memory.inverse[1].view(np.float32)
-
-
-@njit(cache=True)
-def is_stuck(limits: Limits, p: Floats, i: int) -> bool:
+def sticks(limits: Limits, p: Floats, i: int) -> bool:
     """Whether gap i is closed and its shear below its limit in both directions."""
-    b = 3 * i
-    limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * p[b]
-    limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * p[b]
-    return p[b] > 0.0 and limit_j > 0.0 and limit_k > 0.0 and not slides(limit_j, limit_k, p[b + 1], p[b + 2])
+    p_n, t_j, t_k = p[3 * i + NORMAL], p[3 * i + SHEAR_J], p[3 * i + SHEAR_K]
+    limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p_n
+    limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p_n
+    return p_n > 0.0 and limit_j > 0.0 and limit_k > 0.0 and not slides(limit_j, limit_k, t_j, t_k)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
@@ -84,9 +80,10 @@ def _exchange(M: Singles, size: int, k: NDArray[np.int64], P: Singles, X: Single
 
 
 @njit(**ARRAYS)
-def let_go(memory: GapMemory, size: int, going: NDArray[np.bool_]) -> None:
-    """Make some held gaps unknowns of the sweeps again; what they have gathered is void."""
-    M, k = tableau(memory), np.flatnonzero(np.repeat(going, 3))
+def release(solver: FrictionalState, going: NDArray[np.bool_]) -> None:
+    """Make some condensed contacts unknowns of the sweeps again; what these have gathered is void."""
+    sweeps, sticking = solver.sweeps, solver.sticking
+    M, size, k = sticking.pivot, len(sticking.pivot), np.flatnonzero(np.repeat(going, 3))
     own, rows = np.empty((len(k), len(k))), np.empty((len(k), size), dtype=np.float32)
     for a in range(len(k)):
         for b in range(len(k)):
@@ -97,50 +94,50 @@ def let_go(memory: GapMemory, size: int, going: NDArray[np.bool_]) -> None:
     _exchange(M, size, k, P, np.dot(P, rows))
     for i in range(len(going)):
         if going[i]:
-            memory.active[1, i], memory.order[1, i] = False, 0
-            memory.counts[1, 0] -= 1
-    memory.counts[0, 0] = 0
-    memory.active[0, :] = False
+            sticking.condensed[i], sticking.wait[i] = False, size
+            sticking.counts.number -= 1
+    sweeps.counts.gathered = 0
+    sweeps.gathered[:] = False
 
 
 @njit(cache=True)
-def let_all_go(memory: GapMemory) -> None:
-    """Hold no gap any more."""
-    for i in range(memory.active.shape[1]):
-        if memory.active[1, i]:
-            memory.active[1, i], memory.order[1, i] = False, 0
-    memory.active[0, :] = False
-    memory.counts[0, 0], memory.counts[1, 0] = 0, 0
+def release_all(solver: FrictionalState) -> None:
+    """Condense no contact any more."""
+    sweeps, sticking = solver.sweeps, solver.sticking
+    for i in range(len(sticking.condensed)):
+        if sticking.condensed[i]:
+            sticking.condensed[i], sticking.wait[i] = False, len(sticking.pivot)
+    sweeps.gathered[:] = False
+    sweeps.counts.gathered, sticking.counts.number = 0, 0
 
 
 @njit(**ARRAYS)
-def let_go_where_not_stuck(limits: Limits, memory: GapMemory) -> None:
-    """Let those go that are not stuck in the force at hand, which is brought within their limits.
+def release_sliding(limits: Limits, solver: FrictionalState, p: Floats) -> None:
+    """Release the contacts that do not stick in a force, which is brought within their limits.
 
-    All go where these are many: an exchange of m directions costs m N^2, more than what holding saves.
+    All are where these are many: an exchange of m directions costs m N^2, more than condensing saves.
     """
-    p, going = memory.force, np.zeros(len(limits.mu), dtype=np.bool_)
+    sticking, going = solver.sticking, np.zeros(len(limits.mu), dtype=np.bool_)
     for i in range(len(going)):
-        if memory.active[1, i] and not is_stuck(limits, p, i):
+        if sticking.condensed[i] and not sticks(limits, p, i):
             going[i] = True
-            b = 3 * i
-            p[b] = max(p[b], 0.0)
-            limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * p[b]
-            limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * p[b]
-            p[b + 1], p[b + 2], _ = project_shear(p[b + 1], p[b + 2], limit_j, limit_k)
-    held, gone = memory.counts[1, 0], going.sum()
-    if _WORTH * (held - gone) < len(going) or _WORTH * gone > held:
-        let_all_go(memory)
+            n, j, k = 3 * i + NORMAL, 3 * i + SHEAR_J, 3 * i + SHEAR_K
+            p[n] = max(p[n], 0.0)
+            limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p[n]
+            limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p[n]
+            p[j], p[k], _ = project_shear(p[j], p[k], limit_j, limit_k)
+    number, gone = sticking.counts.number, going.sum()
+    if _WORTH * (number - gone) < len(going) or _WORTH * gone > number:
+        release_all(solver)
     elif going.any():
-        let_go(memory, len(p), going)
+        release(solver, going)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def multiply(M: Singles, memory: GapMemory, held: bool, z: Singles, out: Floats) -> None:
-    """out += M z in the rows of the held gaps, or of those that are gathered."""
-    flags = memory.active[1] if held else memory.active[0]
-    for i in range(len(flags)):
-        if flags[i]:
+def multiply(M: Singles, chosen: NDArray[np.bool_], z: Singles, out: Floats) -> None:
+    """out += M z in the rows of the chosen gaps."""
+    for i in range(len(chosen)):
+        if chosen[i]:
             for b in range(3 * i, 3 * i + 3):
                 row, total = M[b], np.float32(0.0)
                 for j in range(len(z)):
@@ -149,45 +146,46 @@ def multiply(M: Singles, memory: GapMemory, held: bool, z: Singles, out: Floats)
 
 
 @njit(**ARRAYS)
-def _hold(W: Floats, memory: GapMemory, wanted: NDArray[np.bool_]) -> None:
-    """Make M for the wanted gaps, or hold none where they determine each other."""
-    let_all_go(memory)
-    flags = np.repeat(wanted, 3)
-    h, f, M = np.flatnonzero(flags), np.flatnonzero(~flags), tableau(memory)
-    W_hh, W_hf, largest = np.empty((len(h), len(h))), np.empty((len(h), len(f))), np.diag(W).max()
-    for a in range(len(h)):
-        for b in range(len(h)):
-            W_hh[a, b] = W[h[a], h[b]]
-        W_hh[a, a] += _REGULAR * largest
+def _condense(W: Floats, solver: FrictionalState, wanted: NDArray[np.bool_]) -> None:
+    """Make M for the wanted contacts, or condense none where they determine each other."""
+    release_all(solver)
+    sticking, flags = solver.sticking, np.repeat(wanted, 3)
+    s, f, M = np.flatnonzero(flags), np.flatnonzero(~flags), sticking.pivot
+    W_ss, W_sf, largest = np.empty((len(s), len(s))), np.empty((len(s), len(f))), np.diag(W).max()
+    for a in range(len(s)):
+        for b in range(len(s)):
+            W_ss[a, b] = W[s[a], s[b]]
+        W_ss[a, a] += _REGULAR * largest
         for b in range(len(f)):
-            W_hf[a, b] = W[h[a], f[b]]
-    Z = np.linalg.inv(W_hh)
+            W_sf[a, b] = W[s[a], f[b]]
+    Z = np.linalg.inv(W_ss)
     if not np.abs(Z).max() * largest < _CONDITION:
         return
-    X = np.dot(Z, W_hf)
-    S = np.dot(W_hf.T.copy(), X)
-    for a in range(len(h)):
-        for b in range(len(h)):
-            M[h[a], h[b]] = Z[a, b]
+    X = np.dot(Z, W_sf)
+    S = np.dot(W_sf.T.copy(), X)
+    for a in range(len(s)):
+        for b in range(len(s)):
+            M[s[a], s[b]] = Z[a, b]
         for b in range(len(f)):
-            M[h[a], f[b]], M[f[b], h[a]] = -X[a, b], X[a, b]
+            M[s[a], f[b]], M[f[b], s[a]] = -X[a, b], X[a, b]
     for a in range(len(f)):
         for b in range(len(f)):
             M[f[a], f[b]] = W[f[a], f[b]] - S[a, b]
-    memory.active[1] |= wanted
-    memory.counts[1, 0] = wanted.sum()
+    sticking.condensed[:] = wanted
+    sticking.counts.number = wanted.sum()
 
 
 @njit(**ARRAYS)
-def note_stuck(W: Floats, limits: Limits, memory: GapMemory) -> None:
-    """Count for how many solutions every gap has been stuck, and hold those that have been for long.
+def note_sticking(W: Floats, limits: Limits, solver: FrictionalState, p: Floats) -> None:
+    """Count for how many solutions every contact has stuck, and condense those that have for long.
 
     That is for as many as W has rows: the sweeps (10 N^2 each) have then cost more than making M (N^3) does.
     """
-    streak, new = memory.order[1], 0
-    for i in range(len(streak)):
-        streak[i] = streak[i] + 1 if is_stuck(limits, memory.force, i) else 0
-        new += int(streak[i] >= len(W) and not memory.active[1, i])
-    memory.counts[1, 1] += memory.counts[1, 0]
-    if _WORTH * new >= len(streak):
-        _hold(W, memory, (streak >= len(W)) | memory.active[1])
+    sticking, new = solver.sticking, 0
+    wait, counts = sticking.wait, sticking.counts
+    for i in range(len(wait)):
+        wait[i] = max(wait[i] - 1, 0) if sticks(limits, p, i) else len(W)
+        new += int(wait[i] == 0 and not sticking.condensed[i])
+    counts.total += counts.number
+    if _WORTH * new >= len(wait):
+        _condense(W, solver, (wait == 0) | sticking.condensed)

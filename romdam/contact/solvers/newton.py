@@ -17,6 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import project_shear
 from romdam.contact.problem import GapMemory, Limits
 from romdam.core.arrays import Bools, Floats
@@ -62,8 +63,8 @@ def _add_dense(W: Floats, p: Floats, y: Floats) -> None:
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def add_gap(rows: Floats, p: Floats, y: Floats) -> None:
     """y += rows^T p, the three rows of a gap in one pass."""
-    a, b, c = rows[0], rows[1], rows[2]
-    f, g, h = p[0], p[1], p[2]
+    a, b, c = rows[NORMAL], rows[SHEAR_J], rows[SHEAR_K]
+    f, g, h = p[NORMAL], p[SHEAR_J], p[SHEAR_K]
     for j in range(len(y)):
         y[j] += f * a[j] + g * b[j] + h * c[j]
 
@@ -73,12 +74,12 @@ def add_product(W: Floats, p: Floats, y: Floats) -> None:
     """y += W p, W symmetric; where few gaps are loaded, the others are skipped."""
     loaded = 0
     for a in range(0, len(p), 3):
-        loaded += int(p[a] != 0.0 or p[a + 1] != 0.0 or p[a + 2] != 0.0)
+        loaded += int(p[a] != 0.0 or p[a + SHEAR_J] != 0.0 or p[a + SHEAR_K] != 0.0)
     if 6 * loaded > len(p):
         _add_dense(W, p, y)
         return
     for a in range(0, len(p), 3):
-        if p[a] != 0.0 or p[a + 1] != 0.0 or p[a + 2] != 0.0:
+        if p[a] != 0.0 or p[a + SHEAR_J] != 0.0 or p[a + SHEAR_K] != 0.0:
             add_gap(W[a : a + 3], p[a : a + 3], y)
 
 
@@ -96,10 +97,16 @@ def _natural(
     """Natural map of gap i: (x_n, x_j, x_k, limit_j, limit_k), not yet projected."""
     b = 3 * i
     x_n = p[b] - y[b] / W[b, b]
-    scale = 1.0 / max(W[b + 1, b + 1], W[b + 2, b + 2])
-    limit_j = limits.cohesion[i, 0] + limits.mu[i, 0] * max(x_n, 0.0)
-    limit_k = limits.cohesion[i, 1] + limits.mu[i, 1] * max(x_n, 0.0)
-    return x_n, p[b + 1] - scale * y[b + 1], p[b + 2] - scale * y[b + 2], limit_j, limit_k
+    scale = 1.0 / max(W[b + SHEAR_J, b + SHEAR_J], W[b + SHEAR_K, b + SHEAR_K])
+    limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * max(x_n, 0.0)
+    limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * max(x_n, 0.0)
+    return (
+        x_n,
+        p[b + SHEAR_J] - scale * y[b + SHEAR_J],
+        p[b + SHEAR_K] - scale * y[b + SHEAR_K],
+        limit_j,
+        limit_k,
+    )
 
 
 @njit(cache=True)
@@ -110,7 +117,7 @@ def _change(W: Floats, limits: Limits, p: Floats, y: Floats, i: int) -> float:
     t_j, t_k = 0.0, 0.0
     if limit_j > 0.0 or limit_k > 0.0:
         t_j, t_k, _ = project_shear(x_j, x_k, limit_j, limit_k)
-    change = max(abs(max(x_n, 0.0) - p[b]), abs(t_j - p[b + 1]), abs(t_k - p[b + 2]))
+    change = max(abs(max(x_n, 0.0) - p[b]), abs(t_j - p[b + SHEAR_J]), abs(t_k - p[b + SHEAR_K]))
     return change if math.isfinite(x_n + change) else np.inf
 
 
@@ -123,8 +130,13 @@ def natural_residuals(W: Floats, limits: Limits, p: Floats, y: Floats) -> tuple[
     for i in range(len(limits.mu)):
         b = 3 * i
         opening = max(opening, abs(y[b]) / W[b, b])
-        size = max(abs(p[b]), abs(p[b + 1]), abs(p[b + 2]))
-        if size == 0.0 and y[b] >= 0.0 and limits.cohesion[i, 0] == 0.0 and limits.cohesion[i, 1] == 0.0:
+        size = max(abs(p[b]), abs(p[b + SHEAR_J]), abs(p[b + SHEAR_K]))
+        if (
+            size == 0.0
+            and y[b] >= 0.0
+            and limits.cohesion[i, ALONG_J] == 0.0
+            and limits.cohesion[i, ALONG_K] == 0.0
+        ):
             continue  # an open gap
         worst = max(worst, _change(W, limits, p, y, i))
         closing = max(closing, size)
@@ -134,7 +146,8 @@ def natural_residuals(W: Floats, limits: Limits, p: Floats, y: Floats) -> tuple[
 @njit(cache=True)
 def natural_residual(W: Floats, limits: Limits, p: Floats, y: Floats) -> float:
     """Largest change of a force by its natural map, relative to the largest force."""
-    return natural_residuals(W, limits, p, y)[0]
+    residual, _ = natural_residuals(W, limits, p, y)
+    return residual
 
 
 @njit(cache=True)
@@ -151,7 +164,10 @@ def worst_gap(W: Floats, limits: Limits, p: Floats, y: Floats) -> int:
 @njit(cache=True)
 def on_resultant(limits: Limits, i: int) -> bool:
     """Whether gap i bounds the resultant shear (a disc) and not each direction (a rectangle)."""
-    return limits.mu[i, 0] == limits.mu[i, 1] and limits.cohesion[i, 0] == limits.cohesion[i, 1]
+    return (
+        limits.mu[i, ALONG_J] == limits.mu[i, ALONG_K]
+        and limits.cohesion[i, ALONG_J] == limits.cohesion[i, ALONG_K]
+    )
 
 
 @njit(cache=True)
@@ -160,25 +176,25 @@ def _classify(W: Floats, limits: Limits, p: Floats, y: Floats, heading: Floats, 
 
     heading (n, 2) is the direction of a sliding gap's shear (signs on the rectangle), zero where it sticks.
     free (n, 3): normal force unknown, shear along j and k unknown. A gap sliding on the resultant keeps
-    free[i, 1] for the turn of its direction; free[i, 2] is False there.
+    free[i, SHEAR_J] for the turn of its direction; free[i, SHEAR_K] is False there.
     """
     unknowns = 0
     for i in range(len(limits.mu)):
         x_n, x_j, x_k, limit_j, limit_k = _natural(W, limits, p, y, i)
         stick_j, stick_k = abs(x_j) <= limit_j and limit_j > 0.0, abs(x_k) <= limit_k and limit_k > 0.0
-        heading[i, 0], heading[i, 1] = 0.0, 0.0
+        heading[i, ALONG_J], heading[i, ALONG_K] = 0.0, 0.0
         if on_resultant(limits, i):
             size = math.hypot(x_j, x_k)
             stick_j = limit_j > 0.0
             stick_k = stick_j and size <= limit_j
             if stick_j and not stick_k:
-                heading[i, 0], heading[i, 1] = x_j / size, x_k / size
+                heading[i, ALONG_J], heading[i, ALONG_K] = x_j / size, x_k / size
         else:
             if not stick_j and limit_j > 0.0:
-                heading[i, 0] = math.copysign(1.0, x_j)
+                heading[i, ALONG_J] = math.copysign(1.0, x_j)
             if not stick_k and limit_k > 0.0:
-                heading[i, 1] = math.copysign(1.0, x_k)
-        free[i, 0], free[i, 1], free[i, 2] = x_n > 0.0, stick_j, stick_k
+                heading[i, ALONG_K] = math.copysign(1.0, x_k)
+        free[i, NORMAL], free[i, SHEAR_J], free[i, SHEAR_K] = x_n > 0.0, stick_j, stick_k
         unknowns += int(x_n > 0.0) + int(stick_j) + int(stick_k)
     return unknowns
 
@@ -190,17 +206,21 @@ def _directions(
     """Unknown directions of force (columns) and equation directions of y (rows), (m, 3) each."""
     m = 0
     for i in range(len(free)):
-        if free[i, 0]:
-            columns[m] = (1.0, limits.mu[i, 0] * heading[i, 0], limits.mu[i, 1] * heading[i, 1])
+        if free[i, NORMAL]:
+            columns[m] = (
+                1.0,
+                limits.mu[i, ALONG_J] * heading[i, ALONG_J],
+                limits.mu[i, ALONG_K] * heading[i, ALONG_K],
+            )
             rows[m] = (1.0, 0.0, 0.0)
             index[m] = i
             m += 1
-        turns = on_resultant(limits, i) and not free[i, 2]
-        for axis in (1, 2):
+        turns = on_resultant(limits, i) and not free[i, SHEAR_K]
+        for axis in (SHEAR_J, SHEAR_K):
             if free[i, axis]:
-                direction = (0.0, 1.0, 0.0) if axis == 1 else (0.0, 0.0, 1.0)
+                direction = (0.0, 1.0, 0.0) if axis == SHEAR_J else (0.0, 0.0, 1.0)
                 if turns:
-                    direction = (0.0, -heading[i, 1], heading[i, 0])
+                    direction = (0.0, -heading[i, ALONG_K], heading[i, ALONG_J])
                 columns[m] = direction
                 rows[m] = direction
                 index[m] = i
@@ -219,9 +239,9 @@ def _jacobian(W: Floats, rows: Floats, columns: Floats, index: NDArray[np.int64]
             for r in range(3):
                 if rows[a, r] != 0.0:
                     total += rows[a, r] * (
-                        W[ia + r, ib] * columns[b, 0]
-                        + W[ia + r, ib + 1] * columns[b, 1]
-                        + W[ia + r, ib + 2] * columns[b, 2]
+                        W[ia + r, ib] * columns[b, NORMAL]
+                        + W[ia + r, ib + SHEAR_J] * columns[b, SHEAR_J]
+                        + W[ia + r, ib + SHEAR_K] * columns[b, SHEAR_K]
                     )
             J[a, b] = total
 
@@ -231,14 +251,14 @@ def _slave(limits: Limits, p: Floats, heading: Floats, free: Bools) -> None:
     """Put the forces that are no unknowns to what the states make of them."""
     for i in range(len(free)):
         b = 3 * i
-        p[b] = max(p[b], 0.0) if free[i, 0] else 0.0
-        turns = on_resultant(limits, i) and not free[i, 2]
+        p[b] = max(p[b], 0.0) if free[i, NORMAL] else 0.0
+        turns = on_resultant(limits, i) and not free[i, SHEAR_K]
         for axis in range(2):
             if (turns and axis == 0) or not free[i, 1 + axis]:
-                p[b + 1 + axis] = 0.0
+                p[b + SHEAR_J + axis] = 0.0
                 if heading[i, axis] != 0.0:  # a gap without heading may have an infinite limit
                     limit = limits.cohesion[i, axis] + limits.mu[i, axis] * p[b]
-                    p[b + 1 + axis] = heading[i, axis] * limit
+                    p[b + SHEAR_J + axis] = heading[i, axis] * limit
 
 
 @njit(cache=True)
@@ -256,11 +276,13 @@ def _update(
     _jacobian(W, rows, columns, index, J)
     for a in range(unknowns):
         i, b = index[a], 3 * index[a]
-        right[a] = -(rows[a, 0] * y[b] + rows[a, 1] * y[b + 1] + rows[a, 2] * y[b + 2])
+        right[a] = -(
+            rows[a, NORMAL] * y[b] + rows[a, SHEAR_J] * y[b + SHEAR_J] + rows[a, SHEAR_K] * y[b + SHEAR_K]
+        )
         J[a, a] += _REGULAR * W[b, b]
-        if rows[a, 0] == 0.0 and on_resultant(limits, i) and not free[i, 2]:
-            along = heading[i, 0] * y[b + 1] + heading[i, 1] * y[b + 2]
-            limit = limits.cohesion[i, 0] + limits.mu[i, 0] * p[b]
+        if rows[a, NORMAL] == 0.0 and on_resultant(limits, i) and not free[i, SHEAR_K]:
+            along = heading[i, ALONG_J] * y[b + SHEAR_J] + heading[i, ALONG_K] * y[b + SHEAR_K]
+            limit = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p[b]
             J[a, a] += max(-along, 0.0) / max(limit, 1e-12 * abs(right[a]) / W[b, b] + 1e-300)
     if not (np.isfinite(J).all() and np.isfinite(right).all()):
         return False
@@ -277,14 +299,14 @@ def newton(
     W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
 ) -> float:
     """Iterate from memory.force; y must be its response; the natural residual reached."""
-    n, p = len(limits.mu), memory.force
+    n, p, counts = len(limits.mu), memory.force, memory.solver.sweeps.counts
     heading, free = np.zeros((n, 2)), np.zeros((n, 3), dtype=np.bool_)
     residual = natural_residual(W, limits, p, y)
     for iteration in range(_ITERATIONS):
         unknowns = _classify(W, limits, p, y, heading, free)
         good = _update(W, limits, (heading, free, unknowns), p, y_free, y)
-        memory.counts[0, 2] += 1
-        memory.counts[0, 3] = max(memory.counts[0, 3], iteration + 1)
+        counts.iterations += 1
+        counts.most_iterations = max(counts.most_iterations, iteration + 1)
         response(W, p, y_free, y)
         residual = natural_residual(W, limits, p, y)
         if not good or residual <= tolerance:

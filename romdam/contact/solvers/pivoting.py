@@ -1,12 +1,12 @@
 """The frictionless gap-space problem: y = W p + y_free, y >= 0, p >= 0, y p = 0.
 
-A linear complementarity problem with a symmetric positive definite W, solved by block principal
-pivoting: the primal-dual active set method (all infeasible gaps change sides at once) while it
-makes progress, single changes by largest index when it does not, which is finite for every
+A linear complementarity problem (LCP) with a symmetric positive definite W, the Delassus operator, solved by
+block principal pivoting: the primal-dual active set method (all infeasible gaps change sides at once) while
+it makes progress, single changes by largest index when it does not, which is finite for every
 P-matrix. The inverse of W on the closed gaps is carried from step to step and bordered or deflated
 as gaps close and open: a change costs O(closed^2), a step without any costs the product with the
 inverse, and nothing is refactored. (A full principal pivot transform does the same with rank-one updates of
-all n^2 entries; on the two-cantilever model it cost three times as much per change.)
+all n^2 entries.)
 
 With more than half of the gaps closed the dual problem is the smaller one: p = Z y - Z y_free with
 Z = W^-1 made beforehand is the same problem with the roles of force and opening swapped, and its active set
@@ -22,8 +22,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.problem import ActiveSet, GapMemory, GapProblem
-from romdam.core.arrays import Floats
+from romdam.contact.problem import GapMemory, GapProblem
+from romdam.contact.solvers.state import (
+    CLOSED_SET,
+    OPEN_SET,
+    SET_FORCE,
+    SET_RIGHT,
+    SOLUTION,
+    PivotingState,
+)
+from romdam.core.arrays import Floats, at
 from romdam.core.jit import copy, njit
 
 _PATIENCE = 3  # block changes without progress before single changes take over (Judice and Pires)
@@ -54,10 +62,10 @@ def _minus_product(A: Floats, x: Floats, n: int, y: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _border(W: Floats, set_: ActiveSet, k: int) -> None:
+def _border(W: Floats, set_: PivotingState, k: int) -> None:
     """Close gap k: border the inverse by its row and column."""
-    inverse, order, n = set_.inverse, set_.order, set_.counts[0]
-    b, column = set_.work[0], set_.work[1]
+    inverse, order, n = set_.inverse, set_.order, set_.counts.size
+    b, column = set_.scratch[SET_FORCE], set_.scratch[SET_RIGHT]
     for i in range(n):
         column[i] = W[k, order[i]]
     schur = W[k, k]
@@ -73,14 +81,14 @@ def _border(W: Floats, set_: ActiveSet, k: int) -> None:
         inverse[n, i] = factor
     inverse[n, n] = scale
     order[n] = k
-    set_.counts[0] = n + 1
+    set_.counts.size = n + 1
     set_.active[k] = True
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _deflate(set_: ActiveSet, k: int) -> None:
+def _deflate(set_: PivotingState, k: int) -> None:
     """Open gap k: take its row and column out of the inverse; the last gap takes its place."""
-    inverse, order, n = set_.inverse, set_.order, set_.counts[0]
+    inverse, order, n = set_.inverse, set_.order, set_.counts.size
     at = 0
     while order[at] != k:
         at += 1
@@ -96,14 +104,14 @@ def _deflate(set_: ActiveSet, k: int) -> None:
         row, factor = inverse[i], tail[i] * scale
         for j in range(last):
             row[j] -= factor * tail[j]
-    set_.counts[0] = last
+    set_.counts.size = last
     set_.active[k] = False
 
 
 @njit(cache=True)
-def _rebuild(W: Floats, set_: ActiveSet, wanted: NDArray[np.bool_]) -> None:
+def _rebuild(W: Floats, set_: PivotingState, wanted: NDArray[np.bool_]) -> None:
     """Make the inverse anew for a closed set."""
-    set_.counts[0], set_.counts[1] = 0, 0
+    set_.counts.size, set_.counts.updates = 0, 0
     set_.active[:] = False
     for k in range(len(wanted)):
         if wanted[k]:
@@ -111,7 +119,7 @@ def _rebuild(W: Floats, set_: ActiveSet, wanted: NDArray[np.bool_]) -> None:
 
 
 @njit(cache=True)
-def adopt(W: Floats, set_: ActiveSet, wanted: NDArray[np.bool_]) -> None:
+def adopt(W: Floats, set_: PivotingState, wanted: NDArray[np.bool_]) -> None:
     """Start from another closed set than the set_'s own, by the cheaper of changes and a rebuild."""
     changes, size = 0, 0
     for k in range(len(wanted)):
@@ -126,14 +134,14 @@ def adopt(W: Floats, set_: ActiveSet, wanted: NDArray[np.bool_]) -> None:
     for k in range(len(wanted)):
         if wanted[k] and not set_.active[k]:
             _border(W, set_, k)
-    set_.counts[1] += changes
+    set_.counts.updates += changes
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _evaluate(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> None:
+def _evaluate(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> None:
     """Force of the closed gaps and opening of the open ones, in one vector."""
-    inverse, order, n = set_.inverse, set_.order, set_.counts[0]
-    force, right = set_.work[0], set_.work[1]
+    inverse, order, n = set_.inverse, set_.order, set_.counts.size
+    force, right = set_.scratch[SET_FORCE], set_.scratch[SET_RIGHT]
     for i in range(n):
         right[i] = y_free[order[i]]
     _minus_product(inverse, right, n, force)
@@ -148,11 +156,18 @@ def _evaluate(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> None:
 
 
 @njit(cache=True)
-def _infeasible(active: NDArray[np.bool_], out: Floats, slack: tuple[float, float]) -> tuple[int, int]:
+def _is_infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float], i: int) -> bool:
+    """Whether gap i is on the wrong side: pulled, or overlapping."""
+    least_force, least_opening = slack
+    return out[i] < -(least_force if set_.active[i] else least_opening)
+
+
+@njit(cache=True)
+def _infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float]) -> tuple[int, int]:
     """How many gaps are on the wrong side, and the largest index among them."""
     count, last = 0, -1
-    for i in range(len(active)):
-        if out[i] < -(slack[0] if active[i] else slack[1]):
+    for i in range(len(out)):
+        if _is_infeasible(set_, out, slack, i):
             count += 1
             last = i
     return count, last
@@ -169,10 +184,10 @@ def _slack(W: Floats, y_free: Floats) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _residual(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> float:
+def _residual(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> float:
     """Largest |W p + y_free| over the closed gaps, relative to the largest |y_free|."""
     worst, size = 0.0, 1e-300
-    order, n = set_.order, set_.counts[0]
+    order, n = set_.order, set_.counts.size
     for i in range(len(out)):
         size = max(size, abs(y_free[i]))
     for a in range(n):
@@ -184,7 +199,7 @@ def _residual(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> float:
 
 
 @njit(cache=True)
-def _change(W: Floats, set_: ActiveSet, k: int) -> None:
+def _change(W: Floats, set_: PivotingState, k: int) -> None:
     if set_.active[k]:
         _deflate(set_, k)
     else:
@@ -192,7 +207,7 @@ def _change(W: Floats, set_: ActiveSet, k: int) -> None:
 
 
 @njit(cache=True)
-def _change_until_feasible(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats) -> int:
+def _change_until_feasible(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> int:
     """Change sides until no gap is infeasible; changes made, or -1 if the limit was reached."""
     active = set_.active
     slack = _slack(W, y_free)
@@ -200,7 +215,7 @@ def _change_until_feasible(W: Floats, set_: ActiveSet, y_free: Floats, out: Floa
     wrong = np.empty(len(active), dtype=np.bool_)
     while changes <= _MAX_CHANGES_PER_GAP * len(active):
         _evaluate(W, set_, y_free, out)
-        count, last = _infeasible(active, out, slack)
+        count, last = _infeasible(set_, out, slack)
         if count == 0:
             return changes
         if count < best:
@@ -212,32 +227,35 @@ def _change_until_feasible(W: Floats, set_: ActiveSet, y_free: Floats, out: Floa
             changes += 1
             continue
         for i in range(len(active)):
-            wrong[i] = out[i] < -(slack[0] if active[i] else slack[1])
+            wrong[i] = _is_infeasible(set_, out, slack, i)
         adopt(W, set_, wrong ^ active)
         changes += count
     return -1
 
 
 @njit(cache=True)
-def _solve_on(W: Floats, set_: ActiveSet, y_free: Floats, out: Floats, control: tuple[float, bool]) -> float:
+def _solve_on(
+    W: Floats, set_: PivotingState, y_free: Floats, out: Floats, control: tuple[float, bool]
+) -> float:
     """Solve from the active set at hand; relative residual, inf without convergence."""
     tolerance, steady = control
     if steady:
         _evaluate(W, set_, y_free, out)
-        if _infeasible(set_.active, out, _slack(W, y_free))[0] > 0:
+        wrong, _ = _infeasible(set_, out, _slack(W, y_free))
+        if wrong > 0:
             return np.inf
         changes = 0
     else:
         changes = _change_until_feasible(W, set_, y_free, out)
     residual = 0.0 if changes == 0 else _residual(W, set_, y_free, out)
-    if changes < 0 or residual > 1e-2 * tolerance or set_.counts[1] > _REFRESH:
+    if changes < 0 or residual > 1e-2 * tolerance or set_.counts.updates > _REFRESH:
         _rebuild(W, set_, set_.active.copy())
         changes = _change_until_feasible(W, set_, y_free, out)
         if changes < 0 or (steady and changes > 0):
             return np.inf
         residual = _residual(W, set_, y_free, out)
-    set_.counts[2] += changes
-    set_.counts[3] = max(set_.counts[3], changes)
+    set_.counts.iterations += changes
+    set_.counts.most_iterations = max(set_.counts.most_iterations, changes)
     return residual
 
 
@@ -264,25 +282,24 @@ def solve_unilateral(
     -------
     float, the relative residual reached; above the tolerance (or inf) means no convergence
     """
-    n, size = len(closed), 0
+    n, size, (tolerance, _) = len(closed), 0, control
     for i in range(n):
         size += int(closed[i])
-    dual = int(2 * size > n and len(problem.Z) > 0)
-    set_ = ActiveSet(
-        memory.active[dual], memory.inverse[dual], memory.order[dual], memory.counts[dual], memory.work
-    )
-    out = memory.work[2]
-    if dual == 1:
+    dual = 2 * size > n and len(problem.Z) > 0
+    set_ = at(memory.solver, OPEN_SET if dual else CLOSED_SET)
+    out = set_.scratch[SOLUTION]
+    if dual:
         _minus_product(problem.Z, y_free, n, y)
         adopt(problem.Z, set_, ~closed)
         residual = _solve_on(problem.Z, set_, y, out, control)
     else:
         adopt(problem.W, set_, closed)
         residual = _solve_on(problem.W, set_, y_free, out, control)
-    if not residual <= control[0]:
+    if not residual <= tolerance:
+        memory.failure.gap = out.argmin()
         return residual
     for i in range(n):
-        loaded = set_.active[i] != (dual == 1)
+        loaded = set_.active[i] != dual
         memory.force[i] = max(out[i], 0.0) if loaded else 0.0
         y[i] = 0.0 if loaded else out[i]
     return residual

@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.core.arrays import Floats
 from romdam.core.jit import njit
 
@@ -35,13 +36,16 @@ def _slide(
     """
     cohesion, mu = bound
     e_j, e_k = math.cos(angle), math.sin(angle)
-    pull = A[0, 1] * e_j + A[0, 2] * e_k
-    push, stiff = max(-b[0] - cohesion * pull, 0.0), A[0, 0] + mu * pull
-    s_j, s_k = A[1, 1] * e_j + A[1, 2] * e_k, A[2, 1] * e_j + A[2, 2] * e_k
+    pull = A[NORMAL, SHEAR_J] * e_j + A[NORMAL, SHEAR_K] * e_k
+    push, stiff = max(-b[NORMAL] - cohesion * pull, 0.0), A[NORMAL, NORMAL] + mu * pull
+    s_j, s_k = (
+        A[SHEAR_J, SHEAR_J] * e_j + A[SHEAR_J, SHEAR_K] * e_k,
+        A[SHEAR_K, SHEAR_J] * e_j + A[SHEAR_K, SHEAR_K] * e_k,
+    )
     if push == 0.0:
         stiff = 1.0
-    y_j = stiff * (b[1] + cohesion * s_j) + push * (A[1, 0] + mu * s_j)
-    y_k = stiff * (b[2] + cohesion * s_k) + push * (A[2, 0] + mu * s_k)
+    y_j = stiff * (b[SHEAR_J] + cohesion * s_j) + push * (A[SHEAR_J, NORMAL] + mu * s_j)
+    y_k = stiff * (b[SHEAR_K] + cohesion * s_k) + push * (A[SHEAR_K, NORMAL] + mu * s_k)
     across, along = e_j * y_k - e_k * y_j, e_j * y_j + e_k * y_k
     p_n = push / stiff if stiff > 0.0 else -1.0
     return p_n, cohesion + mu * p_n, across, along
@@ -64,7 +68,7 @@ def _sliding(A: Floats, b: Floats, bound: tuple[float, float], p: Floats) -> boo
             p_n, t, across, along = _slide(A, b, bound, left)
             jumps = abs(across) > 1e-6 * max(abs(before), abs(after))  # no root: a gap that would pull opens
             if p_n >= 0.0 and along <= 0.0 and not jumps:
-                p[0], p[1], p[2] = p_n, t * math.cos(left), t * math.sin(left)
+                p[NORMAL], p[SHEAR_J], p[SHEAR_K] = p_n, t * math.cos(left), t * math.sin(left)
                 return True
         before = after
     return False
@@ -81,7 +85,7 @@ def _fits(y: float, p: float, limit: float, state: int) -> bool:
 @njit(cache=True)
 def _row(A: Floats, r: int, p: Floats, b: Floats) -> float:
     """Row r of A p + b."""
-    return A[r, 0] * p[0] + A[r, 1] * p[1] + A[r, 2] * p[2] + b[r]
+    return A[r, NORMAL] * p[NORMAL] + A[r, SHEAR_J] * p[SHEAR_J] + A[r, SHEAR_K] * p[SHEAR_K] + b[r]
 
 
 @njit(cache=True)
@@ -90,25 +94,31 @@ def _combination(
 ) -> bool:
     """Solve for one combination of states: closed or open, each shear stuck (0) or sliding (its sign)."""
     cohesion, mu = limits
-    closed, moves = states[0], (states[1], states[2])
+    closed, move_j, move_k = states
+    moves = (move_j, move_k)
     J, right = np.eye(3), np.zeros(3)
     for r in range(3):
         if closed if r == 0 else moves[r - 1] == 0:
-            J[r, 0], J[r, 1], J[r, 2], right[r] = A[r, 0], A[r, 1], A[r, 2], -b[r]
+            J[r, NORMAL], J[r, SHEAR_J], J[r, SHEAR_K], right[r] = (
+                A[r, NORMAL],
+                A[r, SHEAR_J],
+                A[r, SHEAR_K],
+                -b[r],
+            )
     for a in range(2):
         if moves[a] == 0:
             continue
         if math.isfinite(cohesion[a]):
-            J[1 + a, 0], right[1 + a] = -moves[a] * mu[a], moves[a] * cohesion[a]
+            J[SHEAR_J + a, NORMAL], right[SHEAR_J + a] = -moves[a] * mu[a], moves[a] * cohesion[a]
         else:
             return False
-    found = np.linalg.solve(J, right).astype(np.float64)
-    good = found[0] >= 0.0 if closed else _row(A, 0, found, b) >= 0.0
+    solution = np.linalg.solve(J, right).astype(np.float64)
+    good = solution[NORMAL] >= 0.0 if closed else _row(A, NORMAL, solution, b) >= 0.0
     for a in range(2):
-        limit = cohesion[a] + mu[a] * found[0]
-        good = good and _fits(_row(A, 1 + a, found, b), found[1 + a], limit, moves[a])
+        limit = cohesion[a] + mu[a] * solution[NORMAL]
+        good = good and _fits(_row(A, SHEAR_J + a, solution, b), solution[SHEAR_J + a], limit, moves[a])
     if good:
-        p[0], p[1], p[2] = found
+        p[NORMAL], p[SHEAR_J], p[SHEAR_K] = solution
     return good
 
 
@@ -124,13 +134,17 @@ def solve_gap(A: Floats, b: Floats, cohesion: Floats, mu: Floats, p: Floats) -> 
     p : (3,) receives normal force and shear [N]
     """
     limits, stuck = (cohesion, mu), np.empty(3)
-    if cohesion[0] == cohesion[1] and mu[0] == mu[1]:
+    if cohesion[ALONG_J] == cohesion[ALONG_K] and mu[ALONG_J] == mu[ALONG_K]:
         for closed in (False, True):
             good = _combination(A, b, limits, (closed, 0, 0), stuck)
-            if good and math.hypot(stuck[1], stuck[2]) <= cohesion[0] + mu[0] * stuck[0]:
-                p[0], p[1], p[2] = stuck
+            if (
+                good
+                and math.hypot(stuck[SHEAR_J], stuck[SHEAR_K])
+                <= cohesion[ALONG_J] + mu[ALONG_J] * stuck[NORMAL]
+            ):
+                p[NORMAL], p[SHEAR_J], p[SHEAR_K] = stuck
                 return True
-        return math.isfinite(cohesion[0]) and _sliding(A, b, (cohesion[0], mu[0]), p)
+        return math.isfinite(cohesion[ALONG_J]) and _sliding(A, b, (cohesion[ALONG_J], mu[ALONG_J]), p)
     for closed in (False, True):
         for j in (0, 1, -1):
             for k in (0, 1, -1):

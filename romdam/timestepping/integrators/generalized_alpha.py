@@ -21,13 +21,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
+from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
+from romdam.contact.solvers.state import iterations
 from romdam.contact.step import commit_gaps, solve_gaps
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Floats, record
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
 from romdam.linalg.factor import Factor
-from romdam.timestepping.energy import ledger
+from romdam.timestepping.energy import ENERGIES, ledger
 from romdam.timestepping.equilibrium import (
     GapState,
     static_equilibrium,
@@ -36,7 +38,7 @@ from romdam.timestepping.equilibrium import (
     undeformed,
 )
 from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.peaks import first_peaks, named_peaks
+from romdam.timestepping.peaks import first_peaks, named_peaks, raise_peaks
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ class _State:
         self.u = q
         self.v = np.zeros_like(q)
         self.jump, self.force, self.state = gaps.jump.copy(), gaps.force.copy(), gaps.state.copy()
-        self.stored = gaps.stored
-        self.works, self.impulse = np.zeros(4), np.zeros_like(gaps.force)
+        self.energies, self.impulse = record(ENERGIES), np.zeros_like(gaps.force)
+        self.energies.stored = gaps.stored
         self.numerical = 0.0
         rest = system.force - system.load @ ground + system.B.T @ gaps.force.ravel() - system.K @ q
         massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
@@ -94,7 +96,7 @@ def generalized_alpha(
     initial = static_equilibrium(system, options.tolerance) if options.initial_state == "static" else None
     q, gaps = initial or undeformed(system)
     take_over(memory, gaps)
-    state = _State(system, q, gaps, ground[:, 0])
+    state = _State(system, q, gaps, ground.T[0])
     rows = _Rows(system, state, options, ground.shape[1])
     _compile(stepper.problem)
     setup, loop = time.process_time() - start, time.process_time()
@@ -105,17 +107,18 @@ def generalized_alpha(
             raise ConvergenceError(
                 f"step {n + 1}, t = {(n + 1) * options.dt:.6g} s: the gap-space problem stopped at a "
                 f"relative residual of {residual:.2g}, limit {options.tolerance:.2g}, farthest at "
-                f"{system.law.place(int(memory.worst[0]))}; halve transient.dt"
+                f"{system.law.place(int(memory.failure.gap))}; halve transient.dt"
             )
         worst = max(worst, residual)
         rows.keep(state, n + 1)
         if (n + 1) % 100 == 0 or n + 1 == total:
             progress(n + 1, total)
+    iterations_made, most_iterations = iterations(memory.solver)
     stats = {
         "steps": float(total),
         "finest_step": options.dt,
-        "solver_iterations": float(memory.counts[:, 2].sum()),
-        "largest_iterations": float(memory.counts[:, 3].max()),
+        "solver_iterations": iterations_made,
+        "largest_iterations": most_iterations,
         "largest_residual": worst,
         "setup_cpu_seconds": setup,
         "loop_cpu_seconds": time.process_time() - loop,
@@ -147,7 +150,8 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     u_old, v_old, inertia_old = state.u, state.v, state.inertia
     u_star = u_old + dt * v_old + dt**2 * (0.5 - s.beta) * state.a
     v_star = v_old + dt * (1.0 - s.gamma) * state.a
-    external = system.force - system.load @ ((1.0 - s.a_f) * ground[:, 1] + s.a_f * ground[:, 0])
+    before, after = ground.T
+    external = system.force - system.load @ ((1.0 - s.a_f) * after + s.a_f * before)
     right = external - s.a_m * inertia_old
     right -= system.C @ ((1.0 - s.a_f) * v_star + s.a_f * v_old)
     right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
@@ -157,9 +161,10 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     if not residual <= tolerance:
         return residual
     jump_old = state.jump.copy()
-    state.stored, friction = commit_gaps(stepper.problem, memory, y, state.jump, state.force, state.state)
+    energies = state.energies
+    energies.stored, friction = commit_gaps(stepper.problem, memory, y, state.jump, state.force, state.state)
     acting = memory.force.reshape(state.force.shape).copy()
-    acting[:, 0] -= stepper.problem.tension * state.jump[:, 0]
+    acting[:, NORMAL] -= stepper.problem.tension * state.jump[:, NORMAL]
     right += stepper.operator.T @ acting.ravel()
     state.a = stepper.factor.solve(right)
     state.impulse += dt * acting
@@ -168,12 +173,10 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     state.inertia = system.M @ state.a
     moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
     damping = system.C @ rate
-    state.works += (
-        float((system.force - system.load @ ground.mean(axis=1)) @ moved),
-        dt * float(rate @ damping),
-        float((acting * (state.jump - jump_old)).sum()),
-        friction,
-    )
+    energies.input += float((system.force - system.load @ ground.mean(axis=1)) @ moved)
+    energies.damping += dt * float(rate @ damping)
+    energies.joint_work += float((acting * (state.jump - jump_old)).sum())
+    energies.friction += friction
     state.numerical += _numerical(stepper, moved, state.v - v_old, state.inertia - inertia_old, ground)
     state.numerical += float((moved - dt * rate) @ damping)
     return residual
@@ -192,7 +195,8 @@ def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, ground: 
     du, dv, M_da : changes of displacement and velocity over the step, and of the inertia M a
     """
     s, system = stepper.scheme, stepper.system
-    force = system.K @ du + M_da + system.load @ (ground[:, 1] - ground[:, 0])
+    before, after = ground.T
+    force = system.K @ du + M_da + system.load @ (after - before)
     taken = (0.5 - s.a_f) * (du @ force) + (s.beta - 0.5 * s.gamma) * stepper.dt * (dv @ M_da)
     return float(taken)
 
@@ -207,20 +211,16 @@ class _Rows:
         self.force = np.zeros((rows, *state.force.shape))
         self.gap_state = np.zeros((rows, len(state.state)), dtype=np.uint8)
         self.impulse = np.zeros_like(self.force)
-        self.motion = np.zeros((3, rows, probes))
-        self.works = np.zeros((rows, 4))
+        self.disp, self.vel, self.acc = np.zeros((3, rows, probes))
+        self.energies = np.zeros(rows, ENERGIES)
         self.unknowns = np.zeros((2, rows, system.size)) if system.reduced else None
-        self.energies = np.zeros((4, rows))
+        self.kinetic, self.strain, self.numerical = np.zeros((3, rows))
         self.peaks = first_peaks(state.jump, state.force)
         self._write(state, 0)
 
     def keep(self, state: _State, step: int) -> None:
         """Update the peaks, and write the row if the step has one."""
-        now = first_peaks(state.jump, state.force)
-        larger = now[0] > self.peaks[0]
-        self.peaks[0, larger] = now[0, larger]
-        self.peaks[1, larger] = step * self.options.dt
-        self.peaks[2:] = np.maximum(self.peaks[2:], now[2:])
+        raise_peaks(self.peaks, first_peaks(state.jump, state.force), step * self.options.dt)
         if step % self.options.stride == 0:
             self._write(state, step // self.options.stride)
 
@@ -228,15 +228,14 @@ class _Rows:
         system = self.system
         self.jump[row], self.force[row], self.gap_state[row] = state.jump, state.force, state.state
         self.impulse[row], state.impulse = state.impulse, np.zeros_like(state.impulse)
-        for k, field in enumerate((state.u, state.v, state.a)):
-            self.motion[k, row] = system.observe @ field
-        self.works[row] = state.works
+        for kept, field in zip((self.disp, self.vel, self.acc), (state.u, state.v, state.a), strict=True):
+            kept[row] = system.observe @ field
+        self.energies[row] = state.energies
         if self.unknowns is not None:
             self.unknowns[:, row] = state.u, state.v
-        self.energies[0, row] = 0.5 * float(state.v @ (system.M @ state.v))
-        self.energies[1, row] = 0.5 * float(state.u @ (system.K @ state.u))
-        self.energies[2, row] = state.stored
-        self.energies[3, row] = state.numerical
+        self.kinetic[row] = 0.5 * float(state.v @ (system.M @ state.v))
+        self.strain[row] = 0.5 * float(state.u @ (system.K @ state.u))
+        self.numerical[row] = state.numerical
 
     def history(self, stats: dict[str, float]) -> History:
         """The finished history."""
@@ -247,12 +246,12 @@ class _Rows:
             traction=self.force,
             mean_traction=self.impulse / (self.options.dt * self.options.stride),
             state=self.gap_state,
-            disp=self.motion[0],
-            vel=self.motion[1],
-            acc=self.motion[2],
+            disp=self.disp,
+            vel=self.vel,
+            acc=self.acc,
             q=q,
             v=v,
-            energy=ledger(self.works, *self.energies),
+            energy=ledger(self.energies, self.kinetic, self.strain, self.numerical),
             peaks=named_peaks(self.peaks),
             stats=stats,
             integrator="generalized_alpha",

@@ -1,6 +1,7 @@
-"""The arrays that the hot loop works on; tuples of arrays, because that is what the kernel can take.
+"""The arrays that the hot loop works on, in NamedTuples, because that is what a kernel can take.
 
-Runs that march together share the model; the leading axis of everything that moves is the run.
+Runs that are integrated together share the model; the leading axis of everything that moves is the run.
+Numbers that change together are the fields of a record.
 """
 
 from __future__ import annotations
@@ -11,8 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory, GapProblem
-from romdam.core.arrays import Floats, Ints
+from romdam.contact.solvers.state import SolverState
+from romdam.core.arrays import Floats, Ints, Record, record_type
 from romdam.timestepping.modal.propagator import Propagator
+
+BASE = 0  # the level of the base step
+CLOCK = record_type(base_steps=int, fine_steps=int, level=int, calm_steps=int)
+TRIES = record_type(accepted=int, refused=int, residual=float)
+VARIANT = record_type(step=int, problem=int)
 
 
 class ModalModel(NamedTuple):
@@ -26,7 +33,7 @@ class ModalModel(NamedTuple):
     values : G's blocks, row-major, one after another
     R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
     conserving : True where the joint force acts with its mean over the step, so that no energy is lost, else
-        None (see `GapProblem.frictional`)
+        None, which is a type of its own to numba: what is not called is not compiled either
     shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
     """
 
@@ -39,12 +46,11 @@ class ModalModel(NamedTuple):
     shift: Floats
 
 
-class Levels(NamedTuple):
+class StepHierarchy(NamedTuple):
     """Step coefficients and gap-space problems of every step size, the base step first.
 
-    Every array of `step` and `problem` has a leading axis of variants
-    (runs may differ in damping and in the joints' parameters), then, unless it is the same at every step,
-    one of levels.
+    Every array of `step` and `problem` has a leading axis of variants (runs may differ in damping and in the
+    joints' parameters), then one of levels.
 
     Attributes
     ----------
@@ -62,32 +68,33 @@ class Levels(NamedTuple):
     half: Floats
 
 
-class Runs(NamedTuple):
-    """What each run is, and where it stands.
+class Batch(NamedTuple):
+    """Runs that are integrated together: what each is, and where it stands.
 
     Attributes
     ----------
-    variant : (2, runs) its variant of the step coefficients, and of the gap-space problem
-    samples, rows : (runs,) its first column of the ground acceleration, its first row of the track
+    variant : (runs,) `VARIANT`: its variant of the step coefficients, and of the gap-space problem
+    samples, rows : (runs,) its first column of the ground acceleration, its first row of the history buffer
     last : (runs,) its number of base steps
     impulse : (runs,) largest gap velocity that the change of a joint force over a step may stand for [m/s]
-    clock : (runs, 4) base steps done, finest steps done in the one under way, level of the next step,
+    clock : (runs,) `CLOCK`: base steps done, finest steps done in the present one, level of the next step,
         accepted steps since the closed set changed
     failed : (runs,) whether a step did not converge at the finest level
     acc : (components, samples) ground acceleration at every base step, the runs one after another [m/s2]
-    memory : of the gap-space problems; all but `work` has a leading axis of runs, and `active`, `inverse`,
-        `order` and `counts` then one of levels
+    memory : (runs,) of the gap-space problems, without the solver's part
+    solver : (runs, levels) what the solver has learnt, see `romdam.contact.solvers.state`
     """
 
-    variant: Ints
+    variant: Record
     samples: Ints
     rows: Ints
     last: Ints
     impulse: Floats
-    clock: Ints
+    clock: Record
     failed: NDArray[np.bool_]
     acc: Floats
     memory: GapMemory
+    solver: SolverState
 
 
 class ModalState(NamedTuple):
@@ -104,10 +111,9 @@ class ModalState(NamedTuple):
     state : (n,) of the gaps
     closed : (n,) closed gaps
     impulse : (n, d) time integral of the joint force since the last row [N s]
-    works : (4,) see `romdam.timestepping.energy.ACCUMULATED` [J]
-    stored : (1,) energy in the gaps [J]
-    counts : (3,) steps accepted, steps refused, largest gap residual
-    peaks : (4, n) largest opening, its time, largest compression, largest slip, over every step
+    energies : `romdam.timestepping.energy.ENERGIES` [J]
+    tries : `TRIES`: steps accepted and refused, largest relative residual of the gap-space problem
+    peaks : (n,) `romdam.timestepping.peaks.PEAKS`, over every step
     """
 
     q: Floats
@@ -122,10 +128,9 @@ class ModalState(NamedTuple):
     state: NDArray[np.uint8]
     closed: NDArray[np.bool_]
     impulse: Floats
-    works: Floats
-    stored: Floats
-    counts: Floats
-    peaks: Floats
+    energies: Record
+    tries: Record
+    peaks: Record
 
 
 class Work(NamedTuple):
@@ -133,13 +138,13 @@ class Work(NamedTuple):
 
     Attributes
     ----------
-    f_0, f_end : (runs, m) external force at the ends of the base step under way
+    f_0, f_end : (runs, m) external force at the ends of the present base step
     f_1, q_free, r : (runs, m) external force and displacement without joint force at the step's end; joint
         force on the modes
     w, y, old_force : (runs, N) jumps, the gap-space problem's solution, joint force at the step's start
-    ends : (runs, 2, N) added jumps at both ends of the base step, (runs, 2, 0) where none are added
+    start_shift, end_shift : (runs, N) added jumps at both ends of the base step; (runs, 0) where none are
     shift : (runs, N) or (runs, 0) added jumps at the step's end
-    underway, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
+    active, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
     """
 
     f_0: Floats
@@ -150,13 +155,14 @@ class Work(NamedTuple):
     w: Floats
     y: Floats
     old_force: Floats
-    ends: Floats
+    start_shift: Floats
+    end_shift: Floats
     shift: Floats
-    underway: Ints
+    active: Ints
     accepted: Ints
 
 
-class Track(NamedTuple):
+class HistoryBuffer(NamedTuple):
     """What is written: one row per kept base step, the runs one after another.
 
     Attributes
@@ -166,8 +172,7 @@ class Track(NamedTuple):
     s : (rows, N)
     jump, force, impulse : (rows, n, d)
     state : (rows, n)
-    works : (rows, 4)
-    stored : (rows,)
+    energies : (rows,) `romdam.timestepping.energy.ENERGIES` [J]
     """
 
     stride: int
@@ -178,5 +183,4 @@ class Track(NamedTuple):
     force: Floats
     impulse: Floats
     state: NDArray[np.uint8]
-    works: Floats
-    stored: Floats
+    energies: Record

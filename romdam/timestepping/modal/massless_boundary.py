@@ -52,7 +52,7 @@ def _end_force(
 def _slid(problem: GapProblem, memory: GapMemory, y: Floats) -> float:
     """What sliding takes in the step, which never is negative [J]."""
     lost = 0.0
-    for i in range(len(memory.anchor)):
+    for i in range(len(memory.accumulated_slip)):
         for a in range(3 * i + 1, 3 * i + 3):
             lost -= memory.force[a] * y[a]
     return lost
@@ -92,7 +92,7 @@ def try_conserving(
     """
     if conserving is None:
         return np.inf
-    (problem, memory), (w_free, shift, y) = gaps, jumps
+    (problem, memory), (w_free, shift, y), (tolerance, _) = gaps, jumps, control
     p_0 = state.force.ravel()
     before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
     correction, p_1, g_1 = np.zeros_like(p_0), np.zeros_like(p_0), np.zeros_like(p_0)
@@ -104,7 +104,7 @@ def try_conserving(
         add_rows(half, p_0 + 2.0 * correction, 1.0, w)
         memory.force[:] = old_force
         residual = solve_gaps(problem, memory, state.closed, w, y, control)
-        if not residual <= control[0]:
+        if not residual <= tolerance:
             return residual
         changed = _end_force(problem, memory, state.closed, y, p_1, g_1)
         slid = _slid(problem, memory, y)

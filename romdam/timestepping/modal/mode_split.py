@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.problem import GapMemory, GapProblem, Laws, Limits, gap_memory
-from romdam.core.arrays import Floats
+from romdam.contact.problem import GapMemory, GapProblem, gap_memory
+from romdam.core.arrays import Floats, at, stacked
 from romdam.core.errors import ConfigError
 from romdam.core.system import Alike, System
 from romdam.timestepping.equilibrium import system_gap_problem
-from romdam.timestepping.modal.arrays import Levels, ModalModel, Track
-from romdam.timestepping.modal.propagator import Propagator, modal_propagator, stacked
+from romdam.timestepping.modal.arrays import BASE, HistoryBuffer, ModalModel, StepHierarchy
+from romdam.timestepping.modal.propagator import Propagator, modal_propagator
 from romdam.timestepping.options import TransientOptions
 
 _FEW = 30  # modes up to which all may be states of the conserving scheme
@@ -109,7 +108,7 @@ def _bonded_frequency(k: Floats, G: Floats, compliance: Floats, states: NDArray[
         return np.inf
     flexibility = (G[:, rest] / k[rest]) @ G[:, rest].T + np.diag(compliance)
     size, vectors = np.linalg.eigh(flexibility)
-    if len(size) and size[0] <= 1e-10 * size[-1]:
+    if len(size) and size.min() <= 1e-10 * size.max():
         return np.inf
     seen = (vectors.T @ G[:, states]) / np.sqrt(size)[:, None]
     return float(np.sqrt(np.linalg.eigvalsh(np.diag(k[states]) + seen.T @ seen)[-1]))
@@ -175,7 +174,7 @@ def _relaxation_time(system: System, split: StateSplit) -> float:
 
 def step_levels(
     variants: Sequence[System], model: ModalModel, split: StateSplit, options: TransientOptions
-) -> tuple[Levels, NDArray[np.int64]]:
+) -> tuple[StepHierarchy, NDArray[np.int64]]:
     """Propagators and gap-space problems of the base step and those below it.
 
     Parameters
@@ -191,16 +190,16 @@ def step_levels(
     distinct = list(dict.fromkeys(dampings))
     index = np.array([distinct.index(key) for key in dampings], dtype=np.int64)
     motions = [_motion(variants[dampings.index(key)], model, split, options) for key in distinct]
-    most_lag = 1.0 if options.midpoint and not model.conserving else 0.0
+    most_ratio = 1.0 if options.midpoint and not model.conserving else 0.0
     problems = [
         [
-            _offset_problem(system, split, (H, dt, own), most_lag)
+            _offset_problem(system, split, (H, dt, own), most_ratio)
             for H, dt, own in zip(motions[i].H, motions[i].step.dt, motions[i].own, strict=True)
         ]
         for system, i in zip(variants, index, strict=True)
     ]
     halves = [motion.half for motion in motions if model.conserving]
-    levels = Levels(
+    levels = StepHierarchy(
         size=np.array([math.prod(options.cuts[level:]) for level in range(len(options.cuts) + 1)]),
         step=stacked([motion.step for motion in motions]),
         problem=_stacked_problems(problems),
@@ -256,123 +255,49 @@ def _single(alike: Alike, split: StateSplit, sizes: Sequence[float], decay: Floa
 
 
 def _offset_problem(
-    system: System, split: StateSplit, step: tuple[Floats, float, Floats], most_lag: float
+    system: System, split: StateSplit, step: tuple[Floats, float, Floats], most_ratio: float
 ) -> GapProblem:
     """The gap-space problem of a step, its gaps as the static load leaves the modes that are no states."""
     offset = split.G_rest @ (system.force[split.rest] / system.K.diagonal()[split.rest])
-    problem = system_gap_problem(system, step[0], float(step[1]), most_lag, step[2])
+    H, dt, own = step
+    problem = system_gap_problem(system, H, float(dt), most_ratio, own)
     return problem._replace(gap=problem.gap + offset[:: system.law.directions])
 
 
 def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
     """Problems of every variant and level in one; the dual is left out where one of them has none."""
-    firsts = [levels[0] for levels in problems]
-    with_dual = len({problem.Z.shape for levels in problems for problem in levels}) == 1
-    empty = np.zeros((len(problems), len(problems[0]), 0, 0))
-
-    def by_level(name: str) -> Floats:
-        return np.stack([np.stack([getattr(p, name) for p in levels]) for levels in problems])
-
-    return GapProblem(
-        W=by_level("W"),
-        Z=by_level("Z") if with_dual else empty,
-        lift=by_level("lift"),
-        tension=np.stack([problem.tension for problem in firsts]),
-        compliance=by_level("compliance"),
-        lag=by_level("lag"),
-        own=by_level("own"),
-        mu=np.stack([problem.mu for problem in firsts]),
-        whole=np.stack([problem.whole for problem in firsts]),
-        gap=np.stack([problem.gap for problem in firsts]),
-        laws=_stacked_laws(problems),
-        frictional=firsts[0].frictional,
-    )
-
-
-def _stacked_laws(problems: list[list[GapProblem]]) -> Laws | None:
-    """Further laws of every variant and level, which are the same for all."""
-    laws = [[problem.laws for problem in levels if problem.laws is not None] for levels in problems]
-    if not laws[0]:
-        return None
-    firsts = [levels[0] for levels in laws]
-    return Laws(
-        parameters=np.stack([one.parameters for one in firsts]),
-        on=np.stack([one.on for one in firsts]),
-        start=np.stack([one.start for one in firsts]),
-        dash=np.stack([np.stack([one.dash for one in levels]) for levels in laws]),
-        per_second=np.array([[one.per_second for one in levels] for levels in laws]),
-        functions=firsts[0].functions,
-    )
+    if len({problem.Z.shape for levels in problems for problem in levels}) > 1:
+        problems = [[problem._replace(Z=np.zeros((0, 0))) for problem in levels] for levels in problems]
+    return stacked([stacked(levels) for levels in problems])
 
 
 def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
-    """Memory of every run for stacked problems, every gap open and unloaded.
+    """Memory of every run for stacked problems, every gap open and unloaded, without the solver's part.
 
     Parameters
     ----------
     variant : (runs,) the variant of each
     """
-    levels, runs = problem.W.shape[1], len(variant)
-    firsts = [gap_memory(_first_level(problem, i)) for i in range(len(problem.gap))]
-    memories = [firsts[i] for i in variant]
-
-    def by_level(array: NDArray[Any]) -> NDArray[Any]:
-        return np.broadcast_to(array, (runs, levels, *array.shape)).copy()
-
-    def by_run(name: str) -> NDArray[Any]:
-        return np.stack([getattr(memory, name) for memory in memories])
-
-    limits = zip(*(memory.limits for memory in memories), strict=True)
-    first = firsts[0]
-    return GapMemory(
-        force=by_run("force"),
-        anchor=by_run("anchor"),
-        active=by_level(first.active),
-        inverse=np.zeros((runs, levels, *first.inverse.shape)),  # memory comes as it is written to
-        order=by_level(first.order),
-        counts=by_level(first.counts),
-        known=by_level(first.known),
-        work=first.work,
-        limits=Limits(*(np.stack(values) for values in limits)),
-        history=by_run("history"),
-        trial=by_run("trial"),
-        limit=first.limit,
-        spring=by_run("spring"),
-        worst=by_run("worst"),
-    )
+    fresh = [gap_memory(at(problem, (i, BASE)))._replace(solver=None) for i in range(len(problem.gap))]
+    return stacked([fresh[i] for i in variant])
 
 
-def _first_level(problem: GapProblem, variant: int) -> GapProblem:
-    """The base step's problem of one variant."""
-    parts = {name: getattr(problem, name)[variant] for name in ("tension", "mu", "whole", "gap")}
-    arrays = {
-        name: getattr(problem, name)[variant, 0] for name in ("W", "Z", "lift", "compliance", "lag", "own")
-    }
-    laws = problem.laws
-    if laws is not None:
-        laws = Laws(
-            laws.parameters[variant], laws.on[variant], laws.start[variant], laws.dash[variant, 0],
-            laws.per_second[variant, 0], laws.functions,
-        )  # fmt: skip
-    return GapProblem(**arrays, **parts, laws=laws, frictional=problem.frictional)
-
-
-def whole_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:
+def whole_motion(system: System, split: StateSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
     """All modes' displacements and velocities from the states and the relaxed joint forces."""
-    q, v = np.zeros((len(track.q), system.size)), np.zeros((len(track.q), system.size))
-    q[:, split.states], v[:, split.states] = track.q * split.taper, track.v * split.taper
+    q, v = np.zeros((len(buffer.q), system.size)), np.zeros((len(buffer.q), system.size))
+    q[:, split.states], v[:, split.states] = buffer.q * split.taper, buffer.v * split.taper
     tapered = np.flatnonzero(split.taper < 1.0)
     if len(tapered):
         k = system.K.diagonal()[split.states[tapered]]
         left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k
-        q[:, split.states[tapered]] += track.s @ (split.G[:, tapered] * left)
+        q[:, split.states[tapered]] += buffer.s @ (split.G[:, tapered] * left)
     if len(split.rest):
         k = system.K.diagonal()[split.rest]
-        q[:, split.rest] = (track.s @ split.G_rest + system.force[split.rest]) / k
+        q[:, split.rest] = (buffer.s @ split.G_rest + system.force[split.rest]) / k
     return q, v
 
 
-def observed_motion(system: System, split: StateSplit, track: Track) -> tuple[Floats, Floats]:
+def observed_motion(system: System, split: StateSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
     """Displacements and velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
     seen, k = system.observe, system.K.diagonal()
     flexible = seen[:, split.rest].toarray().T / k[split.rest, None]
@@ -381,7 +306,7 @@ def observed_motion(system: System, split: StateSplit, track: Track) -> tuple[Fl
     if len(tapered):
         left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.states[tapered]]
         relaxed += (split.G[:, tapered] * left) @ states[:, tapered].toarray().T
-    disp = (track.q * split.taper) @ states.T + system.force[split.rest] @ flexible
+    disp = (buffer.q * split.taper) @ states.T + system.force[split.rest] @ flexible
     if relaxed.any():
-        disp += track.s @ relaxed
-    return disp, (track.v * split.taper) @ states.T
+        disp += buffer.s @ relaxed
+    return disp, (buffer.v * split.taper) @ states.T

@@ -19,7 +19,10 @@ from romdam.core.arrays import Floats
 
 _TAYLOR = 18  # terms; with the norm below this leaves less than round-off
 _NORM = 0.5  # of A tau before doubling
+_WORK, _LOSS = 0, 1  # the two Gramians
+DISP, VEL, FORCE, RATE = 0, 1, 2, 3  # of z, RATE being f'
 _PAIRS = [(a, b) for a in range(4) for b in range(a, 4)]
+QQ, QV, QF, QR, VV, VF, VR, FF, FR, RR = range(len(_PAIRS))  # pairs of q, v, f and f' (R)
 
 
 class Propagator(NamedTuple):
@@ -66,25 +69,19 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
     E, work, loss = _step_matrices(k, c, dt)
     return Propagator(
         dt=dt,
-        q_q=E[:, 0, 0].copy(),
-        q_v=E[:, 0, 1].copy(),
-        v_q=E[:, 1, 0].copy(),
-        v_v=E[:, 1, 1].copy(),
-        q_0=E[:, 0, 2] - E[:, 0, 3] / dt,
-        q_1=E[:, 0, 3] / dt,
-        v_0=E[:, 1, 2] - E[:, 1, 3] / dt,
-        v_1=E[:, 1, 3] / dt,
-        q_p=E[:, 0, 2].copy(),
-        v_p=E[:, 1, 2].copy(),
+        q_q=E[:, DISP, DISP].copy(),
+        q_v=E[:, DISP, VEL].copy(),
+        v_q=E[:, VEL, DISP].copy(),
+        v_v=E[:, VEL, VEL].copy(),
+        q_0=E[:, DISP, FORCE] - E[:, DISP, RATE] / dt,
+        q_1=E[:, DISP, RATE] / dt,
+        v_0=E[:, VEL, FORCE] - E[:, VEL, RATE] / dt,
+        v_1=E[:, VEL, RATE] / dt,
+        q_p=E[:, DISP, FORCE].copy(),
+        v_p=E[:, VEL, FORCE].copy(),
         moment=_moment(work, E),
         loss=_upper(loss),
     )
-
-
-def stacked(steps: list[Propagator]) -> Propagator:
-    """Several steps in one, every array with a leading axis."""
-    fields = zip(*steps, strict=True)
-    return Propagator(*(np.stack([np.asarray(value) for value in values]) for values in fields))
 
 
 def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
@@ -96,30 +93,30 @@ def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Flo
     m = len(k)
     scale = np.maximum(np.sqrt(k), 1.0 / dt)  # v is carried as v / scale, which balances A
     A = np.zeros((m, 4, 4))
-    A[:, 0, 1] = scale
-    A[:, 1, 0] = -k / scale
-    A[:, 1, 1] = -c
-    A[:, 1, 2] = 1.0 / scale
-    A[:, 2, 3] = 1.0
+    A[:, DISP, VEL] = scale
+    A[:, VEL, DISP] = -k / scale
+    A[:, VEL, VEL] = -c
+    A[:, VEL, FORCE] = 1.0 / scale
+    A[:, FORCE, RATE] = 1.0
     norm = np.abs(A).sum(axis=2).max(initial=1.0) * dt
     doublings = max(0, int(np.ceil(np.log2(norm / _NORM))))
     tau = dt / 2.0**doublings
-    Q = np.zeros((2, m, 4, 4))
-    Q[0, :, 1, 2] = Q[0, :, 2, 1] = 0.5 * scale
-    Q[1, :, 1, 1] = c * scale**2
+    forms = np.zeros((2, m, 4, 4))
+    forms[_WORK, :, VEL, FORCE] = forms[_WORK, :, FORCE, VEL] = 0.5 * scale
+    forms[_LOSS, :, VEL, VEL] = c * scale**2
     X = np.zeros((2, m, 4, 4))
     nodes, weights = np.polynomial.legendre.leggauss(12)
-    *parts, E = _exponentials(A * tau, np.append(0.5 * (nodes + 1.0), 1.0))
-    for part, weight in zip(parts, weights, strict=True):
-        X += 0.5 * tau * weight * (part.transpose(0, 2, 1) @ Q @ part)
+    *steps, E = _exponentials(A * tau, np.append(0.5 * (nodes + 1.0), 1.0))
+    for e, weight in zip(steps, weights, strict=True):
+        X += 0.5 * tau * weight * (e.transpose(0, 2, 1) @ forms @ e)
     for _ in range(doublings):
         X = X + E.transpose(0, 2, 1) @ X @ E
         E = E @ E
     unscale = np.ones((m, 4))
-    unscale[:, 1] = 1.0 / scale
+    unscale[:, VEL] = 1.0 / scale
     E = E * unscale[:, None, :] / unscale[:, :, None]
     X = X * unscale[:, None, :] * unscale[:, :, None]
-    return E, X[0], X[1]
+    return E, X[_WORK], X[_LOSS]
 
 
 def _exponentials(A: Floats, shares: Floats) -> Floats:
@@ -134,7 +131,14 @@ def _exponentials(A: Floats, shares: Floats) -> Floats:
 
 def _moment(X: Floats, E: Floats) -> Floats:
     """(4, m) linear form of int s v ds, from the terms with f' in the form of int v f dt."""
-    return np.stack([2.0 * X[:, 0, 3], 2.0 * X[:, 1, 3], 2.0 * X[:, 2, 3] - E[:, 0, 3], X[:, 3, 3]])
+    return np.stack(
+        [
+            2.0 * X[:, DISP, RATE],
+            2.0 * X[:, VEL, RATE],
+            2.0 * X[:, FORCE, RATE] - E[:, DISP, RATE],
+            X[:, RATE, RATE],
+        ]
+    )
 
 
 def _upper(X: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Runs that march together: their arrays, the march, and their histories."""
+"""Runs that are integrated together: their arrays, the loop, and their histories."""
 
 from __future__ import annotations
 
@@ -6,19 +6,30 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory
-from romdam.core.arrays import Floats, Ints
+from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
+from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
-from romdam.timestepping.energy import ledger
+from romdam.timestepping.energy import ENERGIES, ledger
 from romdam.timestepping.equilibrium import GapState, resumed, static_equilibrium, take_over, undeformed
-from romdam.timestepping.modal.arrays import Levels, ModalModel, ModalState, Runs, Track, Work
-from romdam.timestepping.modal.loop import march
+from romdam.timestepping.modal.arrays import (
+    CLOCK,
+    TRIES,
+    VARIANT,
+    Batch,
+    HistoryBuffer,
+    ModalModel,
+    ModalState,
+    StepHierarchy,
+    Work,
+)
+from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
     StateSplit,
     modal_model,
@@ -32,7 +43,7 @@ from romdam.timestepping.peaks import first_peaks, named_peaks
 
 Progress = Callable[[int, int], None]
 
-_ROWS = tuple(name for name in Track._fields if name != "stride")
+_ROWS = tuple(name for name in HistoryBuffer._fields if name != "stride")
 _STEPS = 400  # of every run between two reports of progress
 
 
@@ -51,8 +62,23 @@ class Case:
     ground: Floats
 
 
-Initial = tuple[Floats, Floats, GapState]
-Arrays = tuple[ModalModel, Levels, Runs, ModalState, Work, Track]
+class Initial(NamedTuple):
+    """Displacement and velocity of the modes, and the gaps, to start from."""
+
+    q: Floats
+    v: Floats
+    gaps: GapState
+
+
+class Arrays(NamedTuple):
+    """All that the loop is called with, see `romdam.timestepping.modal.loop.integrate`."""
+
+    model: ModalModel
+    levels: StepHierarchy
+    runs: Batch
+    states: ModalState
+    work: Work
+    buffer: HistoryBuffer
 
 
 def march_cases(
@@ -98,15 +124,15 @@ def _march(
     begun = time.process_time()
     arrays = _arrays(cases, split, options, *start)
     # no step: a first start compiles here, not in the timed loop
-    march(*arrays, (options.tolerance, 0))
+    integrate(*arrays, (options.tolerance, 0))
     setup, loop = time.process_time() - begun, time.process_time()
-    _march_to_the_end(arrays, options, progress)
+    _integrate_to_the_end(arrays, options, progress)
     return _outcomes(cases, split, arrays, options, (setup, time.process_time() - loop))
 
 
 def _initial(system: System, options: TransientOptions) -> Initial | ConvergenceError:
     if options.start is not None:
-        return options.start.q, options.start.v, resumed(system, options.start)
+        return Initial(options.start.q, options.start.v, resumed(system, options.start))
     kind, tolerance = options.initial_state, options.tolerance
     try:
         q, gaps = system.kept.of(
@@ -115,7 +141,7 @@ def _initial(system: System, options: TransientOptions) -> Initial | Convergence
         )
     except ConvergenceError as error:
         return error
-    return q, np.zeros_like(q), gaps
+    return Initial(q, np.zeros_like(q), gaps)
 
 
 def _arrays(
@@ -131,23 +157,28 @@ def _arrays(
     model, levels, damping = _constant(list(variants.values()), split, options, active, conserving)
     problem = np.array([list(variants).index(id(case.system)) for case in cases], dtype=np.int64)
     memory = run_memory(levels.problem, problem)
-    runs = _runs(cases, options, active, np.stack([damping[problem], problem]), memory)
+    variant = np.zeros(len(cases), VARIANT)
+    variant["step"], variant["problem"] = damping[problem], problem
+    N, n = levels.problem.W.shape[-1], levels.problem.gap.shape[-1]
+    solver = solver_state(n, n != N, (len(cases), len(levels.size)))
+    runs = _runs(cases, options, active, variant, memory, solver)
     states = _states((model, split), starts, runs)
-    for run, (_, _, gaps) in enumerate(starts):
-        take_over(_memory_of(memory, run), gaps)
-    track = _track(states, options.stride, runs)
+    for run, start in enumerate(starts):
+        take_over(at(memory, run), start.gaps)
+    buffer = _history_buffer(states, options.stride, runs)
     work = _work(states, len(model.shift) > 0)
-    _begin(model, runs, states, work, track)
-    return model, levels, runs, states, work, track
+    arrays = Arrays(model, levels, runs, states, work, buffer)
+    _begin(arrays)
+    return arrays
 
 
 def _constant(
     variants: Sequence[System], split: StateSplit, options: TransientOptions, active: Ints, conserving: bool
-) -> tuple[ModalModel, Levels, Ints]:
+) -> tuple[ModalModel, StepHierarchy, Ints]:
     """What the march reads and does not change, kept where there is one system without added jumps."""
     system, shift = variants[0], options.shift
 
-    def make() -> tuple[ModalModel, Levels, Ints]:
+    def make() -> tuple[ModalModel, StepHierarchy, Ints]:
         model = modal_model(system, split, active, conserving, shift)
         return model, *step_levels(variants, model, split, options)
 
@@ -157,14 +188,15 @@ def _constant(
     return system.kept.of(("march", split.states.tobytes(), active.tobytes(), conserving, *how), make)
 
 
-def _begin(model: ModalModel, runs: Runs, states: ModalState, work: Work, track: Track) -> None:
+def _begin(arrays: Arrays) -> None:
     """Write the first row of every run, and bring the external force at both ends of its first base step."""
+    model, runs, states, work = arrays.model, arrays.runs, arrays.states, arrays.work
     for name in _ROWS:
-        getattr(track, name)[runs.rows] = states.stored[:, 0] if name == "stored" else getattr(states, name)
+        getattr(arrays.buffer, name)[runs.rows] = getattr(states, name)
     work.f_0[:] = states.f
     work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
     if len(model.shift):
-        work.ends[:] = model.shift[:2]
+        work.start_shift[:], work.end_shift[:] = model.shift[:2]
 
 
 def _external_force(model: ModalModel, acc: Floats) -> Floats:
@@ -175,27 +207,27 @@ def _external_force(model: ModalModel, acc: Floats) -> Floats:
     return force
 
 
-def _memory_of(memory: GapMemory, run: int) -> GapMemory:
-    """What `take_over` sets, of one run."""
-    taken = {name: getattr(memory, name)[run] for name in ("force", "anchor", "history", "spring")}
-    return memory._replace(**taken)
-
-
 def _runs(
-    cases: Sequence[Case], options: TransientOptions, active: Ints, variant: Ints, memory: GapMemory
-) -> Runs:
+    cases: Sequence[Case],
+    options: TransientOptions,
+    active: Ints,
+    variant: Record,
+    memory: GapMemory,
+    solver: SolverState,
+) -> Batch:
     samples = np.array([case.ground.shape[1] for case in cases])
     rows = (samples - 1) // options.stride + 1
-    return Runs(
+    return Batch(
         variant=variant,
         samples=np.concatenate([[0], np.cumsum(samples)[:-1]]),
         rows=np.concatenate([[0], np.cumsum(rows)[:-1]]),
         last=samples - 1,
         impulse=np.array([_impulse_limit(case.ground, options) for case in cases]),
-        clock=np.zeros((len(cases), 4), dtype=np.int64),
+        clock=np.zeros(len(cases), CLOCK),
         failed=np.zeros(len(cases), dtype=np.bool_),
         acc=np.ascontiguousarray(np.concatenate([case.ground[active] for case in cases], axis=1)),
         memory=memory,
+        solver=solver,
     )
 
 
@@ -211,17 +243,19 @@ def _impulse_limit(ground: Floats, options: TransientOptions) -> float:
     return options.force_change * peak if peak > 0.0 else math.inf
 
 
-def _states(arrays: tuple[ModalModel, StateSplit], starts: Sequence[Initial], runs: Runs) -> ModalState:
+def _states(arrays: tuple[ModalModel, StateSplit], starts: Sequence[Initial], runs: Batch) -> ModalState:
     model, split = arrays
-    q = np.stack([start[0][split.states] for start in starts])
-    gaps: list[GapState] = [start[2] for start in starts]
+    q = np.stack([start.q[split.states] for start in starts])
+    gaps = [start.gaps for start in starts]
     jump, force = np.stack([gap.jump for gap in gaps]), np.stack([gap.force for gap in gaps])
     state = np.stack([gap.state for gap in gaps])
     p = force.reshape(len(gaps), -1)
     relaxed = len(model.R) > 0
+    energies = np.zeros(len(gaps), ENERGIES)
+    energies["stored"] = [gap.stored for gap in gaps]
     return ModalState(
         q=q,
-        v=np.stack([start[1][split.states] for start in starts]),
+        v=np.stack([start.v[split.states] for start in starts]),
         f=_external_force(model, runs.acc[:, runs.samples]),
         s=p.copy() if relaxed else p[:, :0].copy(),
         u_r=p @ model.R if relaxed else p[:, :0].copy(),
@@ -232,39 +266,40 @@ def _states(arrays: tuple[ModalModel, StateSplit], starts: Sequence[Initial], ru
         state=state,
         closed=state > 0,
         impulse=np.zeros_like(force),
-        works=np.zeros((len(gaps), 4)),
-        stored=np.array([[gap.stored] for gap in gaps]),
-        counts=np.zeros((len(gaps), 3)),
+        energies=energies,
+        tries=np.zeros(len(gaps), TRIES),
         peaks=np.stack([first_peaks(gap.jump, gap.force) for gap in gaps]),
     )
 
 
 def _work(states: ModalState, shifted: bool) -> Work:
     (runs, m), N = states.q.shape, states.mean.shape[1]
-    modes, gaps = np.zeros((5, runs, m)), np.zeros((3, runs, N))
+    f_0, f_end, f_1, q_free, r = np.zeros((5, runs, m))
+    w, y, old_force = np.zeros((3, runs, N))
     return Work(
-        f_0=modes[0],
-        f_end=modes[1],
-        f_1=modes[2],
-        q_free=modes[3],
-        r=modes[4],
-        w=gaps[0],
-        y=gaps[1],
-        old_force=gaps[2],
-        ends=np.zeros((runs, 2, N if shifted else 0)),
+        f_0=f_0,
+        f_end=f_end,
+        f_1=f_1,
+        q_free=q_free,
+        r=r,
+        w=w,
+        y=y,
+        old_force=old_force,
+        start_shift=np.zeros((runs, N if shifted else 0)),
+        end_shift=np.zeros((runs, N if shifted else 0)),
         shift=np.zeros((runs, N if shifted else 0)),
-        underway=np.zeros(runs, dtype=np.int64),
+        active=np.zeros(runs, dtype=np.int64),
         accepted=np.zeros(runs, dtype=np.int64),
     )
 
 
-def _track(states: ModalState, stride: int, runs: Runs) -> Track:
+def _history_buffer(states: ModalState, stride: int, runs: Batch) -> HistoryBuffer:
     rows = int(sum(runs.last // stride + 1))
 
     def kept(values: NDArray[Any]) -> NDArray[Any]:
         return np.zeros((rows, *values.shape[1:]), dtype=values.dtype)
 
-    return Track(
+    return HistoryBuffer(
         stride=stride,
         q=kept(states.q),
         v=kept(states.v),
@@ -273,17 +308,16 @@ def _track(states: ModalState, stride: int, runs: Runs) -> Track:
         force=kept(states.force),
         impulse=kept(states.impulse),
         state=kept(states.state),
-        works=kept(states.works),
-        stored=np.zeros(rows),
+        energies=kept(states.energies),
     )
 
 
-def _march_to_the_end(arrays: Arrays, options: TransientOptions, progress: Progress) -> None:
-    runs = arrays[2]
-    under_way, total = 1, int(runs.last.sum())
-    while under_way:
-        under_way = march(*arrays, (options.tolerance, _STEPS))
-        progress(int(np.where(runs.failed, runs.last, runs.clock[:, 0]).sum()), total)
+def _integrate_to_the_end(arrays: Arrays, options: TransientOptions, progress: Progress) -> None:
+    runs = arrays.runs
+    active, total = 1, int(runs.last.sum())
+    while active:
+        active = integrate(*arrays, (options.tolerance, _STEPS))
+        progress(int(np.where(runs.failed, runs.last, runs.clock["base_steps"]).sum()), total)
 
 
 def not_converged(step: int, options: TransientOptions, residual: float, place: str) -> str:
@@ -302,79 +336,81 @@ def _outcomes(
     options: TransientOptions,
     spent: tuple[float, float],
 ) -> list[History | ConvergenceError]:
-    model, levels, runs, states, _, track = arrays
-    tries = states.counts[:, :2].sum(axis=1)
+    model, levels, runs, states, buffer = (
+        arrays.model, arrays.levels, arrays.runs, arrays.states, arrays.buffer
+    )  # fmt: skip
+    (setup, loop), tries = spent, (states.tries["accepted"] + states.tries["refused"]).astype(float)
     outcomes: list[History | ConvergenceError] = []
     for run, case in enumerate(cases):
-        place = case.system.law.place(int(runs.memory.worst[run, 0]))
+        place = case.system.law.place(int(runs.memory.failure[run].gap))
         if runs.failed[run]:
-            step, residual = int(runs.clock[run, 0]) + 1, float(states.counts[run, 2])
+            step, residual = int(runs.clock[run].base_steps) + 1, float(states.tries[run].residual)
             outcomes.append(ConvergenceError(not_converged(step, options, residual, place)))
             continue
-        share = (spent[0] / len(cases), spent[1] * tries[run] / max(tries.sum(), 1.0))
+        share = tries[run] / max(tries.sum(), 1.0)
         stats = _stats(runs, states, run) | {
-            "finest_step": float(levels.step.dt[0, -1]),
+            "finest_step": float(levels.step.dt.min()),
             "state_modes": float(len(split.states)),
             "flexible_modes": float(len(split.rest)),
             "marched_gaps": float(len(case.system.law)),
-            "setup_cpu_seconds": share[0],
-            "loop_cpu_seconds": share[1],
+            "setup_cpu_seconds": setup / len(cases),
+            "loop_cpu_seconds": loop * share,
             "batch": float(len(cases)),
         }
-        acc = runs.acc[:, runs.samples[run] :][:, : runs.last[run] + 1 : track.stride]
+        acc = runs.acc[:, runs.samples[run] :][:, : runs.last[run] + 1 : buffer.stride]
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
-        part = track._replace(**{name: getattr(track, name)[rows] for name in _ROWS})
-        history = _history(case.system, (model, split), part, acc, options)
+        written = buffer._replace(**{name: getattr(buffer, name)[rows] for name in _ROWS})
+        history = _history(case.system, (model, split), written, acc, options)
         outcomes.append(replace(history, peaks=named_peaks(states.peaks[run]), stats=stats))
     return outcomes
 
 
-def _stats(runs: Runs, states: ModalState, run: int) -> dict[str, float]:
+def _stats(runs: Batch, states: ModalState, run: int) -> dict[str, float]:
     """Counts of one run."""
-    counts, tries = runs.memory.counts[run], max(states.counts[run, :2].sum(), 1.0)
-    held = counts[:, 1, 1].sum() / tries if runs.memory.anchor.shape[1] else 0.0
+    tries, solver = states.tries[run], at(runs.solver, run)
+    total, most = iterations(solver)
     return {
         "base_steps": float(runs.last[run]),
-        "steps": states.counts[run, 0],
-        "refused_steps": states.counts[run, 1],
-        "solver_iterations": float(counts[..., 2].sum()),
-        "largest_iterations": float(counts[..., 3].max(initial=0)),
-        "largest_residual": states.counts[run, 2],
-        "held_gaps": float(held),
+        "steps": float(tries.accepted),
+        "refused_steps": float(tries.refused),
+        "solver_iterations": total,
+        "largest_iterations": most,
+        "largest_residual": float(tries.residual),
+        "condensed_contacts": condensed_contacts(solver) / max(tries.accepted + tries.refused, 1),
     }
 
 
 def _history(
     system: System,
     arrays: tuple[ModalModel, StateSplit],
-    track: Track,
+    buffer: HistoryBuffer,
     acc: Floats,
     options: TransientOptions,
 ) -> History:
     """The written rows of one run, without peaks and stats."""
     model, split = arrays
-    q, v = whole_motion(system, split, track) if options.coordinates else (None, None)
-    disp, vel = observed_motion(system, split, track)
+    q, v = whole_motion(system, split, buffer) if options.coordinates else (None, None)
+    disp, vel = observed_motion(system, split, buffer)
     k, c = system.K.diagonal()[split.states], system.C.diagonal()[split.states]
     seen = system.observe.toarray().T[split.states]
     rate = model.static @ seen + acc.T @ (model.load @ seen)
-    rate += track.force.reshape(len(disp), -1) @ (split.G @ seen)
-    rate -= track.v @ (c[:, None] * seen) + track.q @ (k[:, None] * seen)
-    strain = 0.5 * (track.q**2) @ k
+    rate += buffer.force.reshape(len(disp), -1) @ (split.G @ seen)
+    rate -= buffer.v @ (c[:, None] * seen) + buffer.q @ (k[:, None] * seen)
+    strain = 0.5 * (buffer.q**2) @ k
     if len(model.R):
-        strain += 0.5 * np.einsum("ti,ij,tj->t", track.s, model.R, track.s, optimize=True)
+        strain += 0.5 * np.einsum("ti,ij,tj->t", buffer.s, model.R, buffer.s, optimize=True)
     return History(
         time=np.arange(len(disp), dtype=np.float64) * (options.dt * options.stride),
-        jump=track.jump,
-        traction=track.force,
-        mean_traction=track.impulse / (options.dt * options.stride),
-        state=track.state,
+        jump=buffer.jump,
+        traction=buffer.force,
+        mean_traction=buffer.impulse / (options.dt * options.stride),
+        state=buffer.state,
         disp=disp,
         vel=vel,
         acc=rate,
         q=q,
         v=v,
-        energy=ledger(track.works, 0.5 * (track.v**2).sum(axis=1), strain, track.stored),
+        energy=ledger(buffer.energies, 0.5 * (buffer.v**2).sum(axis=1), strain),
         peaks={},
         stats={},
         integrator=options.integrator,

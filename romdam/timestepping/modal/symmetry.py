@@ -28,6 +28,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
+from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
 from romdam.core.system import Alike, History, System
 
@@ -89,7 +90,7 @@ def unfolded(history: History, alike: Alike) -> History:
     gaps = alike.gaps
     share = alike.signs / alike.count[gaps, None]
     peaks = {name: values[gaps] for name, values in history.peaks.items()}
-    peaks["compression"] = peaks["compression"] * share[:, 0]
+    peaks["compression"] = peaks["compression"] * share[:, NORMAL]
     return replace(
         history,
         jump=history.jump[:, gaps] * alike.signs,
@@ -117,7 +118,7 @@ def _partition(system: System, active: Ints) -> tuple[Ints, Floats]:
     """The group of every gap, numbered as they come, and the signs of its directions, (ng, d)."""
     law, random, before = system.law, np.random.default_rng(0), (0, 0.0)
     signs = np.zeros((len(law), law.directions))
-    signs[:, 0] = 1.0
+    signs[:, NORMAL] = 1.0
     rigid = [np.isinf(law.K_n), np.isinf(law.K_s)]
     springs = [np.where(*each) for each in zip(rigid, (0.0, 0.0), (law.K_n, law.K_s), strict=True)]
     values = np.column_stack([*rigid, *springs, law.mu, law.gap])

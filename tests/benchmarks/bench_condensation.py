@@ -1,6 +1,6 @@
-"""Holding gaps that have long been stuck: CPU of the march with it and without, and how openings part.
+"""Condensation of sticking contacts: CPU of the time loop with it and without, and how openings part.
 
-    python tests/benchmarks/bench_held_gaps.py [--scales 0.1 0.3 1] [--seconds 10] [--repeats 3] [--cache DIR]
+    python tests/benchmarks/bench_condensation.py [--scales 0.1 0.3 1] [--seconds 10] [--repeats 3]
 
 configs/arch_dam.yaml (189 friction gaps, step 2.5 ms) at shares of its shaking; below the whole without the
 temperature drop, which opens the joints. Both are timed in turn, medians of CPU seconds of the time loop on
@@ -36,7 +36,7 @@ from romdam.timestepping.modal import runs
 from romdam.timestepping.simulate import integrate
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
-NEVER = -(10**9)  # solutions for which a gap has been stuck
+NEVER = 10**9  # solutions for which a contact has to stick
 
 
 def scaled(scale: float) -> Job:
@@ -48,14 +48,14 @@ def scaled(scale: float) -> Job:
     return Job(parse_config(raw, CONFIG.name), CONFIG)
 
 
-def never_holding(*arguments: object) -> object:
-    """Memory of runs in which no gap ever counts as long stuck."""
-    memory = run_memory(*arguments)  # type: ignore[arg-type]
-    memory.order[:, :, 1] = NEVER
-    return memory
+def never_condensing(*arguments: object) -> object:
+    """Solver state of runs in which no contact ever counts as long stuck."""
+    solver = solver_state(*arguments)  # type: ignore[arg-type]
+    solver.sticking.wait[:] = NEVER
+    return solver
 
 
-run_memory = runs.run_memory
+solver_state = runs.solver_state
 
 
 def compare(scale: float, seconds: float, repeats: int, cache: Path) -> str:
@@ -68,23 +68,24 @@ def compare(scale: float, seconds: float, repeats: int, cache: Path) -> str:
     ground = ground_at_steps(motion, options.dt, seconds)
     integrate(system, ground[:, :20], replace(options, stride=1))  # compiled, not timed
 
-    def once(hold: bool) -> History:
-        with patch.object(runs, "run_memory", run_memory if hold else never_holding):
+    def once(condense: bool) -> History:
+        with patch.object(runs, "solver_state", solver_state if condense else never_condensing):
             return integrate(system, ground, options)
 
     found = [(once(True), once(False)) for _ in range(repeats)]
     cpu = [median(pair[k].stats["loop_cpu_seconds"] for pair in found) for k in (0, 1)]
-    held, free = found[-1]
-    apart = np.abs(held.jump - free.jump).max() / np.abs(free.jump).max()
+    condensed, free = found[-1]
+    apart = np.abs(condensed.jump - free.jump).max() / np.abs(free.jump).max()
     return (
-        f"{scale:g} of the shaking: {held.stats['held_gaps']:.0f} gaps held on average, CPU {cpu[0]:.2f} s "
-        f"against {cpu[1]:.2f} s ({cpu[0] / cpu[1]:.2f}), openings apart by {apart:.0e} of the largest"
+        f"{scale:g} of the shaking: {condensed.stats['condensed_contacts']:.0f} contacts condensed, "
+        f"CPU {cpu[0]:.2f} s against {cpu[1]:.2f} s ({cpu[0] / cpu[1]:.2f}), "
+        f"openings apart by {apart:.0e} of the largest"
     )
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description="March with and without holding stuck gaps.")
+    parser = argparse.ArgumentParser(description="Integrate with and without condensation.")
     parser.add_argument("--scales", type=float, nargs="+", default=[0.1, 0.3, 1.0], help="of the shaking")
     parser.add_argument("--seconds", type=float, default=10.0, help="of the record")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each")

@@ -1,0 +1,103 @@
+"""No array of the contact solvers and the time loop has entries that mean different things by a bare number.
+
+A number in a subscript says nothing of what it picks: `clock[2]` was a level, `counts[1, 1]` a sum. Fields of
+records and NamedTuples have names; where an index must stay (the components of a gap, the coefficients of a
+quadratic form, the rows of a scratch array) it is a constant with one.
+
+Exempt are
+- `x[0]` and `x[-1]`, the first and the last of things alike, unless another number on the same name shows
+  that these are not alike;
+- `shape[...]` and the items of what a call returns, whose order is numpy's;
+- `_dot_rows`, which takes four rows that are alike at a time.
+"""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1] / "romdam"
+MODULES = [path for room in ("contact", "timestepping") for path in sorted((ROOT / room).rglob("*.py"))]
+UNROLLED = {"_dot_rows"}
+
+
+def _number(node):
+    """The integer of an index, or None."""
+    sign = -1 if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else 1
+    node = node.operand if isinstance(node, ast.UnaryOp) else node
+    value = node.value if isinstance(node, ast.Constant) else None
+    return sign * value if type(value) is int else None
+
+
+def _exempt(array):
+    is_shape = isinstance(array, ast.Attribute) and array.attr == "shape"
+    return is_shape or isinstance(array, ast.Call)
+
+
+def bare_numbers(source):
+    """(line, expression) of every subscript that picks by a bare number."""
+    whole, ends = [], defaultdict(list)
+    tree = ast.parse(source)
+    unrolled = {
+        id(node) for f in ast.walk(tree) if getattr(f, "name", "") in UNROLLED for node in ast.walk(f)
+    }
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Subscript) or _exempt(node.value) or id(node) in unrolled:
+            continue
+        told = node.lineno, ast.unparse(node)
+        indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        numbers = [number for number in map(_number, indices) if number is not None]
+        if len(indices) == 1 and numbers in ([0], [-1]):
+            ends[ast.unparse(node.value)].append(told)
+        elif numbers:
+            whole.append(told)
+            ends[ast.unparse(node.value)].append(None)
+    unlike = [told for uses in ends.values() if None in uses for told in uses if told is not None]
+    return sorted(whole + unlike)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_entry_is_picked_by_a_bare_number(path):
+    found = bare_numbers(path.read_text())
+    assert not found, "\n".join(f"{path.name}:{line}: {expression}" for line, expression in found)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "total += memory.counts[1, 1]",
+        "clock[2] -= 1",
+        "held = memory.order[1]",
+        "block = memory.inverse[0].view(np.float32); pivot = memory.inverse[1].view(np.float32)",
+        "state.works[3] += friction",
+        "peaks[0, i] = jump[i, 0]",
+        "tolerance, steady = control[0], control[1]",
+        "opening = history.jump[:, :, 0]",
+        "last = rows[:, -1]",
+    ],
+)
+def test_what_was_coded_by_index_would_be_found(line):
+    assert bare_numbers(line)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "first, last = systems[0], order[-1]",
+        "d = force.shape[1]",
+        "groups = np.unique(gaps, return_inverse=True)[1]",
+        "level = runs.clock[run].level",
+        "t_j = force[i, SHEAR_J]",
+        "row = W[3 * i + NORMAL]",
+        "for value in values[1:]: pass",
+    ],
+)
+def test_names_and_first_and_last_of_things_alike_pass(line):
+    assert not bare_numbers(line)
+
+
+def test_every_room_is_looked_at():
+    assert {"gauss_seidel.py", "loop.py", "step.py", "generalized_alpha.py"} <= {
+        path.name for path in MODULES
+    }
