@@ -54,7 +54,7 @@ DEPTH = 0  # of a shear key, before whether it holds along j and k
 
 
 class Strength(NamedTuple):
-    """What a gap has beyond stiffness and friction; all arrays are empty where no gap of the scene has any.
+    """Strength of gaps beyond stiffness and friction; all arrays are empty where no gap of the scene has any.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class GapProblem(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What bounds the shear of every gap: c + mu p_n, equal along j and k for a bound on the resultant.
+    """Bounds of the shear of every gap: c + mu p_n, equal along j and k for a bound on the resultant.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ FAILURE = record_type(gap=int)
 
 
 class GapMemory(NamedTuple):
-    """What the solver carries from step to step.
+    """Memory of the gaps from step to step, changed in place.
 
     Attributes
     ----------

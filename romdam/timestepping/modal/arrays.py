@@ -163,7 +163,7 @@ class Work(NamedTuple):
 
 
 class HistoryBuffer(NamedTuple):
-    """What is written: one row per kept base step, the runs one after another.
+    """Rows of the histories: one per written base step, the runs one after another.
 
     Attributes
     ----------
