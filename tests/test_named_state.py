@@ -14,8 +14,13 @@ Exempt are
 import ast
 from collections import defaultdict
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
+
+from romdam.core.arrays import Floats, Record, at, record, record_type, stacked
+from romdam.core.jit import VIEWS, njit
 
 ROOT = Path(__file__).parents[1] / "romdam"
 MODULES = [path for room in ("contact", "timestepping") for path in sorted((ROOT / room).rglob("*.py"))]
@@ -101,3 +106,47 @@ def test_every_room_is_looked_at():
     assert {"gauss_seidel.py", "loop.py", "step.py", "generalized_alpha.py"} <= {
         path.name for path in MODULES
     }
+
+
+COUNTS = record_type(steps=int, largest=float, known=bool)
+
+
+class _Inner(NamedTuple):
+    values: Floats
+    counts: Record
+
+
+class _Outer(NamedTuple):
+    values: Floats
+    scale: Floats
+    inner: _Inner
+    absent: None
+
+
+def _one(n):
+    return _Outer(np.arange(float(n)), 2.0, _Inner(np.zeros(n), record(COUNTS)), None)
+
+
+def _change(many, first, second):
+    one = at(many, (first, second))
+    one.values[0] = one.scale
+    one.inner.values[1] += 1.0
+    one.inner.counts.steps += 1
+    one.inner.counts.largest = max(one.inner.counts.largest, 0.5)
+    one.inner.counts.known = True
+    return one.inner.counts.steps
+
+
+@pytest.mark.parametrize(
+    "change", [_change, njit(**VIEWS | {"cache": False})(_change)], ids=["plain", "compiled"]
+)
+def test_a_view_of_one_of_many_has_every_field_and_is_written_through(change):
+    """Compiled code must not take what is written to a view for dead."""
+    many = stacked([stacked([_one(3) for _ in range(4)]) for _ in range(2)])
+    assert many.inner.counts.shape == (2, 4) and many.scale.shape == (2, 4) and many.absent is None
+    assert change(many, 1, 2) == 1
+    assert change(many, 1, 2) == 2
+    one = at(many, (1, 2))
+    assert list(one.values) == [2.0, 1.0, 2.0] and list(one.inner.values) == [0.0, 2.0, 0.0]
+    assert (one.inner.counts.steps, one.inner.counts.largest, one.inner.counts.known) == (2, 0.5, True)
+    assert many.inner.counts["steps"].sum() == 2 and many.inner.values.sum() == 2.0

@@ -106,7 +106,7 @@ class GapProblem(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What bounds the shear of every gap: c + mu p_n, equal along j and k for a bound on the resultant.
+    """Bounds of the shear of every gap: c + mu p_n, equal along j and k for a bound on the resultant.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ FAILURE = record_type(gap=int)
 
 
 class GapMemory(NamedTuple):
-    """What the solver carries from step to step.
+    """Memory of the gaps from step to step, changed in place.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What jitted functions share: a cache that may be missing or damaged, whether views count references.
+"""Compiled functions: a cache that may be missing or damaged, whether views count references, and `at`.
 
 Every view (a row of a run's state) takes an atomic increment and a decrement, dozens per step. The time loop
 itself makes no arrays, so it needs none; what it calls says so where it does make some, for the option is

@@ -68,7 +68,7 @@ def ledger(
 
 
 def imbalance(energy: Mapping[str, Floats]) -> float:
-    """How far a ledger is open: its largest residual over the largest energy that was exchanged."""
+    """Tell how far a ledger is open: its largest residual over the largest energy that was exchanged."""
     exchanged = max(float(np.ptp(energy[name])) for name in _EXCHANGED)
     rests = max(float(np.abs(energy[name]).max()) for name in _EXCHANGED)
     size = max(exchanged, _AT_REST * rests)

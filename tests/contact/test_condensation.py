@@ -6,6 +6,7 @@ from gap_problems import TOLERANCE, random_case, solve_step
 
 from romdam.contact.problem import gap_memory
 from romdam.contact.solvers.condensation import note_sticking, release, release_sliding
+from romdam.contact.solvers.state import forget_product
 from romdam.contact.step import commit_gaps
 
 
@@ -121,3 +122,14 @@ def test_where_many_are_released_at_once_all_are():
     release_sliding(limits, memory.solver, memory.force)
     assert not memory.solver.sticking.condensed.any() and memory.solver.sticking.counts.number == 0
     assert not memory.force[0:9].any() and (memory.force[9:54:3] == 1.0).all()
+
+
+def test_a_forgotten_product_is_not_used():
+    """Under large free motions W times the last force would leave its round-off in the next response."""
+    case = random_case(5, 10, mu=(0.6, 0.6), coupling=0.5, floor=0.1)
+    problem, memory = case.problem, gap_memory(case.problem)
+    wanted, _ = solve_step(problem, memory, case.w_free)
+    memory.solver.sweeps.product[:] = 1.0
+    forget_product(memory.solver)
+    found, residual = solve_step(problem, memory, case.w_free)
+    assert residual <= TOLERANCE and np.abs(found - wanted).max() <= 1e-6 * np.abs(wanted).max()

@@ -35,7 +35,7 @@ _CONDITION = 1e5  # of W on the condensed contacts: beyond it single precision d
 
 @njit(cache=True)
 def sticks(limits: Limits, p: Floats, i: int) -> bool:
-    """Whether gap i is closed and its shear below its limit in both directions."""
+    """Tell whether gap i is closed and its shear below its limit in both directions."""
     p_n, t_j, t_k = p[3 * i + NORMAL], p[3 * i + SHEAR_J], p[3 * i + SHEAR_K]
     limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p_n
     limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p_n
@@ -44,7 +44,7 @@ def sticks(limits: Limits, p: Floats, i: int) -> bool:
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _exchange(M: Singles, size: int, k: NDArray[np.int64], P: Singles, X: Singles) -> None:
-    """Exchange forces and displacements of some directions in r = M z: the given are found, and the reverse.
+    """Exchange forces and displacements of some directions in r = M z: known ones become unknowns.
 
     M goes through memory once, however many directions there are.
 

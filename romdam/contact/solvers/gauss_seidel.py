@@ -30,7 +30,7 @@ from romdam.contact.problem import GapMemory, GapProblem, Limits
 from romdam.contact.solvers.condensation import multiply, note_sticking, release_all, release_sliding
 from romdam.contact.solvers.continuation import continue_from_no_friction
 from romdam.contact.solvers.newton import natural_residuals, response, worst_gap
-from romdam.contact.solvers.state import REST, START, SWEPT, FrictionalState, GaussSeidelState
+from romdam.contact.solvers.state import PUT_BACK, START, SWEPT, FrictionalState, GaussSeidelState
 from romdam.core.arrays import Floats, Singles
 from romdam.core.jit import copy, njit
 
@@ -39,15 +39,15 @@ _WINDOW = 4  # sweeps between two looks at the contraction
 _GAIN = 0.3  # the change of the force must fall to this over a window, or Newton is the shorter way
 _SINGLE = 1e-4  # of the force's move, where sweeps in single precision begin anew from the exact response
 _STALLED = 0.1  # of the residual before: single precision does not hold the condensed contacts
-_REST = 0.1  # of the tolerance
+_TIGHTER = 0.1  # of the tolerance: what sweeps converge to
 _IDLE = 0.25  # gathered gaps without force per gap with
 _FEW = 0.25  # of all gaps, below which a product over the gathered ones alone is cheaper than over all
-_SPENT, _RESTS, _SLOW, _CHANGED = 0, 1, 2, 3  # how a row of sweeps ends
+_SPENT, _CONVERGED, _SLOW, _CHANGED = 0, 1, 2, 3  # how a row of sweeps ends
 
 
 @njit(cache=True)
 def _wanted(limits: Limits, p: Floats, y: Floats, i: int) -> bool:
-    """Whether gap i may carry force: it does, or it overlaps, or it has a shear limit without compression."""
+    """Tell whether gap i may carry force: it does, or overlaps, or has a shear limit without compression."""
     n = 3 * i + NORMAL
     return p[n] > 0.0 or y[n] < 0.0 or limits.cohesion[i, ALONG_J] > 0.0 or limits.cohesion[i, ALONG_K] > 0.0
 
@@ -141,7 +141,7 @@ def _sweep(
 
 @njit(cache=True)
 def _changed(order: NDArray[np.int64], x: Floats, kept: NDArray[np.bool_]) -> bool:
-    """Whether a gathered gap is not closed as it was; never without `kept`."""
+    """Tell whether a gathered gap is not closed as it was; never without `kept`."""
     if len(kept):
         for a in range(len(x) // 3):
             if (x[3 * a + NORMAL] > 0.0) != kept[order[a]]:
@@ -182,16 +182,13 @@ def _move(
 
     Returns
     -------
-    (fate, change, sweeps) : SPENT, RESTS, SLOW or CHANGED; the last sweep's change; sweeps done
+    (fate, change, sweeps) : SPENT, CONVERGED, SLOW or CHANGED; the last sweep's change; sweeps done
     """
     (done, change), (goal, kept), (p, start, y) = so_far, control, forces
     sweeps, sticking = solver.sweeps, solver.sticking
-    count, rest = _gather(W, limits, solver, p, y), sweeps.scratch[REST]
-    order, x, moved = (
-        sweeps.order[:count],
-        sweeps.scratch[SWEPT, : 3 * count],
-        np.zeros(3 * count, np.float32),
-    )
+    count, rest = _gather(W, limits, solver, p, y), sweeps.scratch[PUT_BACK]
+    order, x = sweeps.order[:count], sweeps.scratch[SWEPT, : 3 * count]
+    moved = np.zeros(3 * count, np.float32)
     for b in range(3 * count):
         x[b] = p[3 * order[b // 3] + b % 3]
     z = _put_back(solver, y, rest)
@@ -206,7 +203,7 @@ def _move(
             if _changed(order, x, kept):
                 return _CHANGED, change, done
         if change * change <= 0.5 * goal * (last - change):  # what all further sweeps would change
-            fate = _RESTS
+            fate = _CONVERGED
         if fate != _SPENT or share <= _SINGLE:
             break
     for b in range(3 * count):
@@ -265,7 +262,7 @@ def _sweeps(
     y: Floats,
     control: tuple[float, NDArray[np.bool_]],
 ) -> float:
-    """Sweep until the force rests, on a set of gaps that grows as they close; natural residual of the forces.
+    """Sweep until the force converges, on gaps that are added as they close; natural residual of the forces.
 
     It is inf where they contract slowly and where a gap opens or closes that must not.
 
@@ -276,7 +273,12 @@ def _sweeps(
     """
     (tolerance, kept), p, solver = control, memory.force, memory.solver
     sweeps, sticking = solver.sweeps, solver.sticking
-    goal, start, counts, few = _REST * tolerance, sweeps.scratch[START], sweeps.counts, _FEW * len(limits.mu)
+    goal, start, counts, few = (
+        _TIGHTER * tolerance,
+        sweeps.scratch[START],
+        sweeps.counts,
+        _FEW * len(limits.mu),
+    )
     good, done, change, residual = False, 0, 1.0, np.inf
     while done < _SWEEPS:
         copy(p, start)
@@ -289,7 +291,7 @@ def _sweeps(
             continue
         response(W, p, y_free, y)
         _, residual = natural_residuals(W, limits, p, y)
-        good = fate == _RESTS and residual <= goal
+        good = fate == _CONVERGED and residual <= goal
         if good or fate == _SLOW or not math.isfinite(residual):
             break
         if condensed > 0 and condensed == sticking.counts.number and residual > _STALLED * last:

@@ -163,7 +163,7 @@ def worst_gap(W: Floats, limits: Limits, p: Floats, y: Floats) -> int:
 
 @njit(cache=True)
 def on_resultant(limits: Limits, i: int) -> bool:
-    """Whether gap i bounds the resultant shear (a disc) and not each direction (a rectangle)."""
+    """Tell whether gap i bounds the resultant shear (a disc) and not each direction (a rectangle)."""
     return (
         limits.mu[i, ALONG_J] == limits.mu[i, ALONG_K]
         and limits.cohesion[i, ALONG_J] == limits.cohesion[i, ALONG_K]

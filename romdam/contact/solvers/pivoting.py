@@ -157,14 +157,14 @@ def _evaluate(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> No
 
 @njit(cache=True)
 def _is_infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float], i: int) -> bool:
-    """Whether gap i is on the wrong side: pulled, or overlapping."""
+    """Tell whether gap i is on the wrong side: pulled, or overlapping."""
     least_force, least_opening = slack
     return out[i] < -(least_force if set_.active[i] else least_opening)
 
 
 @njit(cache=True)
 def _infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float]) -> tuple[int, int]:
-    """How many gaps are on the wrong side, and the largest index among them."""
+    """Count the gaps on the wrong side; the largest index among them, too."""
     count, last = 0, -1
     for i in range(len(out)):
         if _is_infeasible(set_, out, slack, i):

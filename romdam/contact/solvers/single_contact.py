@@ -76,7 +76,7 @@ def _sliding(A: Floats, b: Floats, bound: tuple[float, float], p: Floats) -> boo
 
 @njit(cache=True)
 def _fits(y: float, p: float, limit: float, state: int) -> bool:
-    """Whether a shear component sticks within its limit, or slides against its jump."""
+    """Tell whether a shear component sticks within its limit, or slides against its jump."""
     if state == 0:
         return abs(p) <= limit * (1.0 + _ROUND_OFF)
     return y * state <= 0.0

@@ -1,4 +1,4 @@
-"""What the contact solvers carry from step to step, changed in place; a fresh state is all zeros.
+"""State of the contact solvers from step to step, changed in place; a fresh one is all zeros.
 
 Every solver has a NamedTuple of its own. Its arrays may have leading axes (runs, step sizes), of which
 `romdam.core.arrays.at` makes views; memory comes as it is written to. Scratch is read in the call that wrote
@@ -15,7 +15,7 @@ from romdam.core.arrays import Bools, Floats, Ints, Record, Singles, record_type
 
 CLOSED_SET, OPEN_SET = 0, 1  # the active sets of the two ways to solve without friction
 SET_FORCE, SET_RIGHT, SOLUTION = 0, 1, 2  # rows of the pivoting's scratch
-SWEPT, START, REST = 0, 1, 2  # rows of the sweeps' scratch
+SWEPT, START, PUT_BACK = 0, 1, 2  # rows of the sweeps' scratch
 
 PIVOTING = record_type(size=int, updates=int, iterations=int, most_iterations=int)
 SWEEPS = record_type(gathered=int, known=bool, newton_steps=int, iterations=int, most_iterations=int)
@@ -54,7 +54,7 @@ class GaussSeidelState(NamedTuple):
     force, product : (N,) force of the last solution, and W times it [N], [m]
     counts : `SWEEPS`: gathered gaps, whether `product` is known, steps that needed Newton, sweeps and
         iterations in all and the most in a step
-    scratch : (3, N) forces of the sweeps, where these began, response without the condensed contacts
+    scratch : (3, N) forces of the sweeps, where these began, response with the condensed contacts put back
     """
 
     gathered: Bools
@@ -84,7 +84,7 @@ class CondensedState(NamedTuple):
 
 
 class FrictionalState(NamedTuple):
-    """What the solver with friction carries."""
+    """State of the solver with friction."""
 
     sweeps: GaussSeidelState
     sticking: CondensedState

@@ -163,7 +163,7 @@ class Work(NamedTuple):
 
 
 class HistoryBuffer(NamedTuple):
-    """What is written: one row per kept base step, the runs one after another.
+    """Rows of the histories: one per written base step, the runs one after another.
 
     Attributes
     ----------
@@ -184,3 +184,36 @@ class HistoryBuffer(NamedTuple):
     impulse: Floats
     state: NDArray[np.uint8]
     energies: Record
+
+
+class Arrays(NamedTuple):
+    """All that the loop is called with, see `romdam.timestepping.modal.loop.integrate`."""
+
+    model: ModalModel
+    levels: StepHierarchy
+    runs: Batch
+    states: ModalState
+    work: Work
+    buffer: HistoryBuffer
+
+
+def new_work(states: ModalState, shifted: bool) -> Work:
+    """Make the vectors of the loop; `shifted` where jumps are added."""
+    (runs, m), N = states.q.shape, states.mean.shape[1]
+    f_0, f_end, f_1, q_free, r = np.zeros((5, runs, m))
+    w, y, old_force = np.zeros((3, runs, N))
+    return Work(
+        f_0=f_0,
+        f_end=f_end,
+        f_1=f_1,
+        q_free=q_free,
+        r=r,
+        w=w,
+        y=y,
+        old_force=old_force,
+        start_shift=np.zeros((runs, N if shifted else 0)),
+        end_shift=np.zeros((runs, N if shifted else 0)),
+        shift=np.zeros((runs, N if shifted else 0)),
+        active=np.zeros(runs, dtype=np.int64),
+        accepted=np.zeros(runs, dtype=np.int64),
+    )

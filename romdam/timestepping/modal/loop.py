@@ -140,7 +140,7 @@ def _head_for(levels: StepHierarchy, runs: Batch, states: ModalState, work: Work
 
 @njit(cache=True, inline="always")
 def _reach(levels: StepHierarchy, runs: Batch, run: int) -> float:
-    """Where a run's next step ends within its base step, from 0 to 1."""
+    """End of a run's next step within its base step, from 0 to 1."""
     return (runs.clock[run].fine_steps + levels.size[runs.clock[run].level]) / levels.size[BASE]
 
 

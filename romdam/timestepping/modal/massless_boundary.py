@@ -50,7 +50,7 @@ def _end_force(
 
 @njit(cache=True)
 def _slid(problem: GapProblem, memory: GapMemory, y: Floats) -> float:
-    """What sliding takes in the step, which never is negative [J]."""
+    """Energy that sliding takes in the step, which never is negative [J]."""
     lost = 0.0
     for i in range(len(memory.accumulated_slip)):
         for a in range(3 * i + 1, 3 * i + 3):

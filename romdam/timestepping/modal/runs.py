@@ -22,12 +22,13 @@ from romdam.timestepping.modal.arrays import (
     CLOCK,
     TRIES,
     VARIANT,
+    Arrays,
     Batch,
     HistoryBuffer,
     ModalModel,
     ModalState,
     StepHierarchy,
-    Work,
+    new_work,
 )
 from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
@@ -68,17 +69,6 @@ class Initial(NamedTuple):
     q: Floats
     v: Floats
     gaps: GapState
-
-
-class Arrays(NamedTuple):
-    """All that the loop is called with, see `romdam.timestepping.modal.loop.integrate`."""
-
-    model: ModalModel
-    levels: StepHierarchy
-    runs: Batch
-    states: ModalState
-    work: Work
-    buffer: HistoryBuffer
 
 
 def march_cases(
@@ -166,7 +156,7 @@ def _arrays(
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
     buffer = _history_buffer(states, options.stride, runs)
-    work = _work(states, len(model.shift) > 0)
+    work = new_work(states, len(model.shift) > 0)
     arrays = Arrays(model, levels, runs, states, work, buffer)
     _begin(arrays)
     return arrays
@@ -269,27 +259,6 @@ def _states(arrays: tuple[ModalModel, StateSplit], starts: Sequence[Initial], ru
         energies=energies,
         tries=np.zeros(len(gaps), TRIES),
         peaks=np.stack([first_peaks(gap.jump, gap.force) for gap in gaps]),
-    )
-
-
-def _work(states: ModalState, shifted: bool) -> Work:
-    (runs, m), N = states.q.shape, states.mean.shape[1]
-    f_0, f_end, f_1, q_free, r = np.zeros((5, runs, m))
-    w, y, old_force = np.zeros((3, runs, N))
-    return Work(
-        f_0=f_0,
-        f_end=f_end,
-        f_1=f_1,
-        q_free=q_free,
-        r=r,
-        w=w,
-        y=y,
-        old_force=old_force,
-        start_shift=np.zeros((runs, N if shifted else 0)),
-        end_shift=np.zeros((runs, N if shifted else 0)),
-        shift=np.zeros((runs, N if shifted else 0)),
-        active=np.zeros(runs, dtype=np.int64),
-        accepted=np.zeros(runs, dtype=np.int64),
     )
 
 
