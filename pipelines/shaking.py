@@ -129,7 +129,7 @@ def transient_options(job: Job, system: System, motion: GroundMotion) -> Transie
     Raises
     ------
     ConfigError
-        where `outputs.every` is no whole multiple of `transient.dt`.
+        where `outputs.output_interval` is no whole multiple of `transient.finest_step`.
     """
     transient, integrator = job.config.transient, choose_integrator(job, system)
     base, cuts, stride = _steps(job, motion, integrator)
@@ -166,7 +166,7 @@ def options_at(job: Job, system: System, motion: GroundMotion, finest: float) ->
 
 def _steps(job: Job, motion: GroundMotion, integrator: str) -> tuple[float, tuple[int, ...], int]:
     """Base step, how it is cut, base steps per written row."""
-    dt, every = job.config.transient.dt, job.config.outputs.every
+    dt, every = job.config.transient.finest_step, job.config.outputs.output_interval
     if dt is None:  # an accuracy is given: start from the record's step, or what fits the rows
         interval = every or motion.dt
         parts = math.ceil(interval / motion.dt * (1.0 - 1e-9))
@@ -182,17 +182,17 @@ def check_interval(job: Job) -> None:
     Raises
     ------
     ConfigError
-        where `outputs.every` is no whole multiple of `transient.dt`.
+        where `outputs.output_interval` is no whole multiple of `transient.finest_step`.
     """
-    dt, every = job.config.transient.dt, job.config.outputs.every
+    dt, every = job.config.transient.finest_step, job.config.outputs.output_interval
     if dt is None or every is None:
         return
     ratio = every / dt
     stride = round(ratio)
     if stride < 1 or abs(ratio - stride) > 1e-6 * ratio:
         raise ConfigError(
-            f"{job.path}: outputs.every must be a whole multiple of transient.dt ({dt:g} s), "
-            f"got {every:g} s; {max(1, stride) * dt:g} s is the nearest"
+            f"{job.path}: outputs.output_interval must be a whole multiple of transient.finest_step "
+            f"({dt:g} s), got {every:g} s; {max(1, stride) * dt:g} s is the nearest"
         )
 
 

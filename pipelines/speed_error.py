@@ -96,8 +96,8 @@ def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage 
     refuse_lengths(job, [motion])
     tell_doubts(job, [motion])
     scene = build_scene(job.config, job.folder, str(job.path))
-    steps = job.config.study.dt or tuple(motion.dt / part for part in PARTS)
-    setup = _Setup(job, scene, motion, steps, job.config.outputs.every or motion.dt)
+    steps = job.config.study.finest_steps or tuple(motion.dt / part for part in PARTS)
+    setup = _Setup(job, scene, motion, steps, job.config.outputs.output_interval or motion.dt)
     if stored is None:
         stored, name = _reference(setup, clock)
     else:
@@ -123,7 +123,7 @@ def _refuse(job: Job) -> None:
 
 def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
     """The run that all are compared with: all modes of the mesh at a small step, or full order."""
-    wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_dt
+    wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_step
     step = _divide(setup.every, dt or min(setup.steps) / FINER)
     unknowns = sum(int((~fixed).sum()) for fixed in setup.scene.fixed.values())
     dense = wanted == "all_modes" or (wanted == "auto" and unknowns <= MOST_DENSE)
@@ -164,7 +164,7 @@ class _Case:
 
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
     wanted = setup.job.config.study
-    for count, corrections in itertools.product(wanted.modes, wanted.corrections):
+    for count, corrections in itertools.product(wanted.modes, wanted.residual_vectors):
         choice = ModeChoice(count=count, corrections=corrections, capped=True)
         with clock.stage("model", f"reducing to {count} modes a block, {corrections} corrections"):
             system = reduce_scene(setup.scene, choice, setup.job.config.damping).system

@@ -116,7 +116,7 @@ def _refuse_what_cannot_be_verified(job: Job) -> None:
 
 
 def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock: Clock) -> Marched:
-    warm = max(10.0 * motion.dt, job.config.transient.dt or 0.0)
+    warm = max(10.0 * motion.dt, job.config.transient.finest_step or 0.0)
     shake(job, model.system, motion, warm)  # compiled kernels are not part of the time
     with clock.stage("reduced", "reduced model") as progress:
         history = shake(job, model.system, motion, seconds, progress)

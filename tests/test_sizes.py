@@ -33,13 +33,37 @@ def job(transient=None, **outputs):
 @pytest.mark.parametrize(
     ("transient", "outputs", "parts"),
     [
-        ({"dt": 2.5e-9}, {}, ["transient.dt", "2.5e-09 s", "1.2e+10 steps, limit 1e+08", "1 to 5 ms"]),
-        ({"duration": 1e7}, {}, ["transient.dt", "4e+09 steps"]),
-        ({"dt": None, "accuracy": 0.01, "duration": 1e7}, {}, ["transient.duration", "steps, limit 1e+08"]),
-        ({"dt": None, "accuracy": 0.01}, {"every": 1e-8}, ["transient", "steps, limit 1e+08"]),
-        ({"dt": 0.01, "duration": 1e-3}, {"every": None}, ["shorter than one step of 0.01 s"]),
-        ({"dt": 40.0, "duration": 100.0}, {"every": None}, ["29.99 s are shorter than one step of 40 s"]),
-        ({}, {"every": 100.0}, ["outputs.every", "29.99 s at intervals of 100 s", "0.01 s suits"]),
+        (
+            {"finest_step": 2.5e-9},
+            {},
+            ["transient.finest_step", "2.5e-09 s", "1.2e+10 steps, limit 1e+08", "1 to 5 ms"],
+        ),
+        ({"duration": 1e7}, {}, ["transient.finest_step", "4e+09 steps"]),
+        (
+            {"finest_step": None, "accuracy": 0.01, "duration": 1e7},
+            {},
+            ["transient.duration", "steps, limit 1e+08"],
+        ),
+        (
+            {"finest_step": None, "accuracy": 0.01},
+            {"output_interval": 1e-8},
+            ["transient", "steps, limit 1e+08"],
+        ),
+        (
+            {"finest_step": 0.01, "duration": 1e-3},
+            {"output_interval": None},
+            ["shorter than one step of 0.01 s"],
+        ),
+        (
+            {"finest_step": 40.0, "duration": 100.0},
+            {"output_interval": None},
+            ["29.99 s are shorter than one step of 40 s"],
+        ),
+        (
+            {},
+            {"output_interval": 100.0},
+            ["outputs.output_interval", "29.99 s at intervals of 100 s", "0.01 s suits"],
+        ),
     ],
 )
 def test_lengths_that_cannot_be_meant_are_refused(transient, outputs, parts):
@@ -50,9 +74,11 @@ def test_lengths_that_cannot_be_meant_are_refused(transient, outputs, parts):
     assert all(part in message for part in parts), message
 
 
-@pytest.mark.parametrize("transient", [{"dt": 1e-4, "duration": 300.0}, {"dt": 1e-5}, {"dt": 0.05}])
+@pytest.mark.parametrize(
+    "transient", [{"finest_step": 1e-4, "duration": 300.0}, {"finest_step": 1e-5}, {"finest_step": 0.05}]
+)
 def test_long_and_fine_runs_are_made(transient):
-    refuse_lengths(job(transient, every=None), [MOTION])
+    refuse_lengths(job(transient, output_interval=None), [MOTION])
 
 
 def test_no_ground_motion_is_resampled_to_a_billion_steps():
@@ -61,7 +87,7 @@ def test_no_ground_motion_is_resampled_to_a_billion_steps():
 
 
 def test_a_run_that_does_not_fit_in_memory_is_refused_before_it_is_made(monkeypatch):
-    one = job({"dt": 1e-3}, every=None)
+    one = job({"finest_step": 1e-3}, output_interval=None)
     model = build_model(one, Clock(silent))
     options = transient_options(one, model.system, MOTION)
     steps = MOTION.duration / options.dt

@@ -142,7 +142,7 @@ def _suite_job(job: Job) -> Job:
         )
     outputs = config.outputs
     if isinstance(suite.keep, KeepConfig):
-        outputs = outputs.model_copy(update={"every": suite.keep.every})
+        outputs = outputs.model_copy(update={"output_interval": suite.keep.output_interval})
     job = replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
     check_interval(job)
     return job
@@ -242,7 +242,7 @@ def _model_key(job: Job, scene: Scene) -> str:
     where any sample has shear.
     """
     config, suite = job.config, job.config.suite
-    parts = {"nodes", "every", "stress", "error_estimate"}
+    parts = {"nodes", "output_interval", "stress", "error_estimate"}
     asked = {
         "model": config.model.model_dump_json(),
         "transient": config.transient.model_dump_json(),
@@ -320,7 +320,7 @@ def written_rows(job: Job, motion: GroundMotion) -> int:
     """Rows of a run's result."""
     transient = job.config.transient
     duration = motion.duration if transient.duration is None else transient.duration
-    return int(duration / (job.config.outputs.every or transient.dt or motion.dt)) + 1
+    return int(duration / (job.config.outputs.output_interval or transient.finest_step or motion.dt)) + 1
 
 
 def row_bytes(study: Study) -> float:

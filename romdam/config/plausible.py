@@ -64,8 +64,8 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
         "cutoff": (1.0, 5000.0, "Hz", "50 Hz suits most dams"),
         "memory": (1e8, 1e14, "bytes", "write 8 GB for example"),
     },
-    TransientConfig: {"dt": (1e-6, 0.02, "s", "a step of 1 to 5 ms suits most dams")},
-    OutputsConfig: {"every": (1e-6, 0.1, "s", "0.01 s shows the openings")},
+    TransientConfig: {"finest_step": (1e-6, 0.02, "s", "a step of 1 to 5 ms suits most dams")},
+    OutputsConfig: {"output_interval": (1e-6, 0.1, "s", "0.01 s shows the openings")},
     StressConfig: {"strength": _STRENGTH},
     RecordConfig: {
         "dt": (5e-4, 0.1, "s", "records are sampled at 50 to 1000 Hz"),
@@ -161,7 +161,7 @@ def _unused(config: Config) -> Iterator[str]:
     """Keys that are given and do nothing."""
     model, given = config.model, config.model.model_fields_set
     if model.order == "full":
-        for key in ("modes", "cutoff", "corrections", "solver"):
+        for key in ("modes", "cutoff", "residual_vectors", "solver"):
             if key in given:
                 yield f"model.{key}: does nothing at full order; leave it out, or set order: reduced"
     if config.pipeline == "run" and config.suite is not None:

@@ -198,7 +198,7 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
     if model.modes == "auto":
         raise ReductionError("model.modes is auto, and no motion has settled it yet; give a number or all")
     solving = Solving(model.solver, model.memory)
-    return ModeChoice(model.modes, model.cutoff, model.corrections, solving=solving)
+    return ModeChoice(model.modes, model.cutoff, model.residual_vectors, solving=solving)
 
 
 def _reduced_block(

@@ -157,7 +157,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
         f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "
-        "cannot carry its loads: add a support or friction, or set loads.initial_state: from_start"
+        "cannot carry its loads: add a support or friction, or set loads.initial_state: undeformed"
     )
 
 
@@ -173,7 +173,7 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
-            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: from_start"
+            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: undeformed"
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)

@@ -39,7 +39,7 @@ class TransientOptions:
     integrator : a key of `romdam.timestepping.simulate.INTEGRATORS`
     rho_inf : spectral radius at infinite frequency (generalized_alpha only)
     tolerance : allowed relative residual of the gap-space problem of a step
-    initial_state : "static" (equilibrium under the static loads) or "from_start" (at rest, undeformed)
+    initial_state : "static" (equilibrium under the static loads) or "undeformed" (at rest, undeformed)
     cuts : into how many a step is cut at each level below the base step (adaptive only)
     force_change : what the change of a joint force over a step may do before the step is cut, as a gap
         velocity relative to the peak ground velocity (adaptive only)

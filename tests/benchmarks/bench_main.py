@@ -72,7 +72,7 @@ def reduced_system(plain: bool = False, **joint: object) -> tuple[System, float]
     start = time.process_time()
     the_job = job(**joint)
     kept = the_job.config.model
-    kept = kept.model_copy(update={"corrections": 0}) if plain else kept
+    kept = kept.model_copy(update={"residual_vectors": 0}) if plain else kept
     model = reduce_scene(the_job.scene, kept, the_job.config.damping)
     return model.system, time.process_time() - start
 

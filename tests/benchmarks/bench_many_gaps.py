@@ -43,7 +43,7 @@ def reduced(element: float) -> System:
         box = {"origin": [0, y, 0], "size": [20, depth, 80], "element_size": size, "element": "hex8"}
         raw["blocks"][name] = {"material": "concrete", "box": box}
     raw["joints"]["contraction"] |= {"friction": 0.6, "shear_stiffness": 8e9}
-    raw["loads"] = {"initial_state": "from_start"}
+    raw["loads"] = {"initial_state": "undeformed"}
     raw["model"] = {"order": "reduced", "cutoff": "60 Hz"}
     del raw["outputs"]["nodes"]
     config = parse_config(raw, CONFIG.name)
@@ -53,7 +53,7 @@ def reduced(element: float) -> System:
 def batch(system: System, count: int, seconds: float, alike: bool) -> list[History]:
     """The histories of so many records."""
     options = TransientOptions(
-        dt=0.005, stride=4, integrator="adaptive", initial_state="from_start", cuts=(4,), alike=alike
+        dt=0.005, stride=4, integrator="adaptive", initial_state="undeformed", cuts=(4,), alike=alike
     )
     found = integrate_cases([Case(system, ground) for ground in grounds(count, seconds)], options)
     return [history for history in found if isinstance(history, History)]

@@ -49,7 +49,7 @@ def system(case: str) -> System:
     """The reduced system of a case."""
     if case not in SCALED:
         return case_system(case)
-    raw = case_config(CASES[0], {"dt": 0.01})
+    raw = case_config(CASES[0], {"finest_step": 0.01})
     joint = raw_config()["joints"]["contraction"] | {"normal_stiffness": SCALED[case]}  # type: ignore[operator]
     raw["joints"] = {"contraction": joint}
     config = parse_config(raw, CONFIG.name)
@@ -73,7 +73,7 @@ def march(case: str, motion: GroundMotion, scheme: str, finest: float, end: floa
         stride=round(EVERY / base),
         integrator="modal" if scheme == "modal" else "adaptive",
         midpoint=scheme != "end",
-        initial_state="from_start",
+        initial_state="undeformed",
     )
     ground = resample_motion(motion, base)[:, : round(end / base) + 1]
     return integrate(system(case), ground, options)

@@ -88,7 +88,7 @@ def main() -> None:
             start = time.process_time()
             shake(job, model.system, motion, asked.seconds)
             seconds[name].append(time.process_time() - start)
-    dt = job.config.transient.dt
+    dt = job.config.transient.finest_step
     assert dt is not None
     print(table(models, seconds, round(asked.seconds / dt)))
     ratio = np.median(seconds["fine"]) / np.median(seconds["coarse"])

@@ -85,7 +85,7 @@ def case_config(case: str, transient: Row) -> dict[str, object]:
 @cache
 def case_system(case: str) -> System:
     """The reduced system of one case."""
-    config = parse_config(case_config(case, {"dt": 0.01}), CONFIG.name)
+    config = parse_config(case_config(case, {"finest_step": 0.01}), CONFIG.name)
     return reduce_scene(build_scene(config, ROOT, CONFIG.name), config.model, config.damping).system
 
 
@@ -107,7 +107,7 @@ def _stepping(motion: GroundMotion, case: str, settings: Settings) -> Row:
     if case.startswith("0/"):
         return {"accuracy": settings.accuracy}
     parts = 2 ** max(0, math.ceil(math.log2(motion.dt / settings.friction_step) - 1e-9))
-    return {"dt": motion.dt / parts}
+    return {"finest_step": motion.dt / parts}
 
 
 def measures(system: System, h: History) -> Row:

@@ -51,7 +51,7 @@ def pulse(axis, dt, duration=0.4):
 
 def shaken(system, axis, dt=2.5e-4):
     t, u, acc = pulse(axis, dt)
-    options = TransientOptions(dt=dt, integrator="generalized_alpha", initial_state="from_start")
+    options = TransientOptions(dt=dt, integrator="generalized_alpha", initial_state="undeformed")
     history = integrate(system, acc, options)
     own = history.disp.reshape(len(t), -1, 3)[..., "xyz".index(axis)]
     return t, u, own + u[:, None]

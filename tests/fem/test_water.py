@@ -57,7 +57,7 @@ def job(water, boxes, element="hex8", **other):
         "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
         "model": {"modes": "all"},
         "damping": {"rayleigh": {"alpha": 1.0, "beta": 1e-3}},
-        "transient": {"dt": 0.01},
+        "transient": {"finest_step": 0.01},
     } | ({"water": water} if water else {})
     config = parse_config(raw | other, "s.yaml")
     return build_scene(config, Path("."), "s.yaml"), config
@@ -298,7 +298,7 @@ def test_shaken_with_water_reduced_and_full_order_agree(model):
     reduced = reduce_scene(scene, config.model, config.damping).system
     full = assemble_full(scene, config.damping)
     options = TransientOptions(
-        dt=2e-4, stride=5, integrator="modal", initial_state="from_start", midpoint=False
+        dt=2e-4, stride=5, integrator="modal", initial_state="undeformed", midpoint=False
     )  # as `modal` has it
     found = integrate(reduced, ground, options)
     expected = integrate(full, ground, replace(options, integrator="generalized_alpha"))

@@ -110,11 +110,11 @@ def test_the_command_writes_finite_results(name, tmp_path):
 @pytest.mark.parametrize("integrator", ["modal", "adaptive"])
 @pytest.mark.parametrize("dt", [0.01, 2e-4])
 def test_hard_cases_at_other_steps(name, integrator, dt):
-    system, history = march(name, dt=dt, integrator=integrator, duration=1.5)
+    system, history = march(name, finest_step=dt, integrator=integrator, duration=1.5)
     assert_sound(system.law, history)
 
 
 def test_an_accuracy_is_reached_on_a_rocking_block():
-    system, history = march("rocking_block", dt=None, accuracy=0.02)
+    system, history = march("rocking_block", finest_step=None, accuracy=0.02)
     assert history.stats["estimated_time_error"] <= 0.02
     assert_sound(system.law, history)

@@ -53,7 +53,7 @@ def _shake(system, dt=0.0025, seconds=1.5, g=1.0, **options):
     """A pulse of two half sines at 2 Hz along y, two thirds of it along x."""
     t = np.arange(round(seconds / dt) + 1) * dt
     acc = 9.81 * g * np.sin(4.0 * np.pi * t) * (t < 0.5)
-    options = {"initial_state": "from_start", "integrator": "adaptive", "cuts": (4,)} | options
+    options = {"initial_state": "undeformed", "integrator": "adaptive", "cuts": (4,)} | options
     return integrate(system, np.stack([acc / 1.5, acc, 0 * acc]), TransientOptions(dt=dt, **options))
 
 
@@ -96,12 +96,12 @@ def test_from_a_tremor_to_a_hundred_g(g, mu):
     assert_sound(system.law, _shake(system, g=g))
 
 
-@pytest.mark.parametrize("initial_state", ["static", "from_start"])
+@pytest.mark.parametrize("initial_state", ["static", "undeformed"])
 @pytest.mark.parametrize("mu", [0.0, 0.6])
 @pytest.mark.parametrize("K_n", [5.0, np.inf], ids=["penalty", "rigid"])
 @pytest.mark.parametrize("gap", [0.05, 1e-3, -1e-3, -0.02])
 def test_initial_gap_and_penetration(gap, K_n, mu, initial_state):
-    if gap < 0.0 and np.isinf(K_n) and initial_state == "from_start":
+    if gap < 0.0 and np.isinf(K_n) and initial_state == "undeformed":
         pytest.skip("test_a_rigid_joint_cannot_start_pressed_in")
     system = _system(K_n=K_n, mu=mu, gap=gap)
     assert_sound(system.law, _shake(system, initial_state=initial_state))

@@ -45,7 +45,7 @@ def raw(height=8.0, size=2.0, **joint):
         },
         "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
         "model": {"order": "full"},
-        "transient": {"dt": 0.01},
+        "transient": {"finest_step": 0.01},
     }
 
 
@@ -72,7 +72,7 @@ def reduced(built, damping=DAMPING, **model):
 def march(system, dt=0.0025, ground=None, **options):
     """Integrate, from the undeformed state unless asked otherwise."""
     ground = shaking(dt) if ground is None else ground
-    return integrate(system, ground, TransientOptions(dt=dt, **({"initial_state": "from_start"} | options)))
+    return integrate(system, ground, TransientOptions(dt=dt, **({"initial_state": "undeformed"} | options)))
 
 
 def full(built, damping=DAMPING):

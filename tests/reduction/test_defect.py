@@ -61,7 +61,7 @@ def _smooth(dt):
     return np.stack([0.0 * acc, acc, 0.0 * acc])
 
 
-@pytest.mark.parametrize("initial_state", ["from_start", "static"])
+@pytest.mark.parametrize("initial_state", ["undeformed", "static"])
 @pytest.mark.parametrize("law", LAWS)
 def test_a_complete_basis_has_no_defect(law, initial_state):
     built = scene(raw(**LAWS[law]))
@@ -89,7 +89,7 @@ def test_corrected_run_is_much_nearer_to_the_full_order(law, modes):
     built = scene(raw(**LAWS[law]))
     coarse, every_mode = reduced(built, modes=modes), reduced(built)
     fine = reduce_scene(built, much_finer(ModeChoice(count=modes)), DAMPING)
-    options = TransientOptions(dt=DT, initial_state="from_start")
+    options = TransientOptions(dt=DT, initial_state="undeformed")
     history, truth = march(coarse.system, DT), march(every_mode.system, DT)
     basis = expansion(built, coarse)
     models = (
@@ -108,7 +108,7 @@ def test_window_of_the_same_model_repeats_the_run():
     built = scene(raw(friction=0.6))
     model = reduced(built, modes=8)
     history = march(model.system, DT, tolerance=1e-10)
-    options = TransientOptions(dt=DT, initial_state="from_start", tolerance=1e-10)
+    options = TransientOptions(dt=DT, initial_state="undeformed", tolerance=1e-10)
     into = embedding(built, model, model)
     assert np.abs(into - np.eye(model.system.size)).max() < 1e-9
     window = run_window(model.system, into, history, shaking(DT), options, 0.5)

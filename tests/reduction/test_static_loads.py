@@ -28,7 +28,7 @@ REST = {
     "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400.0, "expansion": 1e-5}},
     "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
     "model": {"order": "full"},
-    "transient": {"dt": 0.01},
+    "transient": {"finest_step": 0.01},
 }
 
 
@@ -65,7 +65,7 @@ def test_still_water_on_a_curved_face():
     faces = [{"block": f"C{k}", "face": "upstream"} for k in (1, 2, 3, 4)]
     for level in (100.0, 63.0):
         loads = {"hydrostatic": [{"level": level, "faces": faces}]}
-        scene = build(raw | {"transient": {"dt": 0.01}, "loads": loads})
+        scene = build(raw | {"transient": {"finest_step": 0.01}, "loads": loads})
         coarse, fine = np.zeros(3), np.zeros(3)
         for water in scene.water:
             points = scene.blocks[water.block].points

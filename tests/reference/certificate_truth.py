@@ -84,8 +84,8 @@ def make_job(record, scene, base):
     raw["joints"]["contraction"].update(SCENES[scene])
     raw["records"] = [record_entry(record)]
     raw["model"] = {"order": "reduced"} | base
-    raw["transient"] = {"dt": 0.000625, "duration": SECONDS}
-    raw["outputs"] |= {"plots": False, "every": 0.01}
+    raw["transient"] = {"finest_step": 0.000625, "duration": SECONDS}
+    raw["outputs"] |= {"plots": False, "output_interval": 0.01}
     return Job(parse_config(raw, "truth"), folder() / "truth.yaml")
 
 

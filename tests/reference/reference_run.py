@@ -67,7 +67,7 @@ def shaking(dt, duration=None):
 
 def march(system, dt, duration=None, **options):
     """Integrate from the undeformed state, rows every 0.01 s."""
-    options = {"stride": round(0.01 / dt), "initial_state": "from_start"} | options
+    options = {"stride": round(0.01 / dt), "initial_state": "undeformed"} | options
     return integrate(system, shaking(dt, duration), TransientOptions(dt=dt, **options))
 
 

@@ -46,8 +46,12 @@ def job():
         "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},
         "records": [{"name": "mul", "unit": "9.81 m/s2", "dt": 0.01, "components": components}],
         "model": {"cutoff": 50.0},
-        "transient": {"dt": 0.0025},
-        "outputs": {"every": 0.01, "error_estimate": False, "stress": {"blocks": ["C1", "C2", "C3", "C4"]}},
+        "transient": {"finest_step": 0.0025},
+        "outputs": {
+            "output_interval": 0.01,
+            "error_estimate": False,
+            "stress": {"blocks": ["C1", "C2", "C3", "C4"]},
+        },
     }
     return Job(parse_config(raw, "s.yaml"), CONFIGS / "s.yaml")
 

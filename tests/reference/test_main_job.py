@@ -25,7 +25,7 @@ def model():
 @pytest.fixture(scope="module")
 def plain():
     """The model without corrections."""
-    kept = job().config.model.model_copy(update={"corrections": 0})
+    kept = job().config.model.model_copy(update={"residual_vectors": 0})
     return reduce_scene(job().scene, kept, job().config.damping)
 
 

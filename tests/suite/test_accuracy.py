@@ -38,7 +38,7 @@ def options(coarse=COARSE, **other):
         dt=coarse,
         stride=round(EVERY / coarse),
         integrator="adaptive",
-        initial_state="from_start",
+        initial_state="undeformed",
         force_change=ACCURACY,
         **other,
     )

@@ -282,7 +282,7 @@ def test_whole_results_land_and_open_as_one_tree(tmp_path):
 
 
 def test_decimated_results_are_single_and_sparse(tmp_path):
-    job = write_job(tmp_path, suite={"keep": {"every": "0.05 s"}})
+    job = write_job(tmp_path, suite={"keep": {"output_interval": "0.05 s"}})
     made(job, tmp_path / "out")
     (path,) = (tmp_path / "out" / "runs").glob("r0__0__0-*.nc")
     with xr.open_dataset(path, engine="h5netcdf") as result:

@@ -69,7 +69,7 @@ def ground(acc):
 
 def run(system, acc, dt, **options):
     """Integrate from rest (undeformed unless asked otherwise)."""
-    options = {"initial_state": "from_start"} | options
+    options = {"initial_state": "undeformed"} | options
     if not system.diagonal:
         options = {"integrator": "generalized_alpha"} | options
     return integrate(system, ground(acc), TransientOptions(dt=dt, **options))

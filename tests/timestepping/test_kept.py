@@ -35,7 +35,7 @@ CHANGES = [
     {"cuts": (2,)},
     {"midpoint": False},
     {"flexible_ratio": 0.01},
-    {"initial_state": "from_start"},
+    {"initial_state": "undeformed"},
     {"tolerance": 1e-11},
 ]
 

@@ -250,7 +250,7 @@ def test_no_gap_is_a_linear_run(integrator):
 
 
 @pytest.mark.parametrize("integrator", [*MODAL, "generalized_alpha"])
-@pytest.mark.parametrize("initial_state", ["static", "from_start"])
+@pytest.mark.parametrize("initial_state", ["static", "undeformed"])
 def test_records_of_one_and_two_samples(integrator, initial_state):
     system = _three_masses(gap_law(1, K_n=1e5, gap=-1e-4))
     system = modal_twin(system) if integrator in MODAL else system

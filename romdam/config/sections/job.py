@@ -147,7 +147,7 @@ class LoadsConfig(Model):
     temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
-    initial_state: Literal["static", "from_start"] = "static"
+    initial_state: Literal["static", "undeformed"] = "static"
 
 
 class RayleighConfig(Model):
@@ -199,7 +199,7 @@ class DampingConfig(Model):
 
 
 Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
-Corrections = Annotated[Whole, Field(ge=0, le=1000)]
+ResidualVectors = Annotated[Whole, Field(ge=0, le=1000)]
 ModeCount = Annotated[
     Annotated[Modes, Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
     by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
@@ -210,7 +210,7 @@ class ModelConfig(Model):
     """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off.
 
     `modes: auto` takes as many as `transient.accuracy` needs on the strongest record.
-    `corrections` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
+    `residual_vectors` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
     `solver` and `memory` (such as 8 GB) say what large blocks are reduced with: "auto" takes the quickest
     that is installed and fits, in four fifths of the machine's memory if none is given.
     """
@@ -218,7 +218,7 @@ class ModelConfig(Model):
     order: Literal["reduced", "full"] = "reduced"
     modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
-    corrections: Corrections = 0
+    residual_vectors: ResidualVectors = 0
     solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
     memory: Annotated[Memory, Positive] | None = None
 
@@ -236,7 +236,7 @@ class TransientConfig(Model):
     "conserving" without any, "generalized_alpha" at full order; "modal" is the fixed-step baseline.
     """
 
-    dt: Annotated[Time, Positive] | None = None
+    finest_step: Annotated[Time, Positive] | None = None
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
     duration: Annotated[Time, Positive] | None = None
     integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
@@ -245,22 +245,26 @@ class TransientConfig(Model):
 
     @model_validator(mode="after")
     def _one_step(self) -> Self:
-        if (self.dt is None) == (self.accuracy is None):
-            raise ValueError("give exactly one of `dt` (for example 2.5 ms) and `accuracy` (for example 1 %)")
+        if (self.finest_step is None) == (self.accuracy is None):
+            raise ValueError(
+                "give exactly one of `finest_step` (for example 2.5 ms) and `accuracy` (for example 1 %)"
+            )
         if self.accuracy is not None and self.integrator == "generalized_alpha":
-            raise ValueError("`accuracy` chooses the step of a reduced model; give `dt` to generalized_alpha")
+            raise ValueError(
+                "`accuracy` chooses the step of a reduced model; give `finest_step` to generalized_alpha"
+            )
         return self
 
 
 class OutputsConfig(Model):
-    """What is written: histories at named nodes, every gap, at the interval `every`.
+    """What is written: histories at named nodes, every gap, at the interval `output_interval`.
 
     `error_estimate` adds to every result how far the modes left out have moved it.
     """
 
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     stress: StressConfig | None = None
-    every: Annotated[Time, Positive] | None = None
+    output_interval: Annotated[Time, Positive] | None = None
     plots: bool = True
     error_estimate: bool = True
 
@@ -268,20 +272,20 @@ class OutputsConfig(Model):
 class StudyConfig(Model):
     """What `romdam study` sweeps, and what it compares with.
 
-    Every combination of `modes` (a block), `corrections`, `integrators` and `dt` (the finest step; 1/4 to
-    1/32 of the record's step if not given) is timed over the whole record and compared over `duration`, with
-    all modes of the mesh or the full order at `reference_dt` (1/16 of the finest step if not given).
+    Every combination of `modes` (a block), `residual_vectors`, `integrators` and `finest_steps` (1/4 to 1/32
+    of the record's step if not given) is timed over the whole record and compared over `duration`, with all
+    modes of the mesh or the full order at `reference_step` (1/16 of the finest step if not given).
     """
 
     modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
-    corrections: Annotated[tuple[Corrections, ...], Field(min_length=1)] = (0, 10)
+    residual_vectors: Annotated[tuple[ResidualVectors, ...], Field(min_length=1)] = (0, 10)
     integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
         "modal",
         "adaptive",
     )
-    dt: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
+    finest_steps: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
     reference: Literal["auto", "all_modes", "full"] = "auto"
-    reference_dt: Annotated[Time, Positive] | None = None
+    reference_step: Annotated[Time, Positive] | None = None
     duration: Annotated[Time, Positive] = 10.0
     repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
 
@@ -324,9 +328,10 @@ class Config(Model):
 
     @model_validator(mode="after")
     def _references(self) -> Self:
-        if self.model.order == "full" and self.transient.dt is None:
+        if self.model.order == "full" and self.transient.finest_step is None:
             raise ValueError(
-                "transient.dt is missing; a full-order model needs a step, `accuracy` is for reduced ones"
+                "transient.finest_step is missing; a full-order model needs a step, `accuracy` is for "
+                "reduced ones"
             )
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")

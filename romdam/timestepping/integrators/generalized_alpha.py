@@ -105,7 +105,7 @@ def generalized_alpha(
             raise ConvergenceError(
                 f"step {n + 1}, t = {(n + 1) * options.dt:.6g} s: the gap-space problem stopped at a "
                 f"relative residual of {residual:.2g}, limit {options.tolerance:.2g}, farthest at "
-                f"{system.law.place(int(memory.worst[0]))}; halve transient.dt"
+                f"{system.law.place(int(memory.worst[0]))}; halve transient.finest_step"
             )
         worst = max(worst, residual)
         rows.keep(state, n + 1)

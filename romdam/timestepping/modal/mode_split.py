@@ -91,9 +91,10 @@ def split_conserving(system: System, dt: float) -> StateSplit:
         low, high = (middle, high) if bonded * dt <= _BONDED else (low, middle - 1)
     if low == 0:
         raise ConfigError(
-            f"without damping and with transient.dt {dt:g} s no joint force keeps the energy: "
+            f"without damping and with transient.finest_step {dt:g} s no joint force keeps the energy: "
             "the gaps are rigid or too stiff for the step, and the model has no higher modes to give their "
-            "boundary a flexibility; keep more modes, lower dt, give a finite normal_stiffness, or damping"
+            "boundary a flexibility; keep more modes, lower the step, give a finite normal_stiffness, or "
+            "damping"
         )
     states, rest = np.sort(order[: ends[low - 1]]), np.sort(order[ends[low - 1] :])
     taper = np.sinc(np.sqrt(k[states] / k[rest].min())) if len(rest) else np.ones(len(states))

@@ -291,8 +291,8 @@ def not_converged(step: int, options: TransientOptions, residual: float, place: 
     """Message for a step whose gap-space problem did not converge."""
     return (
         f"step {step}, t = {step * options.dt:.6g} s: the gap-space problem stopped at a relative residual "
-        f"of {residual:.2g}, limit {options.tolerance:.2g}, farthest at {place}; halve transient.dt, or "
-        "lower the friction"
+        f"of {residual:.2g}, limit {options.tolerance:.2g}, farthest at {place}; halve "
+        "transient.finest_step, or lower the friction"
     )
 
 
