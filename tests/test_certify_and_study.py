@@ -144,14 +144,14 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
 def test_study_against_full_order_and_a_failing_case(folder, tmp_path, monkeypatch):
     from romdam.pipelines import speed_error
 
-    real = speed_error.integrate
+    real = speed_error.simulate_one
 
-    def fails(system, ground, options, progress=None):
-        if options.integrator == "adaptive":
+    def fails(prepared, ground, settings, progress=None):
+        if prepared.integrator.name == "adaptive":
             raise ConvergenceError("step 3: did not converge")
-        return real(system, ground, options, progress)
+        return real(prepared, ground, settings, progress)
 
-    monkeypatch.setattr(speed_error, "integrate", fails)
+    monkeypatch.setattr(speed_error, "simulate_one", fails)
     config = folder / "full.yaml"
     study = STUDY | {"modes": [10], "residual_vectors": [0], "finest_steps": ["2.5 ms"], "reference": "full"}
     config.write_text(yaml.safe_dump(yaml.safe_load(SMALL) | {"study": study}))

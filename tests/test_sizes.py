@@ -11,7 +11,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.linalg.solvers import Solving
 from romdam.pipelines.run import Clock, build_model, silent
-from romdam.pipelines.shaking import ground_at_steps, refuse_large, shake, transient_options
+from romdam.pipelines.simulation import ground_at_steps, refuse_large, settings_for, simulate_one
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "two_cantilevers.yaml"
@@ -89,14 +89,14 @@ def test_no_ground_motion_is_resampled_to_a_billion_steps():
 def test_a_run_that_does_not_fit_in_memory_is_refused_before_it_is_made(monkeypatch):
     one = job({"finest_step": 1e-3}, output_interval=None)
     model = build_model(one, Clock(silent))
-    options = transient_options(one, model.system, MOTION)
-    steps = MOTION.duration / options.dt
-    need = run_bytes(model.system, steps, steps / options.stride)
+    settings = settings_for(one, model.prepared, MOTION)
+    steps = MOTION.duration / settings.steps.base
+    need = run_bytes(model.system, steps, steps / settings.steps.stride)
     monkeypatch.setattr(Solving, "limit", 1.01 * need)
-    refuse_large(one, [(model.system, MOTION, options)], None)
+    refuse_large(one, [(model.prepared, MOTION, settings)], None)
     monkeypatch.setattr(Solving, "limit", 0.99 * need)
     with pytest.raises(ConfigError, match=r"northridge: .* written rows would take .* GB of memory, limit"):
-        shake(one, model.system, MOTION, None)
+        simulate_one(one, model.prepared, MOTION)
 
 
 def test_memory_grows_with_rows_nodes_and_gaps():

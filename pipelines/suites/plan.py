@@ -24,7 +24,6 @@ from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, settled
-from romdam.pipelines.shaking import check_interval
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
@@ -132,7 +131,7 @@ def _suite_job(job: Job) -> Job:
     Raises
     ------
     ConfigError
-        for a full-order model, and an output interval that the step does not divide.
+        for a full-order model.
     """
     suite, config = _suite(job), job.config
     if config.model.order == "full":
@@ -143,9 +142,7 @@ def _suite_job(job: Job) -> Job:
     outputs = config.outputs
     if isinstance(suite.keep, KeepConfig):
         outputs = outputs.model_copy(update={"output_interval": suite.keep.output_interval})
-    job = replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
-    check_interval(job)
-    return job
+    return replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
 
 
 def read_records(job: Job) -> list[SuiteRecord]:

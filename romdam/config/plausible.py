@@ -27,6 +27,7 @@ from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import IntensityConfig, SuiteConfig
 from romdam.config.sections.water import WaterConfig
+from romdam.core.integrators import INTEGRATORS
 
 Range = tuple[float, float, str, str]  # least and largest magnitude in SI, the unit, what is usual
 _RATIO = (0.0, 0.2, "", "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)")
@@ -164,6 +165,11 @@ def _unused(config: Config) -> Iterator[str]:
         for key in ("modes", "cutoff", "residual_vectors", "solver"):
             if key in given:
                 yield f"model.{key}: does nothing at full order; leave it out, or set order: reduced"
+    transient = config.transient
+    for name, entry in INTEGRATORS.items():
+        for key in entry.keys:
+            if transient.integrator not in (None, name) and key in transient.model_fields_set:
+                yield f"transient.{key}: does nothing with {transient.integrator}, but with {name}"
     if config.pipeline == "run" and config.suite is not None:
         yield "suite: does nothing with pipeline: run; set pipeline: suite, or leave it out"
     if config.loads.weight == "staged" and config.loads.gravity is None:

@@ -18,7 +18,8 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
-from romdam.timestepping.options import Start
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings, Start
 
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _MAX_ITERATIONS = 2000
@@ -103,6 +104,21 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
         stored=float((0.5 * stiffness * law.gap**2).sum()),
     )
     return np.zeros(system.size), empty
+
+
+def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapState]:
+    """The state at rest that a run starts from, made once for all of them; not to be changed.
+
+    Raises
+    ------
+    ConfigError, ConvergenceError
+        as `undeformed` and `static_equilibrium` do.
+    """
+    system, static, tolerance = prepared.system, settings.initial_state == "static", settings.tolerance
+    return prepared.cache.get_or_compute(
+        ("initial", static, tolerance if static else 0.0),
+        lambda: static_equilibrium(system, tolerance) if static else undeformed(system),
+    )
 
 
 def resumed(system: System, start: Start) -> GapState:

@@ -30,6 +30,11 @@ MISTAKES = [
         "conserving",
         ["transient.integrator: conserving is for scenes without damping", "adaptive is the default"],
     ),
+    (
+        ("transient", "integrator"),
+        "euler",
+        ["transient.integrator must be one of adaptive, conserving, generalized_alpha, modal, got 'euler'"],
+    ),
     ((*JOINT, "normal_stiffness"), -1, ["normal_stiffness must be at least 0, got -1"]),
     ((*JOINT, "normal_stiffness"), "30 kg", ["normal_stiffness: '30 kg' is not a quantity in N/m^3"]),
     (

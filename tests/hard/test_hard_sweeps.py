@@ -10,15 +10,15 @@ from functools import cache
 import numpy as np
 import pytest
 from hand_systems import gap_law, ground, modal_twin, run, sparse_system, still
+from simulating import simulated
 from soundness import assert_sound, soundness
 from test_hard_configs import FOLDER
 
 import romdam
 from romdam.core.errors import ConfigError
+from romdam.core.integrators import INTEGRATORS
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import INTEGRATORS, integrate
 
 BLOCK = 3e9  # stiffness of a block per area of the joint, E / depth [N/m3]
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]
@@ -54,7 +54,7 @@ def _shake(system, dt=0.0025, seconds=1.5, g=1.0, **options):
     t = np.arange(round(seconds / dt) + 1) * dt
     acc = 9.81 * g * np.sin(4.0 * np.pi * t) * (t < 0.5)
     options = {"initial_state": "undeformed", "integrator": "adaptive", "cuts": (4,)} | options
-    return integrate(system, np.stack([acc / 1.5, acc, 0 * acc]), TransientOptions(dt=dt, **options))
+    return simulated(system, np.stack([acc / 1.5, acc, 0 * acc]), dt, **options)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.3, 1.0, 2.0])
@@ -196,7 +196,7 @@ def test_a_spring_under_a_mass_conserves():
 def test_one_and_two_samples(samples, integrator):
     """Too short a ground motion for the loop: nothing happens, or one step does."""
     system = _system(damped=integrator != "conserving")
-    h = integrate(system, ground(np.ones(samples)), TransientOptions(dt=0.0025, integrator=integrator))
+    h = simulated(system, ground(np.ones(samples)), 0.0025, integrator=integrator)
     assert len(h.time) == samples
     assert np.isfinite(h.disp).all()
 

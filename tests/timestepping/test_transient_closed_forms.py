@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hand_systems import assert_ledger, gap_law, modal_twin, pulse, run, sparse_system, still
 
-from romdam.timestepping.simulate import INTEGRATORS
+from romdam.core.integrators import INTEGRATORS
 
 # `conserving` is for scenes without damping, below a step of its own
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -31,9 +31,10 @@ from romdam.config.sections.joints import JointConfig, TieConfig
 from romdam.config.sections.places import Axis, BlockFace, FaceRef, NodeConfig, Tolerance, Vector
 from romdam.config.sections.records import RecordConfig
 from romdam.config.sections.stress import StressConfig
-from romdam.config.sections.suite import SuiteConfig
+from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, shown
+from romdam.core.integrators import INTEGRATORS
 
 Element = Literal["hex8", "hex20", "tet4", "tet10"]
 NonNegative = Field(ge=0.0)
@@ -229,6 +230,21 @@ class ModelConfig(Model):
         return self
 
 
+def _one_of(names: Callable[[], list[str]]) -> AfterValidator:
+    """Take a name of those that there are when it is read: a user's own integrator is one of them."""
+
+    def check(name: str) -> str:
+        if name not in names():
+            raise ValueError(f"must be one of {listed(names())}, got {shown(name)}")
+        return name
+
+    return AfterValidator(check)
+
+
+IntegratorName = Annotated[str, _one_of(lambda: list(INTEGRATORS))]
+ModalName = Annotated[str, _one_of(lambda: [name for name, entry in INTEGRATORS.items() if entry.uncoupled])]
+
+
 class TransientConfig(Model):
     """Time integration: the step where contact changes, or the accuracy that picks it.
 
@@ -239,7 +255,7 @@ class TransientConfig(Model):
     finest_step: Annotated[Time, Positive] | None = None
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
     duration: Annotated[Time, Positive] | None = None
-    integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
+    integrator: IntegratorName | None = None
     rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
     tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
 
@@ -249,9 +265,10 @@ class TransientConfig(Model):
             raise ValueError(
                 "give exactly one of `finest_step` (for example 2.5 ms) and `accuracy` (for example 1 %)"
             )
-        if self.accuracy is not None and self.integrator == "generalized_alpha":
+        entry = None if self.integrator is None else INTEGRATORS[self.integrator]
+        if self.accuracy is not None and entry is not None and not entry.uncoupled:
             raise ValueError(
-                "`accuracy` chooses the step of a reduced model; give `finest_step` to generalized_alpha"
+                f"`accuracy` chooses the step of a reduced model; give `finest_step` to {self.integrator}"
             )
         return self
 
@@ -279,10 +296,7 @@ class StudyConfig(Model):
 
     modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
     residual_vectors: Annotated[tuple[ResidualVectors, ...], Field(min_length=1)] = (0, 10)
-    integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
-        "modal",
-        "adaptive",
-    )
+    integrators: Annotated[tuple[ModalName, ...], Field(min_length=1)] = ("modal", "adaptive")
     finest_steps: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
     reference: Literal["auto", "all_modes", "full"] = "auto"
     reference_step: Annotated[Time, Positive] | None = None
@@ -335,13 +349,10 @@ class Config(Model):
             )
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
-        if self.transient.integrator == "conserving" and self.damping.acts:
-            raise ValueError(
-                "transient.integrator: conserving is for scenes without damping, and `damping` is given; "
-                "leave the integrator out, adaptive is the default there"
-            )
+        self._refuse_damping_that_the_integrator_does_not_know()
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
+        self._refuse_interval_that_no_steps_divide()
         self._refuse_samples_of_coupled_modes()
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
@@ -381,6 +392,28 @@ class Config(Model):
                 raise ValueError(f"joints.{name}: arch_dam makes a joint of that name; rename this one")
         for key, material in (dam.materials if dam else {}).items():
             self._known(f"arch_dam.{key}", material, self.materials)
+
+    def _refuse_damping_that_the_integrator_does_not_know(self) -> None:
+        name = self.transient.integrator
+        if name is not None and not INTEGRATORS[name].damped and self.damping.acts:
+            raise ValueError(
+                f"transient.integrator: {name} is for scenes without damping, and `damping` is given; "
+                "leave the integrator out, adaptive is the default there"
+            )
+
+    def _refuse_interval_that_no_steps_divide(self) -> None:
+        key, interval = "outputs.output_interval", self.outputs.output_interval
+        if self.pipeline == "suite" and self.suite and isinstance(self.suite.keep, KeepConfig):
+            key, interval = "suite.keep.output_interval", self.suite.keep.output_interval
+        step = self.transient.finest_step
+        if step is None or interval is None:
+            return
+        stride = round(interval / step)
+        if stride < 1 or abs(interval / step - stride) > 1e-6 * interval / step:
+            raise ValueError(
+                f"{key} must be a whole multiple of transient.finest_step ({step:g} s), "
+                f"got {interval:g} s; {max(1, stride) * step:g} s is the nearest"
+            )
 
     def _refuse_samples_of_coupled_modes(self) -> None:
         rock = self.arch_dam.rock if self.arch_dam else None

@@ -1,0 +1,42 @@
+"""Operators that one integration has made and the next ones of the same system use again.
+
+A suite shakes one system with many records, each at two or three steps. Its dynamic modes, their propagators
+and the flexibility of its gaps over a step are the same for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
+
+import numpy as np
+
+Value = TypeVar("Value")
+
+_MOST = 0.5e9  # bytes; the newest stays whatever it takes, the loop holds it anyway
+
+
+class OperatorCache:
+    """Values by key, the latest used for longest; pickled without them."""
+
+    def __init__(self) -> None:
+        self._values: dict[Hashable, Any] = {}
+
+    def __reduce__(self) -> tuple[type[OperatorCache], tuple[()]]:
+        return OperatorCache, ()
+
+    def get_or_compute(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """Give the value of a key, computed where it is not here; it is not to be changed."""
+        value: Value = self._values.pop(key) if key in self._values else compute()
+        self._values[key] = value
+        while len(self._values) > 1 and sum(map(_bytes, self._values.values())) > _MOST:
+            del self._values[next(iter(self._values))]
+        return value
+
+
+def _bytes(value: object) -> int:
+    """Of the arrays in tuples and dataclasses."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    parts = value if isinstance(value, tuple) else getattr(value, "__dict__", {}).values()
+    return sum(map(_bytes, parts))
