@@ -23,7 +23,7 @@ from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
-from romdam.fem.loads import surface_force
+from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.water import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
@@ -248,7 +248,7 @@ def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> 
     loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
     rows = slice(None) if 2 * len(loaded) > len(forces) else loaded  # most of them are not copied
     surface = part.matrix[rows].T @ forces[rows]
-    if scene.staged_weight or name in scene.settled:
+    if not weight_acts(scene, name):
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)
 

@@ -11,7 +11,7 @@ from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
-from romdam.fem.loads import hydrostatic_force, surface_force, thermal_force
+from romdam.fem.loads import hydrostatic_force, static_force, surface_force, thermal_force
 from romdam.fem.unreduced import assemble_full
 from romdam.linalg.factor import Factor
 from romdam.reduction.methods.craig_bampton import ModeChoice
@@ -138,6 +138,7 @@ def pillars(weight, **loads):
 def test_staged_weight_leaves_the_joints_unloaded():
     staged, monolithic = (build(pillars(w)) for w in ("staged", "monolithic"))
     for scene, carries in ((staged, False), (monolithic, True)):
+        assert (np.abs(static_force(scene, "left")).max() > 0.0) == carries
         for system in (assemble_full(scene, DampingConfig()), _reduced(scene)):
             q, gaps = static_equilibrium(system, 1e-10)
             assert (np.abs(gaps.force).max() > 1.0) == carries
