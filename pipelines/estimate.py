@@ -1,6 +1,6 @@
 """The cheap estimate of the reduction error that every reduced job makes.
 
-A slightly finer reduced model is started from the run's own state and marched through the seconds that lead
+A slightly finer reduced model is started from the run's own state and integrated over the seconds that lead
 to the largest opening. What the two have grown apart by then is most of what the run is off.
 """
 

@@ -12,7 +12,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.pipelines.estimate import estimate_error, finer_model
-from romdam.pipelines.simulation import prepare, simulate_one
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.synthesis import reduce_scene
 
 FIRST = 20  # modes of each block
@@ -54,7 +54,7 @@ def settle_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
                 "estimate the error of leaving out modes; give a number, 60 is a good start"
             )
         prepared = prepare(trial, reduced.system)
-        history = simulate_one(trial, prepared, motion, trial.config.transient.duration)
+        history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
         if estimate_error(trial, finer, motion, history).opening.l2 <= accuracy:
             return trial
         count = math.ceil(GROWTH * count)

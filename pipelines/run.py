@@ -23,7 +23,7 @@ from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.modes import settle_modes
-from romdam.pipelines.simulation import prepare, simulate_one
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.formats.tolerant import load_entry
@@ -209,7 +209,7 @@ def run_motion(
     """Integrate one ground motion and write its result; `target` is the folder and the files beside it."""
     folder, files = target
     with clock.stage("integration", f"simulating {motion.name}") as progress:
-        history = simulate_one(job, model.prepared, motion, job.config.transient.duration, progress)
+        history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     stated: dict[str, object] = {}
     if model.finer is not None:
         with clock.stage("estimate", "estimating the error"):

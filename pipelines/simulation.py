@@ -18,8 +18,7 @@ from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
-from romdam.timestepping.simulate import history_of
-from romdam.timestepping.simulate import simulate as simulate_at_steps
+from romdam.timestepping.simulate import history_of, simulate
 from romdam.timestepping.step_control import simulate_to
 from romdam.timestepping.steps import Steps, whole_steps
 
@@ -36,7 +35,7 @@ def prepare(job: Job, system: System, integrator: str | None = None) -> Prepared
     return Prepared(system, integrator_class(name).configured(transient))
 
 
-def simulate(
+def simulate_motions(
     job: Job,
     prepared: Sequence[Prepared],
     motions: Sequence[GroundMotion],
@@ -84,27 +83,27 @@ def _simulate(
     if accuracy is not None:
         return simulate_to(prepared, grounds, settings, accuracy, progress)
     at_steps = [ground(settings.steps.base) for ground in grounds]
-    return simulate_at_steps(prepared, at_steps, settings, progress)
+    return simulate(prepared, at_steps, settings, progress)
 
 
-def simulate_one(
+def simulate_motion(
     job: Job,
     prepared: Prepared,
     motion: GroundMotion,
     duration: float | None = None,
     progress: Progress | None = None,
 ) -> History:
-    """Integrate one ground motion, as `simulate`.
+    """Integrate one ground motion, as `simulate_motions`.
 
     Raises
     ------
     ConfigError
-        as `simulate` does.
+        as `simulate_motions` does.
     ConvergenceError
         where a step does not converge.
     """
     with placed(job.path):
-        return history_of(simulate(job, [prepared], [motion], duration, progress)[0])
+        return history_of(simulate_motions(job, [prepared], [motion], duration, progress)[0])
 
 
 def refuse_large(

@@ -24,14 +24,14 @@ from romdam.error.comparison import (
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
-from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_one
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.postprocess.stress import StressSummary
 from romdam.records.record_set import load_motions
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.integrators.registry import FULL_ORDER
-from romdam.timestepping.simulate import simulate_one as simulate_at_steps
+from romdam.timestepping.simulate import simulate_one
 from romdam.timestepping.steps import whole_steps
 
 REFINEMENT = 4  # the full order steps at the reduced model's finest step / 4, where its own error is about
@@ -119,9 +119,9 @@ def _refuse_what_cannot_be_verified(job: Job) -> None:
 
 def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock: Clock) -> Marched:
     warm = max(10.0 * motion.dt, job.config.transient.finest_step or 0.0)
-    simulate_one(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
+    simulate_motion(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
     with clock.stage("reduced", "reduced model") as progress:
-        history = simulate_one(job, model.prepared, motion, seconds, progress)
+        history = simulate_motion(job, model.prepared, motion, seconds, progress)
     return _marched(model.scene, history, stress_fields(model.scene, model.reduced))
 
 
@@ -133,7 +133,7 @@ def _full(job: Job, model: Model, what: tuple[GroundMotion, float, Marched], clo
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
     full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, settings.steps.base, seconds)
     with clock.stage("full", f"full order, {ground.shape[1] - 1} steps") as progress:
-        history = simulate_at_steps(full, ground, settings, progress)
+        history = simulate_one(full, ground, settings, progress)
     return _marched(model.scene, history, {})
 
 

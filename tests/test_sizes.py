@@ -11,7 +11,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.linalg.solvers import Solving
 from romdam.pipelines.run import Clock, build_model, silent
-from romdam.pipelines.simulation import ground_at_steps, refuse_large, settings_for, simulate_one
+from romdam.pipelines.simulation import ground_at_steps, refuse_large, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "two_cantilevers.yaml"
@@ -96,7 +96,7 @@ def test_a_run_that_does_not_fit_in_memory_is_refused_before_it_is_made(monkeypa
     refuse_large(one, [(model.prepared, MOTION, settings)], None)
     monkeypatch.setattr(Solving, "limit", 0.99 * need)
     with pytest.raises(ConfigError, match=r"northridge: .* written rows would take .* GB of memory, limit"):
-        simulate_one(one, model.prepared, MOTION)
+        simulate_motion(one, model.prepared, MOTION)
 
 
 def test_memory_grows_with_rows_nodes_and_gaps():

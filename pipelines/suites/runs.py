@@ -23,7 +23,7 @@ from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.estimate import estimate_error
 from romdam.pipelines.run import Model
-from romdam.pipelines.simulation import prepare, simulate
+from romdam.pipelines.simulation import prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.kept import write_kept
 from romdam.pipelines.suites.study import Run, Study, Task, sample_content, scaled
@@ -97,7 +97,9 @@ def march(
 ) -> Sequence[History | Exception]:
     """The one place where a suite integrates: every history, or why there is none."""
     try:
-        return simulate(job, [model.prepared for model in models], motions, job.config.transient.duration)
+        return simulate_motions(
+            job, [model.prepared for model in models], motions, job.config.transient.duration
+        )
     except MISFORTUNES as error:
         if len(motions) == 1:
             return [error]

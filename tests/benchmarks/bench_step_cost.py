@@ -26,7 +26,7 @@ import yaml
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Joint, Scene
-from romdam.pipelines.simulation import simulate_one
+from romdam.pipelines.simulation import simulate_motion
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
@@ -81,12 +81,12 @@ def main() -> None:
     }
     motion = load_motions(job.config.records, job.folder)[0]
     for _, model in models.values():  # compiles, and warms up
-        simulate_one(job, model.prepared, motion, 0.1)
+        simulate_motion(job, model.prepared, motion, 0.1)
     seconds: dict[str, list[float]] = {name: [] for name in models}
     for _ in range(asked.repeats):
         for name, (_, model) in models.items():
             start = time.process_time()
-            simulate_one(job, model.prepared, motion, asked.seconds)
+            simulate_motion(job, model.prepared, motion, asked.seconds)
             seconds[name].append(time.process_time() - start)
     dt = job.config.transient.finest_step
     assert dt is not None

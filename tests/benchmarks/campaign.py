@@ -38,7 +38,7 @@ from romdam.config.sections.records import RecordConfig
 from romdam.core.errors import RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
-from romdam.pipelines.simulation import prepare, simulate_one
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.records.p695 import SETS
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
@@ -97,7 +97,7 @@ def run_one(task: tuple[str, str, Settings]) -> Row:
     start, cpu = time.perf_counter(), time.process_time()
     try:
         job = Job(parse_config(case_config(case, _stepping(motion, case, settings)), CONFIG.name), CONFIG)
-        row |= measures(system, simulate_one(job, prepare(job, system), motion))
+        row |= measures(system, simulate_motion(job, prepare(job, system), motion))
     except RomdamError as error:
         row["failure"] = f"{type(error).__name__}: {error}"
     return row | {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.perf_counter() - start}

@@ -9,7 +9,7 @@ from soundness import assert_sound
 import romdam
 from romdam.core.errors import RomdamError
 from romdam.pipelines.run import read_motions, run
-from romdam.pipelines.simulation import prepare, simulate_one
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 
@@ -28,7 +28,7 @@ def march(name, **changes):
     motion = read_motions(job)[0][0]
     scene = build_scene(job.config, job.folder, str(job.path))
     system = reduce_scene(scene, job.config.model, job.config.damping).system
-    return system, simulate_one(job, prepare(job, system), motion, job.config.transient.duration)
+    return system, simulate_motion(job, prepare(job, system), motion, job.config.transient.duration)
 
 
 @pytest.mark.parametrize(

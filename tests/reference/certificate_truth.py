@@ -19,7 +19,7 @@ from reference_run import CONFIG, RECORD
 from romdam.config.load import Job, parse_config
 from romdam.pipelines.certify import certify
 from romdam.pipelines.run import Clock, build_model, run, silent
-from romdam.pipelines.simulation import simulate_one
+from romdam.pipelines.simulation import simulate_motion
 from romdam.records.record_set import load_motions
 from romdam.results.dataset import open_dataset
 
@@ -95,7 +95,7 @@ def true_openings(record, scene):
     job = make_job(record, scene, {"modes": "all"})
     model = build_model(job, Clock(silent))
     motion = load_motions(job.config.records, job.folder)[0]
-    history = simulate_one(job, model.prepared, motion, SECONDS)
+    history = simulate_motion(job, model.prepared, motion, SECONDS)
     return history.jump[..., 0]
 
 

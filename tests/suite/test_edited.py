@@ -131,7 +131,7 @@ def test_parameters_that_say_what_was_so_before_change_no_bit(tmp_path):
 
 def test_failures_follow_their_records(tmp_path, monkeypatch):
     """The shorter record's run fails, under whatever name."""
-    marching = suite_runs.simulate
+    marching = suite_runs.simulate_motions
 
     def failing(job, prepared, motions, duration):
         for motion in motions:
@@ -139,7 +139,7 @@ def test_failures_follow_their_records(tmp_path, monkeypatch):
                 raise ConvergenceError(f"record {motion.name}: step 3 did not converge")
         return marching(job, prepared, motions, duration)
 
-    monkeypatch.setattr(suite_runs, "simulate", failing)
+    monkeypatch.setattr(suite_runs, "simulate_motions", failing)
     config = write_job(tmp_path, records=2, suite={"keep": "full", "scales": [1]})
     named_records(config, one=0, other=1)
     assert list(made(config, tmp_path / "out").failures) == ["one__0__0"]

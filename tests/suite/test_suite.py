@@ -234,7 +234,7 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
     from romdam.core.errors import ConvergenceError
     from romdam.pipelines.suites import runs as suite_runs
 
-    real = suite_runs.simulate
+    real = suite_runs.simulate_motions
 
     def fails(job, prepared, motions, duration):
         return [
@@ -242,7 +242,7 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
             for m, h in zip(motions, real(job, prepared, motions, duration), strict=True)
         ]
 
-    monkeypatch.setattr(suite_runs, "simulate", fails)
+    monkeypatch.setattr(suite_runs, "simulate_motions", fails)
     job = write_job(tmp_path)
     outcome = made(job, tmp_path / "out")
     assert outcome.failures == {"r1__0__0": "step 3: stopped"}
@@ -254,14 +254,14 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
 def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypatch):
     from romdam.pipelines.suites import runs as suite_runs
 
-    real = suite_runs.simulate
+    real = suite_runs.simulate_motions
 
     def fails(job, prepared, motions, duration):
         if any(motion.name.startswith("r1") for motion in motions):
             raise MemoryError("too much")
         return real(job, prepared, motions, duration)
 
-    monkeypatch.setattr(suite_runs, "simulate", fails)
+    monkeypatch.setattr(suite_runs, "simulate_motions", fails)
     assert made(write_job(tmp_path), tmp_path / "out").failures == {"r1__0__0": "MemoryError: too much"}
 
 

@@ -16,7 +16,7 @@ from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS, IntegratorEntry
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History
-from romdam.pipelines.simulation import prepare, settings_for, simulate_one
+from romdam.pipelines.simulation import prepare, settings_for, simulate_motion
 from romdam.timestepping import simulate as at_steps
 from romdam.timestepping.integrators.protocol import not_converged
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
@@ -101,11 +101,11 @@ def test_an_integrator_is_one_file_and_one_line(registered):
     motion = GroundMotion("sine", ground(np.sin(12.0 * time)), 0.01)
     prepared = prepare(job, system)
     assert isinstance(prepared.integrator, CentralDifferences)
-    toy, exact = (simulate_one(job, p, motion) for p in (prepared, prepare(job, system, "modal")))
+    toy, exact = (simulate_motion(job, p, motion) for p in (prepared, prepare(job, system, "modal")))
     assert toy.integrator == "central_differences" and toy.stats["ledger_imbalance"] == 0.0
     assert np.abs(toy.disp - exact.disp).max() < 1e-3 * np.abs(exact.disp).max()
     with pytest.raises(ConfigError, match="without joints"):
-        simulate_one(job, prepare(job, oscillator(gaps=1)), motion)
+        simulate_motion(job, prepare(job, oscillator(gaps=1)), motion)
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)

@@ -60,10 +60,11 @@ def integrate_batch(
     list, in the order of the batch: the history, or why there is none
     """
     initial = {one.prepared: _initial(one.prepared, settings) for one in batch}
-    failed = {prepared: state for prepared, state in initial.items() if isinstance(state, ConvergenceError)}
-    chosen = [one for one in batch if one.prepared not in failed]
-    starts = [state for one in chosen if not isinstance(state := initial[one.prepared], ConvergenceError)]
-    made = iter(_integrate(chosen, integrator, settings, progress, starts) if chosen else ())
+    failed = {one: state for one, state in initial.items() if isinstance(state, ConvergenceError)}
+    starts = {one: state for one, state in initial.items() if not isinstance(state, ConvergenceError)}
+    chosen = [one for one in batch if one.prepared in starts]
+    first = [starts[one.prepared] for one in chosen]
+    made = iter(_integrate(chosen, integrator, settings, progress, first) if chosen else ())
     return [failed[one.prepared] if one.prepared in failed else next(made) for one in batch]
 
 
