@@ -55,8 +55,8 @@ def sample_model(study: Study, number: int) -> Model:
     assert model.reduced is not None
     reduced, finer = _with_sample(model.reduced, scene, varied), model.finer
     if finer is not None:
-        finest = _with_sample(finer.model, scene, varied)
-        finer = replace(finer, model=finest, prepared=prepare(job, finest.system))
+        varied_finer = _with_sample(finer.model, scene, varied)
+        finer = replace(finer, model=varied_finer, prepared=prepare(job, varied_finer.system))
     prepared = prepare(job, reduced.system)
     return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
 
@@ -97,9 +97,8 @@ def march(
 ) -> Sequence[History | Exception]:
     """The one place where a suite integrates: every history, or why there is none."""
     try:
-        return simulate_motions(
-            job, [model.prepared for model in models], motions, job.config.transient.duration
-        )
+        prepared = [model.prepared for model in models]
+        return simulate_motions(job, prepared, motions, job.config.transient.duration)
     except MISFORTUNES as error:
         if len(motions) == 1:
             return [error]

@@ -19,13 +19,13 @@ from romdam.config.sections.job import (
     PressureConfig,
     RayleighConfig,
     TemperatureConfig,
-    TransientConfig,
 )
 from romdam.config.sections.joint_laws import ShearKeyConfig
 from romdam.config.sections.joints import JointConfig, JointProperties
 from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import IntensityConfig, SuiteConfig
+from romdam.config.sections.transient import TransientConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.integrators import INTEGRATORS
 

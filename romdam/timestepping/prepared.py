@@ -35,6 +35,10 @@ class Prepared:
     symmetry: Symmetry | None = None
     whole: Prepared | None = None
 
+    def smaller(self, symmetry: Symmetry) -> Prepared:
+        """Prepare the system with merged contacts for the same integrator."""
+        return Prepared(symmetry.system, self.integrator, symmetry=symmetry, whole=self)
+
 
 class Simulation(NamedTuple):
     """One run: a prepared system and the (3, nt) ground acceleration at every base step [m/s2]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -32,6 +32,7 @@ from romdam.config.sections.places import Axis, BlockFace, FaceRef, NodeConfig, 
 from romdam.config.sections.records import RecordConfig
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
+from romdam.config.sections.transient import ModalName, TransientConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, shown
 from romdam.core.integrators import INTEGRATORS
@@ -227,49 +228,6 @@ class ModelConfig(Model):
     def _basis(self) -> Self:
         if self.order == "reduced" and (self.modes is None) == (self.cutoff is None):
             raise ValueError("a reduced model needs exactly one of `modes` (per block) and `cutoff`")
-        return self
-
-
-def _one_of(names: Callable[[], list[str]]) -> AfterValidator:
-    """Take a name of those that there are when it is read: a user's own integrator is one of them."""
-
-    def check(name: str) -> str:
-        if name not in names():
-            raise ValueError(f"must be one of {listed(names())}, got {shown(name)}")
-        return name
-
-    return AfterValidator(check)
-
-
-IntegratorName = Annotated[str, _one_of(lambda: list(INTEGRATORS))]
-ModalName = Annotated[str, _one_of(lambda: [name for name, entry in INTEGRATORS.items() if entry.uncoupled])]
-
-
-class TransientConfig(Model):
-    """Time integration: the step where contact changes, or the accuracy that picks it.
-
-    Without `integrator` the scene decides: "adaptive" (steps cut where contact changes) with damping,
-    "conserving" without any, "generalized_alpha" at full order; "modal" is the fixed-step baseline.
-    """
-
-    finest_step: Annotated[Time, Positive] | None = None
-    accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
-    duration: Annotated[Time, Positive] | None = None
-    integrator: IntegratorName | None = None
-    rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
-    tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
-
-    @model_validator(mode="after")
-    def _one_step(self) -> Self:
-        if (self.finest_step is None) == (self.accuracy is None):
-            raise ValueError(
-                "give exactly one of `finest_step` (for example 2.5 ms) and `accuracy` (for example 1 %)"
-            )
-        entry = None if self.integrator is None else INTEGRATORS[self.integrator]
-        if self.accuracy is not None and entry is not None and not entry.uncoupled:
-            raise ValueError(
-                f"`accuracy` chooses the step of a reduced model; give `finest_step` to {self.integrator}"
-            )
         return self
 
 

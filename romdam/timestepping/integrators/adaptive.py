@@ -18,7 +18,7 @@ from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, cut_steps
 
 if TYPE_CHECKING:
-    from romdam.config.sections.job import TransientConfig
+    from romdam.config.sections.transient import TransientConfig
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,5 @@ class Adaptive(ModalIntegrator):
         key = shaken.tobytes()
         if key not in prepared.merged:
             symmetry = merge_equivalent_contacts(prepared.system, np.flatnonzero(shaken))
-            prepared.merged[key] = (
-                None
-                if symmetry is None
-                else Prepared(symmetry.system, self, symmetry=symmetry, whole=prepared)
-            )
+            prepared.merged[key] = None if symmetry is None else prepared.smaller(symmetry)
         return prepared.merged[key] or prepared

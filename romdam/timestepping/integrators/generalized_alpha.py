@@ -37,7 +37,7 @@ from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, fixed_steps
 
 if TYPE_CHECKING:
-    from romdam.config.sections.job import TransientConfig
+    from romdam.config.sections.transient import TransientConfig
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps
 
 if TYPE_CHECKING:
-    from romdam.config.sections.job import TransientConfig
+    from romdam.config.sections.transient import TransientConfig
 
 Outcome = History | ConvergenceError
 Progress = Callable[[int, int], None]  # of (steps done, steps in all)

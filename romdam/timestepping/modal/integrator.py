@@ -17,7 +17,7 @@ from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, fixed_steps
 
 if TYPE_CHECKING:
-    from romdam.config.sections.job import TransientConfig
+    from romdam.config.sections.transient import TransientConfig
 
 _CACHE_BYTES = 0.4e6  # of the gaps of one run
 
