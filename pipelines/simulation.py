@@ -61,29 +61,19 @@ def simulate_motions(
     """
     settings = [settings_for(job, *case) for case in zip(prepared, motions, strict=True)]
     refuse_large(job, list(zip(prepared, motions, settings, strict=True)), duration)
-    how = [(one.integrator, own) for one, own in zip(prepared, settings, strict=True)]
+    accuracy = job.config.transient.accuracy
+    kinds = [(one.integrator, own) for one, own in zip(prepared, settings, strict=True)]
     outcomes: dict[int, Outcome] = {}
-    for key in dict.fromkeys(how):
-        group = [i for i, other in enumerate(how) if other == key]
-        cases = [(prepared[i], motions[i]) for i in group]
-        outcomes.update(zip(group, _simulate(job, cases, key[1], duration, progress), strict=True))
+    for kind in dict.fromkeys(kinds):
+        group = [i for i, other in enumerate(kinds) if other == kind]
+        some, own = [prepared[i] for i in group], kind[1]
+        grounds = [partial(ground_at_steps, motions[i], duration=duration) for i in group]
+        if accuracy is None:
+            made = simulate(some, [ground(own.steps.base) for ground in grounds], own, progress)
+        else:
+            made = simulate_to(some, grounds, own, accuracy, progress)
+        outcomes.update(zip(group, made, strict=True))
     return [outcomes[i] for i in range(len(motions))]
-
-
-def _simulate(
-    job: Job,
-    cases: Sequence[tuple[Prepared, GroundMotion]],
-    settings: Settings,
-    duration: float | None,
-    progress: Progress | None,
-) -> list[Outcome]:
-    """Integrate cases of the same settings together."""
-    prepared, accuracy = [one for one, _ in cases], job.config.transient.accuracy
-    grounds = [partial(ground_at_steps, motion, duration=duration) for _, motion in cases]
-    if accuracy is not None:
-        return simulate_to(prepared, grounds, settings, accuracy, progress)
-    at_steps = [ground(settings.steps.base) for ground in grounds]
-    return simulate(prepared, at_steps, settings, progress)
 
 
 def simulate_motion(

@@ -24,9 +24,9 @@ class ModalModel(NamedTuple):
     load : (components, m) inertia force per unit ground acceleration, negative sign included
     tiles : (nt, 5) row start and end, column start and end of each non-zero block of G, offset of its values
     values : G's blocks, row-major, one after another
-    R : (N, N) flexibility of the quasi-static modes, or (0, 0) [m/N]
-    massless_boundary : True where the joint force acts with its mean over the step and no energy is
-        lost, else None (see `GapProblem.frictional`)
+    R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
+    conserving : True where the joint force acts with its mean over the step, so that no energy is lost, else
+        None (see `GapProblem.frictional`)
     shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
     """
 
@@ -35,7 +35,7 @@ class ModalModel(NamedTuple):
     tiles: Ints
     values: Floats
     R: Floats
-    massless_boundary: bool | None
+    conserving: bool | None
     shift: Floats
 
 
@@ -52,7 +52,7 @@ class Levels(NamedTuple):
     step : stacked Propagator
     problem : stacked GapProblem
     decay : (variants, levels) exp(-step / tau), tau the relaxation time of R
-    half : (variants, levels, N, N) half the modes' flexibility over a step, or empty [m/N]
+    half : (variants, levels, N, N) half the states' flexibility over a step (conserving), else empty [m/N]
     """
 
     size: Ints
@@ -100,7 +100,7 @@ class ModalState(NamedTuple):
     s, u_r : (N,) relaxed joint force and the jump it makes, R s [N], [m]
     jump, force : (n, d) of the gaps
     mean : (N,) joint force that acted over the last step [N]
-    w : (N,) jump of the states, G q (massless boundary only) [m]
+    w : (N,) jump of the states, G q (conserving only) [m]
     state : (n,) of the gaps
     closed : (n,) closed gaps
     impulse : (n, d) time integral of the joint force since the last row [N s]

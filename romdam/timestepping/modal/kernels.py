@@ -164,12 +164,12 @@ def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> t
     goal : (N,) R p, p the joint force of the step
     """
     s, u_r, N = state.s, state.u_r, len(goal)
-    massless = model.massless_boundary is not None
-    p = state.force.ravel() if massless else state.mean
+    conserving = model.conserving is not None
+    p = state.force.ravel() if conserving else state.mean
     work, loss, size = 0.0, 0.0, 0.0
     for i in range(N):
         new = decay * u_r[i] + (1.0 - decay) * goal[i]
-        if massless:
+        if conserving:
             work += 0.5 * (p[i] * new - s[i] * u_r[i])
         else:
             work += p[i] * (new - u_r[i])

@@ -1,9 +1,9 @@
 """The hot loop: every mode propagated exactly, every gap implicit at the step's end.
 
 Over one step the joint force p is constant; it follows the gaps' springs at a point within the step
-(`romdam.contact.problem`) and rigid gaps at its end. Higher orders of the contact force blow up (the manual,
-"Why the force is constant over a step"). Per step the work is three products, G q, the gap-space solve and
-G^T p, beside the modes' own few flops.
+(`romdam.contact.problem`) and rigid gaps at its end. Higher orders of the contact force blow up (DESIGN,
+section 2). Per step the work is three products, G q, the gap-space solve and G^T p, beside the modes' own few
+flops.
 
 The error of this scheme is made where contact changes: a gap that closes within a step is pushed over
 the whole of it. So a step in which the closed set, or a joint force, changes much is accepted at the
@@ -37,7 +37,7 @@ from romdam.timestepping.modal.kernels import (
     relax,
     residual_jumps,
 )
-from romdam.timestepping.modal.massless_boundary import try_massless_step
+from romdam.timestepping.modal.massless_boundary import try_conserving
 from romdam.timestepping.modal.propagator import Propagator
 
 _CALM = 1  # accepted steps without a change of the closed set before a longer one is tried
@@ -176,10 +176,10 @@ def _try_step(
         shift[i] = ends[0, i] + share * (ends[1, i] - ends[0, i])
     copy(memory.force, old_force)
     control = (tolerance, l < finest)
-    if model.massless_boundary is not None:
+    if model.conserving is not None:
         half = levels.half[variant, l]
-        residual = try_massless_step(
-            model.massless_boundary, model, half, (problem, memory), state, (w, shift, y), control
+        residual = try_conserving(
+            model.conserving, model, half, (problem, memory), state, (w, shift, y), control
         )
     else:
         if len(model.R):
@@ -206,7 +206,7 @@ def _accept(model: ModalModel, levels: Levels, runs: Runs, state: ModalState, wo
         closed = memory.force[d * i] > -memory.limits.tension[i]
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
-    if model.massless_boundary is None:
+    if model.conserving is None:
         for b in range(len(state.mean)):
             state.mean[b] = memory.force[b]
         for i in range(len(problem.tension)):
@@ -306,9 +306,7 @@ def _round(
     moved = work.accepted[:accepted]
     modal_forces(model, moved, states.mean, work.r)
     if len(model.R):
-        acted = (
-            states.force.reshape(states.mean.shape) if model.massless_boundary is not None else states.mean
-        )
+        acted = states.force.reshape(states.mean.shape) if model.conserving is not None else states.mean
         residual_jumps(model.R, moved, acted, work.w)
     for a in range(accepted):
         state = _state_of(states, moved[a])

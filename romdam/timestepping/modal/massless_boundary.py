@@ -66,8 +66,8 @@ def _correction(missing: float, moved: Floats) -> Floats:
 
 
 @njit(**ARRAYS)
-def try_massless_step(
-    massless_boundary: bool | None,
+def try_conserving(
+    conserving: bool | None,
     model: ModalModel,
     half: Floats,
     gaps: tuple[GapProblem, GapMemory],
@@ -90,7 +90,7 @@ def try_massless_step(
     -------
     float, the relative residual of the gap-space problem; above the tolerance means no convergence
     """
-    if massless_boundary is None:
+    if conserving is None:
         return np.inf
     (problem, memory), (w_free, shift, y) = gaps, jumps
     p_0 = state.force.ravel()

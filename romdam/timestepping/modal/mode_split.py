@@ -103,7 +103,7 @@ def modal_model(
         tiles=tiles,
         values=values,
         R=np.ascontiguousarray(R),
-        massless_boundary=True if massless_boundary else None,
+        conserving=True if massless_boundary else None,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
     )
 
@@ -164,7 +164,7 @@ def step_levels(
         ]
         for variant, i in zip(variants, index, strict=True)
     ]
-    halves = [motion.half for motion in motions if model.massless_boundary]
+    halves = [motion.half for motion in motions if model.conserving]
     levels = Levels(
         size=np.array([math.prod(steps.cuts[level:]) for level in range(len(steps.cuts) + 1)]),
         step=stacked([motion.step for motion in motions]),
@@ -201,7 +201,7 @@ def _motion(
     decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
     step = stacked([modal_propagator(k[split.dynamic], c[split.dynamic], dt) for dt in sizes])
     half = 0.5 * np.stack([(split.G * q_p) @ split.G.T for q_p in step.q_p])
-    H = half if model.massless_boundary else 2.0 * half
+    H = half if model.conserving else 2.0 * half
     if len(model.R):
         H = H + (1.0 - decay)[:, None, None] * model.R
     own = H.diagonal(axis1=1, axis2=2)

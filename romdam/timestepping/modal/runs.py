@@ -82,7 +82,11 @@ def _integrate(
     # no step: a first start compiles here, not in the timed loop
     march(*arrays, (settings.tolerance, 0))
     setup, loop = time.process_time() - begun, time.process_time()
-    _integrate_to_the_end(arrays, settings, progress)
+    runs, active = arrays[2], 1
+    total = int(runs.last.sum())
+    while active:
+        active = march(*arrays, (settings.tolerance, _STEPS))
+        progress(int(np.where(runs.failed, runs.last, runs.clock[:, 0]).sum()), total)
     return _outcomes(batch, split, arrays, settings, (setup, time.process_time() - loop))
 
 
@@ -263,14 +267,6 @@ def _track(states: ModalState, stride: int, runs: Runs) -> Track:
         works=kept(states.works),
         stored=np.zeros(rows),
     )
-
-
-def _integrate_to_the_end(arrays: Arrays, settings: Settings, progress: Progress) -> None:
-    runs = arrays[2]
-    under_way, total = 1, int(runs.last.sum())
-    while under_way:
-        under_way = march(*arrays, (settings.tolerance, _STEPS))
-        progress(int(np.where(runs.failed, runs.last, runs.clock[:, 0]).sum()), total)
 
 
 def _outcomes(
