@@ -27,7 +27,7 @@ from romdam.error.replay import (
 from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
-from romdam.pipelines.shaking import ground_at_steps, options_at
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.records.record_set import load_motions
 from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
@@ -40,7 +40,7 @@ from romdam.results.certificate import (
     read_run,
     write_certificate,
 )
-from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.settings import Settings
 
 REPLAY_STEP = (
     0.0025  # [s] longest step of the replay; at twice it the main job's defect doubles, the error stays
@@ -83,10 +83,10 @@ def certify(
         fine = reduce_scene(model.scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling the full model"):
         full = assemble_full(model.scene, job.config.damping)
-    options = options_at(job, model.system, motion, float(str(run.attributes["dt"])))
-    ground = ground_at_steps(motion, options.dt, float(run.time[-1]))
+    settings = settings_for(job, model.prepared, motion, float(str(run.attributes["dt"])))
+    ground = ground_at_steps(motion, settings.steps.base, float(run.time[-1]))
     case = _Case(job, model, fine, full, motion)
-    found = _correct(case, run, (ground, options), passes, clock)
+    found = _correct(case, run, (ground, settings), passes, clock)
     statement = _statement(run, found) | {f"cpu_seconds_{name}": s for name, s in clock.cpu.items()}
     return Certificate(statement, write_certificate(run.path, statement), found.corrected)
 
@@ -171,16 +171,16 @@ class _Found:
 
 
 def _correct(
-    case: _Case, run: StoredRun, shaking: tuple[Floats, TransientOptions], passes: int, clock: Clock
+    case: _Case, run: StoredRun, shaking: tuple[Floats, Settings], passes: int, clock: Clock
 ) -> _Found:
     """Feed the full order's defect back into the finer model."""
-    ground, options = shaking
+    (ground, settings), fine = shaking, prepare(case.job, case.fine.system)
     mean, first, jump, changed = run.mean, None, run.jump, math.nan
     for number in range(1, passes + 1):
         with clock.stage(f"replay_{number}", "replaying the joint forces through the full order") as progress:
             defect = measure_defect(_replayed(case, run), _forces(case, run, mean), progress)
         with clock.stage(f"correction_{number}", "correcting the run") as progress:
-            corrected = corrected_run(case.fine.system, ground, options, defect.jump_fine, progress)
+            corrected = corrected_run(fine, ground, settings, defect.jump_fine, progress)
         first = first or defect
         changed = figures(jump[..., 0], corrected.jump[..., 0]).l2
         jump, mean = corrected.jump, corrected.mean_traction

@@ -10,10 +10,10 @@ from romdam.core.scene import Scene
 from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
-from romdam.pipelines.shaking import check_interval, refuse_large, transient_options
+from romdam.pipelines.simulation import refuse_large, settings_for
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
 from romdam.records.record_set import load_motions
-from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.steps import Steps
 
 # Measured on one core of a 2-core x86-64 machine, two cantilevers, 100 gaps; good to a factor of three
 SECONDS_PER_STEP = 5e-6
@@ -54,7 +54,6 @@ def check(job: Job, show: Stage = silent) -> Check:
     RomdamError
         for everything `romdam.run` would refuse before its first step.
     """
-    check_interval(job)
     clock = Clock(show)
     with clock.stage("records", "reading records"):
         motions = load_motions(job.config.records, job.folder)
@@ -62,10 +61,10 @@ def check(job: Job, show: Stage = silent) -> Check:
     if job.config.model.modes == "auto":
         job = with_modes(job, FIRST)
     model = build_model(job, clock)
-    options = transient_options(job, model.system, motions[0])
-    steps = {m.name: _steps(m, options, job.config.transient.duration) for m in motions}
+    settings = settings_for(job, model.prepared, motions[0])
+    steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
     for motion in motions:
-        refuse_large(job, [(model.system, motion, options)], job.config.transient.duration)
+        refuse_large(job, [(model.prepared, motion, settings)], job.config.transient.duration)
     total = sum(steps.values())
     return Check(
         blocks={name: _block(model, name) for name in model.scene.blocks},
@@ -73,14 +72,14 @@ def check(job: Job, show: Stage = silent) -> Check:
         records={m.name: _record(m, steps[m.name]) for m in motions},
         unknowns=model.system.size,
         seconds=total * _seconds_per_step(model),
-        memory=_memory(model, max(steps.values()), options.stride),
-        file_size=_row_bytes(model) * (total // options.stride + 1),
+        memory=_memory(model, max(steps.values()), settings.steps.stride),
+        file_size=_row_bytes(model) * (total // settings.steps.stride + 1),
         warnings=doubts_of(job, motions),
     )
 
 
-def _steps(motion: GroundMotion, options: TransientOptions, duration: float | None) -> int:
-    return int((motion.duration if duration is None else duration) / options.dt + 1e-6)
+def _steps(motion: GroundMotion, steps: Steps, duration: float | None) -> int:
+    return int((motion.duration if duration is None else duration) / steps.base + 1e-6)
 
 
 def _block(model: Model, name: str) -> dict[str, object]:

@@ -25,22 +25,25 @@ def tell_doubts(job: Job, motions: Sequence[GroundMotion]) -> None:
 
 
 def doubts_of(job: Job, motions: Sequence[GroundMotion]) -> tuple[str, ...]:
-    """A line for each doubt: of keys, then of each record."""
+    """A line for each doubt: of keys by names of before, of values, then of each record."""
     of_records = (f"{motion.name}: {text}" for motion in motions for text in _of_motion(job, motion))
-    return (*doubts(job.config), *of_records)
+    return (*job.renamed, *doubts(job.config), *of_records)
 
 
 def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
     yield from motion.warnings
     transient = job.config.transient
-    dt, seconds = transient.dt, transient.duration
+    dt, seconds = transient.finest_step, transient.duration
     if dt is not None:
         content = _highest(motion)
         if dt > motion.dt * (1.0 + 1e-9):
-            yield f"transient.dt of {dt:g} s is longer than the record's {motion.dt:g} s, it is smoothed"
+            yield (
+                f"transient.finest_step of {dt:g} s is longer than the record's {motion.dt:g} s, "
+                "it is smoothed"
+            )
         elif dt > 1.0 / (_STEPS * content):
             yield (
-                f"transient.dt of {dt:g} s makes {1.0 / (dt * content):.2g} steps of a period at "
+                f"transient.finest_step of {dt:g} s makes {1.0 / (dt * content):.2g} steps of a period at "
                 f"{content:.3g} Hz, below which lies {_CONTENT:.0%} of its power; {_STEPS:g} are usual"
             )
     if seconds is not None and seconds < motion.duration * (1.0 - 1e-6):

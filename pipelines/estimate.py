@@ -1,6 +1,6 @@
 """The cheap estimate of the reduction error that every reduced job makes.
 
-A slightly finer reduced model is started from the run's own state and marched through the seconds that lead
+A slightly finer reduced model is started from the run's own state and integrated over the seconds that lead
 to the largest opening. What the two have grown apart by then is most of what the run is off.
 """
 
@@ -17,11 +17,12 @@ from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.error.comparison import peak_error
 from romdam.error.replay import run_window
-from romdam.pipelines.shaking import ground_at_steps, options_at
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.reduction.refinement import embedding, slightly_finer
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.results.certificate import Figures, figures
+from romdam.timestepping.prepared import Prepared
 
 WINDOW = 3.0  # [s]
 SHARE = 0.65  # of the true L2 error, that the window shows: 0.39 to 1.09 on the 30 cases of tests/reference
@@ -32,6 +33,7 @@ class Finer:
     """The finer model of a job, what writes a motion of the job's own in it, and the CPU seconds it took."""
 
     model: ReducedModel
+    prepared: Prepared
     embed: csr_matrix
     cpu: float
 
@@ -80,12 +82,12 @@ def finer_model(
         return None
     start = time.process_time()
     fine = reduce_scene(scene, slightly_finer(mode_choice(job.config.model)), job.config.damping, store)
-    return Finer(fine, embedding(scene, reduced, fine), time.process_time() - start)
+    return Finer(
+        fine, prepare(job, fine.system), embedding(scene, reduced, fine), time.process_time() - start
+    )
 
 
-def estimate_error(
-    job: Job, finer: Finer, reduced: ReducedModel, motion: GroundMotion, history: History
-) -> Estimate:
+def estimate_error(job: Job, finer: Finer, motion: GroundMotion, history: History) -> Estimate:
     """Estimate what leaving out modes has changed in a run.
 
     Raises
@@ -94,9 +96,9 @@ def estimate_error(
         where a step of the finer model does not converge.
     """
     start = time.process_time()
-    options = options_at(job, reduced.system, motion, history.stats["finest_step"])
-    ground = ground_at_steps(motion, options.dt, job.config.transient.duration)
-    found = run_window(finer.model.system, finer.embed, history, ground, options, WINDOW)
+    settings = settings_for(job, finer.prepared, motion, history.stats["finest_step"])
+    ground = ground_at_steps(motion, settings.steps.base, job.config.transient.duration)
+    found = run_window(finer.prepared, finer.embed, history, ground, settings, WINDOW)
     rows = slice(found.first, found.last + 1)
     opening = figures(history.jump[rows, :, 0], found.run.jump[..., 0])
     peak = peak_error(history.jump[rows, :, 0], found.run.jump[..., 0])

@@ -12,7 +12,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.pipelines.estimate import estimate_error, finer_model
-from romdam.pipelines.shaking import shake
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.synthesis import reduce_scene
 
 FIRST = 20  # modes of each block
@@ -53,8 +53,9 @@ def settle_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
                 f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
                 "estimate the error of leaving out modes; give a number, 60 is a good start"
             )
-        history = shake(trial, reduced.system, motion, trial.config.transient.duration)
-        if estimate_error(trial, finer, reduced, motion, history).opening.l2 <= accuracy:
+        prepared = prepare(trial, reduced.system)
+        history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
+        if estimate_error(trial, finer, motion, history).opening.l2 <= accuracy:
             return trial
         count = math.ceil(GROWTH * count)
     return with_modes(job, "all")

@@ -23,7 +23,7 @@ from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.estimate import Finer, estimate_error, finer_model
 from romdam.pipelines.modes import settle_modes
-from romdam.pipelines.shaking import check_interval, shake
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.formats.tolerant import load_entry
@@ -37,6 +37,7 @@ from romdam.results.fields import write_model
 from romdam.results.stress.file import StressFields, write_stress
 from romdam.results.variables import Case
 from romdam.scene.build import build_scene
+from romdam.timestepping.prepared import Prepared
 
 log = logging.getLogger(__name__)
 
@@ -62,16 +63,21 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Model:
-    """A scene and its open-joint system; no `reduced` at full order, no `finer` without an error estimate.
+    """A scene and its prepared system; no `reduced` at full order, no `finer` without an error estimate.
 
     `stress` holds, block by block, the stress of the reduced coordinates where it is asked for.
     """
 
     scene: Scene
-    system: System
+    prepared: Prepared
     reduced: ReducedModel | None
     finer: Finer | None = None
     stress: dict[str, StressFields] = field(default_factory=dict)
+
+    @property
+    def system(self) -> System:
+        """The open-joint system."""
+        return self.prepared.system
 
 
 @dataclass
@@ -113,7 +119,6 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     RomdamError
         for bad input, and for a lone record that fails; of several records the others go on.
     """
-    check_interval(job)
     folder = prepare_folder(Path(out))
     clock = Clock(show)
     with clock.stage("records", "reading records"):
@@ -185,10 +190,11 @@ def build_model(job: Job, clock: Clock, store: BlockStore | None = None) -> Mode
         scene = build_scene(job.config, job.folder, str(job.path))
     if job.config.model.order == "full":
         with clock.stage("model", "assembling the full model"), placed(job.path):
-            return Model(scene, observing_stress(scene, assemble_full(scene, job.config.damping)), None)
+            full = observing_stress(scene, assemble_full(scene, job.config.damping))
+            return Model(scene, prepare(job, full), None)
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
-    return Model(scene, reduced.system, reduced)
+    return Model(scene, prepare(job, reduced.system), reduced)
 
 
 def with_finer(job: Job, model: Model, clock: Clock, store: BlockStore | None = None) -> Model:
@@ -202,12 +208,12 @@ def run_motion(
 ) -> Path:
     """Integrate one ground motion and write its result; `target` is the folder and the files beside it."""
     folder, files = target
-    with clock.stage("integration", f"shaking with {motion.name}") as progress:
-        history = shake(job, model.system, motion, job.config.transient.duration, progress)
+    with clock.stage("integration", f"simulating {motion.name}") as progress:
+        history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     stated: dict[str, object] = {}
-    if model.finer is not None and model.reduced is not None:
+    if model.finer is not None:
         with clock.stage("estimate", "estimating the error"):
-            stated = estimate_error(job, model.finer, model.reduced, motion, history).attributes
+            stated = estimate_error(job, model.finer, motion, history).attributes
     with clock.stage("stress", "summing up the stress"):
         history, stress = stress_of(model.scene, model.stress, history)
     with clock.stage("output", "writing the result"):

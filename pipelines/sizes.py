@@ -26,13 +26,13 @@ def refuse_steps(seconds: float, dt: float, place: str) -> None:
     steps = seconds / dt
     if not steps * _SLACK >= 1.0:
         raise ConfigError(
-            f"{place}: {seconds:g} s are shorter than one step of {dt:g} s; shorten transient.dt, or "
-            "lengthen transient.duration"
+            f"{place}: {seconds:g} s are shorter than one step of {dt:g} s; shorten transient.finest_step, "
+            "or lengthen transient.duration"
         )
     if steps > MOST_STEPS:
         raise ConfigError(
             f"{place}: {seconds:g} s at {dt:g} s a step are {steps:.2g} steps, limit {MOST_STEPS:.0e}; "
-            "lengthen transient.dt (1 to 5 ms suit most dams), or shorten transient.duration"
+            "lengthen transient.finest_step (1 to 5 ms suit most dams), or shorten transient.duration"
         )
 
 
@@ -48,16 +48,17 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
     ConfigError
         for no step or too many of them, and an output interval longer than the run.
     """
-    transient, every = job.config.transient, job.config.outputs.every
+    transient, every = job.config.transient, job.config.outputs.output_interval
     for motion in motions:
         length = seconds or transient.duration or motion.duration
-        dt, key = transient.dt or min(every or motion.dt, motion.dt), "dt" if transient.dt else "duration"
+        dt = transient.finest_step or min(every or motion.dt, motion.dt)
+        key = "finest_step" if transient.finest_step else "duration"
         for span in (length, motion.duration):  # the whole record is resampled, whatever is run of it
             refuse_steps(span, dt, f"{job.path}: transient.{key}: {motion.name}")
         if every is not None and every > length * _SLACK:
             raise ConfigError(
-                f"{job.path}: outputs.every: nothing but the start would be written of {motion.name}, "
-                f"{length:g} s at intervals of {every:g} s; 0.01 s suits most dams"
+                f"{job.path}: outputs.output_interval: nothing but the start would be written of "
+                f"{motion.name}, {length:g} s at intervals of {every:g} s; 0.01 s suits most dams"
             )
 
 
@@ -85,6 +86,6 @@ def refuse_bytes(need: float, steps: float, rows: float, place: str) -> None:
     if need > limit:
         raise ConfigError(
             f"{place}: {steps:.3g} steps and {rows:.3g} written rows would take {need / 1e9:.3g} GB of "
-            f"memory, limit {limit / 1e9:.3g} GB (four fifths of this machine's); lengthen outputs.every, "
-            "name fewer outputs.nodes, or shorten transient.duration"
+            f"memory, limit {limit / 1e9:.3g} GB (four fifths of this machine's); lengthen "
+            "outputs.output_interval, name fewer outputs.nodes, or shorten transient.duration"
         )

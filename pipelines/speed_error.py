@@ -17,22 +17,24 @@ from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.system import History, System
+from romdam.core.system import History
 from romdam.error.comparison import Openings, compare_openings, read_reference
 from romdam.error.study import CaseResult, study_dataset, study_figure, study_table
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Stage, silent
-from romdam.pipelines.shaking import choose_integrator, fixed_step, ground_at_steps, transient_options
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.integrators.registry import FULL_ORDER
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.steps import whole_steps
 
 MOST_DENSE = 12_000  # free DOFs up to which all modes of the mesh are the reference
 FINER = 16  # the reference's step is this part of the finest one studied
@@ -96,8 +98,8 @@ def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage 
     refuse_lengths(job, [motion])
     tell_doubts(job, [motion])
     scene = build_scene(job.config, job.folder, str(job.path))
-    steps = job.config.study.dt or tuple(motion.dt / part for part in PARTS)
-    setup = _Setup(job, scene, motion, steps, job.config.outputs.every or motion.dt)
+    steps = job.config.study.finest_steps or tuple(motion.dt / part for part in PARTS)
+    setup = _Setup(job, scene, motion, steps, job.config.outputs.output_interval or motion.dt)
     if stored is None:
         stored, name = _reference(setup, clock)
     else:
@@ -123,8 +125,7 @@ def _refuse(job: Job) -> None:
 
 def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
     """The run that all are compared with: all modes of the mesh at a small step, or full order."""
-    wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_dt
-    step = _divide(setup.every, dt or min(setup.steps) / FINER)
+    wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_step
     unknowns = sum(int((~fixed).sum()) for fixed in setup.scene.fixed.values())
     dense = wanted == "all_modes" or (wanted == "auto" and unknowns <= MOST_DENSE)
     with clock.stage("reference_model", "building the reference"):
@@ -134,67 +135,59 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
             if dense
             else assemble_full(setup.scene, damping)
         )
-    integrator = choose_integrator(setup.job, system) if dense else "generalized_alpha"
-    options = _stepped(setup, system, integrator, step)
-    ground = ground_at_steps(setup.motion, options.dt, setup.compared)
+    prepared = prepare(setup.job, system, None if dense else FULL_ORDER)
+    settings = _settings(setup, prepared, dt or min(setup.steps) / FINER)
+    ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared)
     with clock.stage("reference", f"the reference, {ground.shape[1] - 1} steps") as progress:
-        history = integrate(system, ground, options, progress)
+        history = simulate_one(prepared, ground, settings, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
-    return Openings(history.time, history.jump[..., 0], setup.position), f"{name} at dt {step:g} s"
-
-
-def _divide(every: float, step: float) -> float:
-    """The largest step up to `step` that divides `every`."""
-    return every / math.ceil(every / step * (1.0 - 1e-9))
-
-
-def _options(setup: _Setup, system: System) -> TransientOptions:
-    return transient_options(setup.job, system, setup.motion)
+    return Openings(
+        history.time, history.jump[..., 0], setup.position
+    ), f"{name} at dt {settings.steps.finest:g} s"
 
 
 @dataclass(frozen=True)
 class _Case:
-    """One setting: a reduced system and how to integrate it; `modes` as text."""
+    """One setting: a prepared reduced system and how to integrate it; `modes` as text."""
 
-    system: System
+    prepared: Prepared
     modes: str
     corrections: int
-    options: TransientOptions
+    settings: Settings
 
 
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
     wanted = setup.job.config.study
-    for count, corrections in itertools.product(wanted.modes, wanted.corrections):
+    for count, corrections in itertools.product(wanted.modes, wanted.residual_vectors):
         choice = ModeChoice(count=count, corrections=corrections, capped=True)
         with clock.stage("model", f"reducing to {count} modes a block, {corrections} corrections"):
             system = reduce_scene(setup.scene, choice, setup.job.config.damping).system
-        for integrator, dt in itertools.product(wanted.integrators, setup.steps):
-            yield _Case(system, f"{count} modes", corrections, _stepped(setup, system, integrator, dt))
+        for integrator in wanted.integrators:
+            prepared = prepare(setup.job, system, integrator)
+            for step in setup.steps:
+                settings = _settings(setup, prepared, step)
+                yield _Case(prepared, f"{count} modes", corrections, settings)
 
 
-def _stepped(setup: _Setup, system: System, integrator: str, dt: float) -> TransientOptions:
-    options, step = _options(setup, system), _divide(setup.every, dt)
-    if integrator != "adaptive":
-        return fixed_step(options, step, setup.every, integrator)
-    base, cuts = refined_step(step, setup.motion.dt, setup.every)
-    return replace(options, dt=base, cuts=cuts, stride=round(setup.every / base), integrator=integrator)
+def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
+    """Settings of the job at the longest finest step up to `step` that divides the compared interval."""
+    finest = whole_steps(setup.every, step).base
+    steps = prepared.integrator.steps(finest, setup.motion.dt, setup.every)
+    return replace(settings_for(setup.job, prepared, setup.motion), steps=steps)
 
 
 def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
-    options = case.options
-    finest = options.dt / math.prod(options.cuts)
-    ground = ground_at_steps(setup.motion, options.dt, setup.duration)
-    text = f"{options.integrator}, {case.modes}, {case.corrections} corrections, finest step {finest:g} s"
+    name, steps, size = case.prepared.integrator.name, case.settings.steps, case.prepared.system.size
+    ground = ground_at_steps(setup.motion, steps.base, setup.duration)
+    text = f"{name}, {case.modes}, {case.corrections} corrections, finest step {steps.finest:g} s"
     runs: list[History] = []
     try:
         with clock.stage("case", text) as progress:
             for _ in range(setup.job.config.study.repeats):
-                runs.append(integrate(case.system, ground, options, progress))
+                runs.append(simulate_one(case.prepared, ground, case.settings, progress))
     except ConvergenceError as error:
         failed = (math.nan,) * 5
-        return CaseResult(
-            options.integrator, finest, case.modes, case.corrections, case.system.size, *failed, 0, str(error)
-        )
+        return CaseResult(name, steps.finest, case.modes, case.corrections, size, *failed, 0, str(error))
     return _result(setup, case, runs, reference)
 
 
@@ -205,11 +198,11 @@ def _result(setup: _Setup, case: _Case, runs: list[History], reference: tuple[Op
     found = compare_openings(own, reference[0], ("the study", reference[1]))
     cpu = np.array([run.stats["loop_cpu_seconds"] for run in runs])
     return CaseResult(
-        integrator=case.options.integrator,
+        integrator=case.prepared.integrator.name,
         finest_step=history.stats["finest_step"],
         modes=case.modes,
         corrections=case.corrections,
-        unknowns=case.system.size,
+        unknowns=case.prepared.system.size,
         peak_opening=found.peak,
         peak_error=found.peak_error,
         l2_error=found.l2_error,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +24,15 @@ from romdam.error.comparison import (
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
-from romdam.pipelines.shaking import fixed_step, ground_at_steps, shake, transient_options
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.postprocess.stress import StressSummary
 from romdam.records.record_set import load_motions
 from romdam.results.stress.file import StressFields
-from romdam.timestepping.simulate import integrate
+from romdam.timestepping.integrators.registry import FULL_ORDER
+from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.steps import whole_steps
 
 REFINEMENT = 4  # the full order steps at the reduced model's finest step / 4, where its own error is about
 # 0.3 of the reduced model's,
@@ -116,10 +118,10 @@ def _refuse_what_cannot_be_verified(job: Job) -> None:
 
 
 def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock: Clock) -> Marched:
-    warm = max(10.0 * motion.dt, job.config.transient.dt or 0.0)
-    shake(job, model.system, motion, warm)  # compiled kernels are not part of the time
+    warm = max(10.0 * motion.dt, job.config.transient.finest_step or 0.0)
+    simulate_motion(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
     with clock.stage("reduced", "reduced model") as progress:
-        history = shake(job, model.system, motion, seconds, progress)
+        history = simulate_motion(job, model.prepared, motion, seconds, progress)
     return _marched(model.scene, history, stress_fields(model.scene, model.reduced))
 
 
@@ -127,12 +129,11 @@ def _full(job: Job, model: Model, what: tuple[GroundMotion, float, Marched], clo
     motion, seconds, reduced = what
     every = float(reduced.history.time[1])
     wanted = max(reduced.dt / REFINEMENT, motion.dt / SAMPLE)
-    dt = every / np.ceil(every / wanted * (1.0 - 1e-9))
-    options = fixed_step(transient_options(job, model.system, motion), dt, every, "generalized_alpha")
+    settings = replace(settings_for(job, model.prepared, motion), steps=whole_steps(every, wanted))
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
-    ground = ground_at_steps(motion, dt, seconds)
+    full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, settings.steps.base, seconds)
     with clock.stage("full", f"full order, {ground.shape[1] - 1} steps") as progress:
-        history = integrate(system, ground, options, progress)
+        history = simulate_one(full, ground, settings, progress)
     return _marched(model.scene, history, {})
 
 

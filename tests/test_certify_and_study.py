@@ -50,7 +50,7 @@ def test_estimate_can_be_left_out_and_is_absent_where_it_means_nothing(folder, t
     for sections in ({"outputs": {"error_estimate": False}}, {"damping": {}}, {"model": {"modes": "all"}}):
         raw = yaml.safe_load(SMALL) | sections
         raw["records"][0]["file"] = str(folder / "pulse.txt")
-        raw["transient"] = {"dt": 1e-4, "duration": 0.05}
+        raw["transient"] = {"finest_step": 1e-4, "duration": 0.05}
         raw["outputs"] = {"plots": False} | sections.get("outputs", {})
         (tmp_path / "job.yaml").write_text(yaml.safe_dump(raw))
         code, _, err = call("run", tmp_path / "job.yaml", "--out", tmp_path / "out")
@@ -115,9 +115,9 @@ def test_what_cannot_be_certified_is_refused(result, tmp_path):
 
 STUDY = {
     "modes": [4, 10],
-    "corrections": [0, 5],
+    "residual_vectors": [0, 5],
     "integrators": ["modal", "adaptive"],
-    "dt": ["2.5 ms", "1.25 ms"],
+    "finest_steps": ["2.5 ms", "1.25 ms"],
     "repeats": 1,
 }
 
@@ -144,16 +144,16 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
 def test_study_against_full_order_and_a_failing_case(folder, tmp_path, monkeypatch):
     from romdam.pipelines import speed_error
 
-    real = speed_error.integrate
+    real = speed_error.simulate_one
 
-    def fails(system, ground, options, progress=None):
-        if options.integrator == "adaptive":
+    def fails(prepared, ground, settings, progress=None):
+        if prepared.integrator.name == "adaptive":
             raise ConvergenceError("step 3: did not converge")
-        return real(system, ground, options, progress)
+        return real(prepared, ground, settings, progress)
 
-    monkeypatch.setattr(speed_error, "integrate", fails)
+    monkeypatch.setattr(speed_error, "simulate_one", fails)
     config = folder / "full.yaml"
-    study = STUDY | {"modes": [10], "corrections": [0], "dt": ["2.5 ms"], "reference": "full"}
+    study = STUDY | {"modes": [10], "residual_vectors": [0], "finest_steps": ["2.5 ms"], "reference": "full"}
     config.write_text(yaml.safe_dump(yaml.safe_load(SMALL) | {"study": study}))
     found = speed_error.study(load_config(config), tmp_path)
     assert "full order" in found.dataset.attrs["compared"]

@@ -33,9 +33,9 @@ damping:
 records:
   - {name: pulse, file: pulse.txt, unit: m/s2, dt: 0.01 s, components: {y: 1}}
 model: {order: reduced, modes: 10}
-transient: {dt: 2 ms}
+transient: {finest_step: 2 ms}
 outputs:
-  every: 0.01 s
+  output_interval: 0.01 s
   nodes: {top: {block: right, at: [0, 0, 20]}}
 """
 
@@ -166,7 +166,13 @@ def test_output_folder_that_cannot_be_written_is_refused_before_computing(config
 
 
 def test_output_interval_that_is_no_multiple_of_the_step(config):
-    refuse(edited(config, outputs={"every": "0.005 s"}), "outputs.every", "0.002 s", "got 0.005 s", "nearest")
+    refuse(
+        edited(config, outputs={"output_interval": "0.005 s"}),
+        "outputs.output_interval",
+        "0.002 s",
+        "got 0.005 s",
+        "nearest",
+    )
 
 
 def test_scene_mistakes_name_file_and_key(config):
@@ -370,7 +376,7 @@ def test_a_folder_or_a_device_is_no_configuration(tmp_path):
 def test_what_is_unusual_is_said_by_check_and_by_run_and_kept(config, tmp_path):
     raw = yaml.safe_load(SMALL)
     raw["materials"]["concrete"]["rho"] = "24.4 kg/m3"
-    edited(config, materials=raw["materials"], transient={"dt": "2 ms", "duration": "0.3 s"})
+    edited(config, materials=raw["materials"], transient={"finest_step": "2 ms", "duration": "0.3 s"})
     said = "materials.concrete.rho: 24.4 kg/m3 is unusual"
     assert f"warning: {said}" in call("check", config)[1]
     code, _, stderr = call_alone("run", config, "--out", tmp_path / "o")
@@ -393,4 +399,8 @@ def test_a_record_named_by_its_file_needs_a_name_that_files_can_have(config):
 
 
 def test_a_step_of_nanoseconds_is_refused_before_the_scene_is_built(config):
-    refuse(edited(config, transient={"dt": "2 ns"}), "transient.dt: pulse", "2.9e+08 steps, limit 1e+08")
+    refuse(
+        edited(config, transient={"finest_step": "2 ns"}),
+        "transient.finest_step: pulse",
+        "2.9e+08 steps, limit 1e+08",
+    )

@@ -24,7 +24,6 @@ from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, settled
-from romdam.pipelines.shaking import check_interval
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
@@ -132,7 +131,7 @@ def _suite_job(job: Job) -> Job:
     Raises
     ------
     ConfigError
-        for a full-order model, and an output interval that the step does not divide.
+        for a full-order model.
     """
     suite, config = _suite(job), job.config
     if config.model.order == "full":
@@ -142,10 +141,8 @@ def _suite_job(job: Job) -> Job:
         )
     outputs = config.outputs
     if isinstance(suite.keep, KeepConfig):
-        outputs = outputs.model_copy(update={"every": suite.keep.every})
-    job = replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
-    check_interval(job)
-    return job
+        outputs = outputs.model_copy(update={"output_interval": suite.keep.output_interval})
+    return replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
 
 
 def read_records(job: Job) -> list[SuiteRecord]:
@@ -242,7 +239,7 @@ def _model_key(job: Job, scene: Scene) -> str:
     where any sample has shear.
     """
     config, suite = job.config, job.config.suite
-    parts = {"nodes", "every", "stress", "error_estimate"}
+    parts = {"nodes", "output_interval", "stress", "error_estimate"}
     asked = {
         "model": config.model.model_dump_json(),
         "transient": config.transient.model_dump_json(),
@@ -320,7 +317,7 @@ def written_rows(job: Job, motion: GroundMotion) -> int:
     """Rows of a run's result."""
     transient = job.config.transient
     duration = motion.duration if transient.duration is None else transient.duration
-    return int(duration / (job.config.outputs.every or transient.dt or motion.dt)) + 1
+    return int(duration / (job.config.outputs.output_interval or transient.finest_step or motion.dt)) + 1
 
 
 def row_bytes(study: Study) -> float:

@@ -15,6 +15,7 @@ from romdam.config.sections.suite import KeepConfig
 from romdam.core.errors import ResultError, placed
 from romdam.core.files import prepare_folder, sweep_parts
 from romdam.pipelines.run import Clock, Model, Stage, silent, with_finer, write_shared
+from romdam.pipelines.simulation import prepare
 from romdam.pipelines.stresses import stress_fields
 from romdam.pipelines.suites.cluster import Pool, open_pool
 from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
@@ -139,7 +140,7 @@ def build_study(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     store = BlockStore(cache or (job.folder / own if own else folder / CACHE_FOLDER))
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
-    model = with_finer(job, Model(scene, reduced.system, reduced), clock, store)
+    model = with_finer(job, Model(scene, prepare(job, reduced.system), reduced), clock, store)
     model = replace(model, stress=stress_fields(scene, reduced))
     job = replace(job, path=job.path.absolute())  # a worker of a cluster has a working folder of its own
     study = Study(job, model, plan.samples, folder / RUNS_FOLDER, {})

@@ -18,19 +18,18 @@ from romdam.config.parameters import Varied
 from romdam.core.errors import ConfigError, RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.system import History
+from romdam.core.system import History, with_parameters
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.estimate import estimate_error
 from romdam.pipelines.run import Model
-from romdam.pipelines.shaking import shake_together
+from romdam.pipelines.simulation import prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.kept import write_kept
 from romdam.pipelines.suites.study import Run, Study, Task, sample_content, scaled
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
-from romdam.timestepping.modal.batch import with_parameters
 
 # what a run can meet that is its own misfortune: it becomes a row with a message, and the others go on
 MISFORTUNES = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
@@ -56,8 +55,10 @@ def sample_model(study: Study, number: int) -> Model:
     assert model.reduced is not None
     reduced, finer = _with_sample(model.reduced, scene, varied), model.finer
     if finer is not None:
-        finer = replace(finer, model=_with_sample(finer.model, scene, varied))
-    return replace(model, scene=scene, system=reduced.system, reduced=reduced, finer=finer)
+        varied_finer = _with_sample(finer.model, scene, varied)
+        finer = replace(finer, model=varied_finer, prepared=prepare(job, varied_finer.system))
+    prepared = prepare(job, reduced.system)
+    return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
 
 
 def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> ReducedModel:
@@ -96,7 +97,8 @@ def march(
 ) -> Sequence[History | Exception]:
     """The one place where a suite integrates: every history, or why there is none."""
     try:
-        return shake_together(job, [model.system for model in models], motions)
+        prepared = [model.prepared for model in models]
+        return simulate_motions(job, prepared, motions, job.config.transient.duration)
     except MISFORTUNES as error:
         if len(motions) == 1:
             return [error]
@@ -121,8 +123,8 @@ def _row(
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
     (motion, history), stated = made, dict[str, float]()
     attributes: dict[str, object] = {}
-    if model.finer is not None and model.reduced is not None:
-        estimate = estimate_error(study.job, model.finer, model.reduced, motion, history)
+    if model.finer is not None:
+        estimate = estimate_error(study.job, model.finer, motion, history)
         stated["estimated_reduction_error"] = estimate.opening.l2
         attributes = estimate.attributes
     history, stress = stress_of(model.scene, model.stress, history)

@@ -37,7 +37,7 @@ _REMEDIES = {
     "rho": "concrete has about 2400 kg/m3; a block without mass has `mass: false`, one without weight "
     "`weight: false`",
     "E": "concrete has about 30 GPa",
-    "dt": "a step of 1 to 5 ms suits most dams",
+    "finest_step": "a step of 1 to 5 ms suits most dams",
     "friction": "concrete joints have about 0.6",
     "ratio": "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)",
     "tolerance": "leave the key out to use the default",
@@ -50,12 +50,12 @@ _MISSING = {
     "E": ", for example `E: 30 GPa`",
     "nu": ", for example `nu: 0.18`",
     "rho": ", for example `rho: 2400 kg/m3`",
-    "dt": ", for example `dt: 2.5 ms`",
+    "dt": ", for example `dt: 0.01 s`",
     "normal_stiffness": ", for example `normal_stiffness: 16 GPa/m` or `rigid`",
     "between": ", for example `between: [left, right]`",
     "records": ", for example `records: [{file: record.txt, unit: g, dt: 0.01 s, components: {y: 1}}]`",
     "model": ", for example `model: {order: reduced, modes: 60}`",
-    "transient": ", for example `transient: {dt: 2.5 ms}`",
+    "transient": ", for example `transient: {finest_step: 2.5 ms}`",
     "materials": ", for example `materials: {concrete: {E: 30 GPa, nu: 0.18, rho: 2400 kg/m3}}`",
 }
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from romdam.config.explain import explain
+from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
 from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError
@@ -23,10 +24,12 @@ class Job:
     ----------
     config : the validated configuration
     path : the YAML file
+    renamed : a warning for each key or word that stands in it by a name of before
     """
 
     config: Config
     path: Path
+    renamed: tuple[str, ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -49,13 +52,15 @@ def load_config(path: str | Path) -> Job:
         for a file that cannot be read or is not YAML, and for unknown, missing or wrong keys.
     """
     path = Path(path)
-    return Job(config=parse_config(read_yaml(path), str(path)), path=path)
+    raw, renamed = with_present_names(read_yaml(path), str(path))
+    return Job(parse_config(raw, str(path)), path, renamed)
 
 
 def parse_config(raw: object, source: str) -> Config:
-    """Validate a mapping; `source` names it in errors."""
+    """Validate a mapping, keys by their names of before too; `source` names it in errors."""
     if not isinstance(raw, dict):
         raise ConfigError(f"{source}: expected a mapping of keys at the top level, got {type(raw).__name__}")
+    raw, _ = with_present_names(raw, source)
     try:
         return Config.model_validate(raw, context={"folder": Path(source).parent})
     except ValidationError as error:

@@ -19,14 +19,15 @@ from romdam.config.sections.job import (
     PressureConfig,
     RayleighConfig,
     TemperatureConfig,
-    TransientConfig,
 )
 from romdam.config.sections.joint_laws import LawSection
 from romdam.config.sections.joints import JointConfig, JointProperties
 from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import IntensityConfig, SuiteConfig
+from romdam.config.sections.transient import TransientConfig
 from romdam.config.sections.water import WaterConfig
+from romdam.core.integrators import INTEGRATORS
 
 Range = tuple[float, float, str, str]  # least and largest magnitude in SI, the unit, what is usual
 _RATIO = (0.0, 0.2, "", "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)")
@@ -69,8 +70,8 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
         "cutoff": (1.0, 5000.0, "Hz", "50 Hz suits most dams"),
         "memory": (1e8, 1e14, "bytes", "write 8 GB for example"),
     },
-    TransientConfig: {"dt": (1e-6, 0.02, "s", "a step of 1 to 5 ms suits most dams")},
-    OutputsConfig: {"every": (1e-6, 0.1, "s", "0.01 s shows the openings")},
+    TransientConfig: {"finest_step": (1e-6, 0.02, "s", "a step of 1 to 5 ms suits most dams")},
+    OutputsConfig: {"output_interval": (1e-6, 0.1, "s", "0.01 s shows the openings")},
     StressConfig: {"strength": _STRENGTH},
     RecordConfig: {
         "dt": (5e-4, 0.1, "s", "records are sampled at 50 to 1000 Hz"),
@@ -166,9 +167,14 @@ def _unused(config: Config) -> Iterator[str]:
     """Keys that are given and do nothing."""
     model, given = config.model, config.model.model_fields_set
     if model.order == "full":
-        for key in ("modes", "cutoff", "corrections", "solver"):
+        for key in ("modes", "cutoff", "residual_vectors", "solver"):
             if key in given:
                 yield f"model.{key}: does nothing at full order; leave it out, or set order: reduced"
+    transient = config.transient
+    for name, entry in INTEGRATORS.items():
+        for key in entry.keys:
+            if transient.integrator not in (None, name) and key in transient.model_fields_set:
+                yield f"transient.{key}: does nothing with {transient.integrator}, but with {name}"
     if config.pipeline == "run" and config.suite is not None:
         yield "suite: does nothing with pipeline: run; set pipeline: suite, or leave it out"
     if config.loads.weight == "staged" and config.loads.gravity is None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.arrays import Bools, Floats
-from romdam.core.operator_cache import Kept
+from romdam.core.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,6 @@ class System:
     diagonal : whether M is the identity and C, K are diagonal
     floating : whether the system has motions that no support and no stiffness holds
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
-    alike : what the system stands for, where its gaps stand for several each
     """
 
     M: csr_matrix
@@ -126,17 +124,6 @@ class System:
     diagonal: bool
     floating: bool
     reduced: bool = False
-    alike: Alike | None = None
-
-    @cached_property
-    def folds(self) -> dict[bytes, System | None]:
-        """What `romdam.timestepping.modal.symmetry.folded` found, by which components were shaken."""
-        return {}
-
-    @cached_property
-    def kept(self) -> Kept:
-        """What integrations of this system share."""
-        return Kept()
 
     @property
     def size(self) -> int:
@@ -144,24 +131,29 @@ class System:
         return self.M.shape[0]
 
 
-@dataclass(frozen=True)
-class Alike:
-    """How a system with fewer gaps and modes stands for a whole one, see `timestepping.modal.symmetry`.
+def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> System:
+    """Give the same blocks other joints' parameters and damping.
 
-    Attributes
+    Parameters
     ----------
-    whole : the system with all gaps and modes
-    gaps : (ng,) for every gap of the whole the one that stands for it
-    count : for how many each stands
-    signs : (ng, directions) by which its jumps and forces are those of the whole; zero where there are none
-    modes : (n of the whole, n) its unknowns from those at hand, orthonormal columns
-    """
+    damping : (m,) modal coefficients c [1/s], or None to keep the system's own
 
-    whole: System
-    gaps: NDArray[np.int64]
-    count: NDArray[np.int64]
-    signs: Floats
-    modes: csr_matrix
+    Raises
+    ------
+    ConfigError
+        for a law with shear on a system whose joints were reduced without it; for another number of gaps.
+    """
+    n, reduced = len(system.law), system.B.shape[0] // max(len(system.law), 1)
+    if len(law) != n:
+        raise ConfigError(f"the system has {n} gaps, got parameters of {len(law)}")
+    if law.directions > reduced > 0:
+        raise ConfigError(
+            "joints: the system was reduced without the gaps' tangential directions, so a run on it can have "
+            "no friction, cohesion or shear key; reduce it with friction"
+        )
+    B = system.B if law.directions == reduced else csr_matrix(system.B[::reduced])
+    C = system.C if damping is None else csr_matrix(diags_array(np.asarray(damping, dtype=float)))
+    return replace(system, law=law, B=B, C=C)
 
 
 @dataclass(frozen=True)
@@ -180,7 +172,7 @@ class History:
     energy : name -> (nt,) [J], see `romdam.timestepping.energy.TERMS`
     peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks.PEAKS`
     stats : counts and CPU seconds of the run
-    integrator : key of `romdam.timestepping.simulate.INTEGRATORS`
+    integrator : key of `romdam.core.integrators.INTEGRATORS`
     """
 
     time: Floats

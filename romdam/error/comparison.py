@@ -108,7 +108,7 @@ def _common_times(
     common, rows, rows_reference = np.intersect1d(keys, keys_reference, return_indices=True)
     if len(common) < 2:
         raise ResultError(
-            f"{names[0]} and {names[1]} share fewer than two times; set outputs.every to 0.01 s"
+            f"{names[0]} and {names[1]} share fewer than two times; set outputs.output_interval to 0.01 s"
         )
     return rows, rows_reference
 

@@ -12,7 +12,7 @@ defect of their own forces added to its free jumps,
     g = gap + B T q_red[p] + delta[p],   p = law(g, history),
 
 because B u_full[p] = B T q_red[p] + delta[p] for any p. So delta[p] of the forces at hand, added to the free
-jumps (`TransientOptions.shift`), gives openings nearer to the full order by one order in (full - reduced);
+jumps (`Settings.shift`), gives openings nearer to the full order by one order in (full - reduced);
 repeated it converges, if it does, to the full-order nonlinear solution (defect correction: Stetter, Numer.
 Math. 29 (1978) 425). The correction is made in a finer reduced model, whose own defect is small: the
 error statement is the difference of the run to that corrected run.
@@ -37,8 +37,10 @@ from romdam.core.arrays import Floats
 from romdam.core.system import GapLaw, History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.equilibrium import rest_shift
-from romdam.timestepping.options import Start, TransientOptions
-from romdam.timestepping.simulate import Progress, integrate
+from romdam.timestepping.integrators.protocol import Progress
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings, Start
+from romdam.timestepping.simulate import simulate_one
 
 _GAMMA = 1.0 - np.sqrt(0.5)
 
@@ -186,7 +188,7 @@ def _empty(count: int, rows: int, operator: spmatrix) -> Floats:
 
 
 def corrected_run(
-    fine: System, ground: Floats, options: TransientOptions, defect: Floats, progress: Progress | None = None
+    fine: Prepared, ground: Floats, settings: Settings, defect: Floats, progress: Progress | None = None
 ) -> History:
     """Run the finer reduced model with the full order's defect added to its free jumps.
 
@@ -194,12 +196,12 @@ def corrected_run(
     ----------
     fine : the finer reduced model
     ground : (3, nt) ground acceleration at every base step [m/s2]
-    options : those of the run that is judged
+    settings : those of the run that is judged
     defect : (rows, N) at the written rows [m]
     """
-    steps, rows = np.arange(ground.shape[1]), np.arange(len(defect)) * options.stride
+    steps, rows = np.arange(ground.shape[1]), np.arange(len(defect)) * settings.steps.stride
     shift = np.stack([np.interp(steps, rows, column) for column in defect.T], axis=1)
-    return integrate(fine, ground, replace(options, shift=shift), progress)
+    return simulate_one(fine, ground, replace(settings, shift=shift), progress)
 
 
 def start_at(history: History, law: GapLaw, row: int) -> Start:
@@ -245,11 +247,11 @@ class Window:
 
 
 def run_window(
-    fine: System,
+    fine: Prepared,
     embed: spmatrix,
     history: History,
     ground: Floats,
-    options: TransientOptions,
+    settings: Settings,
     seconds: float,
 ) -> Window:
     """Run the finer reduced model over the seconds that lead to the largest opening.
@@ -260,17 +262,17 @@ def run_window(
     embed : (fine, coarse), see `romdam.reduction.refinement.embedding`
     history : of the reduced model
     ground : (3, nt) ground acceleration at every base step [m/s2]
-    options : those of `history`
+    settings : those of `history`
     seconds : length of the window; a twelfth of it lies after the peak
     """
-    interval, rows = options.dt * options.stride, len(history.time)
+    interval, stride, rows = settings.steps.interval, settings.steps.stride, len(history.time)
     peak = int(history.jump[:, :, 0].max(axis=1).argmax())
     length = min(max(2, round(seconds / interval)), rows - 1)
     last = min(max(peak + length // 12, length), rows - 1)
     first = last - length
     assert history.q is not None and history.v is not None
     start = replace(
-        start_at(history, fine.law, first), q=embed @ history.q[first], v=embed @ history.v[first]
+        start_at(history, fine.system.law, first), q=embed @ history.q[first], v=embed @ history.v[first]
     )
-    part = ground[:, first * options.stride : last * options.stride + 1]
-    return Window(first, last, integrate(fine, part, replace(options, start=start)))
+    part = ground[:, first * stride : last * stride + 1]
+    return Window(first, last, simulate_one(fine, part, replace(settings, start=start)))

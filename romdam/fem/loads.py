@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Hydrostatic, Ints, Scene
+from romdam.fem.assembly import assemble
 from romdam.scene.elements import (
     ELEMENTS,
     Element,
@@ -22,14 +23,17 @@ from romdam.scene.facets import area_elements, area_vectors
 _CUTS = 6  # parts of an edge of a facet that the water's level cuts
 
 
-def static_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
-    """Nodal force of pressure, weight and point forces on a block, (n, 3) [N].
+def static_force(scene: Scene, block: str) -> Floats:
+    """Nodal force on a block of the static loads that act with the joints as they are, (n, 3) [N]."""
+    force = surface_force(scene, block)
+    if scene.gravity.any() and weight_acts(scene, block):
+        force = force + weight_force(scene, block, assemble(scene.blocks[block])[1])
+    return force
 
-    Parameters
-    ----------
-    M : (3 n, 3 n) mass of the block [kg]
-    """
-    return weight_force(scene, block, M) + surface_force(scene, block)
+
+def weight_acts(scene: Scene, block: str) -> bool:
+    """Whether a block's weight acts with the joints as they are, not before they were grouted."""
+    return not scene.staged_weight and block not in scene.settled
 
 
 def weight_force(scene: Scene, block: str, M: csr_matrix) -> Floats:

@@ -11,10 +11,9 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.fem.absorbing import boundary_dashpots
-from romdam.fem.assembly import assemble
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
-from romdam.fem.loads import surface_force, weight_force
+from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, assemble_part, part_inertia, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.scene.supports import held_rigidly
@@ -83,13 +82,10 @@ def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:
 
 
 def _force(scene: Scene, numbered: Unknowns, size: int) -> Floats:
-    """Static force on the unknowns; weight that the joints do not see is left out."""
+    """Static force on the unknowns."""
     force = np.zeros(size)
     for name, matrix in numbered.of_block.items():
-        own = surface_force(scene, name)
-        if scene.gravity.any() and not scene.staged_weight:
-            own = own + weight_force(scene, name, assemble(scene.blocks[name])[1])
-        force = force + matrix.T @ own.ravel()
+        force = force + matrix.T @ static_force(scene, name).ravel()
     return np.asarray(force)
 
 

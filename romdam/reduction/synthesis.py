@@ -23,7 +23,7 @@ from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
-from romdam.fem.loads import surface_force
+from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.water import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
@@ -198,7 +198,7 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
     if model.modes == "auto":
         raise ReductionError("model.modes is auto, and no motion has settled it yet; give a number or all")
     solving = Solving(model.solver, model.memory)
-    return ModeChoice(model.modes, model.cutoff, model.corrections, solving=solving)
+    return ModeChoice(model.modes, model.cutoff, model.residual_vectors, solving=solving)
 
 
 def _reduced_block(
@@ -248,7 +248,7 @@ def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> 
     loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
     rows = slice(None) if 2 * len(loaded) > len(forces) else loaded  # most of them are not copied
     surface = part.matrix[rows].T @ forces[rows]
-    if scene.staged_weight or name in scene.settled:
+    if not weight_acts(scene, name):
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)
 

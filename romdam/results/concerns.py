@@ -18,13 +18,13 @@ def concerns(stats: Mapping[str, float]) -> list[str]:
     if not stats.get("ledger_imbalance", 0.0) <= LEDGER_LIMIT:
         found.append(
             f"the energy ledger is open by {100 * stats['ledger_imbalance']:.2g} % of the energy exchanged, "
-            f"limit {100 * LEDGER_LIMIT:g} %: the run is not to be trusted; try a finer transient.dt, or "
-            "integrator adaptive"
+            f"limit {100 * LEDGER_LIMIT:g} %: the run is not to be trusted; try a finer "
+            "transient.finest_step, or integrator adaptive"
         )
     if not stats.get("estimated_time_error", 0.0) <= stats.get("accuracy", 0.0):
         found.append(
             f"the time-stepping error is about {100 * stats['estimated_time_error']:.2g} %, wanted was "
             f"{100 * stats['accuracy']:g} %: not reached at the finest step allowed, "
-            f"{stats['finest_step']:.3g} s; state the error, or give transient.dt a finer step"
+            f"{stats['finest_step']:.3g} s; state the error, or give transient.finest_step a finer step"
         )
     return found

@@ -21,7 +21,8 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
-from romdam.timestepping.options import Start
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings, Start
 
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _MAX_ITERATIONS = 2000
@@ -107,6 +108,21 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
     return np.zeros(system.size), empty
 
 
+def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapState]:
+    """The state at rest that a run starts from, made once for all of them; not to be changed.
+
+    Raises
+    ------
+    ConfigError, ConvergenceError
+        as `undeformed` and `static_equilibrium` do.
+    """
+    system, static, tolerance = prepared.system, settings.initial_state == "static", settings.tolerance
+    return prepared.cache.get_or_compute(
+        ("initial", static, tolerance if static else 0.0),
+        lambda: static_equilibrium(system, tolerance) if static else undeformed(system),
+    )
+
+
 def resumed(system: System, start: Start) -> GapState:
     """The gaps of a state to go on from; each slip anchor follows from its shear force."""
     law, d = system.law, system.law.directions
@@ -164,7 +180,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
         f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "
-        "cannot carry its loads: add a support or friction, or set loads.initial_state: from_start"
+        "cannot carry its loads: add a support or friction, or set loads.initial_state: undeformed"
     )
 
 
@@ -180,7 +196,7 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
-            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: from_start"
+            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: undeformed"
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)

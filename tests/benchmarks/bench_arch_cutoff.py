@@ -30,15 +30,14 @@ from romdam.config.load import Job
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
 from romdam.fem.unreduced import assemble_full
-from romdam.pipelines.shaking import fixed_step, ground_at_steps, transient_options
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.elements import Floats
-from romdam.timestepping.simulate import integrate
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.simulate import simulate_one
 
 EVERY = 0.01
 COLUMNS = {
@@ -80,8 +79,10 @@ def outcome(scene: Scene, system: System, history: History, fields: dict[str, ob
 def full_order(job: Job, scene: Scene, seconds: float, step: float) -> Outcome:
     motion = load_motions(job.config.records, job.folder)[0]
     system = observing_stress(scene, assemble_full(scene, job.config.damping))
-    options = fixed_step(transient_options(job, system, motion), step, EVERY, "generalized_alpha")
-    history = integrate(system, ground_at_steps(motion, step, seconds), options)
+    prepared = prepare(job, system, "generalized_alpha")
+    steps = prepared.integrator.steps(step, motion.dt, EVERY)
+    settings = replace(settings_for(job, prepared, motion), steps=steps)
+    history = simulate_one(prepared, ground_at_steps(motion, step, seconds), settings)
     return outcome(scene, system, history, {})
 
 
@@ -90,12 +91,13 @@ def reduced(
 ) -> tuple[Outcome, dict[str, float]]:
     motion = load_motions(job.config.records, job.folder)[0]
     model = reduce_scene(scene, ModeChoice(cutoff=cutoff), job.config.damping)
-    base, cuts = refined_step(step, motion.dt, EVERY)
-    options = replace(
-        transient_options(job, model.system, motion), dt=base, cuts=cuts, stride=round(EVERY / base)
-    )
-    integrate(model.system, ground_at_steps(motion, base, 20 * base), options)  # compiled, not timed
-    history = integrate(model.system, ground_at_steps(motion, base, seconds), options)
+    prepared = prepare(job, model.system)
+    steps = prepared.integrator.steps(step, motion.dt, EVERY)
+    settings = replace(settings_for(job, prepared, motion), steps=steps)
+    simulate_one(
+        prepared, ground_at_steps(motion, steps.base, 20 * steps.base), settings
+    )  # compiled, not timed
+    history = simulate_one(prepared, ground_at_steps(motion, steps.base, seconds), settings)
     found = outcome(scene, model.system, history, dict(stress_fields(scene, model)))
     cost = float(model.report["cpu_seconds"])  # type: ignore[arg-type]
     return found, {"cutoff": cutoff, "states": model.system.size, "cpu_reduction": cost}

@@ -26,14 +26,16 @@ from numpy.typing import NDArray
 
 from romdam.config import parse_config
 from romdam.core.system import History, System
-from romdam.pipelines.shaking import ground_at_steps
+from romdam.pipelines.simulation import ground_at_steps
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping import simulate as transient
-from romdam.timestepping.modal.runs import Case
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate_cases
+from romdam.timestepping.integrators.adaptive import Adaptive
+from romdam.timestepping.modal import integrator
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate
+from romdam.timestepping.steps import Steps
 
 CONFIG = Path(__file__).parents[2] / "configs" / "suite_p695.yaml"
 DIVISIONS = {100: (4, 20), 400: (9, 40), 1500: (19, 75)}  # of the joint's width and height
@@ -49,7 +51,7 @@ def reduced(gaps: int, friction: float) -> System:
     if friction:
         raw["joints"]["contraction"] |= {"friction": friction, "shear_stiffness": "8 GPa/m"}
     raw["model"] = {"order": "reduced", "cutoff": "60 Hz"}
-    raw["loads"] = {"initial_state": "from_start"}
+    raw["loads"] = {"initial_state": "undeformed"}
     del raw["outputs"]["nodes"]
     config = parse_config(raw, CONFIG.name)
     return reduce_scene(build_scene(config, CONFIG.parent, CONFIG.name), config.model, config.damping).system
@@ -66,14 +68,11 @@ def grounds(count: int, seconds: float) -> list[NDArray[np.float64]]:
     return found
 
 
-def march(cases: list[Case]) -> tuple[float, list[History]]:
+def march(prepared: Prepared, grounds: list[NDArray[np.float64]]) -> tuple[float, list[History]]:
     """CPU seconds of the loops, and the histories."""
-    cuts = (round(STEP / FINEST),)
-    options = TransientOptions(
-        dt=STEP, stride=4, integrator="adaptive", initial_state="from_start", cuts=cuts, alike=False
-    )
-    with patch.object(transient, "_CACHE_BYTES", math.inf):
-        found = integrate_cases(cases, options)
+    settings = Settings(Steps(STEP, 4, (round(STEP / FINEST),)), initial_state="undeformed")
+    with patch.object(integrator, "_CACHE_BYTES", math.inf):
+        found = simulate(prepared, grounds, settings)
     histories = [one for one in found if isinstance(one, History)]
     return sum(one.stats["loop_cpu_seconds"] for one in histories), histories
 
@@ -81,12 +80,12 @@ def march(cases: list[Case]) -> tuple[float, list[History]]:
 def compare(gaps: int, given: argparse.Namespace) -> str:
     """One line of the table."""
     system = reduced(gaps, given.friction)
-    cases = [Case(system, ground) for ground in grounds(given.runs, given.seconds)]
-    march([Case(system, cases[0].ground[:, :20])])  # compiled, not timed
+    prepared, motions = Prepared(system, Adaptive(merge_contacts=False)), grounds(given.runs, given.seconds)
+    march(prepared, [motions[0][:, :20]])  # compiled, not timed
     one_by_one, together, apart = [], [], 0.0
     for _ in range(given.repeats):
-        alone = [march([case]) for case in cases]
-        cpu, histories = march(cases)
+        alone = [march(prepared, [ground]) for ground in motions]
+        cpu, histories = march(prepared, motions)
         one_by_one.append(sum(cpu for cpu, _ in alone))
         together.append(cpu)
         apart = max(np.abs(a.jump - b[1][0].jump).max() for a, b in zip(histories, alone, strict=True))

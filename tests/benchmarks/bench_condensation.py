@@ -27,13 +27,13 @@ import yaml
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.system import History
-from romdam.pipelines.shaking import ground_at_steps, transient_options
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.records.record_set import load_motions
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.modal import runs
-from romdam.timestepping.simulate import integrate
+from romdam.timestepping.simulate import simulate_one
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
 NEVER = 10**9  # solutions for which a contact has to stick
@@ -64,13 +64,15 @@ def compare(scale: float, seconds: float, repeats: int, cache: Path) -> str:
     scene = build_scene(job.config, job.folder, CONFIG.name)
     system = reduce_scene(scene, job.config.model, job.config.damping, BlockStore(cache)).system
     motion = load_motions(job.config.records, job.folder)[0]
-    options = transient_options(job, system, motion)
-    ground = ground_at_steps(motion, options.dt, seconds)
-    integrate(system, ground[:, :20], replace(options, stride=1))  # compiled, not timed
+    prepared = prepare(job, system)
+    settings = settings_for(job, prepared, motion)
+    ground = ground_at_steps(motion, settings.steps.base, seconds)
+    every = replace(settings, steps=replace(settings.steps, stride=1))
+    simulate_one(prepared, ground[:, :20], every)  # compiled, not timed
 
     def once(condense: bool) -> History:
         with patch.object(runs, "solver_state", solver_state if condense else never_condensing):
-            return integrate(system, ground, options)
+            return simulate_one(prepared, ground, settings)
 
     found = [(once(True), once(False)) for _ in range(repeats)]
     cpu = [median(pair[k].stats["loop_cpu_seconds"] for pair in found) for k in (0, 1)]

@@ -31,12 +31,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 
 from reference_run import ROOT, errors, job, march
 
+from romdam.core.integrators import INTEGRATORS
 from romdam.core.system import History, System
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.timestepping.modal.propagator import modal_propagator
-from romdam.timestepping.simulate import INTEGRATORS
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.steps import cut_steps
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
@@ -72,7 +72,7 @@ def reduced_system(plain: bool = False, **joint: object) -> tuple[System, float]
     start = time.process_time()
     the_job = job(**joint)
     kept = the_job.config.model
-    kept = kept.model_copy(update={"corrections": 0}) if plain else kept
+    kept = kept.model_copy(update={"residual_vectors": 0}) if plain else kept
     model = reduce_scene(the_job.scene, kept, the_job.config.damping)
     return model.system, time.process_time() - start
 
@@ -89,8 +89,8 @@ def at_finest(dt: float, **options: object) -> dict[str, object]:
     """Options of a run whose finest step is dt: the adaptive one starts from the record's or half of it."""
     if options.get("integrator") != "adaptive":
         return {"dt": dt, **options}
-    base, cuts = refined_step(dt, RECORD_STEP, RECORD_STEP)
-    return {"dt": base, "cuts": cuts, **options}
+    steps = cut_steps(dt, RECORD_STEP, RECORD_STEP)
+    return {"dt": steps.base, "cuts": steps.cuts, **options}
 
 
 def row(runs: list[History], dt: float, seconds: float | None) -> Row:

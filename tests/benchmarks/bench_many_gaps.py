@@ -30,9 +30,11 @@ from romdam.config import parse_config
 from romdam.core.system import History, System
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.modal.runs import Case
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate_cases
+from romdam.timestepping.integrators.adaptive import Adaptive
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate
+from romdam.timestepping.steps import Steps
 
 
 def reduced(element: float) -> System:
@@ -43,19 +45,18 @@ def reduced(element: float) -> System:
         box = {"origin": [0, y, 0], "size": [20, depth, 80], "element_size": size, "element": "hex8"}
         raw["blocks"][name] = {"material": "concrete", "box": box}
     raw["joints"]["contraction"] |= {"friction": 0.6, "shear_stiffness": 8e9}
-    raw["loads"] = {"initial_state": "from_start"}
+    raw["loads"] = {"initial_state": "undeformed"}
     raw["model"] = {"order": "reduced", "cutoff": "60 Hz"}
     del raw["outputs"]["nodes"]
     config = parse_config(raw, CONFIG.name)
     return reduce_scene(build_scene(config, CONFIG.parent, CONFIG.name), config.model, config.damping).system
 
 
-def batch(system: System, count: int, seconds: float, alike: bool) -> list[History]:
+def batch(system: System, count: int, seconds: float, merge: bool) -> list[History]:
     """The histories of so many records."""
-    options = TransientOptions(
-        dt=0.005, stride=4, integrator="adaptive", initial_state="from_start", cuts=(4,), alike=alike
-    )
-    found = integrate_cases([Case(system, ground) for ground in grounds(count, seconds)], options)
+    settings = Settings(Steps(0.005, 4, (4,)), initial_state="undeformed")
+    prepared = Prepared(system, Adaptive(merge_contacts=merge))
+    found = simulate(prepared, grounds(count, seconds), settings)
     return [history for history in found if isinstance(history, History)]
 
 
@@ -82,14 +83,14 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=0, help="records of a suite")
     given = parser.parse_args()
     system = reduced(given.element)
-    for alike in (False, True):
-        options = {"alike": alike, "integrator": "adaptive", "cuts": (4,)}
+    for merge in (False, True):
+        options = {"merge_contacts": merge, "integrator": "adaptive", "cuts": (4,)}
         march(system, 0.005, duration=0.05, **options)
         history = march(system, 0.005, duration=given.seconds, **options)
-        marched = f"{len(system.law)} gaps, {history.stats['marched_gaps']:.0f} marched"
+        marched = f"{len(system.law)} gaps, {history.stats['integrated_gaps']:.0f} integrated"
         print(f"{marched}: {told([history])}", flush=True)
         if given.batch:
-            histories = batch(system, given.batch, given.seconds, alike)
+            histories = batch(system, given.batch, given.seconds, merge)
             print(f"  {given.batch} records: {told(histories)}", flush=True)
 
 

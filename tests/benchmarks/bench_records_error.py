@@ -32,9 +32,12 @@ from romdam.core.system import History, System
 from romdam.records.processing.resampling import resample_motion
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.integrators.adaptive import Adaptive
+from romdam.timestepping.integrators.modal import Modal
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.steps import cut_steps, fixed_steps
 
 RECORDS = ("nearfield_no_pulse_18_b", "nearfield_pulse_09_a", "farfield_07_a")
 STEPS = (0.005, 0.0025, 0.00125, 0.000625, 0.0003125)
@@ -49,7 +52,7 @@ def system(case: str) -> System:
     """The reduced system of a case."""
     if case not in SCALED:
         return case_system(case)
-    raw = case_config(CASES[0], {"dt": 0.01})
+    raw = case_config(CASES[0], {"finest_step": 0.01})
     joint = raw_config()["joints"]["contraction"] | {"normal_stiffness": SCALED[case]}  # type: ignore[operator]
     raw["joints"] = {"contraction": joint}
     config = parse_config(raw, CONFIG.name)
@@ -66,17 +69,11 @@ def window(motion: GroundMotion, seconds: float) -> float:
 def march(case: str, motion: GroundMotion, scheme: str, finest: float, end: float) -> History:
     """One run from rest with rows every 0.01 s."""
     coarse = min(motion.dt, EVERY)
-    base, cuts = refined_step(finest, coarse, EVERY) if scheme in ("adaptive", "end") else (finest, ())
-    options = TransientOptions(
-        dt=base,
-        cuts=cuts,
-        stride=round(EVERY / base),
-        integrator="modal" if scheme == "modal" else "adaptive",
-        midpoint=scheme != "end",
-        initial_state="from_start",
-    )
-    ground = resample_motion(motion, base)[:, : round(end / base) + 1]
-    return integrate(system(case), ground, options)
+    cut = scheme in ("adaptive", "end")
+    steps = cut_steps(finest, coarse, EVERY) if cut else fixed_steps(finest, EVERY)
+    kind = Modal() if scheme == "modal" else Adaptive(midpoint=scheme != "end")
+    ground = resample_motion(motion, steps.base)[:, : round(end / steps.base) + 1]
+    return simulate_one(Prepared(system(case), kind), ground, Settings(steps, initial_state="undeformed"))
 
 
 def compare(case: str, name: str, limit_step: float, seconds: float) -> Row:

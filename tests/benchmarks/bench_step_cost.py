@@ -26,7 +26,7 @@ import yaml
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Joint, Scene
-from romdam.pipelines.shaking import shake
+from romdam.pipelines.simulation import simulate_motion
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
@@ -81,14 +81,14 @@ def main() -> None:
     }
     motion = load_motions(job.config.records, job.folder)[0]
     for _, model in models.values():  # compiles, and warms up
-        shake(job, model.system, motion, 0.1)
+        simulate_motion(job, model.prepared, motion, 0.1)
     seconds: dict[str, list[float]] = {name: [] for name in models}
     for _ in range(asked.repeats):
         for name, (_, model) in models.items():
             start = time.process_time()
-            shake(job, model.system, motion, asked.seconds)
+            simulate_motion(job, model.prepared, motion, asked.seconds)
             seconds[name].append(time.process_time() - start)
-    dt = job.config.transient.dt
+    dt = job.config.transient.finest_step
     assert dt is not None
     print(table(models, seconds, round(asked.seconds / dt)))
     ratio = np.median(seconds["fine"]) / np.median(seconds["coarse"])

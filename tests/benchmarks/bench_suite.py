@@ -51,7 +51,7 @@ def samples(count: int) -> dict[str, object]:
     config = _config("suite.yaml")
     design = {"latin_hypercube": count, "seed": 1}
     config["suite"] = {"parameters": PARAMETERS, "design": design}
-    config["outputs"] = {"every": "0.02 s", "error_estimate": False}
+    config["outputs"] = {"output_interval": "0.02 s", "error_estimate": False}
     config["records"][0]["file"] = str(ROOT / "data/records/northridge_mul009_g_dt0.01.txt")  # type: ignore[index]
     return config
 

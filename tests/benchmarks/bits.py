@@ -32,13 +32,12 @@ from test_hard_configs import LONG, SOUND
 from test_hard_configs import march as march_hard
 
 from romdam.core.system import History
-from romdam.pipelines.shaking import ground_at_steps, transient_options
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.simulate import integrate
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.simulate import simulate_one
 
 ROUGH = {"shear_stiffness": 8e9}
 JOINTS: dict[str, dict[str, object]] = {
@@ -73,10 +72,12 @@ def _arch_dam() -> Iterator[tuple[str, History]]:
     scene = build_scene(one.config, one.folder, str(one.path))
     motion = load_motions(one.config.records, one.folder)[0]
     system = reduce_scene(scene, ModeChoice(cutoff=25.0), one.config.damping).system
-    base, cuts = refined_step(1.25e-3, motion.dt, 0.01)
-    options = replace(transient_options(one, system, motion), dt=base, cuts=cuts, stride=round(0.01 / base))
+    prepared = prepare(one, system)
+    steps = prepared.integrator.steps(1.25e-3, motion.dt, 0.01)
+    settings = replace(settings_for(one, prepared, motion), steps=steps)
     for scale in (1.0, 0.1):
-        yield f"arch dam, {scale:g}", integrate(system, scale * ground_at_steps(motion, base, 10.0), options)
+        ground = scale * ground_at_steps(motion, steps.base, 10.0)
+        yield f"arch dam, {scale:g}", simulate_one(prepared, ground, settings)
 
 
 def numbers(history: History) -> dict[str, np.ndarray]:

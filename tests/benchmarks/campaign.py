@@ -38,7 +38,7 @@ from romdam.config.sections.records import RecordConfig
 from romdam.core.errors import RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
-from romdam.pipelines.shaking import shake
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.records.p695 import SETS
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
@@ -85,7 +85,7 @@ def case_config(case: str, transient: Row) -> dict[str, object]:
 @cache
 def case_system(case: str) -> System:
     """The reduced system of one case."""
-    config = parse_config(case_config(case, {"dt": 0.01}), CONFIG.name)
+    config = parse_config(case_config(case, {"finest_step": 0.01}), CONFIG.name)
     return reduce_scene(build_scene(config, ROOT, CONFIG.name), config.model, config.damping).system
 
 
@@ -97,7 +97,7 @@ def run_one(task: tuple[str, str, Settings]) -> Row:
     start, cpu = time.perf_counter(), time.process_time()
     try:
         job = Job(parse_config(case_config(case, _stepping(motion, case, settings)), CONFIG.name), CONFIG)
-        row |= measures(system, shake(job, system, motion, None))
+        row |= measures(system, simulate_motion(job, prepare(job, system), motion))
     except RomdamError as error:
         row["failure"] = f"{type(error).__name__}: {error}"
     return row | {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.perf_counter() - start}
@@ -107,7 +107,7 @@ def _stepping(motion: GroundMotion, case: str, settings: Settings) -> Row:
     if case.startswith("0/"):
         return {"accuracy": settings.accuracy}
     parts = 2 ** max(0, math.ceil(math.log2(motion.dt / settings.friction_step) - 1e-9))
-    return {"dt": motion.dt / parts}
+    return {"finest_step": motion.dt / parts}
 
 
 def measures(system: System, h: History) -> Row:

@@ -21,7 +21,7 @@ MISTAKES = [
     (("outputz",), 1, ["outputz is not a known key", "did you mean 'outputs'?"]),
     ((*CONCRETE, "nuu"), 0.2, ["materials.concrete.nuu is not a known key", "did you mean 'nu'?"]),
     ((*CONCRETE, "E"), DELETE, ["materials.concrete.E is missing", "E: 30 GPa"]),
-    (("transient",), DELETE, ["transient is missing", "transient: {dt: 2.5 ms}"]),
+    (("transient",), DELETE, ["transient is missing", "transient: {finest_step: 2.5 ms}"]),
     ((*CONCRETE, "E"), "30 GPA", ["materials.concrete.E", "'30 GPA'", "unknown unit", '"1 Pa"']),
     ((*CONCRETE, "E"), "30 kg", ["materials.concrete.E", "'30 kg' is not a quantity in Pa"]),
     ((*CONCRETE, "nu"), 0.5, ["materials.concrete.nu must be less than 0.5, got 0.5", "0.18"]),
@@ -30,6 +30,11 @@ MISTAKES = [
         ("transient", "integrator"),
         "conserving",
         ["transient.integrator: conserving is for scenes without damping", "adaptive is the default"],
+    ),
+    (
+        ("transient", "integrator"),
+        "euler",
+        ["transient.integrator must be one of adaptive, conserving, generalized_alpha, modal, got 'euler'"],
     ),
     ((*JOINT, "normal_stiffness"), -1, ["normal_stiffness must be at least 0, got -1"]),
     ((*JOINT, "normal_stiffness"), "30 kg", ["normal_stiffness: '30 kg' is not a quantity in N/m^3"]),
@@ -62,8 +67,12 @@ MISTAKES = [
     (("supports", 0, "fix"), ["w"], ["supports[0].fix[0] must be 'x', 'y' or 'z', got 'w'"]),
     (("model", "modes"), "al", ["model.modes", "got 'al'", '"all"']),
     (("model", "modes"), DELETE, ["model: a reduced model needs exactly one of `modes`"]),
-    (("transient", "dt"), 0, ["transient.dt must be greater than 0, got 0", "1 to 5 ms"]),
-    (("transient", "dt"), float("nan"), ["transient.dt: expected a finite number in s, got nan"]),
+    (("transient", "finest_step"), 0, ["transient.finest_step must be greater than 0, got 0", "1 to 5 ms"]),
+    (
+        ("transient", "finest_step"),
+        float("nan"),
+        ["transient.finest_step: expected a finite number in s, got nan"],
+    ),
     (("records",), [], ["records must have at least 1 entry, got []"]),
     (("records", 0, "unit"), "kg", ["records[0].unit", "is not a quantity in m/s^2"]),
     (("records", 0, "dt"), 0, ["records[0].dt must be greater than 0, got 0"]),
@@ -144,7 +153,7 @@ def test_further_joint_laws_are_read_and_reach_every_gap():
 
 def test_several_mistakes_have_a_line_each():
     raw = with_mistake((*CONCRETE, "nu"), 0.7)
-    raw["transient"]["dt"] = -1
+    raw["transient"]["finest_step"] = -1
     with pytest.raises(ConfigError) as caught:
         parse_config(raw, "dam.yaml")
     assert len(str(caught.value).splitlines()) == 2

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulating import simulated
 
 from romdam.config.sections.job import BoxConfig, DampingConfig
 from romdam.core.scene import Absorbing, Material, Probe, Scene
@@ -14,8 +15,6 @@ from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
 from romdam.scene.supports import held_rigidly
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
 
 ROCK = Material(E=24e9, nu=0.2, rho=2500.0)
 HEIGHT = 100.0
@@ -51,8 +50,7 @@ def pulse(axis, dt, duration=0.4):
 
 def shaken(system, axis, dt=2.5e-4):
     t, u, acc = pulse(axis, dt)
-    options = TransientOptions(dt=dt, integrator="generalized_alpha", initial_state="from_start")
-    history = integrate(system, acc, options)
+    history = simulated(system, acc, dt, integrator="generalized_alpha", initial_state="undeformed")
     own = history.disp.reshape(len(t), -1, 3)[..., "xyz".index(axis)]
     return t, u, own + u[:, None]
 

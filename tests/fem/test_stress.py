@@ -132,7 +132,7 @@ def stressed_scene(element="hex8"):
         "joints": {"j": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
         "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
         "model": {"modes": 5},
-        "transient": {"dt": 0.01},
+        "transient": {"finest_step": 0.01},
         "outputs": {
             "stress": {
                 "blocks": ["left"],

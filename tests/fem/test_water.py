@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
+from simulating import simulated
 
 import romdam.reduction.storage.model_file
 import romdam.reduction.water
@@ -25,8 +26,6 @@ from romdam.reduction.storage.model_file import read_block
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.fields import write_model
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
 
 SERIES = 16 / np.pi**3 * sum(1 / (2 * k - 1) ** 3 for k in range(1, 200))  # 0.5427, Westergaard's total force
 
@@ -57,7 +56,7 @@ def job(water, boxes, element="hex8", **other):
         "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
         "model": {"modes": "all"},
         "damping": {"rayleigh": {"alpha": 1.0, "beta": 1e-3}},
-        "transient": {"dt": 0.01},
+        "transient": {"finest_step": 0.01},
     } | ({"water": water} if water else {})
     config = parse_config(raw | other, "s.yaml")
     return build_scene(config, Path("."), "s.yaml"), config
@@ -297,11 +296,10 @@ def test_shaken_with_water_reduced_and_full_order_agree(model):
     ground = np.stack([3 * np.sin(60 * t), 5 * np.sin(40 * t), 2 * np.sin(90 * t)])
     reduced = reduce_scene(scene, config.model, config.damping).system
     full = assemble_full(scene, config.damping)
-    options = TransientOptions(
-        dt=2e-4, stride=5, integrator="modal", initial_state="from_start", midpoint=False
-    )  # as `modal` has it
-    found = integrate(reduced, ground, options)
-    expected = integrate(full, ground, replace(options, integrator="generalized_alpha"))
+    options = {"stride": 5, "initial_state": "undeformed"}
+    found = simulated(reduced, ground, 2e-4, **options)
+    fixed = {"integrator": "generalized_alpha", "midpoint": False}  # as `modal` has it
+    expected = simulated(full, ground, 2e-4, **fixed, **options)
     for name in ("disp", "jump"):
         a, b = getattr(found, name), getattr(expected, name)
         assert np.linalg.norm(a - b) < 0.002 * np.linalg.norm(b)

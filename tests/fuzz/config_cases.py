@@ -81,10 +81,10 @@ _TWO: dict[str, Any] = {
             "gaps": "error",
         }
     ],
-    "model": {"order": "reduced", "modes": 10, "corrections": 0, "solver": "auto", "memory": "8 GB"},
-    "transient": {"dt": "2 ms", "duration": "0.4 s", "rho_inf": 0.9, "tolerance": 1e-8},
+    "model": {"order": "reduced", "modes": 10, "residual_vectors": 0, "solver": "auto", "memory": "8 GB"},
+    "transient": {"finest_step": "2 ms", "duration": "0.4 s", "rho_inf": 0.9, "tolerance": 1e-8},
     "outputs": {
-        "every": "0.01 s",
+        "output_interval": "0.01 s",
         "plots": False,
         "error_estimate": False,
         "nodes": {"top": {"block": "right", "at": [0, 0, 20], "tolerance": 1e-3}},
@@ -97,9 +97,9 @@ _TWO: dict[str, Any] = {
     },
     "study": {
         "modes": [5],
-        "corrections": [0],
-        "dt": ["2 ms"],
-        "reference_dt": "1 ms",
+        "residual_vectors": [0],
+        "finest_steps": ["2 ms"],
+        "reference_step": "1 ms",
         "duration": 0.2,
         "repeats": 1,
     },
@@ -135,7 +135,7 @@ def _arch() -> dict[str, Any]:
             {"file": "pulse.txt", "unit": "9.81 m/s2", "dt": 0.01, "components": {"y": {"channel": 1}}}
         ],
         "model": {"cutoff": "12 Hz"},
-        "transient": {"dt": 0.005, "duration": 0.2},
+        "transient": {"finest_step": 0.005, "duration": 0.2},
         "outputs": {"error_estimate": False, "plots": False},
     }
 
@@ -158,7 +158,7 @@ def _suite() -> dict[str, Any]:
             "alpha": {"path": "damping.rayleigh.alpha", "values": [0.5, 1.0]},
         },
         "design": {"latin_hypercube": 2, "seed": 3},
-        "keep": {"every": 0.02, "precision": "single"},
+        "keep": {"output_interval": 0.02, "precision": "single"},
         "period": 0.3,
         "batch": 2,
     }

@@ -41,7 +41,7 @@ def small() -> dict:
     for block in raw["blocks"].values():
         block["box"]["size"][2] = 10
     raw["model"] = {"order": "reduced", "modes": 3}
-    raw["transient"] = {"dt": "10 ms"}
+    raw["transient"] = {"finest_step": "10 ms"}
     raw["records"] = []
     raw["outputs"] |= {"plots": False, "nodes": {"top": {"block": "right", "at": [0, 0, 10]}}}
     return raw
@@ -116,7 +116,7 @@ class Edited:
         self.names = self.draw.sample(names, 2)
 
     def edit_keep(self) -> None:
-        self.suite["keep"] = self.draw.choice(["full", "peaks", "peaks", {"every": "0.04 s"}])
+        self.suite["keep"] = self.draw.choice(["full", "peaks", "peaks", {"output_interval": "0.04 s"}])
 
     def edit_batch(self) -> None:
         self.suite["batch"] = self.draw.choice([1, 2, 3, 8])
@@ -125,7 +125,7 @@ class Edited:
         self.raw["joints"]["gap"]["normal_stiffness"] = self.draw.choice(["16 GPa/m", "4 GPa/m"])
 
     def edit_step(self) -> None:
-        self.raw["transient"] = self.draw.choice([{"dt": "10 ms"}, {"dt": "5 ms"}])
+        self.raw["transient"] = self.draw.choice([{"finest_step": "10 ms"}, {"finest_step": "5 ms"}])
 
     def edit_title(self) -> None:
         self.raw["title"] = f"title {self.draw.randrange(9)}"

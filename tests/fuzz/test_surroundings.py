@@ -126,7 +126,7 @@ def jobs(tmp_path_factory) -> Path:
     ):
         job = BASE | more | {"outputs": BASE["outputs"] | {"plots": plots}}
         (folder / f"{name}.yaml").write_text(yaml.safe_dump(job))
-    (folder / "bad.yaml").write_text(yaml.safe_dump(BASE | {"transient": {"dt": "-1 s"}}))
+    (folder / "bad.yaml").write_text(yaml.safe_dump(BASE | {"transient": {"finest_step": "-1 s"}}))
     (folder / "script.py").write_text(SCRIPT)
     return folder
 

@@ -9,7 +9,7 @@ from soundness import assert_sound
 import romdam
 from romdam.core.errors import RomdamError
 from romdam.pipelines.run import read_motions, run
-from romdam.pipelines.shaking import shake
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 
@@ -28,7 +28,7 @@ def march(name, **changes):
     motion = read_motions(job)[0][0]
     scene = build_scene(job.config, job.folder, str(job.path))
     system = reduce_scene(scene, job.config.model, job.config.damping).system
-    return system, shake(job, system, motion, job.config.transient.duration)
+    return system, simulate_motion(job, prepare(job, system), motion, job.config.transient.duration)
 
 
 @pytest.mark.parametrize(
@@ -110,11 +110,11 @@ def test_the_command_writes_finite_results(name, tmp_path):
 @pytest.mark.parametrize("integrator", ["modal", "adaptive"])
 @pytest.mark.parametrize("dt", [0.01, 2e-4])
 def test_hard_cases_at_other_steps(name, integrator, dt):
-    system, history = march(name, dt=dt, integrator=integrator, duration=1.5)
+    system, history = march(name, finest_step=dt, integrator=integrator, duration=1.5)
     assert_sound(system.law, history)
 
 
 def test_an_accuracy_is_reached_on_a_rocking_block():
-    system, history = march("rocking_block", dt=None, accuracy=0.02)
+    system, history = march("rocking_block", finest_step=None, accuracy=0.02)
     assert history.stats["estimated_time_error"] <= 0.02
     assert_sound(system.law, history)

@@ -10,15 +10,15 @@ from functools import cache
 import numpy as np
 import pytest
 from hand_systems import gap_law, ground, modal_twin, run, sparse_system, still
+from simulating import simulated
 from soundness import assert_sound, soundness
 from test_hard_configs import FOLDER
 
 import romdam
 from romdam.core.errors import ConfigError
+from romdam.core.integrators import INTEGRATORS
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import INTEGRATORS, integrate
 
 BLOCK = 3e9  # stiffness of a block per area of the joint, E / depth [N/m3]
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]
@@ -53,8 +53,8 @@ def _shake(system, dt=0.0025, seconds=1.5, g=1.0, **options):
     """A pulse of two half sines at 2 Hz along y, two thirds of it along x."""
     t = np.arange(round(seconds / dt) + 1) * dt
     acc = 9.81 * g * np.sin(4.0 * np.pi * t) * (t < 0.5)
-    options = {"initial_state": "from_start", "integrator": "adaptive", "cuts": (4,)} | options
-    return integrate(system, np.stack([acc / 1.5, acc, 0 * acc]), TransientOptions(dt=dt, **options))
+    options = {"initial_state": "undeformed", "integrator": "adaptive", "cuts": (4,)} | options
+    return simulated(system, np.stack([acc / 1.5, acc, 0 * acc]), dt, **options)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.3, 1.0, 2.0])
@@ -96,12 +96,12 @@ def test_from_a_tremor_to_a_hundred_g(g, mu):
     assert_sound(system.law, _shake(system, g=g))
 
 
-@pytest.mark.parametrize("initial_state", ["static", "from_start"])
+@pytest.mark.parametrize("initial_state", ["static", "undeformed"])
 @pytest.mark.parametrize("mu", [0.0, 0.6])
 @pytest.mark.parametrize("K_n", [5.0, np.inf], ids=["penalty", "rigid"])
 @pytest.mark.parametrize("gap", [0.05, 1e-3, -1e-3, -0.02])
 def test_initial_gap_and_penetration(gap, K_n, mu, initial_state):
-    if gap < 0.0 and np.isinf(K_n) and initial_state == "from_start":
+    if gap < 0.0 and np.isinf(K_n) and initial_state == "undeformed":
         pytest.skip("test_a_rigid_joint_cannot_start_pressed_in")
     system = _system(K_n=K_n, mu=mu, gap=gap)
     assert_sound(system.law, _shake(system, initial_state=initial_state))
@@ -196,7 +196,7 @@ def test_a_spring_under_a_mass_conserves():
 def test_one_and_two_samples(samples, integrator):
     """Too short a ground motion for the loop: nothing happens, or one step does."""
     system = _system(damped=integrator != "conserving")
-    h = integrate(system, ground(np.ones(samples)), TransientOptions(dt=0.0025, integrator=integrator))
+    h = simulated(system, ground(np.ones(samples)), 0.0025, integrator=integrator)
     assert len(h.time) == samples
     assert np.isfinite(h.disp).all()
 

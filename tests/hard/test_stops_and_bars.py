@@ -11,8 +11,8 @@ import pytest
 from hand_systems import gap_law, modal_twin, pulse, run, sparse_system, still
 from soundness import assert_sound
 
+from romdam.core.integrators import INTEGRATORS
 from romdam.timestepping.equilibrium import static_equilibrium
-from romdam.timestepping.simulate import INTEGRATORS
 
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]
 

@@ -4,14 +4,13 @@ import dataclasses
 
 import numpy as np
 from scipy.sparse import csr_matrix
+from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfig
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
 
 E = 30e9
 DAMPING = DampingConfig(rayleigh=RayleighConfig(frequencies=(5.0, 60.0), ratio=0.05))
@@ -45,7 +44,7 @@ def raw(height=8.0, size=2.0, **joint):
         },
         "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
         "model": {"order": "full"},
-        "transient": {"dt": 0.01},
+        "transient": {"finest_step": 0.01},
     }
 
 
@@ -72,7 +71,7 @@ def reduced(built, damping=DAMPING, **model):
 def march(system, dt=0.0025, ground=None, **options):
     """Integrate, from the undeformed state unless asked otherwise."""
     ground = shaking(dt) if ground is None else ground
-    return integrate(system, ground, TransientOptions(dt=dt, **({"initial_state": "from_start"} | options)))
+    return simulated(system, ground, dt, **({"initial_state": "undeformed"} | options))
 
 
 def full(built, damping=DAMPING):

@@ -20,14 +20,14 @@ def test_corrected_frequencies_are_far_nearer_to_the_mesh_and_never_below_it(mod
     full = assemble_full(scene(raw()), DAMPING)
     exact = np.sqrt(eigh(full.K.toarray(), full.M.toarray(), eigvals_only=True)[:10]) / (2.0 * np.pi)
     plain, _ = frequencies(model)
-    corrected, made = frequencies(model | {"corrections": 8})
+    corrected, made = frequencies(model | {"residual_vectors": 8})
     assert made.report["left"]["corrections"] == 8
     assert (corrected[:10] >= exact * (1.0 - 1e-9)).all()
     assert ((corrected[:10] - exact) <= 0.05 * (plain[:10] - exact) + 1e-7 * exact).all()
 
 
 def test_corrected_basis_is_orthonormal():
-    _, made = frequencies({"modes": 6, "corrections": 8})
+    _, made = frequencies({"modes": 6, "residual_vectors": 8})
     full = assemble_full(scene(raw()), DAMPING)
     from romdam.fem.assembly import assemble
 
@@ -38,7 +38,7 @@ def test_corrected_basis_is_orthonormal():
 
 
 def test_dependent_corrections_are_dropped():
-    _, made = frequencies({"modes": "all", "corrections": 8})
+    _, made = frequencies({"modes": "all", "residual_vectors": 8})
     assert made.report["left"]["corrections"] == 0
-    _, made = frequencies({"modes": 0, "corrections": 500})
+    _, made = frequencies({"modes": 0, "residual_vectors": 500})
     assert made.system.size <= assemble_full(scene(raw()), DAMPING).size

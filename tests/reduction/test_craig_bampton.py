@@ -291,7 +291,7 @@ def test_a_block_held_by_its_joint_alone_has_six_rigid_modes(law, model):
     "initial_state",
     [
         "static",
-        "from_start",
+        "undeformed",
     ],
 )
 def test_a_block_held_by_its_joint_alone_rests_and_shakes(law, initial_state):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
+from simulating import prepared_for
 from small_scenes import DAMPING, full, march, raw, reduced, scene, shaking
 
 from romdam.error.replay import (
@@ -19,7 +20,8 @@ from romdam.error.replay import (
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding, much_finer, slightly_finer
 from romdam.reduction.synthesis import reduce_scene
-from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.steps import Steps
 
 DT = 0.0025
 LAWS = {"penalty": {}, "rigid": {"normal_stiffness": "rigid"}, "friction": {"friction": 0.6}}
@@ -61,7 +63,7 @@ def _smooth(dt):
     return np.stack([0.0 * acc, acc, 0.0 * acc])
 
 
-@pytest.mark.parametrize("initial_state", ["from_start", "static"])
+@pytest.mark.parametrize("initial_state", ["undeformed", "static"])
 @pytest.mark.parametrize("law", LAWS)
 def test_a_complete_basis_has_no_defect(law, initial_state):
     built = scene(raw(**LAWS[law]))
@@ -89,7 +91,7 @@ def test_corrected_run_is_much_nearer_to_the_full_order(law, modes):
     built = scene(raw(**LAWS[law]))
     coarse, every_mode = reduced(built, modes=modes), reduced(built)
     fine = reduce_scene(built, much_finer(ModeChoice(count=modes)), DAMPING)
-    options = TransientOptions(dt=DT, initial_state="from_start")
+    settings = Settings(Steps(DT), initial_state="undeformed")
     history, truth = march(coarse.system, DT), march(every_mode.system, DT)
     basis = expansion(built, coarse)
     models = (
@@ -98,7 +100,7 @@ def test_corrected_run_is_much_nearer_to_the_full_order(law, modes):
         Replayed(fine.system, np.zeros(fine.system.size)),
     )
     found = measure_defect(models, forces(history, shaking(DT), DT))
-    corrected = corrected_run(fine.system, shaking(DT), options, found.jump_fine)
+    corrected = corrected_run(prepared_for(fine.system), shaking(DT), settings, found.jump_fine)
     true = np.linalg.norm(history.jump - truth.jump)
     assert true > 1e-4 * np.linalg.norm(truth.jump)
     assert np.linalg.norm(corrected.jump - history.jump) == pytest.approx(true, rel=0.3)
@@ -108,10 +110,10 @@ def test_window_of_the_same_model_repeats_the_run():
     built = scene(raw(friction=0.6))
     model = reduced(built, modes=8)
     history = march(model.system, DT, tolerance=1e-10)
-    options = TransientOptions(dt=DT, initial_state="from_start", tolerance=1e-10)
+    settings = Settings(Steps(DT), initial_state="undeformed", tolerance=1e-10)
     into = embedding(built, model, model)
     assert np.abs(into - np.eye(model.system.size)).max() < 1e-9
-    window = run_window(model.system, into, history, shaking(DT), options, 0.5)
+    window = run_window(prepared_for(model.system), into, history, shaking(DT), settings, 0.5)
     part = history.jump[window.first : window.last + 1]
     assert len(part) == 201 and part[..., 0].max() == history.jump[..., 0].max()
     assert np.abs(window.run.jump - part).max() < 1e-6 * np.abs(part).max()

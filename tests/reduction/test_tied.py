@@ -29,7 +29,7 @@ from arch_dams import DIVISIONS, JOINTS, ROCK, arch_dam
 REST = {
     "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
     "model": {"order": "full"},
-    "transient": {"dt": 0.01},
+    "transient": {"finest_step": 0.01},
     "loads": {"gravity": [0, 0, -9.81]},
     "outputs": {"nodes": {"crest": {"block": "C2", "at": [0, -2, 100]}}},
 }

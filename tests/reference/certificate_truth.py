@@ -19,7 +19,7 @@ from reference_run import CONFIG, RECORD
 from romdam.config.load import Job, parse_config
 from romdam.pipelines.certify import certify
 from romdam.pipelines.run import Clock, build_model, run, silent
-from romdam.pipelines.shaking import shake
+from romdam.pipelines.simulation import simulate_motion
 from romdam.records.record_set import load_motions
 from romdam.results.dataset import open_dataset
 
@@ -84,8 +84,8 @@ def make_job(record, scene, base):
     raw["joints"]["contraction"].update(SCENES[scene])
     raw["records"] = [record_entry(record)]
     raw["model"] = {"order": "reduced"} | base
-    raw["transient"] = {"dt": 0.000625, "duration": SECONDS}
-    raw["outputs"] |= {"plots": False, "every": 0.01}
+    raw["transient"] = {"finest_step": 0.000625, "duration": SECONDS}
+    raw["outputs"] |= {"plots": False, "output_interval": 0.01}
     return Job(parse_config(raw, "truth"), folder() / "truth.yaml")
 
 
@@ -94,7 +94,8 @@ def true_openings(record, scene):
     """(nt, 100) with all modes of the mesh."""
     job = make_job(record, scene, {"modes": "all"})
     model = build_model(job, Clock(silent))
-    history = shake(job, model.system, load_motions(job.config.records, job.folder)[0], SECONDS)
+    motion = load_motions(job.config.records, job.folder)[0]
+    history = simulate_motion(job, model.prepared, motion, SECONDS)
     return history.jump[..., 0]
 
 

@@ -9,18 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.pipelines.shaking import ground_at_steps
+from romdam.pipelines.simulation import ground_at_steps
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.verification import verify
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))
 from arch_dams import DIVISIONS, PERIMETER, ROCK, arch_dam
@@ -46,8 +45,12 @@ def job():
         "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},
         "records": [{"name": "mul", "unit": "9.81 m/s2", "dt": 0.01, "components": components}],
         "model": {"cutoff": 50.0},
-        "transient": {"dt": 0.0025},
-        "outputs": {"every": 0.01, "error_estimate": False, "stress": {"blocks": ["C1", "C2", "C3", "C4"]}},
+        "transient": {"finest_step": 0.0025},
+        "outputs": {
+            "output_interval": 0.01,
+            "error_estimate": False,
+            "stress": {"blocks": ["C1", "C2", "C3", "C4"]},
+        },
     }
     return Job(parse_config(raw, "s.yaml"), CONFIGS / "s.yaml")
 
@@ -59,8 +62,8 @@ def build(asked):
 def marched(built, motion, choice, damping):
     """Openings over 10 s, their peak at each joint, the largest principal stress of every stress node."""
     model = reduce_scene(built, choice, damping)
-    options = TransientOptions(dt=0.01, cuts=(4,), integrator="adaptive")
-    history = integrate(model.system, ground_at_steps(motion, 0.01, 10.0), options)
+    ground = ground_at_steps(motion, 0.01, 10.0)
+    history = simulated(model.system, ground, 0.01, integrator="adaptive", cuts=(4,))
     opening = history.jump[..., 0]
     stress = stress_of(built, stress_fields(built, model), history)[1].largest["principal"]
     return opening, [opening[:, own].max() for own in model.system.law.joints.values()], stress

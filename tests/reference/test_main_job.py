@@ -13,8 +13,8 @@ from reference_run import RECORD, errors, job, march, reference, shaking
 
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
-from romdam.timestepping.modal.symmetry import folded
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.modal.symmetry import merge_equivalent_contacts
+from romdam.timestepping.steps import cut_steps
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def model():
 @pytest.fixture(scope="module")
 def plain():
     """The model without corrections."""
-    kept = job().config.model.model_copy(update={"corrections": 0})
+    kept = job().config.model.model_copy(update={"residual_vectors": 0})
     return reduce_scene(job().scene, kept, job().config.damping)
 
 
@@ -63,9 +63,9 @@ def test_gaps_that_move_alike(joint):
     the_job = job(**joint)
     system = reduce_scene(the_job.scene, the_job.config.model, the_job.config.damping).system
     options = {"integrator": "adaptive", "cuts": (4,), "duration": 6.0}
-    one, other = (march(system, 0.005, alike=alike, **options) for alike in (True, False))
-    assert (one.stats["marched_gaps"], other.stats["marched_gaps"]) == (60, 100)
-    assert one.stats["state_modes"] < 0.6 * other.stats["state_modes"]
+    one, other = (march(system, 0.005, merge_contacts=merge, **options) for merge in (True, False))
+    assert (one.stats["integrated_gaps"], other.stats["integrated_gaps"]) == (60, 100)
+    assert one.stats["dynamic_modes"] < 0.6 * other.stats["dynamic_modes"]
     assert one.stats["steps"] == other.stats["steps"]
     for name in ("jump", "traction", "mean_traction", "disp", "vel", "q", "v"):
         a, b = getattr(one, name), getattr(other, name)
@@ -77,26 +77,26 @@ def test_gaps_that_move_alike(joint):
         assert np.abs(one.energy[name] - values).max() <= 1e-9 * np.abs(other.energy["input"]).max(), name
 
 
-def test_what_moves_differently_is_not_folded(model):
+def test_what_moves_differently_is_not_merged(model):
     system = job(friction=0.6, shear_stiffness=8e9)
     system = reduce_scene(system.scene, system.config.model, system.config.damping).system
     along = np.array([1])
-    assert len(folded(system, along).law) == 60
-    assert folded(system, np.array([0, 1])) is None  # shaken across the mirror
-    assert folded(model.system, np.array([0, 1])) is None
+    assert len(merge_equivalent_contacts(system, along).system.law) == 60
+    assert merge_equivalent_contacts(system, np.array([0, 1])) is None  # shaken across the mirror
+    assert merge_equivalent_contacts(model.system, np.array([0, 1])) is None
     rigid = dataclasses.replace(system.law, K_s=np.full(100, np.inf))  # in the mirror's plane nothing resists
-    assert folded(dataclasses.replace(system, law=rigid), along) is None
+    assert merge_equivalent_contacts(dataclasses.replace(system, law=rigid), along) is None
     uneven = system.law.mu.copy()
     uneven[0, 1] = 0.5
     rough = dataclasses.replace(system.law, mu=uneven)
-    assert folded(dataclasses.replace(system, law=rough), along) is None
+    assert merge_equivalent_contacts(dataclasses.replace(system, law=rough), along) is None
 
 
 @pytest.mark.parametrize(("finest", "L2"), [(0.0025, 0.015), (0.00125, 0.009), (0.000625, 0.004)])
 def test_adaptive(model, finest, L2):
     """The record's step is the base step."""
-    base, cuts = refined_step(finest, 0.01, 0.01)
-    _assert_close(march(model.system, base, integrator="adaptive", cuts=cuts), 0.005, L2)
+    steps = cut_steps(finest, 0.01, 0.01)
+    _assert_close(march(model.system, steps.base, integrator="adaptive", cuts=steps.cuts), 0.005, L2)
 
 
 def _assert_close(h, peak, L2):

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from reference_run import job, shaking
+from simulating import simulated
 
 from romdam.error.replay import start_at
 from romdam.reduction.synthesis import reduce_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
 
 sys.path.append(str(Path(__file__).parents[1] / "contact"))
 
@@ -28,15 +27,15 @@ def pounding(request):
     return system, shaking(0.0025, 6.0)[:, 1600:]
 
 
-OPTIONS = TransientOptions(dt=0.0025, initial_state="from_start", tolerance=1e-10)
+OPTIONS = {"initial_state": "undeformed", "tolerance": 1e-10}
 
 
 def test_run_from_a_written_state_goes_on_as_if_never_stopped(pounding):
     system, ground = pounding
-    whole = integrate(system, ground, OPTIONS)
+    whole = simulated(system, ground, 0.0025, **OPTIONS)
     row = 400
     start = start_at(whole, system.law, row)
-    rest = integrate(system, ground[:, row:], replace(OPTIONS, start=start))
+    rest = simulated(system, ground[:, row:], 0.0025, start=start, **OPTIONS)
     assert whole.jump[..., 0].max() > 0.005, "nothing opened"
     assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-7 * np.abs(whole.jump).max()
 
@@ -50,23 +49,23 @@ def test_a_start_knows_what_the_gaps_have_lost(pounding):
         laws["cohesion"], laws["friction_static"] = laws["tensile_strength"], np.full((n, 2), 0.7)
         laws["shear_key"] = np.tile([0.004, 1.0, 0.0], (n, 1))
     system = replace(system, law=with_laws(system.law, **laws))
-    whole, row = integrate(system, ground, OPTIONS), 400
+    whole, row = simulated(system, ground, 0.0025, **OPTIONS), 400
     start = start_at(whole, system.law, row)
-    rest = integrate(system, ground[:, row:], replace(OPTIONS, start=start))
+    rest = simulated(system, ground[:, row:], 0.0025, start=start, **OPTIONS)
     assert 0 < lost(system.law, start.memory)[:, 0].sum() < n
     assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-6 * np.abs(whole.jump).max()
-    naive = integrate(system, ground[:, row:], replace(OPTIONS, start=replace(start, memory=None)))
+    naive = simulated(system, ground[:, row:], 0.0025, start=replace(start, memory=None), **OPTIONS)
     assert np.abs(naive.jump - whole.jump[row:]).max() > 1e-3 * np.abs(whole.jump).max()
 
 
 def test_no_added_jump_changes_nothing_and_a_constant_one_is_an_initial_gap(pounding):
     system, ground = pounding
-    plain = integrate(system, ground, OPTIONS)
+    plain = simulated(system, ground, 0.0025, **OPTIONS)
     shift = np.zeros((ground.shape[1], system.B.shape[0]))
-    none = integrate(system, ground, replace(OPTIONS, shift=shift))
+    none = simulated(system, ground, 0.0025, shift=shift, **OPTIONS)
     assert np.array_equal(none.jump, plain.jump)
     shift[:, :: system.law.directions] = 0.002
     law = replace(system.law, gap=system.law.gap + 0.002)
-    wider = integrate(replace(system, law=law), ground, OPTIONS)
-    shifted = integrate(system, ground, replace(OPTIONS, shift=shift))
+    wider = simulated(replace(system, law=law), ground, 0.0025, **OPTIONS)
+    shifted = simulated(system, ground, 0.0025, shift=shift, **OPTIONS)
     assert np.abs(shifted.jump - wider.jump)[1:].max() < 1e-9 * np.abs(wider.jump).max()

@@ -135,10 +135,10 @@ def shaken(order, folder):
             {"name": "pulse", "file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}
         ],
         "model": {"order": order} | ({"modes": "all"} if order == "reduced" else {}),
-        "transient": {"dt": "1 ms"},
+        "transient": {"finest_step": "1 ms"},
         "outputs": {
             "plots": False,
-            "every": "0.01 s",
+            "output_interval": "0.01 s",
             "stress": {
                 "blocks": ["left"],
                 "faces": [{"block": "right", "face": "zmin"}],

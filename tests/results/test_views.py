@@ -73,7 +73,7 @@ def job_of_two(**water):
         "water": {"level": 3.2, "faces": faces, "model": "incompressible"},
         "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
         "model": {"modes": 5},
-        "transient": {"dt": 0.01},
+        "transient": {"finest_step": 0.01},
     }
     return Job(parse_config(raw | water, "two.yaml"), Path("two.yaml"))
 

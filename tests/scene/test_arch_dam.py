@@ -134,7 +134,7 @@ def test_samples_on_viscous_rock_are_refused():
     raw = arch_dam(rock=ROCK | {"boundary": "viscous"}) | {
         "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
         "model": {"cutoff": 10.0},
-        "transient": {"dt": 0.01},
+        "transient": {"finest_step": 0.01},
         "pipeline": "suite",
         "suite": {"parameters": {"xi": {"path": "damping.rayleigh.ratio", "values": [0.03, 0.05]}}},
         "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},

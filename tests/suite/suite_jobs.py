@@ -35,9 +35,9 @@ BASE: dict[str, Any] = {
     "damping": {"rayleigh": {"frequencies": ["5 Hz", "50 Hz"], "ratio": "5 %"}},
     "records": [{"files": "records/*.txt", "unit": "m/s2", "dt": "0.01 s", "components": {"y": 1}}],
     "model": {"order": "reduced", "modes": 8},
-    "transient": {"dt": "5 ms"},
+    "transient": {"finest_step": "5 ms"},
     "outputs": {
-        "every": "0.02 s",
+        "output_interval": "0.02 s",
         "error_estimate": False,
         "nodes": {"top": {"block": "right", "at": [0, 0, 20]}},
     },

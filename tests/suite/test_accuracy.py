@@ -4,24 +4,25 @@ from functools import partial
 
 import numpy as np
 import pytest
+from simulating import prepared_for
 from suite_jobs import write_job
 
 import romdam
 from romdam.pipelines.run import Clock, build_model, silent
-from romdam.timestepping.modal.runs import Case
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate, integrate_cases
-from romdam.timestepping.step_control import integrate_cases_to
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.step_control import simulate_to
+from romdam.timestepping.steps import Steps
 
 COARSE, EVERY, ACCURACY = 0.01, 0.02, 0.01
 
 
 @pytest.fixture(scope="module")
 def cantilevers(tmp_path_factory):
-    """The open-joint system of two cantilevers of 20 m with eight gaps, 5.5 Hz."""
+    """Two cantilevers of 20 m with eight gaps, 5.5 Hz, prepared for the integrator that cuts its steps."""
     joints = {"gap": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}}
     job = romdam.load_config(write_job(tmp_path_factory.mktemp("job"), joints=joints))
-    return build_model(job, Clock(silent)).system
+    return prepared_for(build_model(job, Clock(silent)).system, "adaptive", force_change=ACCURACY)
 
 
 def shaking(seed, dt, strong=3.0, duration=6.0):
@@ -33,20 +34,13 @@ def shaking(seed, dt, strong=3.0, duration=6.0):
     return np.stack([0.0 * time, np.interp(time, corners, noise), 0.0 * time])
 
 
-def options(coarse=COARSE, **other):
-    return TransientOptions(
-        dt=coarse,
-        stride=round(EVERY / coarse),
-        integrator="adaptive",
-        initial_state="from_start",
-        force_change=ACCURACY,
-        **other,
-    )
+def settings(coarse=COARSE, cuts=(), **other):
+    return Settings(Steps(coarse, round(EVERY / coarse), cuts), initial_state="undeformed", **other)
 
 
-def to_accuracy(system, seeds, coarse=COARSE, accuracy=ACCURACY, progress=None):
+def to_accuracy(prepared, seeds, coarse=COARSE, accuracy=ACCURACY, progress=None):
     grounds = [partial(shaking, seed) for seed in seeds]
-    return integrate_cases_to([system] * len(seeds), grounds, options(coarse), accuracy, progress)
+    return simulate_to([prepared] * len(seeds), grounds, settings(coarse), accuracy, progress)
 
 
 def test_the_stated_error_is_at_least_the_true_one_and_within_the_accuracy(cantilevers):
@@ -55,7 +49,7 @@ def test_the_stated_error_is_at_least_the_true_one_and_within_the_accuracy(canti
     honest = 0
     for seed, found in zip(seeds, to_accuracy(cantilevers, seeds), strict=True):
         step = found.stats["finest_step"]
-        true = integrate(cantilevers, shaking(seed, step), options(step, cuts=(4, 4)))
+        true = simulate_one(cantilevers, shaking(seed, step), settings(step, cuts=(4, 4)))
         error = np.linalg.norm(found.jump - true.jump) / np.linalg.norm(true.jump)
         honest += error <= found.stats["estimated_time_error"]
         assert found.stats["estimated_time_error"] <= ACCURACY
@@ -89,11 +83,14 @@ def test_cases_together_have_the_bits_of_each_alone(cantilevers):
 
 
 def test_histories_without_coordinates_are_the_same_otherwise(cantilevers):
-    case = Case(cantilevers, shaking(0, COARSE))
-    whole, part = (integrate_cases([case], options(coordinates=wanted))[0] for wanted in (True, False))
+    ground = shaking(0, COARSE)
+    whole, part = (
+        simulate_one(cantilevers, ground, settings(cuts=(4, 4), coordinates=wanted))
+        for wanted in (True, False)
+    )
     assert part.q is None and part.v is None
     for name in ("jump", "disp", "vel", "acc"):
         assert np.array_equal(getattr(whole, name), getattr(part, name))
-    seen = cantilevers.observe.toarray()
+    seen = cantilevers.system.observe.toarray()
     assert whole.disp == pytest.approx(whole.q @ seen.T, rel=1e-12, abs=1e-15)
     assert whole.vel == pytest.approx(whole.v @ seen.T, rel=1e-12, abs=1e-13)

@@ -13,17 +13,17 @@ import pytest
 from romdam.config.sections.job import ModelConfig, RayleighConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Material, Scene
+from romdam.core.system import with_parameters
 from romdam.fem.gaps import gap_law
 from romdam.reduction import synthesis
 from romdam.reduction.storage.model_file import BlockBasis, BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
-from romdam.timestepping.modal.batch import with_parameters
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
 
 from small_scenes import DAMPING, march, raw, scene
 
-MODEL = ModelConfig(modes=6, corrections=2)
+MODEL = ModelConfig(modes=6, residual_vectors=2)
 
 
 @pytest.fixture
@@ -92,7 +92,7 @@ def test_what_the_basis_depends_on_reduces_again(tmp_path, counted, change):
     elif change == "mesh":
         other = replace(built, blocks=built.blocks | {name: replace(block, points=1.0001 * block.points)})
     elif change == "modes":
-        settings = {"model": ModelConfig(modes=7, corrections=2)}
+        settings = {"model": ModelConfig(modes=7, residual_vectors=2)}
     elif change == "friction":
         joint = next(iter(built.joints.values()))
         other = with_joints(built, mu=joint.mu + 0.5, K_s=joint.K_n)

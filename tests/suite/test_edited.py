@@ -131,15 +131,15 @@ def test_parameters_that_say_what_was_so_before_change_no_bit(tmp_path):
 
 def test_failures_follow_their_records(tmp_path, monkeypatch):
     """The shorter record's run fails, under whatever name."""
-    marching = suite_runs.shake_together
+    marching = suite_runs.simulate_motions
 
-    def failing(job, systems, motions):
+    def failing(job, prepared, motions, duration):
         for motion in motions:
             if motion.acc.shape[1] == 60:
                 raise ConvergenceError(f"record {motion.name}: step 3 did not converge")
-        return marching(job, systems, motions)
+        return marching(job, prepared, motions, duration)
 
-    monkeypatch.setattr(suite_runs, "shake_together", failing)
+    monkeypatch.setattr(suite_runs, "simulate_motions", failing)
     config = write_job(tmp_path, records=2, suite={"keep": "full", "scales": [1]})
     named_records(config, one=0, other=1)
     assert list(made(config, tmp_path / "out").failures) == ["one__0__0"]
@@ -332,7 +332,7 @@ def test_records_that_cannot_be_written_are_told_before_the_first_run(tmp_path):
     config = write_job(tmp_path, records=1)
     np.savetxt(tmp_path / "records" / "r1.txt", pulse(0)[:5])
     named_records(config, short=1, whole=0)
-    edited(config, keep={"every": "0.1 s"})
+    edited(config, keep={"output_interval": "0.1 s"})
     assert "nothing but the start would be written" in made(config, tmp_path / "b").failures["short"]
 
 
@@ -383,7 +383,7 @@ def test_whom_a_run_marches_with_does_not_change_its_bits(tmp_path, batch):
           (("a", "joints.gap.friction"), ("b", "joints.gap.gap"))}}, {}, "1 scales of 9.998e+07 samples"),
         ({"parameters": {"a": {"path": "joints.gap.friction", "low": 0.1, "high": 0.2, "count": 999_999}},
           "scales": [1, 2]}, {}, "2 scales of 999999 samples are 2e+06 runs"),
-        ({"keep": {"every": "7 ms"}}, {}, "whole multiple of transient.dt"),
+        ({"keep": {"output_interval": "7 ms"}}, {}, "whole multiple of transient.finest_step"),
         ({"parameters": {"m": {"path": "joints.gap.frictoin", "values": [0.1]}}}, {}, "frictoin"),
         ({"parameters": {"m": {"path": "joints..friction", "values": [0.1]}}}, {}, "no joint ''"),
     ],

@@ -234,15 +234,15 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
     from romdam.core.errors import ConvergenceError
     from romdam.pipelines.suites import runs as suite_runs
 
-    real = suite_runs.shake_together
+    real = suite_runs.simulate_motions
 
-    def fails(job, systems, motions):
+    def fails(job, prepared, motions, duration):
         return [
             ConvergenceError("step 3: stopped") if m.name.startswith("r1") else h
-            for m, h in zip(motions, real(job, systems, motions), strict=True)
+            for m, h in zip(motions, real(job, prepared, motions, duration), strict=True)
         ]
 
-    monkeypatch.setattr(suite_runs, "shake_together", fails)
+    monkeypatch.setattr(suite_runs, "simulate_motions", fails)
     job = write_job(tmp_path)
     outcome = made(job, tmp_path / "out")
     assert outcome.failures == {"r1__0__0": "step 3: stopped"}
@@ -254,14 +254,14 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
 def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypatch):
     from romdam.pipelines.suites import runs as suite_runs
 
-    real = suite_runs.shake_together
+    real = suite_runs.simulate_motions
 
-    def fails(job, systems, motions):
+    def fails(job, prepared, motions, duration):
         if any(motion.name.startswith("r1") for motion in motions):
             raise MemoryError("too much")
-        return real(job, systems, motions)
+        return real(job, prepared, motions, duration)
 
-    monkeypatch.setattr(suite_runs, "shake_together", fails)
+    monkeypatch.setattr(suite_runs, "simulate_motions", fails)
     assert made(write_job(tmp_path), tmp_path / "out").failures == {"r1__0__0": "MemoryError: too much"}
 
 
@@ -282,7 +282,7 @@ def test_whole_results_land_and_open_as_one_tree(tmp_path):
 
 
 def test_decimated_results_are_single_and_sparse(tmp_path):
-    job = write_job(tmp_path, suite={"keep": {"every": "0.05 s"}})
+    job = write_job(tmp_path, suite={"keep": {"output_interval": "0.05 s"}})
     made(job, tmp_path / "out")
     (path,) = (tmp_path / "out" / "runs").glob("r0__0__0-*.nc")
     with xr.open_dataset(path, engine="h5netcdf") as result:

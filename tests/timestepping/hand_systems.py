@@ -5,10 +5,9 @@ import dataclasses
 import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags_array, eye_array
+from simulating import simulated
 
 from romdam.core.system import GapLaw, System
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
 
 
 def gap_law(n, K_n=np.inf, K_nz=0.0, K_s=np.inf, mu=0.0, gap=0.0):
@@ -69,10 +68,10 @@ def ground(acc):
 
 def run(system, acc, dt, **options):
     """Integrate from rest (undeformed unless asked otherwise)."""
-    options = {"initial_state": "from_start"} | options
+    options = {"initial_state": "undeformed"} | options
     if not system.diagonal:
         options = {"integrator": "generalized_alpha"} | options
-    return integrate(system, ground(acc), TransientOptions(dt=dt, **options))
+    return simulated(system, ground(acc), dt, **options)
 
 
 def still(duration, dt):

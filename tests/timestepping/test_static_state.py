@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from hand_systems import gap_law, modal_twin, run, sparse_system, still
+from simulating import simulated
 
 from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.integrators import INTEGRATORS
 from romdam.timestepping.equilibrium import static_equilibrium
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import INTEGRATORS, integrate
 
 # `conserving` is for scenes without damping, below a step of its own
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]
@@ -133,6 +133,6 @@ def test_a_load_from_the_start_overshoots_by_two(integrator):
 def test_what_does_not_suit_is_refused():
     system = _two_springs(0.0, gap_law(1))
     with pytest.raises(ConfigError, match="modal needs a reduced model"):
-        integrate(system, np.zeros((3, 2)), TransientOptions(0.01, integrator="modal"))
+        simulated(system, np.zeros((3, 2)), 0.01)
     with pytest.raises(ConfigError, match="no integrator 'euler'"):
-        integrate(system, np.zeros((3, 2)), TransientOptions(0.01, integrator="euler"))
+        simulated(system, np.zeros((3, 2)), 0.01, integrator="euler")

@@ -31,9 +31,11 @@ from romdam.config.sections.joints import JointConfig, TieConfig
 from romdam.config.sections.places import Axis, BlockFace, FaceRef, NodeConfig, Tolerance, Vector
 from romdam.config.sections.records import RecordConfig
 from romdam.config.sections.stress import StressConfig
-from romdam.config.sections.suite import SuiteConfig
+from romdam.config.sections.suite import KeepConfig, SuiteConfig
+from romdam.config.sections.transient import ModalName, TransientConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, shown
+from romdam.core.integrators import INTEGRATORS
 
 Element = Literal["hex8", "hex20", "tet4", "tet10"]
 NonNegative = Field(ge=0.0)
@@ -147,7 +149,7 @@ class LoadsConfig(Model):
     temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
-    initial_state: Literal["static", "from_start"] = "static"
+    initial_state: Literal["static", "undeformed"] = "static"
 
 
 class RayleighConfig(Model):
@@ -199,7 +201,7 @@ class DampingConfig(Model):
 
 
 Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
-Corrections = Annotated[Whole, Field(ge=0, le=1000)]
+ResidualVectors = Annotated[Whole, Field(ge=0, le=1000)]
 ModeCount = Annotated[
     Annotated[Modes, Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
     by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
@@ -210,7 +212,7 @@ class ModelConfig(Model):
     """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off.
 
     `modes: auto` takes as many as `transient.accuracy` needs on the strongest record.
-    `corrections` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
+    `residual_vectors` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
     `solver` and `memory` (such as 8 GB) say what large blocks are reduced with: "auto" takes the quickest
     that is installed and fits, in four fifths of the machine's memory if none is given.
     """
@@ -218,7 +220,7 @@ class ModelConfig(Model):
     order: Literal["reduced", "full"] = "reduced"
     modes: ModeCount | None = None
     cutoff: Annotated[Frequency, Positive] | None = None
-    corrections: Corrections = 0
+    residual_vectors: ResidualVectors = 0
     solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
     memory: Annotated[Memory, Positive] | None = None
 
@@ -229,38 +231,15 @@ class ModelConfig(Model):
         return self
 
 
-class TransientConfig(Model):
-    """Time integration: the step where contact changes, or the accuracy that picks it.
-
-    Without `integrator` the scene decides: "adaptive" (steps cut where contact changes) with damping,
-    "conserving" without any, "generalized_alpha" at full order; "modal" is the fixed-step baseline.
-    """
-
-    dt: Annotated[Time, Positive] | None = None
-    accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
-    duration: Annotated[Time, Positive] | None = None
-    integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
-    rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
-    tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
-
-    @model_validator(mode="after")
-    def _one_step(self) -> Self:
-        if (self.dt is None) == (self.accuracy is None):
-            raise ValueError("give exactly one of `dt` (for example 2.5 ms) and `accuracy` (for example 1 %)")
-        if self.accuracy is not None and self.integrator == "generalized_alpha":
-            raise ValueError("`accuracy` chooses the step of a reduced model; give `dt` to generalized_alpha")
-        return self
-
-
 class OutputsConfig(Model):
-    """What is written: histories at named nodes, every gap, at the interval `every`.
+    """What is written: histories at named nodes, every gap, at the interval `output_interval`.
 
     `error_estimate` adds to every result how far the modes left out have moved it.
     """
 
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     stress: StressConfig | None = None
-    every: Annotated[Time, Positive] | None = None
+    output_interval: Annotated[Time, Positive] | None = None
     plots: bool = True
     error_estimate: bool = True
 
@@ -268,20 +247,17 @@ class OutputsConfig(Model):
 class StudyConfig(Model):
     """What `romdam study` sweeps, and what it compares with.
 
-    Every combination of `modes` (a block), `corrections`, `integrators` and `dt` (the finest step; 1/4 to
-    1/32 of the record's step if not given) is timed over the whole record and compared over `duration`, with
-    all modes of the mesh or the full order at `reference_dt` (1/16 of the finest step if not given).
+    Every combination of `modes` (a block), `residual_vectors`, `integrators` and `finest_steps` (1/4 to 1/32
+    of the record's step if not given) is timed over the whole record and compared over `duration`, with all
+    modes of the mesh or the full order at `reference_step` (1/16 of the finest step if not given).
     """
 
     modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
-    corrections: Annotated[tuple[Corrections, ...], Field(min_length=1)] = (0, 10)
-    integrators: Annotated[tuple[Literal["modal", "adaptive", "conserving"], ...], Field(min_length=1)] = (
-        "modal",
-        "adaptive",
-    )
-    dt: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
+    residual_vectors: Annotated[tuple[ResidualVectors, ...], Field(min_length=1)] = (0, 10)
+    integrators: Annotated[tuple[ModalName, ...], Field(min_length=1)] = ("modal", "adaptive")
+    finest_steps: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
     reference: Literal["auto", "all_modes", "full"] = "auto"
-    reference_dt: Annotated[Time, Positive] | None = None
+    reference_step: Annotated[Time, Positive] | None = None
     duration: Annotated[Time, Positive] = 10.0
     repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
 
@@ -324,19 +300,17 @@ class Config(Model):
 
     @model_validator(mode="after")
     def _references(self) -> Self:
-        if self.model.order == "full" and self.transient.dt is None:
+        if self.model.order == "full" and self.transient.finest_step is None:
             raise ValueError(
-                "transient.dt is missing; a full-order model needs a step, `accuracy` is for reduced ones"
+                "transient.finest_step is missing; a full-order model needs a step, `accuracy` is for "
+                "reduced ones"
             )
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
-        if self.transient.integrator == "conserving" and self.damping.acts:
-            raise ValueError(
-                "transient.integrator: conserving is for scenes without damping, and `damping` is given; "
-                "leave the integrator out, adaptive is the default there"
-            )
+        self._refuse_damping_that_the_integrator_does_not_know()
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
+        self._refuse_interval_that_no_steps_divide()
         self._refuse_samples_of_coupled_modes()
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
@@ -376,6 +350,28 @@ class Config(Model):
                 raise ValueError(f"joints.{name}: arch_dam makes a joint of that name; rename this one")
         for key, material in (dam.materials if dam else {}).items():
             self._known(f"arch_dam.{key}", material, self.materials)
+
+    def _refuse_damping_that_the_integrator_does_not_know(self) -> None:
+        name = self.transient.integrator
+        if name is not None and not INTEGRATORS[name].damped and self.damping.acts:
+            raise ValueError(
+                f"transient.integrator: {name} is for scenes without damping, and `damping` is given; "
+                "leave the integrator out, adaptive is the default there"
+            )
+
+    def _refuse_interval_that_no_steps_divide(self) -> None:
+        key, interval = "outputs.output_interval", self.outputs.output_interval
+        if self.pipeline == "suite" and self.suite and isinstance(self.suite.keep, KeepConfig):
+            key, interval = "suite.keep.output_interval", self.suite.keep.output_interval
+        step = self.transient.finest_step
+        if step is None or interval is None:
+            return
+        stride = round(interval / step)
+        if stride < 1 or abs(interval / step - stride) > 1e-6 * interval / step:
+            raise ValueError(
+                f"{key} must be a whole multiple of transient.finest_step ({step:g} s), "
+                f"got {interval:g} s; {max(1, stride) * step:g} s is the nearest"
+            )
 
     def _refuse_samples_of_coupled_modes(self) -> None:
         rock = self.arch_dam.rock if self.arch_dam else None

@@ -73,7 +73,7 @@ class DesignTableConfig(Model):
 class KeepConfig(Model):
     """Histories at an interval, in single precision unless asked otherwise."""
 
-    every: Annotated[Time, Positive]
+    output_interval: Annotated[Time, Positive]
     precision: Literal["single", "double"] = "single"
 
 
@@ -99,7 +99,7 @@ class SuiteConfig(Model):
     ] = "grid"
     keep: Annotated[
         Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
-        by_shape('"peaks", "full", or {every: 0.05 s}', "peaks", "full"),
+        by_shape('"peaks", "full", or {output_interval: 0.05 s}', "peaks", "full"),
     ] = "peaks"
     period: Annotated[Time, Positive] = 0.3
     batch: Annotated[Whole, Field(ge=1, le=10_000)] | None = None

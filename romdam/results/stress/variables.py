@@ -1,6 +1,6 @@
 """The stress variables of a result file; `romdam.results.variables` takes them in.
 
-Tension is positive. Envelopes and durations are over the written times (`outputs.every`).
+Tension is positive. Envelopes and durations are over the written times (`outputs.output_interval`).
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 The effective matrix is factored once, the gaps' flexibility H = B A^-1 B^T is made once, and a step is one
 back-substitution. The joint force follows the gaps' springs within the step (`romdam.contact.problem`) and
 acts over the whole of it, not averaged as in textbooks: averaged, it is wrong by 2.4 times at the record's
-own step (DESIGN, section 2). It follows them no earlier than the scheme weighs the blocks' own springs,
-1 - a_f of the way: half of the way makes energy (at rho_inf 0 forty times the input of two masses that
-pound), and is of first order.
+own step (the manual, "Why the force is constant over a step"). It follows them no earlier than the scheme
+weighs the blocks' own springs, 1 - a_f of the way: half of the way makes energy (at rho_inf 0 forty times the
+input of two masses that pound), and is of first order.
 
 References
 ----------
@@ -15,8 +15,9 @@ Chung, Hulbert, J. Appl. Mech. 60 (1993) 371.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
@@ -30,15 +31,15 @@ from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.energy import ENERGIES, ledger
-from romdam.timestepping.equilibrium import (
-    GapState,
-    static_equilibrium,
-    system_gap_problem,
-    take_over,
-    undeformed,
-)
-from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.equilibrium import GapState, initial_state, system_gap_problem, take_over
+from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.peaks import first_peaks, named_peaks, raise_peaks
+from romdam.timestepping.prepared import Simulation
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.steps import Steps, fixed_steps
+
+if TYPE_CHECKING:
+    from romdam.config.sections.transient import TransientConfig
 
 
 @dataclass(frozen=True)
@@ -86,46 +87,6 @@ class _State:
         self.inertia = system.M @ self.a
 
 
-def generalized_alpha(
-    system: System, ground: Floats, options: TransientOptions, progress: Callable[[int, int], None]
-) -> History:
-    """Integrate; the signature is that of every integrator, see `romdam.timestepping.simulate.integrate`."""
-    start = time.process_time()
-    stepper = _stepper(system, options)
-    memory = gap_memory(stepper.problem)
-    initial = static_equilibrium(system, options.tolerance) if options.initial_state == "static" else None
-    q, gaps = initial or undeformed(system)
-    take_over(memory, gaps)
-    state = _State(system, q, gaps, ground.T[0])
-    rows = _Rows(system, state, options, ground.shape[1])
-    _compile(stepper.problem)
-    setup, loop = time.process_time() - start, time.process_time()
-    worst, total = 0.0, ground.shape[1] - 1
-    for n in range(total):
-        residual = _step(stepper, memory, state, ground[:, n : n + 2], options.tolerance)
-        if not residual <= options.tolerance:
-            raise ConvergenceError(
-                f"step {n + 1}, t = {(n + 1) * options.dt:.6g} s: the gap-space problem stopped at a "
-                f"relative residual of {residual:.2g}, limit {options.tolerance:.2g}, farthest at "
-                f"{system.law.place(int(memory.failure.gap))}; halve transient.dt"
-            )
-        worst = max(worst, residual)
-        rows.keep(state, n + 1)
-        if (n + 1) % 100 == 0 or n + 1 == total:
-            progress(n + 1, total)
-    iterations_made, most_iterations = iterations(memory.solver)
-    stats = {
-        "steps": float(total),
-        "finest_step": options.dt,
-        "solver_iterations": iterations_made,
-        "largest_iterations": most_iterations,
-        "largest_residual": worst,
-        "setup_cpu_seconds": setup,
-        "loop_cpu_seconds": time.process_time() - loop,
-    }
-    return rows.history(stats)
-
-
 def _compile(problem: GapProblem) -> None:
     """Solve an unloaded step, so that a first start compiles here and not in the timed loop."""
     memory, n, N = gap_memory(problem), len(problem.gap), len(problem.W)
@@ -134,8 +95,8 @@ def _compile(problem: GapProblem) -> None:
     commit_gaps(problem, memory, y, np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8))
 
 
-def _stepper(system: System, options: TransientOptions) -> _Stepper:
-    s, dt = scheme(options.rho_inf), options.dt
+def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
+    s = scheme(options.rho_inf)
     A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
     factor = Factor(A)
     X = factor.solve(system.B.T.toarray())
@@ -204,9 +165,9 @@ def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, ground: 
 class _Rows:
     """Histories at the written steps, and peaks over all steps."""
 
-    def __init__(self, system: System, state: _State, options: TransientOptions, samples: int) -> None:
-        self.system, self.options = system, options
-        rows, probes = (samples - 1) // options.stride + 1, system.observe.shape[0]
+    def __init__(self, system: System, state: _State, steps: Steps, samples: int) -> None:
+        self.system, self.steps = system, steps
+        rows, probes = (samples - 1) // steps.stride + 1, system.observe.shape[0]
         self.jump = np.zeros((rows, *state.jump.shape))
         self.force = np.zeros((rows, *state.force.shape))
         self.gap_state = np.zeros((rows, len(state.state)), dtype=np.uint8)
@@ -220,9 +181,9 @@ class _Rows:
 
     def keep(self, state: _State, step: int) -> None:
         """Update the peaks, and write the row if the step has one."""
-        raise_peaks(self.peaks, first_peaks(state.jump, state.force), step * self.options.dt)
-        if step % self.options.stride == 0:
-            self._write(state, step // self.options.stride)
+        raise_peaks(self.peaks, first_peaks(state.jump, state.force), step * self.steps.base)
+        if step % self.steps.stride == 0:
+            self._write(state, step // self.steps.stride)
 
     def _write(self, state: _State, row: int) -> None:
         system = self.system
@@ -241,10 +202,10 @@ class _Rows:
         """The finished history."""
         q, v = (None, None) if self.unknowns is None else self.unknowns
         return History(
-            time=np.arange(len(self.jump), dtype=np.float64) * (self.options.dt * self.options.stride),
+            time=np.arange(len(self.jump), dtype=np.float64) * self.steps.interval,
             jump=self.jump,
             traction=self.force,
-            mean_traction=self.impulse / (self.options.dt * self.options.stride),
+            mean_traction=self.impulse / self.steps.interval,
             state=self.gap_state,
             disp=self.disp,
             vel=self.vel,
@@ -254,5 +215,82 @@ class _Rows:
             energy=ledger(self.energies, self.kinetic, self.strain, self.numerical),
             peaks=named_peaks(self.peaks),
             stats=stats,
-            integrator="generalized_alpha",
+            integrator=GeneralizedAlpha.name,
         )
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """The integrator of the unreduced mesh, and of modes that dashpots couple.
+
+    Attributes
+    ----------
+    rho_inf : spectral radius at infinite frequency
+    midpoint : whether joint forces follow their springs within the step, see above; else at its end
+    """
+
+    name: ClassVar[str] = "generalized_alpha"
+    rho_inf: float = 0.9
+    midpoint: bool = True
+
+    @classmethod
+    def configured(cls, transient: TransientConfig) -> Self:
+        """Read `rho_inf`."""
+        return cls(transient.rho_inf)
+
+    def supports(self, system: System) -> None:
+        """Take any system."""
+
+    def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:
+        """Take the finest step throughout: another one is another factor."""
+        return fixed_steps(finest, interval)
+
+    def compared(self, history: History) -> Floats:
+        """(nt, ng) openings, or displacements where there are no gaps."""
+        return history.jump[..., NORMAL].copy() if history.jump.size else history.disp
+
+    def advance(
+        self, simulations: Sequence[Simulation], settings: Settings, progress: Progress
+    ) -> list[Outcome]:
+        """Integrate one simulation after another."""
+        outcomes: list[Outcome] = []
+        for one in simulations:
+            try:
+                outcomes.append(self._integrate(one, settings, progress))
+            except ConvergenceError as error:
+                outcomes.append(error)
+        return outcomes
+
+    def _integrate(self, simulation: Simulation, settings: Settings, progress: Progress) -> History:
+        start = time.process_time()
+        (prepared, ground), tolerance = simulation, settings.tolerance
+        dt, system = settings.steps.base, prepared.system
+        stepper = prepared.cache.get_or_compute(("stepper", dt), lambda: _stepper(system, self, dt))
+        memory = gap_memory(stepper.problem)
+        q, gaps = initial_state(prepared, settings)
+        take_over(memory, gaps)
+        state = _State(system, q, gaps, ground.T[0])
+        rows = _Rows(system, state, settings.steps, ground.shape[1])
+        _compile(stepper.problem)
+        setup, loop = time.process_time() - start, time.process_time()
+        worst, total = 0.0, ground.shape[1] - 1
+        for n in range(total):
+            residual = _step(stepper, memory, state, ground[:, n : n + 2], tolerance)
+            if not residual <= tolerance:
+                place = system.law.place(int(memory.failure.gap))
+                raise ConvergenceError(not_converged(n + 1, settings, residual, place))
+            worst = max(worst, residual)
+            rows.keep(state, n + 1)
+            if (n + 1) % 100 == 0 or n + 1 == total:
+                progress(n + 1, total)
+        iterations_made, most_iterations = iterations(memory.solver)
+        stats = {
+            "steps": float(total),
+            "finest_step": dt,
+            "solver_iterations": iterations_made,
+            "largest_iterations": most_iterations,
+            "largest_residual": worst,
+            "setup_cpu_seconds": setup,
+            "loop_cpu_seconds": time.process_time() - loop,
+        }
+        return rows.history(stats)

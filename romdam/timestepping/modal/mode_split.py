@@ -1,124 +1,81 @@
-"""Which modes are states of the march, which answer as a flexibility; the arrays the hot loop needs."""
+"""Dynamic and quasi-static modes, and the arrays of both that the hot loop needs."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
-from romdam.core.arrays import Floats, at, stacked
-from romdam.core.errors import ConfigError
-from romdam.core.system import Alike, System
+from romdam.core.arrays import Floats, Ints, at, stacked
+from romdam.core.system import System
 from romdam.timestepping.equilibrium import system_gap_problem
 from romdam.timestepping.modal.arrays import BASE, HistoryBuffer, ModalModel, StepHierarchy
 from romdam.timestepping.modal.propagator import Propagator, modal_propagator
-from romdam.timestepping.options import TransientOptions
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.steps import Steps
 
-_FEW = 30  # modes up to which all may be states of the conserving scheme
-_BONDED = 4.0  # largest bonded angular frequency times step: the scheme is stable at any, but not accurate
-_SLOW = 50.0  # [Hz] a strongly damped mode below this moves with the ground and stays a state
+if TYPE_CHECKING:
+    from romdam.timestepping.modal.integrator import ModalIntegrator
+    from romdam.timestepping.modal.symmetry import Symmetry
+
+_SLOW = 50.0  # [Hz] a strongly damped mode below this moves with the ground and stays dynamic
 
 
 @dataclass(frozen=True)
-class StateSplit:
-    """Modes that are states, and the rest that relaxes.
+class ModeSplit:
+    """Dynamic modes, and quasi-static ones, which answer a joint force as a flexibility that may relax.
 
     Attributes
     ----------
-    states, rest : mode numbers
-    G, G_rest : (N, states), (N, rest) jumps of the modes
-    taper : (states,) share with which each state moves the gaps; what it leaves answers as a flexibility.
-        G has it already
+    dynamic, quasi_static : mode numbers
+    G, G_quasi : (N, dynamic), (N, quasi-static) jumps of the modes
+    taper : (dynamic,) share with which each dynamic mode moves the gaps; what it leaves answers as a
+        flexibility. G has it already
     """
 
-    states: NDArray[np.int64]
-    rest: NDArray[np.int64]
+    dynamic: Ints
+    quasi_static: Ints
     G: Floats
-    G_rest: Floats
+    G_quasi: Floats
     taper: Floats
 
 
-def split_states(system: System, flexible_ratio: float) -> StateSplit:
+def make_split(system: System, dynamic: Ints, quasi_static: Ints, taper: Floats) -> ModeSplit:
+    """Split the modes of a diagonal system by their numbers."""
+    G = system.B.toarray()
+    tapered, rest = np.ascontiguousarray(G[:, dynamic] * taper), np.ascontiguousarray(G[:, quasi_static])
+    return ModeSplit(dynamic, quasi_static, tapered, rest, taper)
+
+
+def split_by_damping(system: System, ratio: float) -> ModeSplit:
     """Split the modes of a diagonal system by their damping ratio.
 
     A mode with xi = c / (2 omega) of 0.7 or more answers a force by relaxing to it, without overshoot
     worth a state. With stiffness-proportional damping these are the high modes: on the two-cantilever
-    model half of all, at no visible cost in error; lightly damped modes always are states.
+    model half of all, at no visible cost in error; lightly damped modes always are dynamic.
+
+    Parameters
+    ----------
+    ratio : damping ratio above which a mode is quasi-static; inf makes every mode dynamic
     """
     k, c = system.K.diagonal(), system.C.diagonal()
     elastic = k > (2.0 * np.pi * _SLOW) ** 2
     rests = elastic.copy()
-    rests[elastic] = c[elastic] > 2.0 * flexible_ratio * np.sqrt(k[elastic])
-    states, rest = np.flatnonzero(~rests), np.flatnonzero(rests)
-    G = system.B.toarray()
-    whole = np.ones(len(states))
-    return StateSplit(
-        states, rest, np.ascontiguousarray(G[:, states]), np.ascontiguousarray(G[:, rest]), whole
-    )
-
-
-def split_conserving(system: System, dt: float) -> StateSplit:
-    """Split the modes so that the gaps' boundary is massless: joint forces follow from displacements.
-
-    States are the lowest modes whose bonded frequency (every gap closed, the rest a static flexibility)
-    the step resolves, and of many modes only the lower third, which the mesh resolves. The coupling of
-    the states to the gaps is tapered by Lanczos' sigma factors, what it leaves is added to the static
-    flexibility: a sharp cut rings (70 % of the pressure on a bouncing bar, 0.04 % with the taper).
-
-    References
-    ----------
-    Monjaraz-Tec, Gross, Krack, Comput. Struct. 260 (2022) 106698: massless boundaries.
-
-    Raises
-    ------
-    ConfigError
-        where no split is possible: rigid gaps on a boundary that keeps its mass.
-    """
-    k = system.K.diagonal()
-    order = np.argsort(k, kind="stable")
-    G = system.B.toarray()
-    compliance = system_gap_problem(system, np.zeros((len(G), len(G)))).compliance
-    ends = np.flatnonzero(np.diff(k[order], append=np.inf) > 1e-9 * k[order]) + 1
-    low, high = 0, len(ends) if len(k) <= _FEW else int(np.searchsorted(ends, len(k) / 3.0))
-    while low < high:  # bisect for the largest number of states
-        middle = (low + high + 1) // 2
-        bonded = _bonded_frequency(k, G, compliance, order[: ends[middle - 1]])
-        low, high = (middle, high) if bonded * dt <= _BONDED else (low, middle - 1)
-    if low == 0:
-        raise ConfigError(
-            f"without damping and with transient.dt {dt:g} s no joint force keeps the energy: "
-            "the gaps are rigid or too stiff for the step, and the model has no higher modes to give their "
-            "boundary a flexibility; keep more modes, lower dt, give a finite normal_stiffness, or damping"
-        )
-    states, rest = np.sort(order[: ends[low - 1]]), np.sort(order[ends[low - 1] :])
-    taper = np.sinc(np.sqrt(k[states] / k[rest].min())) if len(rest) else np.ones(len(states))
-    return StateSplit(
-        states, rest, np.ascontiguousarray(G[:, states] * taper), np.ascontiguousarray(G[:, rest]), taper
-    )
-
-
-def _bonded_frequency(k: Floats, G: Floats, compliance: Floats, states: NDArray[np.int64]) -> float:
-    """Highest angular frequency of the states with every gap closed; inf if their boundary has mass."""
-    rest = np.setdiff1d(np.arange(len(k)), states)
-    if (k[rest] <= 0.0).any():
-        return np.inf
-    flexibility = (G[:, rest] / k[rest]) @ G[:, rest].T + np.diag(compliance)
-    size, vectors = np.linalg.eigh(flexibility)
-    if len(size) and size.min() <= 1e-10 * size.max():
-        return np.inf
-    seen = (vectors.T @ G[:, states]) / np.sqrt(size)[:, None]
-    return float(np.sqrt(np.linalg.eigvalsh(np.diag(k[states]) + seen.T @ seen)[-1]))
+    rests[elastic] = c[elastic] > 2.0 * ratio * np.sqrt(k[elastic])
+    dynamic, quasi_static = np.flatnonzero(~rests), np.flatnonzero(rests)
+    return make_split(system, dynamic, quasi_static, np.ones(len(dynamic)))
 
 
 def modal_model(
     system: System,
-    split: StateSplit,
-    active: NDArray[np.int64],
-    conserving: bool,
+    split: ModeSplit,
+    active: Ints,
+    massless_boundary: bool,
     shift: Floats | None = None,
 ) -> ModalModel:
     """Arrays of a diagonal system for the hot loop.
@@ -126,34 +83,38 @@ def modal_model(
     Parameters
     ----------
     active : the shaken components
-    conserving : whether the joint force acts with its mean over a step
+    massless_boundary : whether the joint force acts with its mean over a step
     shift : (nt, N) added to the jumps at every base step [m]
     """
     k = system.K.diagonal()
     tiles, values = _tiles(system, split)
-    R = (split.G_rest / k[split.rest]) @ split.G_rest.T if len(split.rest) else np.zeros((0, 0))
+    R = (
+        (split.G_quasi / k[split.quasi_static]) @ split.G_quasi.T
+        if len(split.quasi_static)
+        else np.zeros((0, 0))
+    )
     tapered = np.flatnonzero(split.taper < 1.0)
     if len(tapered):
-        left = (1.0 / split.taper[tapered] ** 2 - 1.0) / k[split.states[tapered]]
+        left = (1.0 / split.taper[tapered] ** 2 - 1.0) / k[split.dynamic[tapered]]
         R = R + (split.G[:, tapered] * left) @ split.G[:, tapered].T
     return ModalModel(
-        static=np.ascontiguousarray(system.force[split.states]),
-        load=np.ascontiguousarray(-system.load[np.ix_(split.states, active)].T),
+        static=np.ascontiguousarray(system.force[split.dynamic]),
+        load=np.ascontiguousarray(-system.load[np.ix_(split.dynamic, active)].T),
         tiles=tiles,
         values=values,
         R=np.ascontiguousarray(R),
-        conserving=True if conserving else None,
+        conserving=True if massless_boundary else None,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
     )
 
 
-def _tiles(system: System, split: StateSplit) -> tuple[NDArray[np.int64], Floats]:
+def _tiles(system: System, split: ModeSplit) -> tuple[NDArray[np.int64], Floats]:
     """Non-zero blocks of G, one per joint and block of the scene."""
     d, offset = system.law.directions, 0
     tiles: list[tuple[int, int, int, int, int]] = []
     values: list[Floats] = []
     for part in system.parts.values():
-        c0, c1 = np.searchsorted(split.states, (part.start, part.stop))
+        c0, c1 = np.searchsorted(split.dynamic, (part.start, part.stop))
         for gaps in system.law.joints.values():
             block = split.G[d * gaps.start : d * gaps.stop, c0:c1]
             if block.any():
@@ -163,44 +124,49 @@ def _tiles(system: System, split: StateSplit) -> tuple[NDArray[np.int64], Floats
     return np.array(tiles, dtype=np.int64).reshape(-1, 5), np.concatenate([np.zeros(0), *values])
 
 
-def _relaxation_time(system: System, split: StateSplit) -> float:
+def _relaxation_time(system: System, split: ModeSplit) -> float:
     """Mean of c/k weighted by what each mode adds to the gaps' flexibility; 0 without such modes."""
-    k, c = system.K.diagonal()[split.rest], system.C.diagonal()[split.rest]
+    k, c = system.K.diagonal()[split.quasi_static], system.C.diagonal()[split.quasi_static]
     if len(k) == 0:
         return 0.0
-    weight = (split.G_rest**2).sum(axis=0) / k
+    weight = (split.G_quasi**2).sum(axis=0) / k
     return float((weight * c / k).sum() / weight.sum()) if weight.sum() > 0.0 else 0.0
 
 
 def step_levels(
-    variants: Sequence[System], model: ModalModel, split: StateSplit, options: TransientOptions
-) -> tuple[StepHierarchy, NDArray[np.int64]]:
+    variants: Sequence[Prepared],
+    integrator: ModalIntegrator,
+    model: ModalModel,
+    split: ModeSplit,
+    steps: Steps,
+) -> tuple[StepHierarchy, Ints]:
     """Propagators and gap-space problems of the base step and those below it.
 
     Parameters
     ----------
-    variants : systems that differ in damping and in their joints' parameters at most
+    variants : differ in damping and in their joints' parameters at most
 
     Returns
     -------
     (levels, damping) : damping (variants,) says which of the levels' step coefficients each variant has;
         the gap-space problems are in the order of the variants
     """
-    dampings = [variant.C.diagonal().tobytes() for variant in variants]
+    dampings = [variant.system.C.diagonal().tobytes() for variant in variants]
     distinct = list(dict.fromkeys(dampings))
     index = np.array([distinct.index(key) for key in dampings], dtype=np.int64)
-    motions = [_motion(variants[dampings.index(key)], model, split, options) for key in distinct]
-    most_ratio = 1.0 if options.midpoint and not model.conserving else 0.0
+    firsts = [variants[dampings.index(key)] for key in distinct]
+    motions = [_motion(one, integrator, model, split, steps) for one in firsts]
+    most_ratio = 1.0 if integrator.midpoint else 0.0
     problems = [
         [
-            _offset_problem(system, split, (H, dt, own), most_ratio)
+            _offset_problem(variant.system, split, (H, dt, own), most_ratio)
             for H, dt, own in zip(motions[i].H, motions[i].step.dt, motions[i].own, strict=True)
         ]
-        for system, i in zip(variants, index, strict=True)
+        for variant, i in zip(variants, index, strict=True)
     ]
     halves = [motion.half for motion in motions if model.conserving]
     levels = StepHierarchy(
-        size=np.array([math.prod(options.cuts[level:]) for level in range(len(options.cuts) + 1)]),
+        size=np.array([math.prod(steps.cuts[level:]) for level in range(len(steps.cuts) + 1)]),
         step=stacked([motion.step for motion in motions]),
         problem=_stacked_problems(problems),
         decay=np.stack([motion.decay for motion in motions]),
@@ -225,40 +191,43 @@ class _Motion:
     half: Floats
 
 
-def _motion(system: System, model: ModalModel, split: StateSplit, options: TransientOptions) -> _Motion:
-    k, c = system.K.diagonal(), system.C.diagonal()
-    sizes = [options.dt / math.prod(options.cuts[:level]) for level in range(len(options.cuts) + 1)]
-    whole = system if system.alike is None else system.alike.whole
-    all_ = split if system.alike is None else split_states(whole, options.flexible_ratio)
-    tau = _relaxation_time(whole, all_)
+def _motion(
+    prepared: Prepared, integrator: ModalIntegrator, model: ModalModel, split: ModeSplit, steps: Steps
+) -> _Motion:
+    k, c = prepared.system.K.diagonal(), prepared.system.C.diagonal()
+    sizes, whole, symmetry = steps.sizes, prepared.whole or prepared, prepared.symmetry
+    of_whole = split if symmetry is None else integrator.split(whole, steps.base)
+    tau = _relaxation_time(whole.system, of_whole)
     decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
-    step = stacked([modal_propagator(k[split.states], c[split.states], dt) for dt in sizes])
+    step = stacked([modal_propagator(k[split.dynamic], c[split.dynamic], dt) for dt in sizes])
     half = 0.5 * np.stack([(split.G * q_p) @ split.G.T for q_p in step.q_p])
     H = half if model.conserving else 2.0 * half
     if len(model.R):
         H = H + (1.0 - decay)[:, None, None] * model.R
     own = H.diagonal(axis1=1, axis2=2)
-    if system.alike is not None:
-        own = _single(system.alike, all_, sizes, decay)
+    if symmetry is not None:
+        own = _single(whole.system, symmetry, of_whole, sizes, decay)
     return _Motion(step, decay, H, own, half)
 
 
-def _single(alike: Alike, split: StateSplit, sizes: Sequence[float], decay: Floats) -> Floats:
+def _single(
+    whole: System, symmetry: Symmetry, split: ModeSplit, sizes: Sequence[float], decay: Floats
+) -> Floats:
     """Flexibility of one gap of every group over a step of each size, per force of the group."""
-    k, c = alike.whole.K.diagonal(), alike.whole.C.diagonal()
-    d = alike.signs.shape[1]
-    rows = (d * np.unique(alike.gaps, return_index=True)[1][:, None] + np.arange(d)).ravel()
-    q_p = np.stack([modal_propagator(k[split.states], c[split.states], dt).q_p for dt in sizes])
-    relaxed = split.G_rest[rows] ** 2 @ (1.0 / k[split.rest])
+    k, c = whole.K.diagonal(), whole.C.diagonal()
+    d = symmetry.signs.shape[1]
+    rows = (d * np.unique(symmetry.gaps, return_index=True)[1][:, None] + np.arange(d)).ravel()
+    q_p = np.stack([modal_propagator(k[split.dynamic], c[split.dynamic], dt).q_p for dt in sizes])
+    relaxed = split.G_quasi[rows] ** 2 @ (1.0 / k[split.quasi_static])
     own = q_p @ split.G[rows].T ** 2 + (1.0 - decay)[:, None] * relaxed
-    return np.asarray(own / np.repeat(alike.count, d))
+    return np.asarray(own / np.repeat(symmetry.count, d))
 
 
 def _offset_problem(
-    system: System, split: StateSplit, step: tuple[Floats, float, Floats], most_ratio: float
+    system: System, split: ModeSplit, step: tuple[Floats, float, Floats], most_ratio: float
 ) -> GapProblem:
-    """The gap-space problem of a step, its gaps as the static load leaves the modes that are no states."""
-    offset = split.G_rest @ (system.force[split.rest] / system.K.diagonal()[split.rest])
+    """The gap-space problem of a step, its gaps as the static load leaves the quasi-static modes."""
+    offset = split.G_quasi @ (system.force[split.quasi_static] / system.K.diagonal()[split.quasi_static])
     H, dt, own = step
     problem = system_gap_problem(system, H, float(dt), most_ratio, own)
     return problem._replace(gap=problem.gap + offset[:: system.law.directions])
@@ -271,7 +240,7 @@ def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
     return stacked([stacked(levels) for levels in problems])
 
 
-def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
+def run_memory(problem: GapProblem, variant: Ints) -> GapMemory:
     """Memory of every run for stacked problems, every gap open and unloaded, without the solver's part.
 
     Parameters
@@ -282,31 +251,31 @@ def run_memory(problem: GapProblem, variant: NDArray[np.int64]) -> GapMemory:
     return stacked([fresh[i] for i in variant])
 
 
-def whole_motion(system: System, split: StateSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
-    """All modes' displacements and velocities from the states and the relaxed joint forces."""
+def whole_motion(system: System, split: ModeSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
+    """All modes' displacements and velocities from the dynamic ones and the relaxed joint forces."""
     q, v = np.zeros((len(buffer.q), system.size)), np.zeros((len(buffer.q), system.size))
-    q[:, split.states], v[:, split.states] = buffer.q * split.taper, buffer.v * split.taper
+    q[:, split.dynamic], v[:, split.dynamic] = buffer.q * split.taper, buffer.v * split.taper
     tapered = np.flatnonzero(split.taper < 1.0)
     if len(tapered):
-        k = system.K.diagonal()[split.states[tapered]]
+        k = system.K.diagonal()[split.dynamic[tapered]]
         left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k
-        q[:, split.states[tapered]] += buffer.s @ (split.G[:, tapered] * left)
-    if len(split.rest):
-        k = system.K.diagonal()[split.rest]
-        q[:, split.rest] = (buffer.s @ split.G_rest + system.force[split.rest]) / k
+        q[:, split.dynamic[tapered]] += buffer.s @ (split.G[:, tapered] * left)
+    if len(split.quasi_static):
+        k = system.K.diagonal()[split.quasi_static]
+        q[:, split.quasi_static] = (buffer.s @ split.G_quasi + system.force[split.quasi_static]) / k
     return q, v
 
 
-def observed_motion(system: System, split: StateSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
+def observed_motion(system: System, split: ModeSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
     """Displacements and velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
     seen, k = system.observe, system.K.diagonal()
-    flexible = seen[:, split.rest].toarray().T / k[split.rest, None]
-    relaxed, states = split.G_rest @ flexible, seen[:, split.states]
+    flexible = seen[:, split.quasi_static].toarray().T / k[split.quasi_static, None]
+    relaxed, states = split.G_quasi @ flexible, seen[:, split.dynamic]
     tapered = np.flatnonzero(split.taper < 1.0)
     if len(tapered):
-        left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.states[tapered]]
+        left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.dynamic[tapered]]
         relaxed += (split.G[:, tapered] * left) @ states[:, tapered].toarray().T
-    disp = (buffer.q * split.taper) @ states.T + system.force[split.rest] @ flexible
+    disp = (buffer.q * split.taper) @ states.T + system.force[split.quasi_static] @ flexible
     if relaxed.any():
         disp += buffer.s @ relaxed
     return disp, (buffer.v * split.taper) @ states.T

@@ -1,12 +1,12 @@
-"""Runs that are integrated together: their arrays, the loop, and their histories."""
+"""Runs that are integrated together: their arrays, the loop over them, and their histories."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,10 @@ from romdam.contact.problem import GapMemory
 from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
 from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import History, System
+from romdam.core.system import History
 from romdam.timestepping.energy import ENERGIES, ledger
-from romdam.timestepping.equilibrium import GapState, resumed, static_equilibrium, take_over, undeformed
+from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over
+from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.modal.arrays import (
     CLOCK,
     TRIES,
@@ -32,35 +33,23 @@ from romdam.timestepping.modal.arrays import (
 )
 from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
-    StateSplit,
+    ModeSplit,
     modal_model,
     observed_motion,
     run_memory,
     step_levels,
     whole_motion,
 )
-from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.peaks import first_peaks, named_peaks
+from romdam.timestepping.prepared import Prepared, Simulation
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.steps import Steps
 
-Progress = Callable[[int, int], None]
+if TYPE_CHECKING:
+    from romdam.timestepping.modal.integrator import ModalIntegrator
 
 _ROWS = tuple(name for name in HistoryBuffer._fields if name != "stride")
 _STEPS = 400  # of every run between two reports of progress
-
-
-@dataclass(frozen=True)
-class Case:
-    """One run: a system and its ground motion.
-
-    Attributes
-    ----------
-    system : diagonal; those of one march differ in damping and in the joints' parameters at most. Runs with
-        the same object share its arrays
-    ground : (3, nt) ground acceleration at every base step [m/s2]
-    """
-
-    system: System
-    ground: Floats
 
 
 class Initial(NamedTuple):
@@ -71,111 +60,106 @@ class Initial(NamedTuple):
     gaps: GapState
 
 
-def march_cases(
-    cases: Sequence[Case],
-    split: StateSplit,
-    options: TransientOptions,
-    progress: Progress,
-    conserving: bool = False,
-) -> list[History | ConvergenceError]:
-    """March all cases over their whole ground motions.
+def integrate_batch(
+    batch: Sequence[Simulation], integrator: ModalIntegrator, settings: Settings, progress: Progress
+) -> list[Outcome]:
+    """Integrate simulations together over their whole ground motions.
 
     Parameters
     ----------
-    split : the states, the same for all
-    conserving : whether the joint force acts with its mean over a step
-    progress : called with (base steps done, base steps in all), of all runs
+    batch : of the same dynamic modes and kind of gaps; systems differ in damping and in the joints'
+        parameters at most, and simulations of one prepared system share its arrays
+    progress : called with (base steps done, base steps in all), of the batch
 
     Returns
     -------
-    list, in the order of the cases: the history, or why there is none
+    list, in the order of the batch: the history, or why there is none
     """
-    found = {id(case.system): case.system for case in cases}
-    initial = {key: _initial(system, options) for key, system in found.items()}
-    chosen, starts = [], []
-    for case in cases:
-        start = initial[id(case.system)]
-        if not isinstance(start, ConvergenceError):
-            chosen.append(case)
-            starts.append(start)
-    marched = iter(_march(chosen, split, options, progress, (starts, conserving)) if chosen else ())
-    starts_of_all = (initial[id(case.system)] for case in cases)
-    return [start if isinstance(start, ConvergenceError) else next(marched) for start in starts_of_all]
+    initial = {one.prepared: _initial(one.prepared, settings) for one in batch}
+    failed = {one: state for one, state in initial.items() if isinstance(state, ConvergenceError)}
+    starts = {one: state for one, state in initial.items() if not isinstance(state, ConvergenceError)}
+    chosen = [one for one in batch if one.prepared in starts]
+    first = [starts[one.prepared] for one in chosen]
+    made = iter(_integrate(chosen, integrator, settings, progress, first) if chosen else ())
+    return [failed[one.prepared] if one.prepared in failed else next(made) for one in batch]
 
 
-def _march(
-    cases: Sequence[Case],
-    split: StateSplit,
-    options: TransientOptions,
+def _integrate(
+    batch: Sequence[Simulation],
+    integrator: ModalIntegrator,
+    settings: Settings,
     progress: Progress,
-    start: tuple[Sequence[Initial], bool],
-) -> list[History | ConvergenceError]:
-    """March the cases from their initial states to their ends."""
+    starts: Sequence[Initial],
+) -> list[Outcome]:
+    """Integrate a batch from its initial states to its ends."""
     begun = time.process_time()
-    arrays = _arrays(cases, split, options, *start)
+    split = integrator.split(batch[0].prepared, settings.steps.base)
+    arrays = _arrays(batch, integrator, split, settings, starts)
     # no step: a first start compiles here, not in the timed loop
-    integrate(*arrays, (options.tolerance, 0))
+    integrate(*arrays, (settings.tolerance, 0))
     setup, loop = time.process_time() - begun, time.process_time()
-    _integrate_to_the_end(arrays, options, progress)
-    return _outcomes(cases, split, arrays, options, (setup, time.process_time() - loop))
+    runs, active = arrays.runs, 1
+    total = int(runs.last.sum())
+    while active:
+        active = integrate(*arrays, (settings.tolerance, _STEPS))
+        progress(int(np.where(runs.failed, runs.last, runs.clock["base_steps"]).sum()), total)
+    return _outcomes(batch, split, arrays, settings, (setup, time.process_time() - loop))
 
 
-def _initial(system: System, options: TransientOptions) -> Initial | ConvergenceError:
-    if options.start is not None:
-        return Initial(options.start.q, options.start.v, resumed(system, options.start))
-    kind, tolerance = options.initial_state, options.tolerance
+def _initial(prepared: Prepared, settings: Settings) -> Initial | ConvergenceError:
+    if settings.start is not None:
+        return Initial(settings.start.q, settings.start.v, resumed(prepared.system, settings.start))
     try:
-        q, gaps = system.kept.of(
-            ("initial", kind, tolerance),
-            lambda: static_equilibrium(system, tolerance) if kind == "static" else undeformed(system),
-        )
+        q, gaps = initial_state(prepared, settings)
     except ConvergenceError as error:
         return error
     return Initial(q, np.zeros_like(q), gaps)
 
 
 def _arrays(
-    cases: Sequence[Case],
-    split: StateSplit,
-    options: TransientOptions,
+    batch: Sequence[Simulation],
+    integrator: ModalIntegrator,
+    split: ModeSplit,
+    settings: Settings,
     starts: Sequence[Initial],
-    conserving: bool,
 ) -> Arrays:
     """Everything that the hot loop needs, at its beginning."""
-    active = np.flatnonzero([any(np.any(case.ground[a]) for case in cases) for a in range(3)])
-    variants = {id(case.system): case.system for case in cases}
-    model, levels, damping = _constant(list(variants.values()), split, options, active, conserving)
-    problem = np.array([list(variants).index(id(case.system)) for case in cases], dtype=np.int64)
+    active = np.flatnonzero([any(np.any(one.ground[a]) for one in batch) for a in range(3)])
+    variants = list(dict.fromkeys(one.prepared for one in batch))
+    model, levels, damping = _constant(variants, integrator, split, settings, active)
+    problem = np.array([variants.index(one.prepared) for one in batch], dtype=np.int64)
     memory = run_memory(levels.problem, problem)
-    variant = np.zeros(len(cases), VARIANT)
+    variant = np.zeros(len(batch), VARIANT)
     variant["step"], variant["problem"] = damping[problem], problem
     N, n = levels.problem.W.shape[-1], levels.problem.gap.shape[-1]
-    solver = solver_state(n, n != N, (len(cases), len(levels.size)))
-    runs = _runs(cases, options, active, variant, memory, solver)
+    solver = solver_state(n, n != N, (len(batch), len(levels.size)))
+    runs = _runs(batch, integrator, settings.steps, active, variant, (memory, solver))
     states = _states((model, split), starts, runs)
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
-    buffer = _history_buffer(states, options.stride, runs)
-    work = new_work(states, len(model.shift) > 0)
-    arrays = Arrays(model, levels, runs, states, work, buffer)
+    buffer = _history_buffer(states, settings.steps.stride, runs)
+    arrays = Arrays(model, levels, runs, states, new_work(states, len(model.shift) > 0), buffer)
     _begin(arrays)
     return arrays
 
 
 def _constant(
-    variants: Sequence[System], split: StateSplit, options: TransientOptions, active: Ints, conserving: bool
+    variants: Sequence[Prepared],
+    integrator: ModalIntegrator,
+    split: ModeSplit,
+    settings: Settings,
+    active: Ints,
 ) -> tuple[ModalModel, StepHierarchy, Ints]:
-    """What the march reads and does not change, kept where there is one system without added jumps."""
-    system, shift = variants[0], options.shift
+    """What the loop reads and does not change, cached where there is one system without added jumps."""
+    prepared, steps, shift = variants[0], settings.steps, settings.shift
 
-    def make() -> tuple[ModalModel, StepHierarchy, Ints]:
-        model = modal_model(system, split, active, conserving, shift)
-        return model, *step_levels(variants, model, split, options)
+    def compute() -> tuple[ModalModel, StepHierarchy, Ints]:
+        model = modal_model(prepared.system, split, active, integrator.massless_boundary, shift)
+        return model, *step_levels(variants, integrator, model, split, steps)
 
     if len(variants) > 1 or shift is not None:
-        return make()
-    how = (options.dt, options.cuts, options.midpoint, options.flexible_ratio)
-    return system.kept.of(("march", split.states.tobytes(), active.tobytes(), conserving, *how), make)
+        return compute()
+    return prepared.cache.get_or_compute(("levels", active.tobytes(), steps.base, steps.cuts), compute)
 
 
 def _begin(arrays: Arrays) -> None:
@@ -198,44 +182,45 @@ def _external_force(model: ModalModel, acc: Floats) -> Floats:
 
 
 def _runs(
-    cases: Sequence[Case],
-    options: TransientOptions,
+    batch: Sequence[Simulation],
+    integrator: ModalIntegrator,
+    steps: Steps,
     active: Ints,
     variant: Record,
-    memory: GapMemory,
-    solver: SolverState,
+    carried: tuple[GapMemory, SolverState],
 ) -> Batch:
-    samples = np.array([case.ground.shape[1] for case in cases])
-    rows = (samples - 1) // options.stride + 1
+    memory, solver = carried
+    samples = np.array([one.ground.shape[1] for one in batch])
+    rows = (samples - 1) // steps.stride + 1
     return Batch(
         variant=variant,
         samples=np.concatenate([[0], np.cumsum(samples)[:-1]]),
         rows=np.concatenate([[0], np.cumsum(rows)[:-1]]),
         last=samples - 1,
-        impulse=np.array([_impulse_limit(case.ground, options) for case in cases]),
-        clock=np.zeros(len(cases), CLOCK),
-        failed=np.zeros(len(cases), dtype=np.bool_),
-        acc=np.ascontiguousarray(np.concatenate([case.ground[active] for case in cases], axis=1)),
+        impulse=np.array([_impulse_limit(one.ground, steps.base, integrator.force_change) for one in batch]),
+        clock=np.zeros(len(batch), CLOCK),
+        failed=np.zeros(len(batch), dtype=np.bool_),
+        acc=np.ascontiguousarray(np.concatenate([one.ground[active] for one in batch], axis=1)),
         memory=memory,
         solver=solver,
     )
 
 
-def _impulse_limit(ground: Floats, options: TransientOptions) -> float:
+def _impulse_limit(ground: Floats, step: float, force_change: float) -> float:
     """Gap velocity that the change of a joint force over a step may stand for [m/s].
 
     Impacts happen at about the peak ground velocity. On the two-cantilever model anything below 1 % of it no
     longer changes the error, with a tenth of the joints' stiffness 0.3 %; without that limit it stays above
     1 % at any step.
     """
-    velocity = np.cumsum(ground, axis=1) * options.dt
+    velocity = np.cumsum(ground, axis=1) * step
     peak = float(np.abs(velocity).max(initial=0.0))
-    return options.force_change * peak if peak > 0.0 else math.inf
+    return force_change * peak if peak > 0.0 else math.inf
 
 
-def _states(arrays: tuple[ModalModel, StateSplit], starts: Sequence[Initial], runs: Batch) -> ModalState:
+def _states(arrays: tuple[ModalModel, ModeSplit], starts: Sequence[Initial], runs: Batch) -> ModalState:
     model, split = arrays
-    q = np.stack([start.q[split.states] for start in starts])
+    q = np.stack([start.q[split.dynamic] for start in starts])
     gaps = [start.gaps for start in starts]
     jump, force = np.stack([gap.jump for gap in gaps]), np.stack([gap.force for gap in gaps])
     state = np.stack([gap.state for gap in gaps])
@@ -245,7 +230,7 @@ def _states(arrays: tuple[ModalModel, StateSplit], starts: Sequence[Initial], ru
     energies["stored"] = [gap.stored for gap in gaps]
     return ModalState(
         q=q,
-        v=np.stack([start.v[split.states] for start in starts]),
+        v=np.stack([start.v[split.dynamic] for start in starts]),
         f=_external_force(model, runs.acc[:, runs.samples]),
         s=p.copy() if relaxed else p[:, :0].copy(),
         u_r=p @ model.R if relaxed else p[:, :0].copy(),
@@ -281,55 +266,38 @@ def _history_buffer(states: ModalState, stride: int, runs: Batch) -> HistoryBuff
     )
 
 
-def _integrate_to_the_end(arrays: Arrays, options: TransientOptions, progress: Progress) -> None:
-    runs = arrays.runs
-    active, total = 1, int(runs.last.sum())
-    while active:
-        active = integrate(*arrays, (options.tolerance, _STEPS))
-        progress(int(np.where(runs.failed, runs.last, runs.clock["base_steps"]).sum()), total)
-
-
-def not_converged(step: int, options: TransientOptions, residual: float, place: str) -> str:
-    """Message for a step whose gap-space problem did not converge."""
-    return (
-        f"step {step}, t = {step * options.dt:.6g} s: the gap-space problem stopped at a relative residual "
-        f"of {residual:.2g}, limit {options.tolerance:.2g}, farthest at {place}; halve transient.dt, or "
-        "lower the friction"
-    )
-
-
 def _outcomes(
-    cases: Sequence[Case],
-    split: StateSplit,
+    batch: Sequence[Simulation],
+    split: ModeSplit,
     arrays: Arrays,
-    options: TransientOptions,
+    settings: Settings,
     spent: tuple[float, float],
-) -> list[History | ConvergenceError]:
+) -> list[Outcome]:
     model, levels, runs, states, buffer = (
         arrays.model, arrays.levels, arrays.runs, arrays.states, arrays.buffer
     )  # fmt: skip
     (setup, loop), tries = spent, (states.tries["accepted"] + states.tries["refused"]).astype(float)
-    outcomes: list[History | ConvergenceError] = []
-    for run, case in enumerate(cases):
-        place = case.system.law.place(int(runs.memory.failure[run].gap))
+    outcomes: list[Outcome] = []
+    for run, (prepared, _) in enumerate(batch):
+        place = prepared.system.law.place(int(runs.memory.failure[run].gap))
         if runs.failed[run]:
             step, residual = int(runs.clock[run].base_steps) + 1, float(states.tries[run].residual)
-            outcomes.append(ConvergenceError(not_converged(step, options, residual, place)))
+            outcomes.append(ConvergenceError(not_converged(step, settings, residual, place)))
             continue
         share = tries[run] / max(tries.sum(), 1.0)
         stats = _stats(runs, states, run) | {
             "finest_step": float(levels.step.dt.min()),
-            "state_modes": float(len(split.states)),
-            "flexible_modes": float(len(split.rest)),
-            "marched_gaps": float(len(case.system.law)),
-            "setup_cpu_seconds": setup / len(cases),
+            "dynamic_modes": float(len(split.dynamic)),
+            "quasi_static_modes": float(len(split.quasi_static)),
+            "integrated_gaps": float(len(prepared.system.law)),
+            "setup_cpu_seconds": setup / len(batch),
             "loop_cpu_seconds": loop * share,
-            "batch": float(len(cases)),
+            "batch": float(len(batch)),
         }
         acc = runs.acc[:, runs.samples[run] :][:, : runs.last[run] + 1 : buffer.stride]
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
         written = buffer._replace(**{name: getattr(buffer, name)[rows] for name in _ROWS})
-        history = _history(case.system, (model, split), written, acc, options)
+        history = _history(prepared, (model, split), written, acc, settings)
         outcomes.append(replace(history, peaks=named_peaks(states.peaks[run]), stats=stats))
     return outcomes
 
@@ -350,18 +318,18 @@ def _stats(runs: Batch, states: ModalState, run: int) -> dict[str, float]:
 
 
 def _history(
-    system: System,
-    arrays: tuple[ModalModel, StateSplit],
+    prepared: Prepared,
+    arrays: tuple[ModalModel, ModeSplit],
     buffer: HistoryBuffer,
     acc: Floats,
-    options: TransientOptions,
+    settings: Settings,
 ) -> History:
     """The written rows of one run, without peaks and stats."""
-    model, split = arrays
-    q, v = whole_motion(system, split, buffer) if options.coordinates else (None, None)
+    (model, split), system = arrays, prepared.system
+    q, v = whole_motion(system, split, buffer) if settings.coordinates else (None, None)
     disp, vel = observed_motion(system, split, buffer)
-    k, c = system.K.diagonal()[split.states], system.C.diagonal()[split.states]
-    seen = system.observe.toarray().T[split.states]
+    k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
+    seen = system.observe.toarray().T[split.dynamic]
     rate = model.static @ seen + acc.T @ (model.load @ seen)
     rate += buffer.force.reshape(len(disp), -1) @ (split.G @ seen)
     rate -= buffer.v @ (c[:, None] * seen) + buffer.q @ (k[:, None] * seen)
@@ -369,10 +337,10 @@ def _history(
     if len(model.R):
         strain += 0.5 * np.einsum("ti,ij,tj->t", buffer.s, model.R, buffer.s, optimize=True)
     return History(
-        time=np.arange(len(disp), dtype=np.float64) * (options.dt * options.stride),
+        time=np.arange(len(disp), dtype=np.float64) * settings.steps.interval,
         jump=buffer.jump,
         traction=buffer.force,
-        mean_traction=buffer.impulse / (options.dt * options.stride),
+        mean_traction=buffer.impulse / settings.steps.interval,
         state=buffer.state,
         disp=disp,
         vel=vel,
@@ -382,5 +350,5 @@ def _history(
         energy=ledger(buffer.energies, 0.5 * (buffer.v**2).sum(axis=1), strain),
         peaks={},
         stats={},
-        integrator=options.integrator,
+        integrator=prepared.integrator.name,
     )

@@ -1,4 +1,4 @@
-"""Gaps that move alike are marched as one, and modes that nothing moves not at all.
+"""Symmetry reduction: equivalent contacts are merged, and modes that nothing moves are left out.
 
 A scene that mirrors itself, shaken along its plane of symmetry, moves symmetrically: gaps side by side open
 alike, slide alike or against each other, and the twisting modes stay at rest. No geometry is looked at. A
@@ -14,7 +14,7 @@ The partition is the coarsest: from groups of equal law on, gaps whose jumps dif
 do. Eigenvectors of nearly equal frequencies mix what mirrors and what does not, so the modes of a
 frequency are turned to what the groups and the loads move; what is left out is measured. Of the 100 gaps and
 360 modes of configs/two_cantilevers.yaml 60 and 193 remain, whose flexibilities are those of the whole to
-1e-11 at rest and 1e-8 within a step. Openings are equal to 1e-11, and the march takes half of its time.
+1e-11 at rest and 1e-8 within a step. Openings are equal to 1e-11.
 
 References
 ----------
@@ -23,14 +23,14 @@ Godsil, Royle, Algebraic Graph Theory (Springer, 2001), 9.3: equitable partition
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
-from romdam.core.system import Alike, History, System
+from romdam.core.system import History, System
 
 _SAME = 1e-5  # relative, of frequencies squared
 _TOLD = 1e-5  # of the largest, by which values differ
@@ -39,8 +39,28 @@ _DRIVEN = 1e-5  # of the most driven mode; those that mirror nothing of the load
 _EXACT = 1e-6  # of the largest jump, what may be left out
 
 
-def folded(system: System, active: Ints) -> System | None:
-    """The system with one gap for each group, or None where all gaps are different.
+@dataclass(frozen=True)
+class Symmetry:
+    """How a system with fewer gaps and modes stands for a whole one.
+
+    Attributes
+    ----------
+    system : the smaller one
+    gaps : (ng,) for every gap of the whole the one that stands for it
+    count : for how many each stands
+    signs : (ng, directions) by which its jumps and forces are those of the whole; zero where there are none
+    modes : (n of the whole, n) its unknowns from those at hand, orthonormal columns
+    """
+
+    system: System
+    gaps: Ints
+    count: Ints
+    signs: Floats
+    modes: csr_matrix
+
+
+def merge_equivalent_contacts(system: System, active: Ints) -> Symmetry | None:
+    """Give the system one gap for each group; None where all gaps are different.
 
     Parameters
     ----------
@@ -55,13 +75,13 @@ def folded(system: System, active: Ints) -> System | None:
     spread = _spread(gaps, signs)
     mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
     jumps = mean @ system.B.toarray()
-    small = _quotient(system, (gaps, signs), jumps, _modes(system, active, jumps))
+    merged = _quotient(system, (gaps, signs), jumps, _modes(system, active, jumps))
     for s in _shifts(system):
         whole = _jumps(system, active, mean.T.toarray(), s)
-        left_out = np.abs(whole - spread @ _jumps(small, active, np.eye(len(jumps)), s)).max(axis=0)
+        left_out = np.abs(whole - spread @ _jumps(merged.system, active, np.eye(len(jumps)), s)).max(axis=0)
         if (left_out > _EXACT * np.abs(whole).max(axis=0)).any():
             return None
-    return small
+    return merged
 
 
 def _spread(gaps: Ints, signs: Floats) -> csr_matrix:
@@ -85,21 +105,21 @@ def _jumps(system: System, active: Ints, forces: Floats, s: float) -> Floats:
     return np.asarray(B @ (moved / (system.K.diagonal() + s)[:, None]))
 
 
-def unfolded(history: History, alike: Alike) -> History:
-    """The history of all gaps and modes."""
-    gaps = alike.gaps
-    share = alike.signs / alike.count[gaps, None]
+def expand(history: History, symmetry: Symmetry) -> History:
+    """Give the history of all gaps and modes."""
+    gaps = symmetry.gaps
+    share = symmetry.signs / symmetry.count[gaps, None]
     peaks = {name: values[gaps] for name, values in history.peaks.items()}
     peaks["compression"] = peaks["compression"] * share[:, NORMAL]
     return replace(
         history,
-        jump=history.jump[:, gaps] * alike.signs,
+        jump=history.jump[:, gaps] * symmetry.signs,
         traction=history.traction[:, gaps] * share,
         mean_traction=history.mean_traction[:, gaps] * share,
         state=history.state[:, gaps],
         peaks=peaks,
-        q=None if history.q is None else history.q @ alike.modes.T,
-        v=None if history.v is None else history.v @ alike.modes.T,
+        q=None if history.q is None else history.q @ symmetry.modes.T,
+        v=None if history.v is None else history.v @ symmetry.modes.T,
     )
 
 
@@ -163,13 +183,13 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
     return csr_matrix(turned.tocsc()[:, moves])
 
 
-def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr_matrix) -> System:
+def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr_matrix) -> Symmetry:
     """The system of the groups; a group's stiffness is that of all its gaps."""
     (gaps, signs), law = groups, system.law
     count = np.bincount(gaps)
     first = np.unique(gaps, return_index=True)[1]
     ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
-    return replace(
+    smaller = replace(
         system,
         M=csr_matrix(eye_array(Q.shape[1])),
         C=csr_matrix(diags_array((Q.T @ system.C @ Q).diagonal())),
@@ -188,8 +208,8 @@ def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr
             joints={name: slice(int(a), int(b)) for name, (a, b) in ends.items()},
         ),
         parts=_parts(system, Q),
-        alike=Alike(system, gaps, count, signs, Q),
     )
+    return Symmetry(smaller, gaps, count, signs, Q)
 
 
 def _parts(system: System, Q: csr_matrix) -> dict[str, slice]:

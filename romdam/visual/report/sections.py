@@ -93,7 +93,9 @@ def _what(study: Study) -> Section:
     scale = ", ".join(f"{value:g}" for value in summary.scale.values)
     unit = plots.unit_text(str(summary.scale.attrs.get("units", "1")))
     accuracy = transient.get("accuracy")
-    step = f"accuracy {100 * float(str(accuracy)):g} %" if accuracy else f"step {transient.get('dt')} s"
+    step = (
+        f"accuracy {100 * float(str(accuracy)):g} %" if accuracy else f"step {transient.get('finest_step')} s"
+    )
     modes = f"{model['modes']} a block" if model.get("modes") else f"up to {model.get('cutoff')} Hz"
     rows = [
         ["records", str(summary.sizes["record"])],

@@ -1,4 +1,4 @@
-"""Gaps that move alike: the folded march gives the histories of the whole one, and folds nothing else."""
+"""Symmetry reduction: merged contacts give the histories of the whole scene, and nothing else is merged."""
 
 import dataclasses
 
@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hand_systems import assert_ledger, gap_law, modal_twin, sparse_system
 from scipy.sparse import csr_matrix
+from simulating import simulated
 
 from romdam.core.system import GapLaw
-from romdam.timestepping.modal.symmetry import folded
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
+from romdam.timestepping.modal.symmetry import merge_equivalent_contacts
 
 
 def mirrored(rows=4, K_n=4e4, uneven=0.0, stiffness=3e4):
@@ -54,7 +53,7 @@ def shaken(system, **options):
     dt, t = 0.005, np.arange(401) * 0.005
     acc = np.zeros((3, len(t)))
     acc[0] = 8.0 * np.sin(9.0 * t) * np.sin(1.7 * t)
-    return integrate(system, acc, TransientOptions(dt=dt, integrator="adaptive", stride=2, **options))
+    return simulated(system, acc, dt, integrator="adaptive", stride=2, **options)
 
 
 def assert_same(one, other, tolerance):
@@ -70,12 +69,14 @@ def assert_same(one, other, tolerance):
 
 
 @pytest.mark.parametrize("K_n", [4e4, 1e7, np.inf])
-@pytest.mark.parametrize("initial_state", ["static", "from_start"])
+@pytest.mark.parametrize("initial_state", ["static", "undeformed"])
 def test_the_same_histories(K_n, initial_state):
     system = in_modes(mirrored(K_n=K_n))
     system = dataclasses.replace(system, force=-3e-4 * system.K.diagonal() * system.B.toarray().sum(axis=0))
-    one, other = (shaken(system, initial_state=initial_state, alike=alike) for alike in (True, False))
-    assert (one.stats["marched_gaps"], other.stats["marched_gaps"]) == (4, 8)
+    one, other = (
+        shaken(system, initial_state=initial_state, merge_contacts=merge) for merge in (True, False)
+    )
+    assert (one.stats["integrated_gaps"], other.stats["integrated_gaps"]) == (4, 8)
     assert one.stats["steps"] == other.stats["steps"]
     assert other.jump.max() > 1.1e-3 and (other.traction > 0.0).any()
     assert_same(one, other, 1e-7)
@@ -85,26 +86,26 @@ def test_the_same_histories(K_n, initial_state):
 def test_relaxing_modes_are_folded_too():
     """A high ratio of damping leaves some modes no states."""
     system = in_modes(mirrored(stiffness=3e5))
-    one, other = (shaken(system, alike=alike, flexible_ratio=0.05) for alike in (True, False))
-    assert one.stats["flexible_modes"] > 0 and one.stats["marched_gaps"] == 4
+    one, other = (shaken(system, merge_contacts=merge, quasi_static_ratio=0.05) for merge in (True, False))
+    assert one.stats["quasi_static_modes"] > 0 and one.stats["integrated_gaps"] == 4
     assert_same(one, other, 1e-7)
 
 
-def test_what_moves_differently_is_not_folded():
+def test_what_moves_differently_is_not_merged():
     x = np.array([0])
-    assert len(folded(in_modes(mirrored()), x).law) == 4
-    assert folded(in_modes(mirrored(uneven=1.0)), x) is None
+    assert len(merge_equivalent_contacts(in_modes(mirrored()), x).system.law) == 4
+    assert merge_equivalent_contacts(in_modes(mirrored(uneven=1.0)), x) is None
     system = in_modes(mirrored())
     for name, values in (("K_n", 4e4), ("gap", 1e-3)):
         uneven = np.full(8, values)
         uneven[1] *= 1.001
         law = dataclasses.replace(system.law, **{name: uneven})
-        assert folded(dataclasses.replace(system, law=law), x) is None
+        assert merge_equivalent_contacts(dataclasses.replace(system, law=law), x) is None
     pulled = dataclasses.replace(system, force=system.B.toarray()[0])
-    assert folded(pulled, x) is None
+    assert merge_equivalent_contacts(pulled, x) is None
     twisted = dataclasses.replace(system, load=np.tile(system.B.toarray()[0][:, None], (1, 3)))
-    assert folded(twisted, x) is None
-    assert folded(dataclasses.replace(system, diagonal=False), x) is None
+    assert merge_equivalent_contacts(twisted, x) is None
+    assert merge_equivalent_contacts(dataclasses.replace(system, diagonal=False), x) is None
 
 
 def test_a_law_uneven_in_one_joint_leaves_what_mirrors_it():
@@ -113,7 +114,7 @@ def test_a_law_uneven_in_one_joint_leaves_what_mirrors_it():
     K_n = np.full(8, 4e4)
     K_n[[2, 6]] = 1e4
     law = dataclasses.replace(system.law, K_n=K_n, joints={"low": slice(0, 5), "high": slice(5, 8)})
-    small = folded(dataclasses.replace(system, law=law), np.array([0]))
+    small = merge_equivalent_contacts(dataclasses.replace(system, law=law), np.array([0])).system
     assert isinstance(small.law, GapLaw)
     assert sorted(small.law.K_n) == [2e4, 8e4, 8e4, 8e4]
     assert small.law.joints == {"low": slice(0, 4), "high": slice(4, 4)}
@@ -139,7 +140,7 @@ def test_modes_that_no_gap_touches_are_kept_where_the_loads_move_them():
         observe=csr_matrix(observe),
         parts={"all": slice(0, n), "apart": slice(n, n + 1)},
     )
-    one, other = (shaken(system, alike=alike) for alike in (True, False))
-    assert one.stats["marched_gaps"] == 4
+    one, other = (shaken(system, merge_contacts=merge) for merge in (True, False))
+    assert one.stats["integrated_gaps"] == 4
     assert np.abs(other.disp[:, 0]).max() > 1e-7
     assert_same(one, other, 1e-7)

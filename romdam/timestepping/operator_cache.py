@@ -1,8 +1,7 @@
-"""What one integration of a system has made and the next ones use again.
+"""Operators that one integration has made and the next ones of the same system use again.
 
-A suite shakes one system with a hundred records, each at two or three steps. Its states, their propagators
-and the flexibility of its gaps over a step are the same for all records. To make them anew took 30 ms where a
-record took 130 to 330 (100 gaps), and 7 s beside 3.6 s of marching (1,088 gaps that rub, two seconds).
+A suite shakes one system with many records, each at two or three steps. Its dynamic modes, their propagators
+and the flexibility of its gaps over a step are the same for all of them.
 """
 
 from __future__ import annotations
@@ -15,21 +14,21 @@ import numpy as np
 
 Value = TypeVar("Value")
 
-_MOST = 0.5e9  # bytes; the newest stays whatever it takes, a march holds it anyway
+_MOST = 0.5e9  # bytes; the newest stays whatever it takes, the loop holds it anyway
 
 
-class Kept:
+class OperatorCache:
     """Values by key, the latest used for longest; pickled without them."""
 
     def __init__(self) -> None:
         self._values: dict[Hashable, Any] = {}
 
-    def __reduce__(self) -> tuple[type[Kept], tuple[()]]:
-        return Kept, ()
+    def __reduce__(self) -> tuple[type[OperatorCache], tuple[()]]:
+        return OperatorCache, ()
 
-    def of(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """The value of a key, made where it is not here; it is not to be changed."""
-        value: Value = self._values.pop(key) if key in self._values else make()
+    def get_or_compute(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """Give the value of a key, computed where it is not here; it is not to be changed."""
+        value: Value = self._values.pop(key) if key in self._values else compute()
         self._values[key] = value
         while len(self._values) > 1 and sum(map(_bytes, self._values.values())) > _MOST:
             del self._values[next(iter(self._values))]

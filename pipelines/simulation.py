@@ -1,0 +1,162 @@
+"""Ground motions on prepared systems, with the integrator and the steps that a configuration asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from romdam.config.load import Job
+from romdam.core.arrays import Floats
+from romdam.core.errors import placed
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History, System
+from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
+from romdam.records.processing.resampling import resample_motion
+from romdam.timestepping.integrators.protocol import Outcome, Progress
+from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import history_of, simulate
+from romdam.timestepping.step_control import simulate_to
+from romdam.timestepping.steps import Steps, whole_steps
+
+
+def prepare(job: Job, system: System, integrator: str | None = None) -> Prepared:
+    """Make a system ready for the configured integrator, or for the one that suits it.
+
+    Parameters
+    ----------
+    integrator : name of the one to take instead
+    """
+    transient = job.config.transient
+    name = integrator or transient.integrator or suitable_integrator(system)
+    return Prepared(system, integrator_class(name).configured(transient))
+
+
+def simulate_motions(
+    job: Job,
+    prepared: Sequence[Prepared],
+    motions: Sequence[GroundMotion],
+    duration: float | None = None,
+    progress: Progress | None = None,
+) -> list[Outcome]:
+    """Integrate ground motions as the configuration says, together those that have the same steps.
+
+    Parameters
+    ----------
+    prepared : one for each motion; they differ in damping and in the joints' parameters at most
+    duration : seconds from the records' start, or their whole lengths [s]
+    progress : called with (steps done, steps in all) of every run
+
+    Returns
+    -------
+    list, in the order of the motions: the history, or why there is none
+
+    Raises
+    ------
+    ConfigError
+        where the integrator does not suit the scene, and for runs too large.
+    """
+    settings = [settings_for(job, *case) for case in zip(prepared, motions, strict=True)]
+    refuse_large(job, list(zip(prepared, motions, settings, strict=True)), duration)
+    accuracy = job.config.transient.accuracy
+    kinds = [(one.integrator, own) for one, own in zip(prepared, settings, strict=True)]
+    outcomes: dict[int, Outcome] = {}
+    for kind in dict.fromkeys(kinds):
+        group = [i for i, other in enumerate(kinds) if other == kind]
+        some, own = [prepared[i] for i in group], kind[1]
+        grounds = [partial(ground_at_steps, motions[i], duration=duration) for i in group]
+        if accuracy is None:
+            made = simulate(some, [ground(own.steps.base) for ground in grounds], own, progress)
+        else:
+            made = simulate_to(some, grounds, own, accuracy, progress)
+        outcomes.update(zip(group, made, strict=True))
+    return [outcomes[i] for i in range(len(motions))]
+
+
+def simulate_motion(
+    job: Job,
+    prepared: Prepared,
+    motion: GroundMotion,
+    duration: float | None = None,
+    progress: Progress | None = None,
+) -> History:
+    """Integrate one ground motion, as `simulate_motions`.
+
+    Raises
+    ------
+    ConfigError
+        as `simulate_motions` does.
+    ConvergenceError
+        where a step does not converge.
+    """
+    with placed(job.path):
+        return history_of(simulate_motions(job, [prepared], [motion], duration, progress)[0])
+
+
+def refuse_large(
+    job: Job, cases: Sequence[tuple[Prepared, GroundMotion, Settings]], duration: float | None
+) -> None:
+    """Refuse runs that together do not fit in memory, before anything of them is made.
+
+    Raises
+    ------
+    ConfigError
+        with the sizes and the limit.
+    """
+    need = steps = rows = 0.0
+    for prepared, motion, settings in cases:
+        own = (motion.duration if duration is None else duration) / settings.steps.base
+        need += run_bytes(prepared.system, own, own / settings.steps.stride)
+        steps, rows = steps + own, rows + own / settings.steps.stride
+    names = ", ".join(motion.name for _, motion, _ in cases[:3])
+    refuse_bytes(need, steps, rows, f"{job.path}: {names}")
+
+
+def settings_for(job: Job, prepared: Prepared, motion: GroundMotion, finest: float | None = None) -> Settings:
+    """Settings of a job for one ground motion.
+
+    Parameters
+    ----------
+    finest : the finest step of a run that was made already, where an accuracy has chosen it [s]
+    """
+    transient, interval = job.config.transient, job.config.outputs.output_interval
+    return Settings(
+        steps=_steps(prepared, motion, interval, transient.finest_step, finest),
+        tolerance=transient.tolerance,
+        initial_state=job.config.loads.initial_state,
+        coordinates=_needs_coordinates(job),
+    )
+
+
+def _steps(
+    prepared: Prepared,
+    motion: GroundMotion,
+    interval: float | None,
+    configured: float | None,
+    chosen: float | None,
+) -> Steps:
+    """The steps of a configured finest step, or those that an accuracy starts from, or has come to."""
+    if configured is not None:
+        return prepared.integrator.steps(configured, motion.dt, interval)
+    coarse = whole_steps(interval or motion.dt, motion.dt)
+    return coarse if chosen is None else prepared.integrator.steps(chosen, coarse.base, coarse.interval)
+
+
+def _needs_coordinates(job: Job) -> bool:
+    """Whether anything is made of the histories' coordinates; of a suite that keeps peaks, often not."""
+    outputs, suite = job.config.outputs, job.config.suite
+    peaks = job.config.pipeline == "suite" and suite is not None and suite.keep == "peaks"
+    return not peaks or outputs.error_estimate or outputs.stress is not None
+
+
+def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> Floats:
+    """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it."""
+    refuse_steps(motion.duration if duration is None else duration, dt, motion.name)
+    acc = resample_motion(motion, dt)
+    if duration is None:
+        return acc
+    samples = round(duration / dt) + 1
+    return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))

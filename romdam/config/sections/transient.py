@@ -1,0 +1,58 @@
+"""The `transient:` part of a configuration: the integrator, and its step or the accuracy that picks it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from romdam.config.base import Model
+from romdam.config.quantities import Dimensionless, Time
+from romdam.core.errors import listed, shown
+from romdam.core.integrators import INTEGRATORS
+
+Positive = Field(gt=0.0)
+
+
+def _one_of(names: Callable[[], list[str]]) -> AfterValidator:
+    """Take a name of those that there are when it is read: a user's own integrator is one of them."""
+
+    def check(name: str) -> str:
+        if name not in names():
+            raise ValueError(f"must be one of {listed(names())}, got {shown(name)}")
+        return name
+
+    return AfterValidator(check)
+
+
+IntegratorName = Annotated[str, _one_of(lambda: list(INTEGRATORS))]
+ModalName = Annotated[str, _one_of(lambda: [name for name, entry in INTEGRATORS.items() if entry.uncoupled])]
+
+
+class TransientConfig(Model):
+    """Time integration: the step where contact changes, or the accuracy that picks it.
+
+    Without `integrator` the scene decides: "adaptive" (steps cut where contact changes) with damping,
+    "conserving" without any, "generalized_alpha" at full order; "modal" is the fixed-step baseline.
+    """
+
+    finest_step: Annotated[Time, Positive] | None = None
+    accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
+    duration: Annotated[Time, Positive] | None = None
+    integrator: IntegratorName | None = None
+    rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
+    tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
+
+    @model_validator(mode="after")
+    def _one_step(self) -> Self:
+        if (self.finest_step is None) == (self.accuracy is None):
+            raise ValueError(
+                "give exactly one of `finest_step` (for example 2.5 ms) and `accuracy` (for example 1 %)"
+            )
+        entry = None if self.integrator is None else INTEGRATORS[self.integrator]
+        if self.accuracy is not None and entry is not None and not entry.uncoupled:
+            raise ValueError(
+                f"`accuracy` chooses the step of a reduced model; give `finest_step` to {self.integrator}"
+            )
+        return self

@@ -1,0 +1,79 @@
+"""Exact modal propagation with steps cut where contact changes, damped high modes as a flexibility."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from romdam.core.system import History
+from romdam.timestepping.integrators.protocol import Outcome, Progress
+from romdam.timestepping.modal.integrator import ModalIntegrator
+from romdam.timestepping.modal.mode_split import ModeSplit, split_by_damping
+from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts
+from romdam.timestepping.prepared import Prepared, Simulation
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.steps import Steps, cut_steps
+
+if TYPE_CHECKING:
+    from romdam.config.sections.transient import TransientConfig
+
+
+@dataclass(frozen=True)
+class Adaptive(ModalIntegrator):
+    """The integrator of damped reduced models.
+
+    Attributes
+    ----------
+    force_change, midpoint : see `ModalIntegrator`
+    quasi_static_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility
+    merge_contacts : whether gaps that provably move alike are integrated as one
+    """
+
+    name: ClassVar[str] = "adaptive"
+    force_change: float = 0.003
+    midpoint: bool = True
+    quasi_static_ratio: float = 0.7
+    merge_contacts: bool = True
+
+    @classmethod
+    def configured(cls, transient: TransientConfig) -> Self:
+        """Let joint forces change the less within a step the more accuracy is asked for."""
+        return cls(force_change=transient.accuracy or cls.force_change)
+
+    def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:
+        """Cut a coarse step down to the finest."""
+        return cut_steps(finest, coarse, interval)
+
+    def split(self, prepared: Prepared, step: float) -> ModeSplit:
+        """Let the strongly damped modes be quasi-static."""
+        return prepared.cache.get_or_compute(
+            "split", lambda: split_by_damping(prepared.system, self.quasi_static_ratio)
+        )
+
+    def advance(
+        self, simulations: Sequence[Simulation], settings: Settings, progress: Progress
+    ) -> list[Outcome]:
+        """Integrate with equivalent contacts merged where there are some, and expand the histories."""
+        smaller = [Simulation(self._merged(one, settings), one.ground) for one in simulations]
+        outcomes = super().advance(smaller, settings, progress)
+        for i, ((prepared, _), outcome) in enumerate(zip(smaller, outcomes, strict=True)):
+            if prepared.symmetry is not None and isinstance(outcome, History):
+                outcomes[i] = expand(outcome, prepared.symmetry)
+            elif prepared.symmetry is not None:  # the message has to name a gap of the whole
+                outcomes[i] = super().advance([simulations[i]], settings, progress)[0]
+        return outcomes
+
+    def _merged(self, simulation: Simulation, settings: Settings) -> Prepared:
+        """The system to integrate: with merged contacts where some are equivalent under the ground motion."""
+        prepared, ground = simulation
+        if not self.merge_contacts or settings.start is not None or settings.shift is not None:
+            return prepared
+        shaken = ground.any(axis=1)
+        key = shaken.tobytes()
+        if key not in prepared.merged:
+            symmetry = merge_equivalent_contacts(prepared.system, np.flatnonzero(shaken))
+            prepared.merged[key] = None if symmetry is None else prepared.smaller(symmetry)
+        return prepared.merged[key] or prepared

@@ -1,0 +1,117 @@
+"""What the integrators that propagate uncoupled modes exactly share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from romdam.contact.components import NORMAL
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError
+from romdam.core.system import History, System
+from romdam.timestepping.integrators.protocol import Outcome, Progress
+from romdam.timestepping.modal.mode_split import ModeSplit, split_by_damping
+from romdam.timestepping.modal.runs import integrate_batch
+from romdam.timestepping.prepared import Prepared, Simulation
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.steps import Steps, fixed_steps
+
+if TYPE_CHECKING:
+    from romdam.config.sections.transient import TransientConfig
+
+_CACHE_BYTES = 0.4e6  # of the gaps of one run
+
+
+class ModalIntegrator:
+    """Exact modal propagation at a fixed step, every mode dynamic; a subclass changes what it does otherwise.
+
+    Attributes
+    ----------
+    midpoint : whether joint forces follow their springs at a point within the step, see
+        `romdam.contact.problem`; else at its end
+    force_change : what the change of a joint force over a step may do before the step is cut, as a gap
+        velocity relative to the peak ground velocity
+    massless_boundary : whether the joint force acts with its mean over the step, so that no energy is lost
+    """
+
+    name: ClassVar[str]
+    midpoint: bool = False
+    force_change: float = math.inf
+    massless_boundary: bool = False
+
+    @classmethod
+    def configured(cls, transient: TransientConfig) -> Self:
+        """Take the options that there are: none."""
+        return cls()
+
+    def supports(self, system: System) -> None:
+        """Refuse modes that something couples.
+
+        Raises
+        ------
+        ConfigError
+            for a system that is not diagonal.
+        """
+        if not system.diagonal:
+            raise ConfigError(
+                f"transient.integrator: {self.name} needs a reduced model whose modes no dashpots "
+                "couple; use generalized_alpha, or model.order: reduced and rock without viscous faces"
+            )
+
+    def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:
+        """Take the finest step throughout."""
+        return fixed_steps(finest, interval)
+
+    def compared(self, history: History) -> Floats:
+        """(nt, ng) openings, or displacements where there are no gaps."""
+        return history.jump[..., NORMAL].copy() if history.jump.size else history.disp
+
+    def split(self, prepared: Prepared, step: float) -> ModeSplit:
+        """Choose the dynamic modes for a base step [s]."""
+        return prepared.cache.get_or_compute("split", lambda: split_by_damping(prepared.system, math.inf))
+
+    def advance(
+        self, simulations: Sequence[Simulation], settings: Settings, progress: Progress
+    ) -> list[Outcome]:
+        """Integrate the simulations in batches whose systems have the same dynamic modes and kind of gaps."""
+        outcomes: dict[int, Outcome] = {}
+        total = sum(one.ground.shape[1] - 1 for one in simulations)
+        for batch in _batches(_groups(simulations, settings.steps.base), simulations):
+            before = sum(simulations[i].ground.shape[1] - 1 for i in outcomes)
+
+            def report(done: int, _: int, before: int = before) -> None:
+                progress(before + done, total)
+
+            made = integrate_batch([simulations[i] for i in batch], self, settings, report)
+            outcomes.update(zip(batch, made, strict=True))
+        return [outcomes[i] for i in range(len(simulations))]
+
+
+def _groups(simulations: Sequence[Simulation], step: float) -> Iterable[list[int]]:
+    """Numbers of the simulations whose arrays can stand side by side."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for i, (prepared, _) in enumerate(simulations):
+        law, symmetry = prepared.system.law, prepared.symmetry
+        integrator = prepared.integrator
+        assert isinstance(integrator, ModalIntegrator)
+        merged = b"" if symmetry is None else symmetry.gaps.tobytes()
+        laws = law.has_memory, tuple(one.law for one in law.laws), bool(law.laws and law.mu.any())
+        gaps = (law.directions, *laws, bool(law.K_nz.any()), merged)
+        groups.setdefault((integrator.split(prepared, step).dynamic.tobytes(), *gaps), []).append(i)
+    return groups.values()
+
+
+def _batches(groups: Iterable[list[int]], simulations: Sequence[Simulation]) -> Iterator[list[int]]:
+    """The groups, where runs gain by being taken together: else every run of them by itself.
+
+    The products with the modes gain by it, little since those of a lone run take four rows at a time. What
+    the gaps carry from step to step (an inverse, or the gathered Delassus operator) is each run's own, and
+    beyond a core's cache runs crowd each other out (`tests/benchmarks/bench_batch.py`).
+    """
+    for group in groups:
+        law = simulations[group[0]].prepared.system.law
+        carried = 8.0 * (law.directions * len(law)) ** 2
+        most = len(group) if carried < _CACHE_BYTES else 1
+        for first in range(0, len(group), most):
+            yield group[first : first + most]

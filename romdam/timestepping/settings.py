@@ -1,0 +1,49 @@
+"""Settings of a run that every integrator knows; what is one integrator's own stands in its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from romdam.core.arrays import Floats
+from romdam.timestepping.steps import Steps
+
+
+@dataclass(frozen=True)
+class Start:
+    """A state to go on from, as a row of a `History` holds it.
+
+    Attributes
+    ----------
+    q, v : (n,) unknowns of a diagonal system and their rates
+    jump, traction : (ng, d) of the gaps [m], [N]
+    memory : (L, ng, s) what the further laws keep, see `romdam.contact.problem.GapMemory`; None without any
+    """
+
+    q: Floats
+    v: Floats
+    jump: Floats
+    traction: Floats
+    memory: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of a run.
+
+    Attributes
+    ----------
+    steps : base step, cuts and written rows; an integrator's `steps` makes those that suit it
+    tolerance : allowed relative residual of the gap-space problem of a step
+    initial_state : "static" (equilibrium under the static loads) or "undeformed" (at rest)
+    start : state to go on from, instead of `initial_state` (modal integrators)
+    shift : (nt, directions * ng) jumps added at every base step, linear in between (modal integrators) [m]
+    coordinates : whether histories carry the coordinates q and v, which take as long to make as a step for
+        every row (modal integrators)
+    """
+
+    steps: Steps
+    tolerance: float = 1e-8
+    initial_state: str = "static"
+    start: Start | None = None
+    shift: Floats | None = None
+    coordinates: bool = True

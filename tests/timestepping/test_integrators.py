@@ -1,0 +1,191 @@
+"""The seam of integrators: what is declared is true, and one more is one file and one line."""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from hand_systems import gap_law, ground, modal_twin, sparse_system
+from simulating import prepared_for
+
+from romdam.config.load import Job, load_config, parse_config
+from romdam.config.plausible import doubts
+from romdam.core import integrators
+from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.integrators import INTEGRATORS, IntegratorEntry
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History
+from romdam.pipelines.simulation import prepare, settings_for, simulate_motion
+from romdam.timestepping import simulate as at_steps
+from romdam.timestepping.integrators.protocol import not_converged
+from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.steps import Steps, cut_steps, fixed_steps, whole_steps
+
+EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
+
+
+@dataclass(frozen=True)
+class CentralDifferences:
+    """A toy: explicit, without joints; `safety` times the critical step is the longest it takes."""
+
+    name: ClassVar[str] = "central_differences"
+    safety: float = 0.9
+
+    @classmethod
+    def configured(cls, transient):
+        return cls()
+
+    def supports(self, system):
+        if not system.diagonal or len(system.law):
+            raise ConfigError("central_differences is for uncoupled modes without joints")
+
+    def steps(self, finest, coarse, interval):
+        return fixed_steps(finest, interval)
+
+    def compared(self, history):
+        return history.disp
+
+    def advance(self, simulations, settings, progress):
+        return [self._integrate(one, settings, progress) for one in simulations]
+
+    def _integrate(self, simulation, settings, progress):
+        (prepared, acc), dt = simulation, settings.steps.base
+        system = prepared.system
+        limit = prepared.cache.get_or_compute("limit", lambda: 2.0 / np.sqrt(system.K.diagonal().max()))
+        if dt > self.safety * limit:
+            return ConvergenceError(not_converged(1, settings, np.inf, "the highest mode"))
+        k, c = system.K.diagonal(), system.C.diagonal()
+        force = (system.force[:, None] - system.load @ acc).T
+        u = np.zeros((len(force), system.size))
+        u[1] = 0.5 * dt**2 * force[0]
+        for n in range(1, len(u) - 1):
+            right = force[n] - k * u[n] + (2.0 * u[n] - u[n - 1]) / dt**2 + c * u[n - 1] / (2.0 * dt)
+            u[n + 1] = right / (1.0 / dt**2 + c / (2.0 * dt))
+        progress(len(u) - 1, len(u) - 1)
+        rows = u[:: settings.steps.stride]
+        disp, none = rows @ system.observe.toarray().T, np.zeros((len(rows), 0, 1))
+        rest = dict.fromkeys(("input", "kinetic", "strain", "joint_stored", "residual"), np.zeros(len(rows)))
+        time = np.arange(len(rows)) * settings.steps.interval
+        stats = {"steps": float(len(u) - 1), "finest_step": dt, "loop_cpu_seconds": 0.0}
+        return History(
+            time, none, none, none, none[..., 0], disp, 0.0 * disp, 0.0 * disp, rows, rows, rest, {}, stats,
+            self.name,
+        )  # fmt: skip
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    """The one line."""
+    monkeypatch.setitem(
+        INTEGRATORS, CentralDifferences.name, IntegratorEntry(f"{__name__}:CentralDifferences")
+    )
+
+
+def oscillator(gaps=0):
+    """A mass on a spring, 5 Hz, 3 % damping."""
+    k = (2.0 * np.pi * 5.0) ** 2
+    system = sparse_system(1.0, k, np.ones((gaps, 1)), gap_law(gaps), C=0.06 * np.sqrt(k), load=[1.0])
+    return modal_twin(system)
+
+
+def test_an_integrator_is_one_file_and_one_line(registered):
+    """Named in a configuration, and run through `simulate` of the pipeline to the answer of the exact one."""
+    config = load_config(EXAMPLE).config
+    raw = config.model_dump(mode="json") | {
+        "transient": {"finest_step": 1e-4, "integrator": "central_differences"}
+    }
+    job = Job(parse_config(raw, "dam.yaml"), EXAMPLE)
+    system, time = oscillator(), np.arange(101) * 0.01
+    motion = GroundMotion("sine", ground(np.sin(12.0 * time)), 0.01)
+    prepared = prepare(job, system)
+    assert isinstance(prepared.integrator, CentralDifferences)
+    toy, exact = (simulate_motion(job, p, motion) for p in (prepared, prepare(job, system, "modal")))
+    assert toy.integrator == "central_differences" and toy.stats["ledger_imbalance"] == 0.0
+    assert np.abs(toy.disp - exact.disp).max() < 1e-3 * np.abs(exact.disp).max()
+    with pytest.raises(ConfigError, match="without joints"):
+        simulate_motion(job, prepare(job, oscillator(gaps=1)), motion)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_what_is_declared_is_what_the_integrator_says(name):
+    entry, kind = INTEGRATORS[name], integrator_class(name)
+    assert kind.name == name
+    config = load_config(EXAMPLE).config.transient
+    for key in entry.keys:
+        other = config.model_copy(update={key: 0.25})
+        assert kind.configured(other) != kind.configured(config), key
+    free = replace(oscillator(gaps=1), C=0.0 * oscillator().C)
+    free.C.eliminate_zeros()
+    for system, suits in (
+        (free, True),
+        (oscillator(gaps=1), entry.damped),
+        (replace(free, diagonal=False), not entry.uncoupled),
+    ):
+        if suits:
+            kind().supports(system)
+        else:
+            with pytest.raises(ConfigError, match=f"transient.integrator: {name}"):
+                kind().supports(system)
+
+
+def test_options_are_the_integrators_own():
+    """None of one integrator's options is one of `Settings`, and each has a default."""
+    common = {field.name for field in fields(Settings)}
+    for name in INTEGRATORS:
+        kind = integrator_class(name)
+        assert common.isdisjoint(field.name for field in fields(kind))
+        assert kind() == kind()
+
+
+def test_the_scene_decides_where_no_integrator_is_named():
+    damped = oscillator(gaps=1)
+    free = replace(damped, C=0.0 * damped.C)
+    assert suitable_integrator(damped) == "adaptive"
+    assert suitable_integrator(free) == "conserving"
+    assert suitable_integrator(replace(free, law=gap_law(0))) == "adaptive"
+    weak = replace(free.law, laws={"cohesion": np.ones(1)})
+    assert suitable_integrator(replace(free, law=weak)) == "adaptive"
+    assert suitable_integrator(replace(damped, diagonal=False)) == "generalized_alpha"
+
+
+def test_keys_of_another_integrator_are_told():
+    raw = load_config(EXAMPLE).config.model_dump(mode="json", exclude_defaults=True)
+    raw["transient"] = {"finest_step": 0.001, "integrator": "modal", "rho_inf": 0.8}
+    (line,) = doubts(parse_config(raw, "dam.yaml"))
+    assert line.startswith("transient.rho_inf: does nothing with modal") and "generalized_alpha" in line
+
+
+def test_unequal_integrators_are_not_taken_together():
+    both = [prepared_for(oscillator(), name) for name in ("modal", "adaptive")]
+    with pytest.raises(AssertionError):
+        at_steps.simulate(both, [ground(np.zeros(5))] * 2, Settings(Steps(0.01)))
+    assert at_steps.simulate([], [], Settings(Steps(0.01))) == []
+
+
+def test_steps_divide_the_written_rows():
+    assert cut_steps(0.00125, 0.01, 0.01) == Steps(0.01, 1, (2, 4))
+    assert cut_steps(0.0025, 0.01, None) == Steps(0.01, 1, (4,))
+    assert cut_steps(0.003, 0.01, 0.003) == Steps(0.003, 1, ())
+    assert fixed_steps(0.0025, 0.01) == Steps(0.0025, 4) and fixed_steps(0.1, None) == Steps(0.1)
+    assert whole_steps(0.01, 0.003) == Steps(0.0025, 4)
+    steps = Steps(0.01, 2, (2, 4))
+    assert (steps.finest, steps.interval, steps.sizes) == (0.00125, 0.02, [0.01, 0.005, 0.00125])
+
+
+def test_settings_of_a_job_and_of_a_run_that_an_accuracy_has_stepped():
+    job, motion = load_config(EXAMPLE), GroundMotion("m", np.zeros((3, 50)), 0.01)
+    prepared = prepare(job, oscillator(gaps=1))
+    assert settings_for(job, prepared, motion).steps == Steps(0.01, 1, (4,))
+    transient = job.config.transient.model_copy(update={"finest_step": None, "accuracy": 0.02})
+    loose = replace(job, config=job.config.model_copy(update={"transient": transient}))
+    assert prepare(loose, oscillator(gaps=1)).integrator.force_change == 0.02
+    assert settings_for(loose, prepared, motion).steps == Steps(0.01, 1)
+    assert settings_for(loose, prepared, motion, 0.00125).steps == Steps(0.01, 1, (2, 4))
+
+
+def test_the_declaration_loads_no_integrator():
+    assert not hasattr(integrators, "Adaptive")
+    with pytest.raises(ConfigError, match="no integrator 'euler'"):
+        integrator_class("euler")
