@@ -38,7 +38,10 @@ ALLOWED = {
     "__main__": {"cli"},
     "__init__": {"pipelines", "results"},
 }
-TYPES = {"romdam.reduction.storage.model_file": {"results"}}
+TYPES = {
+    "romdam.reduction.storage.model_file": {"results"},
+    "romdam.scene.elements": {"results", "visual"},
+}
 ANYWHERE = {"core", "config"}
 ONLY_IN = {
     "xarray": {"error", "pipelines", "postprocess", "results", "terminal", "visual"},

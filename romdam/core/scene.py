@@ -45,7 +45,7 @@ class Block:
     Attributes
     ----------
     name : unique in the scene
-    element : hex8, hex20, tet4 or tet10
+    element : its name in `romdam.scene.elements`
     points : (n, 3) node positions [m]
     cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
     material : of every cell

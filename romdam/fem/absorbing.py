@@ -23,8 +23,8 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Absorbing, Block
 from romdam.fem.material import lame
-from romdam.scene.elements import ELEMENTS, gauss_rule, simplex_rule
-from romdam.scene.facets import area_elements, facet_element
+from romdam.scene.elements import facet_element
+from romdam.scene.facets import area_elements
 
 _ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0  # springs, in units of G / R
 
@@ -52,8 +52,9 @@ def boundary_dashpots(block: Block) -> csr_matrix:
 def _face_matrix(block: Block, face: Absorbing, values: tuple[float, float]) -> csr_matrix:
     """int N_a N_b (along n n^T + across (I - n n^T)) dA over a face."""
     facets, (along, across) = face.facets, values
-    xi, weight = simplex_rule(4, 2) if facet_element(facets).corners == 3 else gauss_rule(3, 2)
-    shape = ELEMENTS[facet_element(facets).name].shape(xi)
+    element = facet_element(facets)
+    xi, weight = element.rule_of(3 if element.box else 4)
+    shape = element.shape(xi)
     vectors = area_elements(block.points, facets, xi)
     area = np.linalg.norm(vectors, axis=2)
     normal = vectors / area[..., None]

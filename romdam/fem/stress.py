@@ -28,7 +28,7 @@ from scipy.sparse import csr_matrix, vstack
 from romdam.core.scene import Block, Ints, Material, Scene
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
-from romdam.scene.elements import ELEMENTS, Element, Floats, gauss_rule, jacobians, simplex_rule
+from romdam.scene.elements import ELEMENTS, Floats, jacobians
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
@@ -150,15 +150,7 @@ def _stress_of_gradient(gradient: Floats, material: Material) -> Floats:
 def _recovery(name: str) -> tuple[Floats, Floats]:
     """Points (nq, 3) where stress is taken, and the matrix (nn, nq) that carries it to the nodes."""
     element = ELEMENTS[name]
-    if element.corners == 8:
-        xi = gauss_rule(2, 3)[0]
-        return xi, _carry(ELEMENTS["hex8"], xi, element.nodes)
-    if not element.quadratic:
+    if name == "tet4":
         return np.full((1, 3), 0.25), np.ones((4, 1))
-    xi = simplex_rule(2, 3)[0]
-    return xi, _carry(ELEMENTS["tet4"], xi, element.nodes)
-
-
-def _carry(linear: Element, xi: Floats, nodes: Floats) -> Floats:
-    """Values at nodes of the polynomial in the linear element's space through values at xi."""
-    return np.asarray(linear.shape(nodes) @ np.linalg.inv(linear.shape(xi)), dtype=float)
+    linear, xi = ELEMENTS[element.linear], element.rule_of(2)[0]
+    return xi, np.asarray(linear.shape(element.nodes) @ np.linalg.inv(linear.shape(xi)), dtype=float)

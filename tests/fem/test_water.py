@@ -25,6 +25,7 @@ from romdam.reduction.storage.model_file import read_block
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.fields import write_model
 from romdam.scene.build import build_scene
+from romdam.scene.elements import SOLIDS
 from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.simulate import integrate
 
@@ -78,7 +79,7 @@ def rigid_mass(scene):
     return B.T @ water.times(B) / unit, B.T @ water.ground / unit
 
 
-@pytest.mark.parametrize("element", ["hex8", "hex20", "tet4", "tet10"])
+@pytest.mark.parametrize("element", SOLIDS)
 def test_total_force_of_incompressible_water_is_westergaards_series(element):
     """0.543 rho a H^2 on a rigid wall in the 2-D limit (Westergaard 1933), within 1 %; no vertical force."""
     mass, ground = rigid_mass(wall("incompressible", element)[0])
@@ -104,7 +105,7 @@ def test_level_between_nodes_cuts_the_elements(level, element):
     assert rigid_mass(scene)[0][1, 1] == pytest.approx(SERIES, rel=0.006)
 
 
-@pytest.mark.parametrize("element", ["hex8", "hex20", "tet4", "tet10"])
+@pytest.mark.parametrize("element", SOLIDS)
 @pytest.mark.parametrize("level", [40.0, 37.3])
 def test_westergaards_pressure_totals_seven_twelfths(element, level):
     """int 7/8 rho sqrt(H y) dy = 7/12 rho H^2."""

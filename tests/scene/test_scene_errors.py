@@ -9,7 +9,7 @@ from scene_builders import box, two_boxes
 from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
-from romdam.scene.elements import FACET_OF
+from romdam.scene.elements import SOLIDS
 from romdam.scene.supports import held_rigidly, refuse_free_blocks
 
 
@@ -37,7 +37,7 @@ def test_supports_by_face_plane_and_component(make):
     assert np.array_equal(fixed, np.c_[points[:, 0] == 0, points[:, 1] == 2, points[:, 2] == 0])
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_loads_are_what_they_say(element, make):
     blocks = {"dam": box([0, 0, 0], [2, 2, 2], element=element)}
     loads = {

@@ -10,13 +10,8 @@ import numpy as np
 
 from romdam.core.errors import MeshError, shown
 from romdam.core.scene import Floats, Ints
+from romdam.scene.elements import CELLS, SOLIDS
 
-KINDS = {  # meshio's name -> dimension, nodes
-    "vertex": (0, 1), "line": (1, 2), "line3": (1, 3), "triangle": (2, 3), "triangle6": (2, 6),
-    "quad": (2, 4), "quad8": (2, 8), "quad9": (2, 9), "tetra": (3, 4), "tetra10": (3, 10),
-    "hexahedron": (3, 8), "hexahedron20": (3, 20), "hexahedron27": (3, 27), "wedge": (3, 6),
-    "wedge15": (3, 15), "wedge18": (3, 18), "pyramid": (3, 5), "pyramid13": (3, 13), "pyramid14": (3, 14),
-}  # fmt: skip
 LARGEST = 2e9  # bytes of a mesh file
 _FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
 _LOOSE = (0.1, 3)  # share and number of nodes in no element, above both of which elements are missing
@@ -28,7 +23,7 @@ class Cells:
 
     Attributes
     ----------
-    kind : a key of `KINDS`
+    kind : a key of `romdam.scene.elements.CELLS`
     nodes : (n, nodes per element) in the VTK order; the file's numbers, or from 0 once they are checked
     ids : (n,) the elements' numbers in the file
     """
@@ -40,7 +35,7 @@ class Cells:
     @property
     def dim(self) -> int:
         """Dimension of the elements."""
-        return KINDS[self.kind][0]
+        return CELLS[self.kind].dim
 
 
 Groups = dict[str, list[Ints]]
@@ -191,7 +186,7 @@ def cannot_be_read(place: str, kind: str, why: str) -> MeshError:
     article = "an" if kind[0] in "aeiou" else "a"
     return MeshError(
         f"{place} cannot be read as {article} {kind} file ({why}); supported "
-        "solid elements are 8- and 20-node hexahedra and 4- and 10-node tetrahedra; export the mesh anew"
+        f"solid elements are {', '.join(SOLIDS)}; export the mesh anew"
     )
 
 

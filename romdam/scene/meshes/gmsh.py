@@ -16,23 +16,12 @@ import numpy as np
 
 from romdam.core.errors import shown
 from romdam.core.scene import Floats, Ints
+from romdam.scene.elements import CELLS
 from romdam.scene.facets import row_numbers
 from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
 from romdam.scene.meshes.gmsh_numbers import Bytes, Numbers, Words, whole
 
-_TYPES = {
-    1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 8: "line3",
-    9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 13: "wedge18", 14: "pyramid14",
-    15: "vertex", 16: "quad8", 17: "hexahedron20", 18: "wedge15", 19: "pyramid13",
-}  # fmt: skip
-_SIZES = {
-    1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1,
-    16: 8, 17: 20, 18: 15, 19: 13,
-}  # fmt: skip
-_TO_VTK = {
-    "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
-    "hexahedron20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15],
-}
+_TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
 
 
@@ -301,15 +290,15 @@ def _refuse_mixed_entities(found: _Found) -> None:
 
 
 def _add(found: _Found, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
-    name = _TYPES[kind]
-    found.cells.append(Cells(name, nodes[:, _TO_VTK.get(name, slice(None))], ids))
+    cell = _TYPES[kind]
+    found.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
     found.physical.append(groups)
 
 
 def _size(kind: int) -> int:
-    if kind not in _SIZES:
+    if kind not in _TYPES:
         raise ValueError(f"element type {kind} is not known")
-    return _SIZES[kind]
+    return _TYPES[kind].nodes
 
 
 def _compare(found: int, said: int, name: str) -> None:
