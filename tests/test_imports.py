@@ -39,6 +39,7 @@ ALLOWED = {
     "__init__": {"pipelines", "results"},
 }
 TYPES = {
+    "romdam.reduction.storage.keys": {"results"},
     "romdam.reduction.storage.model_file": {"results"},
     "romdam.scene.elements": {"results", "visual"},
 }

@@ -127,7 +127,7 @@ class Hydrostatic:
 
 @dataclass(frozen=True)
 class Tie:
-    """Two blocks that have grown together: node nodes[0][k] of block I is node nodes[1][k] of block J."""
+    """A merged interface of two blocks: node nodes[0][k] of block I is node nodes[1][k] of block J."""
 
     name: str
     blocks: tuple[str, str]
@@ -241,7 +241,7 @@ class Scene:
     gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
     probes : nodes to be written
     stress : where stress is written; None if nowhere
-    ties : contacts of blocks that have grown together
+    ties : merged interfaces of blocks
     water : hydrostatic loads
     warmed : block name -> uniform change of temperature [K]
     reservoir : water that moves with the dam, or None

@@ -75,12 +75,12 @@ class Element:
 
     @property
     def quadratic(self) -> bool:
-        """Whether the element has mid-edge nodes."""
+        """True where the element has mid-edge nodes."""
         return len(self.nodes) > self.corners
 
     @property
     def on_edges(self) -> bool:
-        """Whether its nodes are corners and middles of edges, no others."""
+        """True where its nodes are corners and middles of edges, no others."""
         return len(self.middles) == len(self.edges)
 
     @property
@@ -90,7 +90,7 @@ class Element:
 
     @property
     def box(self) -> bool:
-        """Whether it is a hexahedron or a quadrilateral."""
+        """True for a hexahedron or a quadrilateral."""
         return bool(self.corners == 2 ** self.nodes.shape[1])
 
     @property

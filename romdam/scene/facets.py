@@ -33,7 +33,7 @@ def boundary_facets(cells: Ints, element: str) -> Ints:
 def row_numbers(rows: Ints) -> Ints:
     """One number for every row of numbers from 0 on, in the rows' order and equal where they are.
 
-    NumPy sorts rows by comparing them as bytes, which takes ten times as long as sorting numbers.
+    NumPy sorts rows by comparing them as bytes, which takes much longer than sorting numbers.
     """
     size = int(rows.max(initial=0)) + 1
     found, most = np.zeros(len(rows), dtype=np.int64), 1

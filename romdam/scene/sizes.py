@@ -1,4 +1,4 @@
-"""How many nodes a configuration asks for, and whether they fit in memory, before anything is meshed."""
+"""Nodes that a configuration asks for, and whether they fit in memory, before anything is meshed."""
 
 from __future__ import annotations
 

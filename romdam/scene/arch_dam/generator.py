@@ -31,7 +31,7 @@ _ON = 1e-6  # of the rock's size: distance from a plane that counts as on it
 
 @dataclass(frozen=True)
 class ArchDam:
-    """What an arch dam adds to a scene.
+    """Blocks, ties and supports that an arch dam adds to a scene.
 
     Attributes
     ----------
@@ -269,7 +269,7 @@ def _absorbing(config: ArchDamConfig, faces: dict[str, Ints]) -> tuple[Absorbing
 
 
 def _ties(config: ArchDamConfig, blocks: dict[str, Block], numbers: dict[str, Ints]) -> tuple[Tie, ...]:
-    """Contacts that have grown together: cantilevers and ground, the ground's blocks, tied joints."""
+    """Merged interfaces: cantilevers and ground, the ground's blocks, tied joints."""
     cantilevers = config.cantilever_names
     ground = [name for name in blocks if name not in cantilevers]
     pairs = [(c, g) for c in cantilevers for g in ground]

@@ -54,7 +54,7 @@ Lines = list[list[str]]
 
 @dataclass
 class _Deck:
-    """What has been read so far; numbers are the file's own until the end."""
+    """Content read so far; numbers are the file's own until the end."""
 
     place: str
     tags: list[int] = field(default_factory=list)

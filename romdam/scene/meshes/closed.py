@@ -1,4 +1,4 @@
-"""Whether the elements of a block fill one body: faces that pair, and none that lies inside it."""
+"""Check that the elements of a block fill one body: faces that pair, and none that lies inside it."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _just_outside(points: Floats, facets: Ints) -> Floats:
 
 
 def _any_cell_has(block: Block, points: Floats) -> Bools:
-    """Whether each point is inside an element."""
+    """True for each point inside an element."""
     found = np.zeros(len(points), dtype=bool)
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
@@ -204,7 +204,7 @@ def _geometry(block: Block) -> tuple[Floats, Element]:
 
 
 def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
-    """Whether each point (p, 3) is in its element with nodes (p, nn, 3), by Newton's method.
+    """True for each point (p, 3) in its element with nodes (p, nn, 3), by Newton's method.
 
     The first step is exact for a straight tetrahedron; points that a step takes far out of the reference
     element are not followed any further.
@@ -225,7 +225,7 @@ def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
 
 
 def _depth(xi: Floats, element: Element) -> Floats:
-    """How far (p,) points of the reference element are within it; negative outside."""
+    """Depth (p,) of points of the reference element in it; negative outside."""
     if element.box:
         return 1.0 - np.abs(xi).max(axis=1)
     return np.minimum(xi.min(axis=1), 1.0 - xi.sum(axis=1))

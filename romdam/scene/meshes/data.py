@@ -43,7 +43,7 @@ Groups = dict[str, list[Ints]]
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What a mesh file holds.
+    """Content of a mesh file.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ def _refuse_collapsed(cells: Cells, place: str) -> None:
 
 
 def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tuple[str, ...]:
-    """What of the nodes no element uses; raises where these are so many that elements are missing."""
+    """Remarks on nodes that no element uses; raises where these are so many that elements are missing."""
     taken = np.zeros(len(tags), dtype=bool)
     for block in cells:
         taken[block.nodes] = True

@@ -169,7 +169,7 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
 
 
 def _on_faces(file: MeshFile, corners: Ints) -> Bools:
-    """Which facets, by their corners (n, 3 or 4), are faces of a solid element."""
+    """True for facets, by their corners (n, 3 or 4), that are faces of a solid element."""
     width = corners.shape[1]
     rows = [np.sort(corners, axis=1)]
     for cells in file.cells:

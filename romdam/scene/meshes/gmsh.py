@@ -19,7 +19,7 @@ from romdam.core.scene import Floats, Ints
 from romdam.scene.elements import CELLS
 from romdam.scene.facets import row_numbers
 from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
-from romdam.scene.meshes.gmsh_numbers import Bytes, Numbers, Words, whole
+from romdam.scene.meshes.gmsh_numbers import Bytes, Numbers, Words, counts, whole
 
 _TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
@@ -27,7 +27,7 @@ _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
 
 @dataclass
 class _Found:
-    """What has been read so far."""
+    """Content read so far."""
 
     tags: list[Ints] = field(default_factory=list)
     points: list[Floats] = field(default_factory=list)
@@ -170,23 +170,23 @@ def _read_section(
 
 def _entities(stream: Numbers, found: _Found) -> None:
     found.entities = {}
-    for dim, count in enumerate(stream.counts(4, "size")):
+    for dim, count in enumerate(counts(stream, 4, "size")):
         for _ in range(count):
-            (tag,) = stream.counts(1)
+            (tag,) = counts(stream, 1)
             stream.floats(6 if dim else 3)
-            groups = [abs(g) for g in stream.counts(stream.counts(1, "size")[0])]
+            groups = [abs(g) for g in counts(stream, counts(stream, 1, "size")[0])]
             if dim:
-                stream.ints(stream.counts(1, "size")[0], "int")
+                stream.ints(counts(stream, 1, "size")[0], "int")
             if (dim, tag) in found.entities:
                 raise ValueError(f"$Entities gives entity {tag} of dimension {dim} twice")
             found.entities[dim, tag] = groups
 
 
 def _nodes_41(stream: Numbers, found: _Found) -> None:
-    blocks, total, *_ = stream.counts(4, "size")
+    blocks, total, *_ = counts(stream, 4, "size")
     for _ in range(blocks):
-        dim, _, parametric = stream.counts(3)
-        (count,) = stream.counts(1, "size")
+        dim, _, parametric = counts(stream, 3)
+        (count,) = counts(stream, 1, "size")
         found.tags.append(stream.ints(count, "size"))
         width = 3 + (dim if parametric else 0)
         found.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
@@ -194,10 +194,10 @@ def _nodes_41(stream: Numbers, found: _Found) -> None:
 
 
 def _elements_41(stream: Numbers, found: _Found) -> None:
-    blocks, total, *_ = stream.counts(4, "size")
+    blocks, total, *_ = counts(stream, 4, "size")
     for _ in range(blocks):
-        dim, tag, kind = stream.counts(3)
-        (count,) = stream.counts(1, "size")
+        dim, tag, kind = counts(stream, 3)
+        (count,) = counts(stream, 1, "size")
         size = _size(kind)
         rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
         if found.entities is not None and (dim, tag) not in found.entities:
@@ -216,7 +216,7 @@ def _nodes_22(stream: Numbers, found: _Found) -> None:
         found.tags.append(raw["tag"].astype(np.int64).reshape(count))
         found.points.append(raw["x"].astype(float))
         return
-    (count,) = stream.counts(1)
+    (count,) = counts(stream, 1)
     rows = stream.floats(4 * count).reshape(count, 4)
     found.tags.append(whole(rows[:, 0], "Nodes"))
     found.points.append(rows[:, 1:])
@@ -227,7 +227,7 @@ def _elements_22(stream: Numbers, found: _Found) -> None:
         _elements_22_binary(stream, found)
         return
     assert isinstance(stream, Words)
-    (total,) = stream.counts(1)
+    (total,) = counts(stream, 1)
     numbers = whole(stream.numbers, "Elements")
     flat, at = numbers.tolist(), 1
     starts: dict[tuple[int, int], list[int]] = {}
@@ -250,7 +250,7 @@ def _elements_22(stream: Numbers, found: _Found) -> None:
 def _elements_22_binary(stream: Bytes, found: _Found) -> None:
     total, done = stream.count_line(), 0
     while done < total:
-        kind, count, tags = stream.counts(3)
+        kind, count, tags = counts(stream, 3)
         if count < 1 or tags < 0:
             raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
         width = 1 + tags + _size(kind)
@@ -280,9 +280,9 @@ def _refuse_mixed_entities(found: _Found) -> None:
             continue  # written by what knows no entities
         for entity in entities:
             here = rows[rows[:, 0] == entity]
-            groups, counts = np.unique(here[:, 1], return_counts=True)
+            groups, sizes = np.unique(here[:, 1], return_counts=True)
             if len(here) != len(groups) * len(np.unique(here[:, 2])):
-                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, counts, strict=True))
+                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, sizes, strict=True))
                 raise ValueError(
                     f"$Elements of entity {entity} of dimension {dim} are partly in one group ({listed}); "
                     "an entity is in a group as a whole"

@@ -99,7 +99,7 @@ class _Entry:
 
 @dataclass
 class _Deck:
-    """What has been read so far."""
+    """Content read so far."""
 
     tags: list[int] = field(default_factory=list)
     points: list[tuple[float, float, float]] = field(default_factory=list)

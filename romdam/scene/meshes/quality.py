@@ -1,4 +1,4 @@
-"""Whether the cells of a mesh can carry an integration."""
+"""Check that the cells of a mesh can carry an integration."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _volume(block: Block, place: str) -> float:
 
 
 def _determinants(matrices: Floats) -> Floats:
-    """Of (..., 3, 3), by the rule of Sarrus: LAPACK takes a microsecond for each."""
+    """Of (..., 3, 3), by the rule of Sarrus: LAPACK is slow on small matrices."""
     (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(matrices, (-2, -1), (0, 1))
     return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
 

@@ -169,7 +169,7 @@ def _array(grid: _Grid, tag: ElementTree.Element, rows: int | None, width: int =
 
 
 def _bytes(grid: _Grid, tag: ElementTree.Element, name: str) -> bytes:
-    """What a binary or appended array holds."""
+    """Content of a binary or appended array."""
     form = tag.get("format")
     if form == "binary":
         return _unpacked(grid, "".join((tag.text or "").split()).encode(), True)
