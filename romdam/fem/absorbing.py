@@ -35,7 +35,7 @@ def boundary_springs(block: Block) -> csr_matrix:
     shear = lame(block.material)[1]
     for face in block.absorbing:
         unit = shear / face.distance
-        total = total + _face_matrix(block, face, (_ALONG * unit, _ACROSS * unit))
+        total = total + _face_matrix(block, face, _ALONG * unit, _ACROSS * unit)
     return csr_matrix(total)
 
 
@@ -45,13 +45,13 @@ def boundary_dashpots(block: Block) -> csr_matrix:
     lam, mu = lame(block.material)
     rho = block.material.rho
     for face in block.absorbing:
-        total = total + _face_matrix(block, face, (np.sqrt(rho * (lam + 2.0 * mu)), np.sqrt(rho * mu)))
+        total = total + _face_matrix(block, face, np.sqrt(rho * (lam + 2.0 * mu)), np.sqrt(rho * mu))
     return csr_matrix(total)
 
 
-def _face_matrix(block: Block, face: Absorbing, values: tuple[float, float]) -> csr_matrix:
+def _face_matrix(block: Block, face: Absorbing, along: float, across: float) -> csr_matrix:
     """int N_a N_b (along n n^T + across (I - n n^T)) dA over a face."""
-    facets, (along, across) = face.facets, values
+    facets = face.facets
     element = facet_element(facets)
     xi, weight = element.rule_of(3 if element.box else 4)
     shape = element.shape(xi)

@@ -94,7 +94,7 @@ def reduce_scene(
         first = parts[part.name].stop
     basis = {name: found[name] for name in scene.blocks}
     report: dict[str, object] = {name: block.report for name, block in basis.items()}
-    system = _system(scene, basis, (acting, law), damping, parts)
+    system = _system(scene, basis, acting, law, damping, parts)
     water = added_mass(scene)
     if water is not None:
         system, basis = with_water(system, basis, water, damping)
@@ -106,12 +106,13 @@ def reduce_scene(
 def _system(
     scene: Scene,
     basis: dict[str, BlockBasis],
-    given: tuple[Acting, GapLaw],
+    acting: Acting,
+    law: GapLaw,
     damping: DampingConfig,
     parts: dict[str, slice],
 ) -> System:
     """The parts side by side, with their joints open."""
-    (acting, law), size = given, max(part.stop for part in parts.values())
+    size = max(part.stop for part in parts.values())
     omega2, load, force, B = _reduced_matrices(scene, basis, acting, size)
     return System(
         M=csr_matrix(eye_array(size)),

@@ -216,14 +216,14 @@ def _reduced(
         where a factorisation or an eigenproblem fails.
     """
     key = fingerprint(keys)
-    size, file = merged.K.shape[0], (store.scratch(key), key)
+    size, path = merged.K.shape[0], store.scratch(key)
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
     if every and (merged.M.diagonal() > 0.0).all():
         modes, (omega2, Phi), V = size, dense_modes(merged.K.whole(), merged.M), np.eye(size)
-        T = OutOfCoreMatrix(*file, (len(merged.row), size))
+        T = OutOfCoreMatrix(path, key, (len(merged.row), size))
         T.fill(size, lambda first, last: _over_blocks(merged, Phi[:, first:last]))
     else:
-        T, modes = _ritz_vectors(merged, replace(choice, count=size if every else choice.count), file)
+        T, modes = _ritz_vectors(merged, replace(choice, count=size if every else choice.count), path, key)
         omega2, V = _diagonalised(merged, T, modes)
     log.info("%s: %d modes, %d attachment modes", merged.place, modes, len(omega2) - modes)
     report = _report(merged, T, omega2, V, modes) | choice.report()
@@ -231,22 +231,22 @@ def _reduced(
     for name in keys:
         last = first + 3 * len(scene.blocks[name].points)
         ends = [*range(first, last, 3 * _NODES), last]
-        rows = T.times(V, ends), merged.inertia[name]
-        kept[name] = store.write_streamed(keys[name], scene.blocks[name], omega2, rows, report)
+        rows, block = T.times(V, ends), scene.blocks[name]
+        kept[name] = store.write_streamed(keys[name], block, omega2, rows, merged.inertia[name], report)
         first = last
     T.remove()
     return kept
 
 
 def _ritz_vectors(
-    merged: _MergedPart, choice: ModeChoice, file: tuple[Path, str]
+    merged: _MergedPart, choice: ModeChoice, path: Path, key: str
 ) -> tuple[OutOfCoreMatrix, int]:
     """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
     right = merged.right
     shifted = Symmetric(merged.K.upper - merged.shift * merged.M) if merged.shift else merged.K
     columns = right.shape[1] + choice.columns
     solver = make_solver(shifted, merged.motions, columns, choice.solving, merged.place, merged.inner)
-    T = OutOfCoreMatrix(*file, (len(merged.row), right.shape[1]))
+    T = OutOfCoreMatrix(path, key, (len(merged.row), right.shape[1]))
     width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
     T.fill(T.shape[1], lambda a, b: _over_blocks(merged, solver.solve(right[:, a:b].toarray())), width)
     log.info("%s: %d static answers; the modes are to come", merged.place, T.shape[1])

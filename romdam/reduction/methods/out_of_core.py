@@ -83,7 +83,7 @@ def is_large(interface: Interface, choice: ModeChoice) -> bool:
     return 8.0 * len(interface.retained) * columns > LARGE and not choice.keeps_all
 
 
-def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: str) -> BlockBasis:
+def reduce_large(large: LargeBlock, choice: ModeChoice, store: BlockStore, key: str) -> BlockBasis:
     """Reduce a block into its file of the store.
 
     Raises
@@ -93,9 +93,9 @@ def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: 
     ResultError
         where the folder or the disk refuses the file.
     """
-    ritz = _ritz_vectors(given, choice, (store.scratch(key), key))
+    ritz = _ritz_vectors(large, choice, store.scratch(key), key)
     T, modes, boundary = ritz.T, ritz.modes, int(ritz.outer.retained.sum())
-    low, V = ritz.reduced.diagonalised(given)
+    low, V = ritz.reduced.diagonalised(large)
     sub = Substructure(
         omega2=without_roundoff(low),
         basis=np.zeros((0, 0)),
@@ -106,8 +106,8 @@ def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: 
         residual=modes.residual,
         residual_vectors=T.shape[1] - boundary - len(modes.omega2),
     )
-    rows = _rows(given, T, V), ritz.outer.inertia
-    basis = store.write_streamed(key, given.block, sub.omega2, rows, sub.report() | choice.report())
+    rows, report = _rows(large, T, V), sub.report() | choice.report()
+    basis = store.write_streamed(key, large.block, sub.omega2, rows, ritz.outer.inertia, report)
     T.remove()
     return basis
 
@@ -128,18 +128,18 @@ class _Reduced(NamedTuple):
     K: Floats
     M: Floats
 
-    def diagonalised(self, given: LargeBlock) -> tuple[Floats, Floats]:
+    def diagonalised(self, large: LargeBlock) -> tuple[Floats, Floats]:
         """omega^2, and the modes in terms of T."""
-        return diagonalise(self.K + given.shift * self.M, self.M, given.place)
+        return diagonalise(self.K + large.shift * self.M, self.M, large.place)
 
 
-def _ritz_vectors(given: LargeBlock, choice: ModeChoice, file: tuple[Path, str]) -> _Ritz:
+def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, key: str) -> _Ritz:
     """Constraint modes, fixed-interface modes and residual vectors; the solver goes when they are there."""
-    place, shift = given.place, given.shift
-    outer, interior = _split(given, shift)
+    place, shift = large.place, large.shift
+    outer, interior = _split(large, shift)
     boundary = interior.coupling.shape[1]
     solver = make_solver(interior.K, interior.motions, boundary + choice.columns, choice.solving, place)
-    T = OutOfCoreMatrix(*file, (len(outer.retained), boundary))
+    T = OutOfCoreMatrix(path, key, (len(outer.retained), boundary))
     T.fill(boundary, lambda first, last: _constraint_modes(outer.retained, interior, solver, first, last))
     log.info("%s: %d constraint modes; the modes are to come", place, boundary)
     K = interior.K + shift * interior.M if shift else interior.K
@@ -148,8 +148,8 @@ def _ritz_vectors(given: LargeBlock, choice: ModeChoice, file: tuple[Path, str])
     T.fill(T.shape[1], lambda a, b: over_interior(outer.retained, modes.Phi[:, a - boundary : b - boundary]))
     reduced = _reduced(T, outer, modes.omega2 - shift)
     if choice.residual_vectors:
-        low, V = reduced.diagonalised(given)
-        unbalanced = _unbalanced(T, low[: choice.residual_vectors] - shift, V, (outer, interior))
+        low, V = reduced.diagonalised(large)
+        unbalanced = _unbalanced(T, low[: choice.residual_vectors] - shift, V, outer, interior)
         D = _orthogonal(T, V, over_interior(outer.retained, solver.solve(unbalanced)), outer.M)
         reduced = _with_residual_vectors(T, reduced, D, outer, interior)
     return _Ritz(T, outer, modes, reduced)
@@ -163,9 +163,8 @@ def _reduced(T: OutOfCoreMatrix, outer: _Outer, lifted: Floats) -> _Reduced:
     return _Reduced(K_r, T.gram(outer.M))
 
 
-def _unbalanced(T: OutOfCoreMatrix, lifted: Floats, V: Floats, split: tuple[_Outer, _Interior]) -> Floats:
+def _unbalanced(T: OutOfCoreMatrix, lifted: Floats, V: Floats, outer: _Outer, interior: _Interior) -> Floats:
     """Force on the interior that the lowest open-joint modes leave; `lifted` is their omega^2 - s."""
-    outer, interior = split
     low, inside = T.combined(V[:, : len(lifted)]), ~outer.retained
     left = interior.K @ low[inside] + interior.coupling @ low[outer.retained]
     left -= (outer.M @ (low * lifted))[inside]
@@ -220,18 +219,18 @@ class _Interior:
     motions: Motions
 
 
-def _split(given: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
-    turn, free = given.interface.turn, ~given.fixed.ravel()
-    stiffness, mass = assemble(given.block)
-    inertia = mass @ np.tile(np.eye(3), (len(given.block.points), 1))
+def _split(large: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
+    turn, free = large.interface.turn, ~large.fixed.ravel()
+    stiffness, mass = assemble(large.block)
+    inertia = mass @ np.tile(np.eye(3), (len(large.block.points), 1))
     mass = turned(mass, turn)[free][:, free]
     stiffness = turned(stiffness, turn)[free][:, free]
     if shift:
         stiffness = stiffness - shift * mass
-    retained = given.interface.retained[free]
+    retained = large.interface.retained[free]
     K_b, K_i = csr_matrix(stiffness[retained]), stiffness[~retained]
     del stiffness
-    rigid = (turn @ rigid_motions(given.block).reshape(-1, 6))[free]
+    rigid = (turn @ rigid_motions(large.block).reshape(-1, 6))[free]
     interior = _Interior(
         K=K_i[:, ~retained],
         M=mass[~retained][:, ~retained],
@@ -247,10 +246,10 @@ def _constraint_modes(retained: Bools, interior: _Interior, solver: Solver, firs
     return T
 
 
-def _rows(given: LargeBlock, T: OutOfCoreMatrix, V: Floats) -> Iterator[Floats]:
+def _rows(large: LargeBlock, T: OutOfCoreMatrix, V: Floats) -> Iterator[Floats]:
     """Open-joint modes over all DOFs in global axes, some nodes at a time: (3 nodes, m)."""
-    free, turn = ~given.fixed.ravel(), given.interface.turn
-    nodes = [*range(0, len(given.block.points), _NODES), len(given.block.points)]
+    free, turn = ~large.fixed.ravel(), large.interface.turn
+    nodes = [*range(0, len(large.block.points), _NODES), len(large.block.points)]
     ends = np.concatenate([[0], np.cumsum(free)])
     some = T.times(V, [int(ends[3 * node]) for node in nodes])
     for (first, last), rows in zip(pairwise(nodes), some, strict=True):

@@ -188,26 +188,27 @@ class BlockStore:
         key: str,
         block: Block,
         omega2: Floats,
-        rows: tuple[Iterator[Floats], Floats],
+        rows: Iterator[Floats],
+        inertia: Floats,
         report: dict[str, object],
     ) -> BlockBasis:
         """Keep a block whose basis comes some rows at a time, and map it.
 
         Parameters
         ----------
-        rows : the basis (3 nodes, m) from the first node to the last, and M r (3 n, 3)
+        rows : the basis (3 nodes, m) from the first node to the last
+        inertia : M r (3 n, 3) for unit translations r
 
         Raises
         ------
         ResultError
             where the folder or the disk refuses it.
         """
-        pieces, inertia = rows
         size = (len(block.points), 3, len(omega2))
         participation, first = np.zeros((len(omega2), 3)), 0
         with creating(self.path(key), 8 * int(np.prod(size))) as file:
             data = file.create_dataset("basis", shape=size, dtype="f8")
-            for piece in pieces:
+            for piece in rows:
                 last = first + len(piece) // 3
                 data[first:last] = piece.reshape(-1, 3, size[2])
                 participation += piece.T @ inertia[3 * first : 3 * last]

@@ -14,7 +14,7 @@ from romdam.scene.elements import CELLS, SOLIDS
 
 LARGEST = 2e9  # bytes of a mesh file
 _FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
-_LOOSE = (0.1, 3)  # share and number of nodes in no element, above both of which elements are missing
+_LOOSE_SHARE, _LOOSE_NUMBER = 0.1, 3  # of nodes in no element: above both, elements are missing
 
 
 @dataclass(frozen=True)
@@ -135,12 +135,11 @@ def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tupl
     for block in cells:
         taken[block.nodes] = True
     loose = tags[~taken]
-    share, number = _LOOSE
-    if len(loose) > max(number, share * len(tags)):
+    if len(loose) > max(_LOOSE_NUMBER, _LOOSE_SHARE * len(tags)):
         raise MeshError(
             f"{place}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), "
-            f"limit {100 * share:g} %: elements are missing, or the file was cut; export it anew, without "
-            "unused nodes"
+            f"limit {100 * _LOOSE_SHARE:g} %: elements are missing, or the file was cut; export it anew, "
+            "without unused nodes"
         )
     if not len(loose):
         return ()

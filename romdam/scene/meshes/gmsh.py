@@ -19,7 +19,7 @@ from romdam.core.scene import Floats, Ints
 from romdam.scene.elements import CELLS
 from romdam.scene.facets import row_numbers
 from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
-from romdam.scene.meshes.gmsh_numbers import Bytes, Numbers, Words, counts, whole
+from romdam.scene.meshes.gmsh_numbers import Bytes, Layout, Numbers, Words, counts, whole
 
 _TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
@@ -87,7 +87,7 @@ def _sections(data: bytes) -> _Found:
         elif name.startswith("Partitioned"):
             raise ValueError("it is partitioned; save the mesh before it is partitioned")
         elif reader := _READERS.get((name, version)):
-            stop = _read_section(data, (end + 1, stop), layout, (name, reader), found)
+            stop = _read_section(data, (end + 1, stop), layout, name, reader, found)
         at = _past_end(data, stop, name)
     for name in ("Nodes", "Elements"):
         if name not in found.seen:
@@ -111,7 +111,7 @@ def _past_end(data: bytes, at: int, name: str) -> int:
     return end
 
 
-def _layout(body: bytes) -> tuple[float, tuple[str, int] | None]:
+def _layout(body: bytes) -> tuple[float, Layout | None]:
     """Version, and byte order with the size of size_t; None for text."""
     words = body.split(None, 3)
     try:
@@ -128,7 +128,7 @@ def _layout(body: bytes) -> tuple[float, tuple[str, int] | None]:
     one = body.partition(b"\n")[2][:4]
     if one not in (b"\1\0\0\0", b"\0\0\0\1"):
         raise ValueError("its byte order cannot be told")
-    return version, ("<" if one[0] else ">", size)
+    return version, Layout("<" if one[0] else ">", size)
 
 
 def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
@@ -152,12 +152,12 @@ Reader = Callable[[Numbers, _Found], None]
 def _read_section(
     data: bytes,
     limits: tuple[int, int],
-    layout: tuple[str, int] | None,
-    what: tuple[str, Reader],
+    layout: Layout | None,
+    name: str,
+    reader: Reader,
     found: _Found,
 ) -> int:
     """Read one section; where it ends follows from its counts."""
-    name, reader = what
     if layout is None:
         words = Words(data[slice(*limits)], name)
         reader(words, found)

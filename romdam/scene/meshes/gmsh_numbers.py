@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,13 @@ from romdam.core.scene import Floats, Ints
 from romdam.scene.meshes.data import numbers_of
 
 _LARGEST = 2.0**53  # beyond it text numbers are not whole any more
+
+
+class Layout(NamedTuple):
+    """Byte order and the size of size_t of a binary file."""
+
+    order: str
+    size: int
 
 
 class Numbers(Protocol):
@@ -61,12 +68,15 @@ class Words:
 
 
 class Bytes:
-    """Of a binary section that begins at `at`; `layout` is the byte order and the size of size_t."""
+    """Of a binary section that begins at `at`."""
 
-    def __init__(self, data: bytes, at: int, name: str, layout: tuple[str, int]) -> None:
+    def __init__(self, data: bytes, at: int, name: str, layout: Layout) -> None:
         self.data, self.at, self.name = data, at, name
-        order, size = layout
-        self.kinds = {"int": f"{order}i4", "size": f"{order}u{size}", "float": f"{order}f8"}
+        self.kinds = {
+            "int": f"{layout.order}i4",
+            "size": f"{layout.order}u{layout.size}",
+            "float": f"{layout.order}f8",
+        }
 
     def floats(self, count: int) -> Floats:
         """The next `count` numbers."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -141,24 +142,33 @@ def _refuse_stray_middles(block: Block, place: str) -> None:
     ends = nodes[:, np.array(element.edges)]
     length = np.maximum(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2), np.finfo(float).tiny)
     off = np.linalg.norm(nodes[:, corners : corners + edges] - ends.mean(axis=2), axis=2) / length
-    _refuse_stray(block, off, (corners, "mid-edge", "of its edge", 0.5), place)
+    _refuse_stray(block, off, _Middles(corners, "mid-edge", "of its edge", 0.5), place)
     if not element.on_edges:
         first = corners + edges
         inner = nodes[:, first:] - element.skeleton.shape(element.nodes[first:]) @ nodes[:, :first]
         off = np.linalg.norm(inner, axis=2) / length.min(axis=1)[:, None]
-        _refuse_stray(block, off, (first, "middle", "of its corners", 0.25), place)
+        _refuse_stray(block, off, _Middles(first, "middle", "of its corners", 0.25), place)
 
 
-def _refuse_stray(block: Block, off: Floats, of: tuple[int, str, str, float], place: str) -> None:
+class _Middles(NamedTuple):
+    """Nodes in the middle of corners: the first one's number, words for them, how far off they may be."""
+
+    first: int
+    kind: str
+    where: str
+    limit: float
+
+
+def _refuse_stray(block: Block, off: Floats, middles: _Middles, place: str) -> None:
     """Raise where a node's distance off its place (nc, nodes), in edge lengths, reaches the limit."""
-    first, kind, where, limit = of
-    if off.max() < limit:
+    if off.max() < middles.limit:
         return
     cell, node = np.unravel_index(np.argmax(off), off.shape)
     raise MeshError(
-        f"{place}: {kind} node {first + node} of element {cell} of block {block.name!r} "
+        f"{place}: {middles.kind} node {middles.first + node} of element {cell} of block {block.name!r} "
         f"({block.element}, both counted from 0) is {off[cell, node]:.3g} edge lengths off the middle "
-        f"{where}, limit {limit:g}: the file's node order is not that of its format; export the mesh anew"
+        f"{middles.where}, limit {middles.limit:g}: the file's node order is not that of its format; "
+        "export the mesh anew"
     )
 
 
