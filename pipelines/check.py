@@ -135,6 +135,6 @@ def _row_bytes(model: Model) -> float:
 def _memory(model: Model, steps: int, stride: int) -> float:
     """The longest run, basis, operators, and the libraries."""
     libraries = 250e6
-    basis = sum(part.matrix.nbytes for part in model.reduced.basis.values()) if model.reduced else 0
+    basis = sum(part.vectors.nbytes for part in model.reduced.basis.values()) if model.reduced else 0
     operators = 8.0 * (model.system.B.nnz * 2 + float(model.system.B.shape[0]) ** 2 * 2)
     return libraries + run_bytes(model.system, steps, steps / stride + 1) + 2.0 * basis + operators

@@ -159,7 +159,7 @@ class _Case:
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
     wanted = setup.job.config.study
     for count, corrections in itertools.product(wanted.modes, wanted.residual_vectors):
-        choice = ModeChoice(count=count, corrections=corrections, capped=True)
+        choice = ModeChoice(count=count, residual_vectors=corrections, capped=True)
         with clock.stage("model", f"reducing to {count} modes a block, {corrections} corrections"):
             system = reduce_scene(setup.scene, choice, setup.job.config.damping).system
         for integrator in wanted.integrators:

@@ -16,8 +16,8 @@ import romdam
 from romdam.core.errors import ResultError, WriteError
 from romdam.core.files import hold, prepare_folder, replacing, sweep_parts
 from romdam.core.sealed import is_sealed
-from romdam.reduction.storage import columns
-from romdam.reduction.storage.columns import Columns
+from romdam.reduction.storage import out_of_core_matrix
+from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 
 WRITER = """
 import sys, time
@@ -135,14 +135,14 @@ def test_a_held_file_is_not_held_twice(tmp_path):
 
 @pytest.fixture
 def matrix(monkeypatch):
-    monkeypatch.setattr(columns, "WIDTH", 4)
-    monkeypatch.setattr(columns, "_TOGETHER", 6)
+    monkeypatch.setattr(out_of_core_matrix, "WIDTH", 4)
+    monkeypatch.setattr(out_of_core_matrix, "_TOGETHER", 6)
     return np.random.default_rng(0).standard_normal((30, 14))
 
 
 def filled(path, matrix, until):
-    """Columns of a matrix, and which of them were made."""
-    made, T = [], Columns(path, "key", matrix.shape)
+    """OutOfCoreMatrix of a matrix, and which of them were made."""
+    made, T = [], OutOfCoreMatrix(path, "key", matrix.shape)
     T.fill(until, lambda first, last: made.extend(range(first, last)) or matrix[:, first:last])
     return T, made
 

@@ -40,11 +40,13 @@ ALLOWED = {
 }
 LAWS = {"config", "fem", "scene"}  # what a joint may say follows from its laws
 TYPES = {
-    "romdam.reduction.storage.model_file": {"results"},
     "romdam.contact.laws": LAWS,
     "romdam.contact.laws.catalogue": LAWS,
     "romdam.contact.laws.coulomb": LAWS,
     "romdam.contact.laws.law": LAWS,
+    "romdam.reduction.storage.keys": {"results"},
+    "romdam.reduction.storage.model_file": {"results"},
+    "romdam.scene.elements": {"results", "visual"},
 }
 ANYWHERE = {"core", "config"}
 ONLY_IN = {

@@ -46,7 +46,7 @@ class Block:
     Attributes
     ----------
     name : unique in the scene
-    element : hex8, hex20, tet4 or tet10
+    element : its name in `romdam.scene.elements`
     points : (n, 3) node positions [m]
     cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
     material : of every cell
@@ -130,7 +130,7 @@ class Hydrostatic:
 
 @dataclass(frozen=True)
 class Tie:
-    """Two blocks that have grown together: node nodes[0][k] of block I is node nodes[1][k] of block J."""
+    """A merged interface of two blocks: node nodes[0][k] of block I is node nodes[1][k] of block J."""
 
     name: str
     blocks: tuple[str, str]
@@ -244,7 +244,7 @@ class Scene:
     gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
     probes : nodes to be written
     stress : where stress is written; None if nowhere
-    ties : contacts of blocks that have grown together
+    ties : merged interfaces of blocks
     water : hydrostatic loads
     warmed : block name -> uniform change of temperature [K]
     reservoir : water that moves with the dam, or None

@@ -23,8 +23,8 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Absorbing, Block
 from romdam.fem.material import lame
-from romdam.scene.elements import ELEMENTS, gauss_rule, simplex_rule
-from romdam.scene.facets import area_elements, facet_element
+from romdam.scene.elements import facet_element
+from romdam.scene.facets import area_elements
 
 _ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0  # springs, in units of G / R
 
@@ -35,7 +35,7 @@ def boundary_springs(block: Block) -> csr_matrix:
     shear = lame(block.material)[1]
     for face in block.absorbing:
         unit = shear / face.distance
-        total = total + _face_matrix(block, face, (_ALONG * unit, _ACROSS * unit))
+        total = total + _face_matrix(block, face, _ALONG * unit, _ACROSS * unit)
     return csr_matrix(total)
 
 
@@ -45,15 +45,16 @@ def boundary_dashpots(block: Block) -> csr_matrix:
     lam, mu = lame(block.material)
     rho = block.material.rho
     for face in block.absorbing:
-        total = total + _face_matrix(block, face, (np.sqrt(rho * (lam + 2.0 * mu)), np.sqrt(rho * mu)))
+        total = total + _face_matrix(block, face, np.sqrt(rho * (lam + 2.0 * mu)), np.sqrt(rho * mu))
     return csr_matrix(total)
 
 
-def _face_matrix(block: Block, face: Absorbing, values: tuple[float, float]) -> csr_matrix:
+def _face_matrix(block: Block, face: Absorbing, along: float, across: float) -> csr_matrix:
     """int N_a N_b (along n n^T + across (I - n n^T)) dA over a face."""
-    facets, (along, across) = face.facets, values
-    xi, weight = simplex_rule(4, 2) if facet_element(facets).corners == 3 else gauss_rule(3, 2)
-    shape = ELEMENTS[facet_element(facets).name].shape(xi)
+    facets = face.facets
+    element = facet_element(facets)
+    xi, weight = element.rule_of(3 if element.box else 4)
+    shape = element.shape(xi)
     vectors = area_elements(block.points, facets, xi)
     area = np.linalg.norm(vectors, axis=2)
     normal = vectors / area[..., None]

@@ -138,10 +138,10 @@ def _small_triangles(name: str) -> list[tuple[Floats, Floats]]:
     i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
     lower = np.stack([np.c_[i, j], np.c_[i + 1, j], np.c_[i, j + 1]], axis=1)
     upper = np.stack([np.c_[i + 1, j], np.c_[i + 1, j + 1], np.c_[i, j + 1]], axis=1)
-    if element.corners == 3:
-        found = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
-    else:
+    if element.box:
         found = 2.0 * np.vstack([lower, upper]) / n - 1.0
+    else:
+        found = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
     return [(triangle, element.shape(triangle)) for triangle in found]
 
 

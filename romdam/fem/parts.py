@@ -1,27 +1,18 @@
-"""Matrices of a part: its blocks' matrices added where they have grown together."""
+"""Matrices of a part: its blocks' matrices added where their interfaces are merged."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Bools, Scene
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import Floats
 from romdam.scene.ties import Part, scene_parts
-
-
-class Basis(Protocol):
-    """u = matrix @ q[columns] of one block."""
-
-    @property
-    def matrix(self) -> Floats: ...
-    @property
-    def columns(self) -> slice: ...
 
 
 def assemble_part(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr_matrix]:
@@ -71,7 +62,7 @@ def gather(part: Part, values: Mapping[str, Floats]) -> Floats:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """How the free DOFs of a whole scene are numbered: part by part.
+    """Numbers of the free DOFs of a whole scene, part by part.
 
     Attributes
     ----------
@@ -99,20 +90,20 @@ def unknowns(scene: Scene) -> Unknowns:
     return Unknowns(slices, free, {name: of_block[name] for name in scene.blocks})
 
 
-def basis_over_unknowns(scene: Scene, basis: Mapping[str, Basis], size: int) -> Floats:
+def basis_over_unknowns(scene: Scene, basis: Mapping[str, BlockBasis], size: int) -> Floats:
     """The reduced basis over a scene's free DOFs, (unknowns, size); u = basis @ q.
 
     Parameters
     ----------
-    basis : block name -> its displacement u = matrix @ q[columns]
+    basis : of every block by name
     size : number of reduced coordinates
     """
     numbered = unknowns(scene)
     total = np.zeros((sum(int(free.sum()) for free in numbered.free.values()), size))
     for key, part in scene_parts(scene).items():
         own = [basis[name] for name in part.blocks]
-        whole = np.zeros((3 * part.nodes, own[0].matrix.shape[1]))
+        whole = np.zeros((3 * part.nodes, own[0].vectors.shape[1]))
         for name, block in zip(part.blocks, own, strict=True):
-            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.matrix[:]
+            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.vectors.rows()
         total[numbered.parts[key], own[0].columns] = whole[numbered.free[key]]
     return total

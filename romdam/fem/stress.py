@@ -20,26 +20,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
+from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Ints, Material, Scene
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
-from romdam.scene.elements import ELEMENTS, Element, Floats, gauss_rule, jacobians, simplex_rule
+from romdam.scene.elements import ELEMENTS, Floats, jacobians
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 _CHUNK = 1024  # cells at a time: 120 MB of hex20 operators
-
-
-class Basis(Protocol):
-    """u = matrix @ q[columns] of one block."""
-
-    @property
-    def matrix(self) -> Floats: ...
 
 
 def stress_operator(block: Block, nodes: Ints) -> csr_matrix:
@@ -68,15 +61,15 @@ def stress_operator(block: Block, nodes: Ints) -> csr_matrix:
     return csr_matrix(total)
 
 
-def modal_stress(scene: Scene, basis: Mapping[str, Basis]) -> dict[str, Floats]:
+def modal_stress(scene: Scene, basis: Mapping[str, BlockBasis]) -> dict[str, Floats]:
     """Stress of every basis vector at the scene's stress nodes: block name -> (k, 6, m) [Pa kg-0.5]."""
     if scene.stress is None:
         return {}
     found = {}
     for name, sites in scene.stress.blocks.items():
-        matrix = basis[name].matrix
         operator = stress_operator(scene.blocks[name], sites.nodes)
-        found[name] = np.asarray(operator @ matrix).reshape(len(sites.nodes), 6, matrix.shape[1])
+        vectors = basis[name].vectors
+        found[name] = vectors.under(operator).reshape(len(sites.nodes), 6, vectors.shape[1])
     return found
 
 
@@ -115,7 +108,7 @@ def thermal_stress(scene: Scene) -> dict[str, Floats]:
 
 
 def _cells_operator(block: Block, cells: Ints, place: Ints, share: Floats) -> csr_matrix:
-    """What some cells add to the operator."""
+    """Share of some cells in the operator."""
     element = ELEMENTS[block.element]
     xi, carry = _recovery(block.element)
     gradient = np.linalg.solve(
@@ -150,15 +143,7 @@ def _stress_of_gradient(gradient: Floats, material: Material) -> Floats:
 def _recovery(name: str) -> tuple[Floats, Floats]:
     """Points (nq, 3) where stress is taken, and the matrix (nn, nq) that carries it to the nodes."""
     element = ELEMENTS[name]
-    if element.corners == 8:
-        xi = gauss_rule(2, 3)[0]
-        return xi, _carry(ELEMENTS["hex8"], xi, element.nodes)
-    if not element.quadratic:
+    if name == "tet4":
         return np.full((1, 3), 0.25), np.ones((4, 1))
-    xi = simplex_rule(2, 3)[0]
-    return xi, _carry(ELEMENTS["tet4"], xi, element.nodes)
-
-
-def _carry(linear: Element, xi: Floats, nodes: Floats) -> Floats:
-    """Values at nodes of the polynomial in the linear element's space through values at xi."""
-    return np.asarray(linear.shape(nodes) @ np.linalg.inv(linear.shape(xi)), dtype=float)
+    linear, xi = ELEMENTS[element.linear], element.rule_of(2)[0]
+    return xi, np.asarray(linear.shape(element.nodes) @ np.linalg.inv(linear.shape(xi)), dtype=float)

@@ -29,7 +29,7 @@ from scipy.sparse.linalg import splu
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Block, Ints, Reservoir, Scene
 from romdam.fem.wet_mesh import WetMesh, WetPieces, wet_mesh
-from romdam.scene.elements import Floats, gauss_rule, simplex_rule
+from romdam.scene.elements import Floats
 
 _WESTERGAARD = 7.0 / 8.0
 _GROWTH = 1.2  # of a layer's thickness over the one before it, away from the dam
@@ -213,7 +213,7 @@ def _laplacian(water: Reservoir, mesh: WetMesh, layers: Floats) -> tuple[csr_mat
 def _prism_gradients(x: Floats, piece: WetPieces) -> tuple[Floats, Floats]:
     """Gradients (n, nq, 3, 2c) of the linear shape functions of prisms (n, 2c, 3), volumes (n, nq) [m3]."""
     base = piece.element
-    eta, w_base = gauss_rule(2, 2) if base.corners == 4 else simplex_rule(2, 2)
+    eta, w_base = base.rule_of(2)
     t, w_line = np.polynomial.legendre.leggauss(2)
     t, w_line = (t + 1.0) / 2.0, w_line / 2.0
     shape, slope = base.shape(eta), base.gradient(eta)

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from romdam.core.scene import Block, Ints, Reservoir
-from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element, gauss_rule, simplex_rule
+from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element
 
 _SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
 _LEVEL = 1e-9  # of the depth: nodes so near to the level are on it
@@ -44,7 +44,7 @@ class WetPieces:
         The area vectors are the outward normal times the weight of each point, on the facet's own, perhaps
         curved, geometry.
         """
-        eta, weight = gauss_rule(4, 2) if self.xi.shape[1] == 4 else simplex_rule(6, 2)
+        eta, weight = self.element.rule_of(4 if self.element.box else 6)
         linear, parent = self.element.shape(eta), facet_element(self.facets)
         xi = np.einsum("qc,ncd->nqd", linear, self.xi)
         flat = xi.reshape(-1, 2)

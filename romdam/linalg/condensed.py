@@ -32,7 +32,7 @@ _SEEN = 1e-3  # share of the strongest direction, below which a direction of the
 
 
 def is_condensable(matrix: csr_matrix | Symmetric, inner: Bools) -> bool:
-    """Whether the inner rows are most, and meet the others in few enough."""
+    """True where the inner rows are most, and meet the others in few enough."""
     return bool(2 * inner.sum() > len(inner)) and 0 < int(_contact(matrix, inner).sum()) <= _MOST_CONTACT
 
 
@@ -225,7 +225,7 @@ def _squares(columns: Floats) -> Floats:
 
 
 def _lengths(columns: Floats) -> Floats:
-    """What to divide columns by, so that single precision holds them: it ends at 1e-38 and 1e38."""
+    """Divisors of columns, so that single precision holds them: it ends at 1e-38 and 1e38."""
     size = np.sqrt(_squares(columns))
     size[size == 0.0] = 1.0
     return size

@@ -114,11 +114,12 @@ def _large_modes(
 def span_of_modes(
     K: spmatrix | Symmetric,
     M: spmatrix,
-    choice: tuple[int | None, float | None],
+    count: int | None,
+    cutoff: float | None,
     solver: Solver,
     shift: float,
 ) -> tuple[int, Callable[[int, int], Floats]]:
-    """Vectors that span the modes of `modes_below`, some at a time; choice is its count and cutoff.
+    """Vectors that span the modes of `modes_below`, some at a time.
 
     A large part's own modes would take as much memory as its stiffness, while the factors are there too.
 
@@ -127,7 +128,6 @@ def span_of_modes(
     count : how many
     make : make(first, last) gives that many, (n, last - first)
     """
-    count, cutoff = choice
     large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
     if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
         wanted = Wanted(count, np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2)

@@ -13,8 +13,8 @@ from romdam.core.errors import ReductionError
 class Factor:
     """LU factors of a symmetric matrix, held once.
 
-    SuperLU with an ordering for symmetric patterns and no pivoting off the diagonal: on a 53,000
-    unknown tet10 block 11 s instead of 54 s with SciPy's defaults (DESIGN, section 5).
+    SuperLU with an ordering for symmetric patterns and no pivoting off the diagonal, which fills the factors
+    of a stiffness less than SciPy's defaults.
 
     Parameters
     ----------

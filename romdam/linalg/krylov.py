@@ -3,8 +3,7 @@
 Block Lanczos on D M with D = (K - s M)^-1 on the unknowns that have mass: an unknown without any follows from
 the others, and on a dam on light rock those with mass are few. One vector at a time reads the factors for
 every solution; sixteen at once read them once. Every vector is kept M-orthogonal to all before it, so that
-no mode comes twice, and the last solution takes the modes found to all unknowns. For the 128 modes below
-50 Hz of an arch dam with 66,390 unknowns this takes 16 s, where ARPACK takes 80 s with the same factors.
+no mode comes twice, and the last solution takes the modes to all unknowns.
 
 References
 ----------
@@ -40,7 +39,7 @@ _WIDEST = 64
 
 @dataclass(frozen=True)
 class _Ritz:
-    """What a Krylov space holds: values of 1 / (omega^2 - s) descending, vectors, their errors."""
+    """Content of a Krylov space: values of 1 / (omega^2 - s) descending, vectors, their errors."""
 
     mu: Floats
     vectors: Floats
@@ -117,7 +116,7 @@ def _among(mu: Floats, wanted: Wanted, limit: float) -> int:
 
 
 def _settled(ritz: _Ritz, count: int, size: int) -> bool:
-    """Whether the first `count` are modes, and the next ones so near that none can join them."""
+    """True where the first `count` are modes, and the next ones so near that none can join them."""
     if len(ritz.mu) == size:
         return True
     near = ritz.error[count : count + _BESIDE]
@@ -163,7 +162,7 @@ def _independent(own: csr_matrix, W: Floats) -> Floats:
 
 
 def _missed(own: csr_matrix, flexibility: Apply, X: Floats, lowest: float) -> bool:
-    """Whether random vectors beside the modes X lead to one among them; Ritz values are never too large."""
+    """True where random vectors beside the modes X lead to one of them; Ritz values are never too large."""
     spare = len(X) - X.shape[1]
     if not spare or not X.shape[1]:
         return False

@@ -58,7 +58,7 @@ class Wanted:
     limit: float = np.inf
 
     def among(self, omega2: Floats) -> int:
-        """How many of the ascending values are wanted."""
+        """Number of the ascending values that are wanted."""
         if self.count is not None:
             return min(self.count, len(omega2))
         return int(np.searchsorted(omega2, self.limit, side="right"))
@@ -150,7 +150,7 @@ def _iterate(
 
 
 def _settled(R: Floats, inertia: Floats, count: int) -> bool:
-    """Whether the first guards are near modes too, so that none of them can still come below the limit."""
+    """True where the first guards are near modes too, so that none of them can still come below the limit."""
     near = slice(count, count + 2)
     return bool((np.linalg.norm(R[:, near], axis=0) <= 1e-2 * inertia[near]).all())
 

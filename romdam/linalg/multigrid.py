@@ -39,7 +39,7 @@ _POWER = 15  # iterations for the largest eigenvalue
 
 @dataclass(frozen=True)
 class Motions:
-    """What multigrid must know of the rows of a matrix.
+    """Nodes and rigid motions of the rows of a matrix, which multigrid must know.
 
     Attributes
     ----------

@@ -37,9 +37,7 @@ _WIDTH = 32  # right-hand sides at a time: PARDISO wants them in another order, 
 class PardisoFactor:
     """L D L^T factors of a symmetric matrix, held once.
 
-    On a tet10 block of 392,040 unknowns on one core: 107 s and 4.9 GB, and 0.22 s for a right-hand side among
-    20; SuperLU takes 24 s for 55,488 unknowns where this takes 3 s. On one thread a repeat gives the same
-    bits; on two, other factors differ by 5e-16.
+    On one thread a repeat gives the same bits; on two, other factors differ by 5e-16.
 
     Parameters
     ----------
@@ -72,8 +70,7 @@ class PardisoSingle:
     """L L^T factors in single precision, half as large, under conjugate gradients in double.
 
     Each iteration leaves 1e-4 of the residual or less. On an arch dam with rock of 295,442 unknowns two of
-    them leave 8e-9 of the forces and the answer is right to 1.5e-8; on one core that is 38 s and 1.4 GB of
-    factors, and 0.17 s for a right-hand side among 16, where factors in double take 60 s, 2.8 GB and 0.13 s.
+    them leave 8e-9 of the forces and the answer is right to 1.5e-8.
 
     Parameters
     ----------
@@ -152,7 +149,7 @@ class PardisoSchur:
 
 @dataclass(frozen=True)
 class _Held:
-    """What the library holds of a matrix, and what tells it how."""
+    """Memory of the library for a matrix, and the options it was made with."""
 
     library: ctypes.CDLL
     handle: NDArray[np.int64]
@@ -240,7 +237,7 @@ class _Factors:
         return found
 
     def substituted(self, phase: int, columns: NDArray[Any]) -> NDArray[Any]:
-        """What a phase of the solution makes of (n, k) in the library's precision and order."""
+        """Result of a phase of the solution for (n, k) in the library's precision and order."""
         answer = np.empty_like(columns)
         self._run(phase, columns, answer)
         return answer

@@ -1,4 +1,4 @@
-"""Which solver takes a matrix: estimates beforehand, a choice that is logged, the next one where it fails.
+"""Choice of a matrix's solver: estimates beforehand, a choice that is logged, the next one where it fails.
 
 All solvers have one interface, made once and solved with many times:
 
@@ -53,7 +53,7 @@ class Solver(Protocol):
 
 @dataclass(frozen=True)
 class Solving:
-    """Which solver, and the bytes it may take: None for four fifths of the machine's."""
+    """A solver, and the bytes it may take: None for four fifths of the machine's."""
 
     solver: str = "auto"
     memory: float | None = None
@@ -69,7 +69,7 @@ AUTO = Solving()
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a reduction with a solver would take: seconds on one core, bytes with the matrices and modes."""
+    """Cost of a reduction with a solver: seconds on one core, bytes with the matrices and modes."""
 
     solver: str
     seconds: float
@@ -97,7 +97,7 @@ _FITS = {
 
 
 def estimates(unknowns: int, columns: int) -> list[Estimate]:
-    """What every solver that is installed would take for so many right-hand sides, the quickest first.
+    """Cost of so many right-hand sides with every solver that is installed, the quickest first.
 
     Good to a factor of two for solid elements: the fits are of tet10 blocks on this package's benchmark.
     """

@@ -1,4 +1,4 @@
-"""Which DOFs of a block the joints need: the retained, physical DOFs of its reduction."""
+"""DOFs of a block that the joints need: the retained, physical DOFs of its reduction."""
 
 from __future__ import annotations
 

@@ -17,26 +17,26 @@ from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import ReducedModel
 from romdam.reduction.water import on_unknowns
 
-_CORRECTIONS = 10
-_ENOUGH = 60  # modes a block: with them a handful of corrections is worth more than further modes
+_RESIDUAL_VECTORS = 10
+_ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
 
 
 def slightly_finer(choice: ModeChoice) -> ModeChoice:
     """The finer basis of the cheap estimate: few more states, one more reduction."""
-    corrections = max(2 * choice.corrections, _CORRECTIONS)
+    residual = max(2 * choice.residual_vectors, _RESIDUAL_VECTORS)
     if choice.count is not None:
-        least = 2 * choice.count if choice.corrections else choice.count
+        least = 2 * choice.count if choice.residual_vectors else choice.count
         count = max(least, min(3 * choice.count, _ENOUGH))
-        return replace(choice, count=count, corrections=corrections, capped=True)
-    return replace(choice, cutoff=1.5 * (choice.cutoff or 0.0), corrections=corrections)
+        return replace(choice, count=count, residual_vectors=residual, capped=True)
+    return replace(choice, cutoff=1.5 * (choice.cutoff or 0.0), residual_vectors=residual)
 
 
 def much_finer(choice: ModeChoice) -> ModeChoice:
     """The finer basis of the certificate, near enough to the mesh for its defect to be small."""
-    corrections = max(2 * choice.corrections, _CORRECTIONS)
+    residual = max(2 * choice.residual_vectors, _RESIDUAL_VECTORS)
     if choice.count is not None:
-        return replace(choice, count=max(3 * choice.count, _ENOUGH), corrections=corrections, capped=True)
-    return replace(choice, cutoff=2.0 * (choice.cutoff or 0.0), corrections=corrections)
+        return replace(choice, count=max(3 * choice.count, _ENOUGH), residual_vectors=residual, capped=True)
+    return replace(choice, cutoff=2.0 * (choice.cutoff or 0.0), residual_vectors=residual)
 
 
 def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_matrix:
@@ -48,7 +48,7 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     matrix = np.zeros((fine.system.size, coarse.system.size))
     for name, block in scene.blocks.items():
         a, b = fine.basis[name], coarse.basis[name]
-        matrix[a.columns, b.columns] += a.matrix.T @ (assemble(block)[1] @ b.matrix)
+        matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble(block)[1]))
     if fine.water is not None:
         onto, of = (on_unknowns(m.system.size, m.basis, fine.water) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)

@@ -1,7 +1,7 @@
 """Blocks -> reduced blocks -> one diagonal system with the joints open.
 
 Parts meet only in their joints, so each is diagonalised alone and the system is the list of their open-joint
-modes. With rigid rock every block is a part; blocks that ties let grow together are one.
+modes. With rigid rock every block is a part; blocks with a merged interface are one.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.arrays import Floats
+from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Block, Scene
 from romdam.core.system import GapLaw, System
@@ -27,14 +28,16 @@ from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.water import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
+from romdam.reduction.basis import Dense
 from romdam.reduction.interface import Interface, joint_interface
-from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice, reduce_block
-from romdam.reduction.methods.free_interface import Acting, tied_bases, tied_keys
+from romdam.reduction.methods.craig_bampton import ALL_MODES, FreeBlock, ModeChoice, reduce_block
+from romdam.reduction.methods.free_interface import Acting, merged_bases, merged_keys
 from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
-from romdam.reduction.storage.model_file import BlockBasis, BlockStore, block_key
+from romdam.reduction.storage.keys import block_key
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.water import with_water
 from romdam.scene.meshes.quality import refuse_loose_nodes
-from romdam.scene.supports import held_rigidly, rigid_motions
+from romdam.scene.supports import has_no_rigid_body_mode, rigid_motions
 from romdam.scene.ties import Part, scene_parts
 
 log = logging.getLogger(__name__)
@@ -91,7 +94,7 @@ def reduce_scene(
         first = parts[part.name].stop
     basis = {name: found[name] for name in scene.blocks}
     report: dict[str, object] = {name: block.report for name, block in basis.items()}
-    system = _system(scene, basis, (acting, law), damping, parts)
+    system = _system(scene, basis, acting, law, damping, parts)
     water = added_mass(scene)
     if water is not None:
         system, basis = with_water(system, basis, water, damping)
@@ -103,12 +106,13 @@ def reduce_scene(
 def _system(
     scene: Scene,
     basis: dict[str, BlockBasis],
-    given: tuple[Acting, GapLaw],
+    acting: Acting,
+    law: GapLaw,
     damping: DampingConfig,
     parts: dict[str, slice],
 ) -> System:
     """The parts side by side, with their joints open."""
-    (acting, law), size = given, max(part.stop for part in parts.values())
+    size = max(part.stop for part in parts.values())
     omega2, load, force, B = _reduced_matrices(scene, basis, acting, size)
     return System(
         M=csr_matrix(eye_array(size)),
@@ -134,7 +138,9 @@ def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -
     C = system.C.toarray()
     for name in absorbing:
         part = basis[name]
-        C[part.columns, part.columns] += part.matrix.T @ (boundary_dashpots(scene.blocks[name]) @ part.matrix)
+        C[part.columns, part.columns] += part.vectors.project(
+            part.vectors.under(boundary_dashpots(scene.blocks[name]))
+        )
     return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
 
@@ -155,7 +161,7 @@ def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: Block
 def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under."""
     if len(part.blocks) > 1:
-        return tied_keys(part, scene, acting, choice)
+        return merged_keys(part, scene, acting, choice)
     (name,) = part.blocks
     interface = joint_interface(acting.operators[name], scene.fixed[name])
     return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice)}
@@ -170,7 +176,7 @@ def _reduced_part(
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates."""
     if len(part.blocks) > 1:
-        return tied_bases(part, scene, acting, choice, store)
+        return merged_bases(part, scene, acting, choice, store)
     (name,) = part.blocks
     operator, fixed = acting.operators[name], scene.fixed[name]
     return {name: _reduced_block(scene.blocks[name], operator, fixed, choice, store)}
@@ -187,7 +193,7 @@ def _reduced_matrices(
         if name not in scene.radiating:
             load[block.columns] += block.participation
         force[block.columns] += _static_force(scene, name, block, acting.forces[name])
-        B[:, block.columns] += acting.operators[name] @ block.matrix
+        B[:, block.columns] += block.vectors.under(acting.operators[name])
     return omega2, load, force, B
 
 
@@ -229,16 +235,17 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     K, M = (turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
     held = _held_interior(block, fixed, interface)
     motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
-    sub = reduce_block(K, M, interface.retained[free], held, choice, f"block {block.name!r}", motions)
+    own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}")
+    sub = reduce_block(own, choice)
     whole = np.zeros((len(free), len(sub.omega2)))
     whole[free] = sub.basis
-    matrix = np.asarray(turn.T @ whole)
+    vectors = Dense(np.asarray(turn.T @ whole))
     rigid = np.tile(np.eye(3), (len(block.points), 1))
     return BlockBasis(
-        matrix,
+        vectors,
         slice(0, len(sub.omega2)),
         sub.omega2,
-        matrix.T @ (mass @ rigid),
+        vectors.project(mass @ rigid),
         sub.report() | choice.report(),
     )
 
@@ -247,14 +254,14 @@ def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> 
     """Modal static force on the joints' structure; weight follows from the participation."""
     loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
     rows = slice(None) if 2 * len(loaded) > len(forces) else loaded  # most of them are not copied
-    surface = part.matrix[rows].T @ forces[rows]
+    surface = part.vectors.rows(rows).T @ forces[rows]
     if not weight_acts(scene, name):
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)
 
 
 def _held_interior(block: Block, fixed: NDArray[np.bool_], interface: Interface) -> bool:
-    """Whether supports and retained DOFs, held, stop every rigid motion.
+    """True where supports and retained DOFs, held, stop every rigid motion.
 
     Retained DOFs in turned frames are not counted: at worst the shift is used where none is needed.
     """
@@ -263,12 +270,12 @@ def _held_interior(block: Block, fixed: NDArray[np.bool_], interface: Interface)
         frame = turn[3 * node : 3 * node + 3, 3 * node : 3 * node + 3].toarray()
         if np.array_equal(frame, np.eye(3)):
             held[node] |= retained[node]
-    return held_rigidly(block, held)
+    return has_no_rigid_body_mode(block, held)
 
 
 def _observe(scene: Scene, basis: dict[str, BlockBasis], size: int) -> csr_matrix:
     rows = np.zeros((3 * len(scene.probes), size))
     for k, probe in enumerate(scene.probes):
         part = basis[probe.block]
-        rows[3 * k : 3 * k + 3, part.columns] = part.matrix[3 * probe.node : 3 * probe.node + 3]
+        rows[3 * k : 3 * k + 3, part.columns] = part.vectors.rows(slice(3 * probe.node, 3 * probe.node + 3))
     return csr_matrix(rows)

@@ -9,7 +9,6 @@ combinations of those without.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +17,14 @@ from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Floats
+from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.system import System
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.water import AddedMass
-from romdam.linalg.lazy_product import Product
+from romdam.reduction.basis import Dense, Lazy
 from romdam.reduction.methods.craig_bampton import without_roundoff
 from romdam.reduction.methods.out_of_core import LARGE
-from romdam.reduction.storage.model_file import BlockBasis
 
 _MOST = 3000  # modes that take the water; higher ones, which answer as flexibilities, stay dry
 
@@ -39,7 +38,7 @@ class _Change:
     V: Floats
 
     def columns(self, old: Floats) -> Floats:
-        """What acts on the old unknowns (rows, m), acting on the new ones."""
+        """An operator (rows, m) on the old unknowns as one on the new ones."""
         return np.hstack([old[:, self.wet] @ self.V, old[:, self.dry]])
 
     def parts(self, old: dict[str, slice]) -> dict[str, slice]:
@@ -95,7 +94,7 @@ def on_unknowns(size: int, basis: dict[str, BlockBasis], water: AddedMass) -> Fl
     """The water's operator (r, size) on the unknowns of a reduced system."""
     B = np.zeros((water.ground.shape[0], size))
     for name, operator in water.coupling.items():
-        B[:, basis[name].columns] += operator @ basis[name].matrix
+        B[:, basis[name].columns] += basis[name].vectors.under(operator)
     return B
 
 
@@ -130,10 +129,10 @@ def _changed(part: BlockBasis, change: _Change, omega2: Floats) -> BlockBasis:
     V = np.zeros((len(own), columns.stop))
     V[change.wet[wet] - first, :shift] = change.V[wet]
     V[change.dry[dry] - first, shift + dry] = 1.0
-    large = part.matrix.nbytes > LARGE
+    large = part.vectors.nbytes > LARGE
     return replace(
         part,
-        matrix=cast("Floats", Product(part.matrix, V)) if large else part.matrix @ V,
+        vectors=Lazy(part.vectors, V) if large else Dense(part.vectors.rows() @ V),
         columns=columns,
         omega2=omega2[columns],
         participation=V.T @ part.participation,

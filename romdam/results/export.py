@@ -17,13 +17,12 @@ from romdam.core.errors import ResultError
 from romdam.core.files import replacing
 from romdam.results.fields import Result
 from romdam.results.series import Frames, frame_times
+from romdam.scene.elements import ELEMENTS
 
 if TYPE_CHECKING:
     import meshio
 
 Progress = Callable[[int, int], None]
-
-_CELL_NAMES = {"tet4": "tetra", "hex8": "hexahedron", "tet10": "tetra10", "hex20": "hexahedron20"}
 
 
 def write_series(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
@@ -65,7 +64,7 @@ def _mesh(result: Result) -> meshio.Mesh:
     for k, name in enumerate(result.blocks):
         element, own = result.cells(name)
         points.append(result.points(name))
-        cells.append((_CELL_NAMES[element], own + first))
+        cells.append((ELEMENTS[element].cell.name, own + first))
         number.append(np.full(len(own), k, dtype=np.int32))
         first += len(points[-1])
     mesh = meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})

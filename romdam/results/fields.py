@@ -9,7 +9,8 @@ The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per mo
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -20,10 +21,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
+from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
 from romdam.core.scene import Scene
 from romdam.postprocess.stress import COMPONENTS
-from romdam.reduction.storage.model_file import BlockBasis, write_block
+from romdam.reduction.storage.model_file import write_block
 from romdam.results.beside import in_order, open_beside, write_beside
 from romdam.results.dataset import open_run
 from romdam.results.stress.file import read_stress
@@ -47,32 +49,44 @@ def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> 
 
     blocks = ((name, block, basis[name]) for name, block in scene.blocks.items())
     digest = _digest(
-        (name, block.element, part.columns.start, part.matrix.shape, (block.points, block.cells, part.matrix))
-        for name, block, part in blocks
+        (
+            f"{name} {block.element} {own.columns.start} {own.vectors.shape}",
+            chain(_pieces(block.points), _pieces(block.cells)),
+            (own.vectors.rows(rows) for rows in _slices(own.vectors.shape[0])),
+        )
+        for name, block, own in blocks
     )
-    return write_beside(folder, "model", (FORMAT, digest), fill, sum(p.matrix.nbytes for p in basis.values()))
+    size = sum(own.vectors.nbytes for own in basis.values())
+    return write_beside(folder, "model", (FORMAT, digest), fill, size)
 
 
-def _digest(blocks: Iterable[tuple[str, str, int, tuple[int, ...], Sequence[Any]]]) -> str:
-    """SHA-256 of blocks: name, element, first column, shape of the basis; points, cells and basis."""
+def _digest(blocks: Iterable[tuple[str, Iterable[NDArray[Any]], Iterable[NDArray[Any]]]]) -> str:
+    """SHA-256 of blocks: name, element, first column and shape of the basis; points and cells; basis."""
     content = hashlib.sha256(FORMAT.encode())
-    for name, element, column, shape, arrays in blocks:
-        content.update(f"{name} {element} {column} {shape}".encode())
-        for array in arrays:
-            for first in range(0, array.shape[0], _ROWS):
-                content.update(np.ascontiguousarray(array[first : first + _ROWS]).data)
+    for about, mesh, basis in blocks:
+        content.update(about.encode())
+        for piece in chain(mesh, basis):
+            content.update(np.ascontiguousarray(piece).data)
     return content.hexdigest()
+
+
+def _slices(count: int) -> Iterator[slice]:
+    return (slice(first, first + _ROWS) for first in range(0, count, _ROWS))
+
+
+def _pieces(array: Any) -> Iterator[NDArray[Any]]:
+    """Rows of an array or a dataset, some at a time."""
+    return (array[rows] for rows in _slices(array.shape[0]))
 
 
 def stored_digest(file: h5py.File) -> str:
     """SHA-256 of the content of a basis file."""
     return _digest(
         (
-            name,
-            str(group["cells"].attrs["element"]),
-            int(group["basis"].attrs["first"]),
-            (3 * group["basis"].shape[0], group["basis"].shape[2]),
-            (group["points"], group["cells"], group["basis"]),
+            f"{name} {group['cells'].attrs['element']} {int(group['basis'].attrs['first'])} "
+            f"{(3 * group['basis'].shape[0], group['basis'].shape[2])}",
+            chain(_pieces(group["points"]), _pieces(group["cells"])),
+            _pieces(group["basis"]),
         )
         for name, group in in_order(file)
     )

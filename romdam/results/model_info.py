@@ -8,7 +8,8 @@ import h5py
 
 from romdam.core.errors import ResultError
 from romdam.core.sealed import examine, opened, text_of
-from romdam.reduction.storage.model_file import LAYOUT, read_block
+from romdam.reduction.storage.keys import LAYOUT
+from romdam.reduction.storage.model_file import read_block
 from romdam.results.fields import stored_digest
 
 
@@ -51,10 +52,10 @@ def _block_lines(name: str, group: h5py.Group) -> list[str]:
     return [
         f"block {name}",
         f"  mesh         {len(cells)} {cells.attrs['element']}, {nodes} nodes, {3 * nodes} DOFs",
-        f"  coordinates  {block.matrix.shape[1]}: {report.get('retained_dofs')} retained, "
+        f"  coordinates  {block.vectors.shape[1]}: {report.get('retained_dofs')} retained, "
         f"{report.get('fixed_interface_modes')} fixed-interface modes ({asked}), "
         f"{report.get('corrections')} corrections",
         f"  frequencies  {lowest} Hz with the joints open; fixed interface up to "
         f"{report.get('highest_fixed_interface_hz', 0.0):.4g} Hz",
-        f"  basis        {block.matrix.nbytes / 1e6:.1f} MB",
+        f"  basis        {block.vectors.nbytes / 1e6:.1f} MB",
     ]

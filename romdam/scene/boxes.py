@@ -9,7 +9,7 @@ import numpy as np
 from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Ints, Material
-from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.elements import ELEMENTS, Element, Floats
 from romdam.scene.facets import boundary_facets, facets_in_plane, row_numbers
 
 _DIVIDES = 1e-6  # relative: element sizes such as 10/3 are written with a few digits
@@ -32,8 +32,7 @@ def box_block(name: str, box: BoxConfig, material: Material, place: str) -> Bloc
     cells = _grid_cells(divisions)
     if box.element.startswith("tet"):
         cells = split_into_tets(cells)
-    if ELEMENTS[box.element].quadratic:
-        points, cells = with_midside_nodes(points, cells, ELEMENTS[box.element].edges)
+    points, cells = with_middle_nodes(points, cells, ELEMENTS[box.element])
     return Block(name, box.element, points, cells, material, _box_faces(box, points, cells))
 
 
@@ -96,17 +95,22 @@ def split_into_tets(cells: Ints) -> Ints:
     return cells[:, np.array(tets)].reshape(-1, 4)
 
 
-def with_midside_nodes(
-    points: Floats, cells: Ints, edges: tuple[tuple[int, int], ...]
-) -> tuple[Floats, Ints]:
-    """Append one node in the middle of every edge; `edges` are the corner pairs of the element.
+def with_middle_nodes(points: Floats, corners: Ints, element: Element) -> tuple[Floats, Ints]:
+    """Append the nodes that an element has in the middle of edges, of facets and of cells.
 
-    Points may have more than three columns; all are meant.
+    Parameters
+    ----------
+    points : (n, k) of the corners; more than three columns are treated alike
+    corners : (nc, corners) of the cells
     """
-    pairs = np.sort(cells[:, np.array(edges)].reshape(-1, 2), axis=1)
-    _, first, inverse = np.unique(row_numbers(pairs), return_index=True, return_inverse=True)
-    midsides = len(points) + inverse.reshape(len(cells), len(edges))
-    return np.vstack([points, points[pairs[first]].mean(axis=1)]), np.hstack([cells, midsides])
+    cells = corners
+    for size in sorted({len(middle) for middle in element.middles}):
+        among = np.array([middle for middle in element.middles if len(middle) == size])
+        rows = np.sort(corners[:, among].reshape(-1, size), axis=1)
+        _, first, inverse = np.unique(row_numbers(rows), return_index=True, return_inverse=True)
+        cells = np.hstack([cells, len(points) + inverse.reshape(len(corners), len(among))])
+        points = np.vstack([points, points[rows[first]].mean(axis=1)])
+    return points, cells
 
 
 def _box_faces(box: BoxConfig, points: Floats, cells: Ints) -> dict[str, Ints]:

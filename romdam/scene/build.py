@@ -20,7 +20,7 @@ from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.sizes import refuse_large
 from romdam.scene.stress_sites import stress_sites
 from romdam.scene.supports import refuse_free_blocks
-from romdam.scene.ties import build_tie, tied_parts
+from romdam.scene.ties import build_tie, merged_parts
 
 _NO_DAM = ArchDam({}, (), {}, frozenset(), frozenset())
 
@@ -48,7 +48,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
     ties = (*dam.ties, *(build_tie(name, tie, blocks, source) for name, tie in config.ties.items()))
-    rigid = tied_parts({name: len(block.points) for name, block in blocks.items()}, ties)
+    rigid = merged_parts({name: len(block.points) for name, block in blocks.items()}, ties)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
         for name, joint in config.every_joint.items()

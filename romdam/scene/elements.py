@@ -1,4 +1,7 @@
-"""The elements and their facets as tables: an element is its nodes, its monomials and a quadrature rule.
+"""The elements and their facets as tables: an element is what files call it, its nodes and a quadrature rule.
+
+Everything that is known of an element stands in its line of `ELEMENTS`; readers, checks, facets, stress and
+export ask it. A new one is a line here and its name in `romdam.config.sections.places.ElementName`.
 
 Node orders are VTK's (and meshio's). Shape functions follow from the tables alone, N = p(xi) V^-1
 with V the monomials at the nodes, so there is one code for every element.
@@ -9,16 +12,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
+from romdam.scene.cells import OTHER_CELLS, Cell
 
 Rule = tuple[Floats, Floats]
 
 _HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 _HEX_FACETS = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+_HEX_INNER = (*(_HEX_FACETS[k] for k in (5, 3, 2, 4, 0, 1)), tuple(range(8)))  # x, y, z faces, the middle
 _TET_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 _TET_FACETS = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
 _QUAD_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0))
@@ -29,42 +35,72 @@ _HEX_CORNERS = np.vstack([np.c_[_QUAD_CORNERS, np.full(4, z)] for z in (-1.0, 1.
 _TRI_CORNERS = np.array([[0, 0], [1, 0], [0, 1]], dtype=float)
 _TET_CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 
+Corners = tuple[int, ...]
+
 
 @dataclass(frozen=True)
 class Element:
-    """An element of dimension d with nn nodes, of which the first are its corners.
+    """An element of dimension d with nn nodes: its corners, then those in the middle of some corners.
 
     Attributes
     ----------
-    name : hex8, hex20, tet4, tet10, quad4, quad8, tri3 or tri6
+    name : of its shape and number of nodes, such as hex20
+    cell : what mesh files call it
     nodes : (nn, d) reference coordinates; hexahedra and quadrilaterals live on [-1, 1]^d
     exponents : (nn, d) of the monomials that span the shape functions
     edges : corner pairs, in the order of the mid-edge nodes
-    facets : node numbers of each facet, seen from outside counterclockwise, then its mid-edge nodes
+    middles : of every node that is no corner, the corners it is in the middle of; edges first
+    facets : node numbers of each facet as `facet` numbers them, seen from outside counterclockwise
     corners : number of corner nodes
     order : Gauss points per direction, or degree of the simplex rule, of `rule`
+    linear, facet : names of the elements of its corners and of its facets
+    pieces : of a facet: corners of the linear facets that its nodes cut it into
+    bytes_per_node : of a solid: memory that meshing and assembling take, measured on cubes of 36,000 to
+        69,000 nodes
     """
 
     name: str
+    cell: Cell
     nodes: Floats
     exponents: NDArray[np.int64]
-    edges: tuple[tuple[int, int], ...]
-    facets: tuple[tuple[int, ...], ...]
+    edges: tuple[Corners, ...]
+    middles: tuple[Corners, ...]
+    facets: tuple[Corners, ...]
     corners: int
     order: int
+    linear: str
+    facet: str = ""
+    pieces: tuple[Corners, ...] = ()
+    bytes_per_node: float = 0.0
 
     @property
     def quadratic(self) -> bool:
-        """Whether the element has mid-edge nodes."""
+        """True where the element has mid-edge nodes."""
         return len(self.nodes) > self.corners
+
+    @property
+    def on_edges(self) -> bool:
+        """True where its nodes are corners and middles of edges, no others."""
+        return len(self.middles) == len(self.edges)
+
+    @property
+    def skeleton(self) -> Element:
+        """The element of its shape with nodes on edges only."""
+        return next(e for e in ELEMENTS.values() if e.linear == self.linear and e.on_edges)
+
+    @property
+    def box(self) -> bool:
+        """True for a hexahedron or a quadrilateral."""
+        return bool(self.corners == 2 ** self.nodes.shape[1])
 
     @property
     def rule(self) -> Rule:
         """Points (nq, d) and weights (nq,) that integrate stiffness and mass of a straight element."""
-        dimension = self.nodes.shape[1]
-        if self.corners == 2**dimension:
-            return gauss_rule(self.order, dimension)
-        return simplex_rule(self.order, dimension)
+        return self.rule_of(self.order)
+
+    def rule_of(self, order: int) -> Rule:
+        """Points (nq, d) and weights (nq,) of so many Gauss points per direction, or of that degree."""
+        return (gauss_rule if self.box else simplex_rule)(order, self.nodes.shape[1])
 
     def shape(self, xi: Floats) -> Floats:
         """Shape functions at xi (nq, d), as (nq, nn)."""
@@ -111,81 +147,162 @@ def simplex_rule(order: int, dimension: int) -> Rule:
     return np.ascontiguousarray(points.T), weights
 
 
-def _box_monomials(dimension: int, serendipity: bool) -> NDArray[np.int64]:
-    linear = list(product((0, 1), repeat=dimension))
-    if not serendipity:
-        return np.array(linear)
-    squares = [(*e[:a], 2, *e[a + 1 :]) for a in range(dimension) for e in linear if e[a] == 0]
-    return np.array(linear + squares)
-
-
-def _simplex_monomials(dimension: int, degree: int) -> NDArray[np.int64]:
-    return np.array([e for e in product(range(degree + 1), repeat=dimension) if sum(e) <= degree])
-
-
-def _with_midsides(corners: Floats, edges: tuple[tuple[int, int], ...]) -> Floats:
-    return np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in edges]])
-
-
-def _with_edge_nodes(
-    facets: tuple[tuple[int, ...], ...], edges: tuple[tuple[int, int], ...], corners: int
-) -> tuple[tuple[int, ...], ...]:
-    """Append to each facet's corners the mid-edge nodes of its ring."""
-    number = {frozenset(edge): corners + k for k, edge in enumerate(edges)}
-    rings = [[number[frozenset((f[k], f[(k + 1) % len(f)]))] for k in range(len(f))] for f in facets]
-    return tuple((*f, *ring) for f, ring in zip(facets, rings, strict=True))
-
-
 @dataclass(frozen=True)
 class _Shape:
+    """Corners, edges and facets that elements share; `inner` are the middles of facets and of the whole."""
+
     corners: Floats
-    edges: tuple[tuple[int, int], ...]
-    facets: tuple[tuple[int, ...], ...]
-    box: bool
+    edges: tuple[Corners, ...]
+    facets: tuple[Corners, ...] = ()
+    inner: tuple[Corners, ...] = ()
 
 
 _SHAPES = {
-    "hex": _Shape(_HEX_CORNERS, _HEX_EDGES, _HEX_FACETS, True),
-    "tet": _Shape(_TET_CORNERS, _TET_EDGES, _TET_FACETS, False),
-    "quad": _Shape(_QUAD_CORNERS, _QUAD_EDGES, (), True),
-    "tri": _Shape(_TRI_CORNERS, _TRI_EDGES, (), False),
+    "hex": _Shape(_HEX_CORNERS, _HEX_EDGES, _HEX_FACETS, _HEX_INNER),
+    "tet": _Shape(_TET_CORNERS, _TET_EDGES, _TET_FACETS),
+    "quad": _Shape(_QUAD_CORNERS, _QUAD_EDGES, inner=((0, 1, 2, 3),)),
+    "tri": _Shape(_TRI_CORNERS, _TRI_EDGES),
 }
 
 
-def _element(name: str, order: int) -> Element:
-    s = _SHAPES[name.rstrip("0123456789")]
-    count, dimension = s.corners.shape
-    quadratic = int(name.lstrip("hextquadri")) > count
-    monomials = (
-        _box_monomials(dimension, quadratic) if s.box else _simplex_monomials(dimension, 1 + quadratic)
+def _monomials_of(shape: _Shape, nodes: int) -> NDArray[np.int64]:
+    """Exponents of as many monomials as an element of the shape has nodes."""
+    count, d = shape.corners.shape
+    linear = list(product((0, 1), repeat=d))
+    if count == d + 1:  # a simplex
+        degree = 1 if nodes == count else 2
+        return np.array([e for e in product(range(degree + 1), repeat=d) if sum(e) <= degree])
+    if nodes == 3**d:
+        return np.array(list(product((0, 1, 2), repeat=d)))
+    if nodes == count:
+        return np.array(linear)
+    squares = [(*e[:a], 2, *e[a + 1 :]) for a in range(d) for e in linear if e[a] == 0]
+    return np.array(linear + squares)
+
+
+def _with_middles(
+    facets: tuple[Corners, ...], middles: tuple[Corners, ...], corners: int
+) -> tuple[Corners, ...]:
+    """Append to each facet's corners the nodes in the middle of its edges, and its own where there is one."""
+    number = {frozenset(own): corners + k for k, own in enumerate(middles)}
+    rings = [[(f[k], f[(k + 1) % len(f)]) for k in range(len(f))] for f in facets]
+    return tuple(
+        (*f, *(number[frozenset(own)] for own in (*ring, f) if frozenset(own) in number))
+        for f, ring in zip(facets, rings, strict=True)
     )
-    nodes = _with_midsides(s.corners, s.edges) if quadratic else s.corners
-    facets = _with_edge_nodes(s.facets, s.edges, count) if quadratic else s.facets
-    return Element(name, nodes, monomials, s.edges, facets, count, order)
 
 
-# tet10's mass needs degree 4 when straight; scikit-fem's rule of that degree has a negative weight.
+def _element(name: str, cell: Cell, order: int, **others: Any) -> Element:
+    """An element; its nodes, facets and monomials follow from its shape and its number of nodes."""
+    kind = name.rstrip("0123456789")
+    shape = _SHAPES[kind]
+    count = len(shape.corners)
+    middles = (*shape.edges, *shape.inner)[: cell.nodes - count]
+    return Element(
+        name,
+        cell,
+        nodes=np.vstack([shape.corners, *(shape.corners[list(own)].mean(axis=0) for own in middles)]),
+        exponents=_monomials_of(shape, cell.nodes),
+        edges=shape.edges,
+        middles=middles,
+        facets=_with_middles(shape.facets, middles, count),
+        corners=count,
+        order=order,
+        linear=f"{kind}{count}",
+        **others,
+    )
+
+
+_GMSH_HEX20 = (0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15)
+_GMSH_HEX27 = (*_GMSH_HEX20, 22, 23, 21, 24, 20, 25, 26)
+_GMSH_TET10 = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)
+_NASTRAN_HEX20 = (*range(12), 16, 17, 18, 19, 12, 13, 14, 15)  # the uprights before the top ring
+_ABAQUS_HEX27 = (*range(20), 26, 24, 23, 25, 21, 22, 20)  # the middle, then the faces S1 to S6
+
+# Nastran has no hexahedron of 27 nodes. The mass of a straight tet10 needs degree 4; scikit-fem's rule of
+# that degree has a negative weight.
 ELEMENTS: dict[str, Element] = {
     element.name: element
     for element in (
-        _element("hex8", 2),
-        _element("hex20", 3),
-        _element("tet4", 2),
-        _element("tet10", 5),
-        _element("quad4", 2),
-        _element("quad8", 3),
-        _element("tri3", 2),
-        _element("tri6", 5),
+        _element(
+            "hex8",
+            Cell("hexahedron", 3, 8, vtk=12, gmsh=5, abaqus=True, nastran=("CHEXA",)),
+            order=2,
+            facet="quad4",
+            bytes_per_node=5.1e3,
+        ),
+        _element(
+            "hex20",
+            Cell("hexahedron20", 3, 20, 25, 17, True, ("CHEXA",),
+                 {"gmsh": _GMSH_HEX20, "nastran": _NASTRAN_HEX20}),
+            order=3,
+            facet="quad8",
+            bytes_per_node=10.8e3,
+        ),
+        _element(
+            "hex27",
+            Cell("hexahedron27", 3, 27, 29, 12, True, orders={"gmsh": _GMSH_HEX27, "abaqus": _ABAQUS_HEX27}),
+            order=3,
+            facet="quad9",
+            bytes_per_node=11.8e3,
+        ),
+        _element(
+            "tet4",
+            Cell("tetra", 3, 4, vtk=10, gmsh=4, abaqus=True, nastran=("CTETRA",)),
+            order=2,
+            facet="tri3",
+            bytes_per_node=3.4e3,
+        ),
+        _element(
+            "tet10",
+            Cell("tetra10", 3, 10, 24, 11, True, ("CTETRA",), {"gmsh": _GMSH_TET10}),
+            order=5,
+            facet="tri6",
+            bytes_per_node=5.5e3,
+        ),
+        _element(
+            "quad4",
+            Cell("quad", 2, 4, vtk=9, gmsh=3, abaqus=True, nastran=("CQUAD4", "CQUADR")),
+            order=2,
+            pieces=((0, 1, 2, 3),),
+        ),
+        _element(
+            "quad8",
+            Cell("quad8", 2, 8, vtk=23, gmsh=16, abaqus=True, nastran=("CQUAD8",)),
+            order=3,
+            pieces=((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6, 7)),
+        ),
+        _element(
+            "quad9",
+            Cell("quad9", 2, 9, vtk=28, gmsh=10, abaqus=True),
+            order=3,
+            pieces=((0, 4, 8, 7), (1, 5, 8, 4), (2, 6, 8, 5), (3, 7, 8, 6)),
+        ),
+        _element(
+            "tri3",
+            Cell("triangle", 2, 3, vtk=5, gmsh=2, abaqus=True, nastran=("CTRIA3", "CTRIAR")),
+            order=2,
+            pieces=((0, 1, 2),),
+        ),
+        _element(
+            "tri6",
+            Cell("triangle6", 2, 6, vtk=22, gmsh=9, abaqus=True, nastran=("CTRIA6",)),
+            order=5,
+            pieces=((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+        ),
     )
+}  # fmt: skip
+SOLIDS: dict[str, Element] = {name: element for name, element in ELEMENTS.items() if element.cell.dim == 3}
+ELEMENT_OF_CELL: dict[str, Element] = {element.cell.name: element for element in ELEMENTS.values()}
+CELLS: dict[str, Cell] = {
+    cell.name: cell for cell in (*(element.cell for element in ELEMENTS.values()), *OTHER_CELLS)
 }
-
-FACET_OF = {"hex8": "quad4", "hex20": "quad8", "tet4": "tri3", "tet10": "tri6"}
-_FACET_BY_NODES = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8"}
+_FACET_BY_NODES = {e.cell.nodes: e for e in ELEMENTS.values() if e.cell.dim == 2}
 
 
 def facet_element(facets: NDArray[np.int64]) -> Element:
     """The facet element that has as many nodes as the rows of `facets`."""
-    return ELEMENTS[_FACET_BY_NODES[facets.shape[1]]]
+    return _FACET_BY_NODES[facets.shape[1]]
 
 
 def jacobians(points: Floats, cells: NDArray[np.int64], element: Element, xi: Floats) -> Floats:

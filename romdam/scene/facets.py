@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, eye_array
 
 from romdam.core.scene import Bools, Ints
-from romdam.scene.elements import ELEMENTS, Floats, Rule, facet_element, gauss_rule, simplex_rule
+from romdam.scene.elements import ELEMENTS, Floats, facet_element
 
 
 def boundary_facets(cells: Ints, element: str) -> Ints:
@@ -17,7 +17,7 @@ def boundary_facets(cells: Ints, element: str) -> Ints:
     Parameters
     ----------
     cells : (nc, nodes per cell)
-    element : hex8, hex20, tet4 or tet10
+    element : name of a solid
 
     Returns
     -------
@@ -25,7 +25,7 @@ def boundary_facets(cells: Ints, element: str) -> Ints:
     """
     table = ELEMENTS[element]
     facets = cells[:, np.array(table.facets)].reshape(-1, len(table.facets[0]))
-    keys = row_numbers(np.sort(facets[:, : _corners(facets)], axis=1))
+    keys = row_numbers(np.sort(facets[:, : ELEMENTS[table.facet].corners], axis=1))
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return facets[counts[inverse] == 1]
 
@@ -33,7 +33,7 @@ def boundary_facets(cells: Ints, element: str) -> Ints:
 def row_numbers(rows: Ints) -> Ints:
     """One number for every row of numbers from 0 on, in the rows' order and equal where they are.
 
-    NumPy sorts rows by comparing them as bytes, which takes ten times as long as sorting numbers.
+    NumPy sorts rows by comparing them as bytes, which takes much longer than sorting numbers.
     """
     size = int(rows.max(initial=0)) + 1
     found, most = np.zeros(len(rows), dtype=np.int64), 1
@@ -43,10 +43,6 @@ def row_numbers(rows: Ints) -> Ints:
             most = len(rows)
         found, most = found * size + column, most * size
     return found
-
-
-def _corners(facets: Ints) -> int:
-    return facet_element(facets).corners
 
 
 def area_vectors(points: Floats, facets: Ints) -> Floats:
@@ -59,8 +55,7 @@ def area_vectors(points: Floats, facets: Ints) -> Floats:
 
 def facet_areas(points: Floats, facets: Ints) -> Floats:
     """Area of every facet (nf,) [m2]."""
-    element = facet_element(facets)
-    xi, weight = element.rule
+    xi, weight = facet_element(facets).rule
     return np.linalg.norm(area_elements(points, facets, xi), axis=2) @ weight
 
 
@@ -89,12 +84,13 @@ def area_elements(points: Floats, facets: Ints, xi: Floats) -> Floats:
 def gap_weights(points: Floats, facets: Ints, corners_only: bool = False) -> tuple[Ints, Floats, csr_matrix]:
     """Nodes of a face, their positive tributary areas and the face displacement each area sees.
 
-    With phi_i >= 0 piecewise linear on the sub-facets (three or four corner triangles and what is
-    left in the middle of a quadratic facet), area_i = int phi_i dA and C_ij = int phi_i N_j dA / area_i.
-    As the phi_i sum to one, a pressure p on all areas gives the nodes sum_i p area_i C_ij =
-    p int N_j dA: the consistent force of a uniform traction, though the consistent weights of
-    tri6 corners are zero and those of quad8 corners negative. Linear facets need none of it:
-    int N_i dA is positive and C = I (the consistent matrix lumped) carries uniform pressure too.
+    With phi_i >= 0 piecewise linear on the pieces of a quadratic facet (corner triangles and what they leave
+    in its middle, or four quadrilaterals around its middle node), area_i = int phi_i dA and
+    C_ij = int phi_i N_j dA / area_i. As the phi_i sum to one, a pressure p on all areas gives the nodes
+    sum_i p area_i C_ij = p int N_j dA: the consistent force of a uniform traction, though the consistent
+    weights of tri6 corners are zero, those of quad8 corners negative, and those of quad9 corners, 1/16 of
+    their facet's middle, soon negative where it is distorted. Linear facets need none of it: int N_i dA is
+    positive and C = I (the consistent matrix lumped) carries uniform pressure too.
     With `corners_only` phi_i is linear on the whole of a quadratic facet, and only its corners have an area.
 
     Returns
@@ -120,27 +116,19 @@ def gap_weights(points: Floats, facets: Ints, corners_only: bool = False) -> tup
     return nodes, area[at], csr_matrix(total[at].multiply(1.0 / area[at][:, None]))
 
 
-_SUBFACETS: dict[str, tuple[tuple[int, ...], ...]] = {
-    "tri3": ((0, 1, 2),),
-    "quad4": ((0, 1, 2, 3),),
-    "tri6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-    "quad8": ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6, 7)),
-}
-
-
 @cache
 def _tributary_rule(name: str, corners_only: bool) -> tuple[Floats, Floats, Floats]:
-    """Quadrature over the sub-facets, in the facet's coordinates, and phi (nq, gaps) at its points.
+    """Quadrature over the pieces of a facet, in its coordinates, and phi (nq, gaps) at its points.
 
     The degrees integrate phi_i N_j dA exactly on every flat facet, however distorted: 5 on tri6,
-    8 on quad8 (phi 1, N 3, dA 4).
+    8 on quad8 (phi 1, N 3, dA 4), and 6 along each direction on quad9 (phi 1, N 2, dA 3).
     """
     element = ELEMENTS[name]
     points, weights, values = [], [], []
     gaps = element.corners if corners_only else len(element.nodes)
-    for sub in (tuple(range(element.corners)),) if corners_only else _SUBFACETS[name]:
-        linear = ELEMENTS["tri3" if len(sub) == 3 else "quad4"]
-        xi, weight = _sub_rule(len(sub))
+    for sub in (tuple(range(element.corners)),) if corners_only else element.pieces:
+        linear = facet_element(np.array([sub]))
+        xi, weight = linear.rule_of(5 if linear.box else 8)
         corner = element.nodes[list(sub)]
         jacobian = np.einsum("qda,ak->qdk", linear.gradient(xi), corner)
         points.append(linear.shape(xi) @ corner)
@@ -149,10 +137,6 @@ def _tributary_rule(name: str, corners_only: bool) -> tuple[Floats, Floats, Floa
         phi[:, list(sub)] = linear.shape(xi)
         values.append(phi)
     return np.vstack(points), np.concatenate(weights), np.vstack(values)
-
-
-def _sub_rule(corners: int) -> Rule:
-    return simplex_rule(8, 2) if corners == 3 else gauss_rule(5, 2)
 
 
 def facets_in_plane(points: Floats, facets: Ints, axis: int, at: float, tolerance: float) -> Ints:

@@ -58,8 +58,8 @@ def build_joint(
     """
     place = f"{source}: joints.{name}"
     whole = _all_gaps(name, joint, blocks, folder, place)
-    tied = any(set(whole.blocks) <= set(part.blocks) for part in parts)
-    by = "supports or ties" if tied else "supports"
+    merged = any(set(whole.blocks) <= set(part.blocks) for part in parts)
+    by = "supports or ties" if merged else "supports"
     return _without_held_gaps(whole, _free_components(whole, fixed, parts), by, place)
 
 
@@ -98,7 +98,7 @@ def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str
 def _properties(
     joint: JointConfig, area: Floats, position: Floats, folder: Path, place: str
 ) -> dict[str, Any]:
-    """What of a `Joint` depends on its parameters alone."""
+    """Fields of a `Joint` that depend on its parameters alone."""
     keys = joint.law_keys
     return {
         "gap": _initial_gap(joint, position, folder, place),

@@ -1,4 +1,4 @@
-"""Which facets of two blocks coincide, and what is wrong when they do not."""
+"""Facets of two blocks that coincide, and what is wrong when they do not."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _do_not_touch(sides: list[_Side], tolerance: float, place: str) -> str:
 
 
 def _overlaps(side: _Side, which: Ints, other: _Side, among: Ints, tolerance: float) -> Bools:
-    """Whether facets `which` of a side lie on facets `among` of the other, by points inside them.
+    """True for facets `which` of a side that lie on facets `among` of the other, by points inside them.
 
     Mid-edge nodes are left out: corners suffice to tell whether flat or mildly curved facets overlap.
     """
@@ -180,7 +180,7 @@ def _inside_box(samples: Floats, triangles: Floats, tolerance: float) -> Bools:
 
 
 def _any_inside(points: Floats, triangles: Floats, tolerance: float) -> bool:
-    """Whether a point lies on a triangle: over its inside and within the tolerance of its plane."""
+    """True where a point lies on a triangle: over its inside and within the tolerance of its plane."""
     if not len(triangles):
         return False
     origin, a, b = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]

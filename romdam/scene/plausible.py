@@ -1,4 +1,4 @@
-"""What of a scene may be meant and probably is not: units forgotten, blocks that touch and nothing joins."""
+"""Remarks on what is odd in a scene and may not be meant: units forgotten, blocks that touch unjoined."""
 
 from __future__ import annotations
 

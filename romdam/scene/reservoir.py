@@ -113,7 +113,7 @@ def _refuse_contact(
 
 
 def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Block]) -> Bools:
-    """Which facets have one of the neighbour on them; all nodes of others may be in contacts too."""
+    """True for facets that have one of the neighbour on them; all nodes of others may be in contacts too."""
     partner = np.full(len(blocks[face.block].points), -1)
     partner[contact.nodes[side]] = contact.nodes[1 - side]
     corners = facet_element(face.facets).corners

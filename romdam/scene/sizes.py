@@ -1,4 +1,4 @@
-"""How many nodes a configuration asks for, and whether they fit in memory, before anything is meshed."""
+"""Nodes that a configuration asks for, and whether they fit in memory, before anything is meshed."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from romdam.config.sections.arch_dam import ArchDamConfig
 from romdam.config.sections.job import BoxConfig, Config
 from romdam.core.errors import ConfigError
 from romdam.core.machine import memory_limit, shown_size
+from romdam.scene.elements import ELEMENTS
 
 _MOST = 1e12  # elements along an edge that are told apart
 _ROOM = 1.05  # coarser than would just fit
-# Bytes per node of meshing and assembling, measured on cubes of 36,000 to 69,000 nodes
-_BYTES = {"hex8": 5.1e3, "hex20": 10.8e3, "tet4": 3.4e3, "tet10": 5.5e3}
 
 
 def refuse_large(config: Config, source: str) -> None:
@@ -35,10 +34,12 @@ def refuse_large(config: Config, source: str) -> None:
             needs[f"blocks.{name}.box.element_size"] = (_box_nodes(block.box), block.box.element)
     if config.arch_dam is not None:
         needs["arch_dam.divisions"] = (_arch_nodes(config.arch_dam), config.arch_dam.element)
-    total = sum(nodes * _BYTES[element] for nodes, element in needs.values())
+    total = sum(nodes * ELEMENTS[element].bytes_per_node for nodes, element in needs.values())
     if total <= limit:
         return
-    key, (nodes, element) = max(needs.items(), key=lambda item: item[1][0] * _BYTES[item[1][1]])
+    key, (nodes, element) = max(
+        needs.items(), key=lambda item: item[1][0] * ELEMENTS[item[1][1]].bytes_per_node
+    )
     named = "model.memory" if config.model.memory is not None else "four fifths of this machine's memory"
     raise ConfigError(
         f"{source}: {key}: about {nodes:.3g} nodes ({3.0 * nodes:.3g} unknowns, {element}), and the blocks "
@@ -79,10 +80,10 @@ def _arch_nodes(dam: ArchDamConfig) -> float:
 
 
 def _nodes(counts: Sequence[float], element: str) -> float:
-    """Nodes of a grid of so many hexahedra along each axis."""
-    corners = prod(n + 1.0 for n in counts)
-    if element == "tet10":
-        return prod(2.0 * n + 1.0 for n in counts)
-    if element == "hex20":
+    """Nodes of a grid of so many hexahedra along each axis, each one element or cut into tetrahedra."""
+    corners, kind = prod(n + 1.0 for n in counts), ELEMENTS[element]
+    if not kind.quadratic:
+        return corners
+    if kind.box and kind.on_edges:
         return corners + sum(corners * n / (n + 1.0) for n in counts)
-    return corners
+    return prod(2.0 * n + 1.0 for n in counts)

@@ -1,4 +1,4 @@
-"""Whether supports and joints hold every block: rank of the rigid-body motions they see."""
+"""Check that supports and joints hold every block: rank of the rigid-body motions they see."""
 
 from __future__ import annotations
 
@@ -133,8 +133,8 @@ def sprung(block: Block) -> Bools:
     return found
 
 
-def held_rigidly(block: Block, held: Bools) -> bool:
-    """Whether holding some components, and springs, stop every rigid motion of a block.
+def has_no_rigid_body_mode(block: Block, held: Bools) -> bool:
+    """True where holding some components, and springs, stop every rigid motion of a block.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Blocks that have grown together: which nodes are one, and the parts that result."""
+"""Ties, the merged interfaces of blocks: which nodes are one, and the parts that result."""
 
 from __future__ import annotations
 
@@ -80,11 +80,11 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) 
 
 def scene_parts(scene: Scene) -> dict[str, Part]:
     """The parts of a scene by name; without ties every block is one."""
-    return tied_parts({name: len(block.points) for name, block in scene.blocks.items()}, scene.ties)
+    return merged_parts({name: len(block.points) for name, block in scene.blocks.items()}, scene.ties)
 
 
-def tied_parts(nodes: dict[str, int], ties: tuple[Tie, ...]) -> dict[str, Part]:
-    """Parts of blocks with so many nodes each, joined by ties."""
+def merged_parts(nodes: dict[str, int], ties: tuple[Tie, ...]) -> dict[str, Part]:
+    """Parts of blocks with so many nodes each, merged by ties."""
     names = list(nodes)
     first = dict(zip(names, np.cumsum([0, *nodes.values()][:-1]), strict=True))
     total = sum(nodes.values())

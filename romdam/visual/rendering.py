@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
+from romdam.scene.elements import ELEMENTS
 
 if TYPE_CHECKING:
     import pyvista
@@ -23,8 +24,6 @@ Bounds = tuple[Floats, Floats]
 
 SIZE = (1000, 900)
 EDGES = "#404040"
-_CELL_TYPES = {"tet4": 10, "hex8": 12, "tet10": 24, "hex20": 25}
-_LINEAR = {"tet4": "tet4", "hex8": "hex8", "tet10": "tet4", "hex20": "hex8"}
 _PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
 _LIBRARIES = (
     "install Mesa's, on Debian and Ubuntu with: apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1, "
@@ -60,9 +59,9 @@ def grid(element: str, points: Floats, cells: Ints, straight: bool = False) -> p
     import pyvista
 
     if straight:
-        element = _LINEAR[element]
-        cells = cells[:, : int(element[3:])]
-    return pyvista.UnstructuredGrid({_CELL_TYPES[element]: cells}, points)
+        cells = cells[:, : ELEMENTS[element].corners]
+        element = ELEMENTS[element].linear
+    return pyvista.UnstructuredGrid({ELEMENTS[element].cell.vtk: cells}, points)
 
 
 class Picture:

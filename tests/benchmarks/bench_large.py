@@ -59,7 +59,8 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     from romdam.reduction.interface import Interface
     from romdam.reduction.methods.craig_bampton import ModeChoice
     from romdam.reduction.methods.out_of_core import LargeBlock, reduce_large
-    from romdam.reduction.storage.model_file import BlockStore, block_key, read_block_file
+    from romdam.reduction.storage.keys import block_key
+    from romdam.reduction.storage.model_file import BlockStore, read_block_file
 
     logging.basicConfig(level=logging.INFO, format="%(relativeCreated)8d ms  %(message)s")
     block = block_of(divisions)
@@ -83,7 +84,7 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     }  # fmt: skip
     start = time.perf_counter()
     again = read_block_file(store.path(key))
-    again.matrix[retained.ravel()].sum()
+    again.vectors.rows()[retained.ravel()].sum()
     return found | {"open_s": time.perf_counter() - start}
 
 
@@ -93,11 +94,11 @@ def distance(divisions: tuple[int, ...], one: Path, other: Path) -> dict[str, fl
     from romdam.reduction.storage.model_file import read_block_file
 
     M = assemble(block_of(divisions))[1]
-    X, Y = read_block_file(one), read_block_file(other)
+    X, Y = (read_block_file(path).vectors.rows() for path in (one, other))
     off = 0.0
-    for first in range(0, X.matrix.shape[1], 64):
-        x = np.ascontiguousarray(X.matrix[:, first : first + 64])
-        rest = x - Y.matrix @ (Y.matrix.T @ (M @ x))
+    for first in range(0, X.shape[1], 64):
+        x = np.ascontiguousarray(X[:, first : first + 64])
+        rest = x - Y @ (Y.T @ (M @ x))
         off = max(off, float(np.sqrt((rest * (M @ rest)).sum(axis=0).max())))
     return {"basis": off, "omega2": float(np.abs(X.omega2 / Y.omega2 - 1.0).max())}
 

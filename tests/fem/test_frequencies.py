@@ -17,6 +17,7 @@ from romdam.config.sections.job import BoxConfig
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.scene.boxes import box_block
+from romdam.scene.elements import SOLIDS
 
 PLATE = Material(E=200e9, nu=0.3, rho=8000.0)
 NAFEMS = [44.762, 110.52, 110.52, 169.08, 193.93, 206.64, 206.64]  # their finite elements
@@ -65,7 +66,12 @@ def rayleigh_lamb(k, thickness, material):
     return brentq(residual, 0.7 * thin, thin) / (2 * np.pi)
 
 
-FV52 = {"hex8": ((16, 16, 4), 0.03), "hex20": ((4, 4, 1), 0.001), "tet10": ((6, 6, 1), 0.01)}
+FV52 = {
+    "hex8": ((16, 16, 4), 0.03),
+    "hex20": ((4, 4, 1), 0.001),
+    "hex27": ((4, 4, 1), 0.02),
+    "tet10": ((6, 6, 1), 0.01),
+}
 
 
 @pytest.mark.parametrize("element", FV52)
@@ -79,17 +85,22 @@ def test_fv52_on_meshes_like_that_of_nafems(element):
 
 
 @pytest.mark.parametrize(
-    ("element", "divisions"), [("hex8", (12, 12, 3)), ("hex20", (8, 8, 2)), ("tet10", (6, 6, 1))]
+    ("element", "divisions"),
+    [("hex8", (12, 12, 3)), ("hex20", (8, 8, 2)), ("hex27", (8, 8, 2)), ("tet10", (6, 6, 1))],
 )
 def test_fv52_membrane_modes_reach_their_closed_form(element, divisions):
     found = frequencies(element, (10.0, 10.0, 1.0), divisions, on_lines, PLATE, 14, -10.0)
     for closed in (193.59, 206.19):
-        assert np.abs(found / closed - 1).min() < {"hex8": 1e-2, "hex20": 5e-4, "tet10": 1e-3}[element]
+        assert (
+            np.abs(found / closed - 1).min()
+            < {"hex8": 1e-2, "hex20": 5e-4, "hex27": 5e-4, "tet10": 1e-3}[element]
+        )
 
 
 LADDERS = {  # divisions, and how far from exact the finest may be
     "hex8": ([(8, 8, 2), (16, 16, 4)], 0.05),
     "hex20": ([(4, 4, 1), (8, 8, 2)], 0.001),
+    "hex27": ([(4, 4, 1), (8, 8, 2)], 0.001),
     "tet10": ([(4, 4, 1), (8, 8, 2)], 0.01),
 }
 
@@ -118,11 +129,17 @@ CUBE = Material(E=1.0, nu=0.25, rho=1.0)
 CUBE_CASES = [
     ("hex8", (4, 8), 2, 0.1),
     ("hex20", (2, 4), 4, 0.2),
+    ("hex27", (2, 4), 4, 0.2),
     ("tet4", (4, 8), 2, 0.1),
     ("tet10", (2, 4), 4, 0.7),
     pytest.param("hex20", (4, 8), 4, 0.1, marks=pytest.mark.slow),
+    pytest.param("hex27", (4, 8), 4, 0.1, marks=pytest.mark.slow),
     pytest.param("tet10", (4, 8), 4, 0.3, marks=pytest.mark.slow),
 ]
+
+
+def test_every_element_converges():
+    assert {case[0] for case in CUBE_CASES if isinstance(case[0], str)} == set(SOLIDS)
 
 
 @pytest.mark.parametrize(("element", "sizes", "order", "slack"), CUBE_CASES)

@@ -15,7 +15,7 @@ from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import pressure_force
 from romdam.scene.boxes import box_block
-from romdam.scene.elements import FACET_OF
+from romdam.scene.elements import SOLIDS
 from romdam.scene.facets import area_vectors, boundary_facets
 
 STEEL = Material(E=210e9, nu=0.3, rho=7850.0)
@@ -28,7 +28,7 @@ def distorted(element, amount=0.03):
     return dataclasses.replace(block, points=block.points + amount * rng.uniform(-1, 1, block.points.shape))
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_constant_strain(element):
     block = distorted(element)
     K, _ = assemble(block)
@@ -44,7 +44,7 @@ def test_constant_strain(element):
     assert np.abs(force).max() > 1e6  # something was tested
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_rigid_motion_costs_nothing_and_mass_is_the_volume(element):
     block = distorted(element)
     K, M = assemble(block)
@@ -65,14 +65,14 @@ def test_rigid_motion_costs_nothing_and_mass_is_the_volume(element):
     assert motions[0] @ M @ motions[0] == pytest.approx(motions[2] @ M @ motions[2], rel=1e-14)
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_mass_matrix_is_positive_definite(element):
     _, M = assemble(distorted(element))
     eigenvalues = np.linalg.eigvalsh(M[::3][:, ::3].toarray())
     assert eigenvalues.min() > 0
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_renumbering_permutes_the_matrices(element):
     block = distorted(element)
     K, M = assemble(block)
@@ -85,7 +85,7 @@ def test_renumbering_permutes_the_matrices(element):
     assert abs(M2[dof][:, dof] - M).max() < 1e-14 * abs(M).max() * 10
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_pressure_all_around_is_in_equilibrium(element):
     block = distorted(element)
     force = pressure_force(block.points, boundary_facets(block.cells, element), 1e6)

@@ -161,7 +161,11 @@ def test_caches_are_read_as_they_were_or_made_again(whole, tmp_path, cases):
 
 def parts(store: BlockStore, key: str) -> list[bytes] | None:
     found = store.read(key)
-    return None if found is None else [x.tobytes() for x in (found.matrix, found.omega2, found.participation)]
+    return (
+        None
+        if found is None
+        else [x.tobytes() for x in (found.vectors.rows(), found.omega2, found.participation)]
+    )
 
 
 def test_statements_that_changed_are_left_out(tmp_path, cases):

@@ -19,6 +19,7 @@ from hand_meshes import HAND
 from romdam.config.sections.job import MeshFileConfig
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
+from romdam.scene.elements import SOLIDS
 from romdam.scene.meshes.files import MeshFiles, read_mesh_file
 
 DATA = Path(__file__).parents[1] / "scene" / "data"
@@ -54,8 +55,7 @@ def original(element, ending, folder):
     if not ending.endswith(".vtu"):
         return (DATA / f"{element}{ending}").read_bytes()
     mesh = meshio.read(DATA / f"{element}.msh")
-    kinds = {"hex8": "hexahedron", "hex20": "hexahedron20", "tet4": "tetra", "tet10": "tetra10"}
-    cells = [(c.type, c.data) for c in mesh.cells if c.type == kinds[element] or c.dim == 2]
+    cells = [(c.type, c.data) for c in mesh.cells if c.type == SOLIDS[element].cell.name or c.dim == 2]
     group = [np.full(len(data), k + 1) for k, (_, data) in enumerate(cells)]
     path = folder / "made.vtu"
     how = {"_ascii": (False, None), "_plain": (True, None), "_zlib": (True, "zlib"), "_lzma": (True, "lzma")}

@@ -20,7 +20,7 @@ from romdam.scene.boxes import box_block
 from romdam.scene.meshes.files import mesh_file_block
 from romdam.scene.meshes.quality import refuse_bad_cells
 from romdam.scene.supports import rigid_motions
-from romdam.scene.ties import tied_parts
+from romdam.scene.ties import merged_parts
 
 CONCRETE = Material(30e9, 0.2, 2400.0)
 
@@ -55,7 +55,7 @@ def soft_on_stiff():
     order = [b[np.lexsort(p.points[b].T)] for b, p in ((below, low), (above, high))]
     blocks = {"low": low, "high": high}
     tie = Tie("t", ("low", "high"), (order[0], order[1]))
-    (part,) = tied_parts({n: len(b.points) for n, b in blocks.items()}, (tie,)).values()
+    (part,) = merged_parts({n: len(b.points) for n, b in blocks.items()}, (tie,)).values()
     return held(part.mesh(blocks), *assemble_part(part, blocks))
 
 

@@ -69,8 +69,8 @@ def test_all_modes_span_the_whole_space():
     built = scene(raw(friction=0.6))
     for name, whole in full(built).parts.items():
         basis = reduced(built).basis[name]
-        assert basis.matrix.shape[1] == whole.stop - whole.start
-        assert np.linalg.matrix_rank(basis.matrix) == basis.matrix.shape[1]
+        assert basis.vectors.shape[1] == whole.stop - whole.start
+        assert np.linalg.matrix_rank(basis.vectors.rows()) == basis.vectors.shape[1]
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.6])
@@ -82,8 +82,8 @@ def test_modes_are_orthonormal_and_satisfy_their_equations(friction, model):
     T = np.zeros((big.size, small.system.size))
     for name, basis in small.basis.items():
         free = ~built.fixed[name].ravel()
-        assert np.abs(basis.matrix[~free]).max() == 0.0
-        T[big.parts[name], basis.columns] = basis.matrix[free]
+        assert np.abs(basis.vectors.rows()[~free]).max() == 0.0
+        T[big.parts[name], basis.columns] = basis.vectors.rows()[free]
     omega2 = small.system.K.diagonal()
     assert np.abs(T.T @ M @ T - np.eye(len(omega2))).max() <= 1e-9
     assert np.abs(T.T @ K @ T - np.diag(omega2)).max() <= 1e-9 * omega2.max()
@@ -136,8 +136,8 @@ def test_cutoff_keeps_exactly_the_modes_below_it():
             one_more = reduced(built, modes=count + 1)
             assert one_more.report[block]["highest_fixed_interface_hz"] > cutoff
             assert count < many.report[block]["fixed_interface_modes"]
-            same = reduced(built, modes=count).basis[block].matrix
-            angle = subspace_angles(same, by_frequency.basis[block].matrix).max()
+            same = reduced(built, modes=count).basis[block].vectors.rows()
+            angle = subspace_angles(same, by_frequency.basis[block].vectors.rows()).max()
             assert angle <= 1e-6
 
 
@@ -279,7 +279,7 @@ def test_a_block_held_by_its_joint_alone_has_six_rigid_modes(law, model):
     assert small.system.floating
     assert (omega2[columns] == 0.0).sum() == 6
     assert (omega2 >= 0.0).all()
-    rigid = small.basis["high"].matrix[:, :6]
+    rigid = small.basis["high"].vectors.rows()[:, :6]
     weight = small.system.force[columns][:6]
     mass = 2400.0 * 4 * 4 * 2
     assert np.linalg.norm(weight) == pytest.approx(mass * 9.81 / np.sqrt(mass), rel=1e-6)

@@ -31,7 +31,7 @@ def expansion(built, model):
     """(n_full, m) basis over the free DOFs."""
     rows = [np.zeros((int((~built.fixed[name]).sum()), model.system.size)) for name in built.blocks]
     for part, (name, basis) in zip(rows, model.basis.items(), strict=True):
-        part[:, basis.columns] = basis.matrix[~built.fixed[name].ravel()]
+        part[:, basis.columns] = basis.vectors.rows()[~built.fixed[name].ravel()]
     return np.vstack(rows)
 
 
@@ -121,7 +121,7 @@ def test_window_of_the_same_model_repeats_the_run():
 
 @pytest.mark.parametrize("finer", [slightly_finer, much_finer])
 @pytest.mark.parametrize(
-    "choice", [ModeChoice(count=5), ModeChoice(count=5, corrections=4), ModeChoice(cutoff=200.0)]
+    "choice", [ModeChoice(count=5), ModeChoice(count=5, residual_vectors=4), ModeChoice(cutoff=200.0)]
 )
 def test_finer_models_are_finer_and_hold_the_coarse_motion(finer, choice):
     built = scene(raw())
@@ -129,4 +129,4 @@ def test_finer_models_are_finer_and_hold_the_coarse_motion(finer, choice):
     assert fine.system.size > coarse.system.size
     into = embedding(built, coarse, fine)
     lost = 1.0 - (into.toarray() ** 2).sum(axis=0)
-    assert lost[:20].max() < (1e-4 if choice.corrections else 1e-9)
+    assert lost[:20].max() < (1e-4 if choice.residual_vectors else 1e-9)

@@ -9,9 +9,10 @@ from small_scenes import DAMPING, raw, scene
 
 from romdam.config.sections.job import ModelConfig
 from romdam.core.errors import ReductionError
+from romdam.reduction.basis import Mapped
 from romdam.reduction.methods import out_of_core as large
-from romdam.reduction.storage import columns
 from romdam.reduction.storage import model_file as store
+from romdam.reduction.storage import out_of_core_matrix
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 
@@ -31,8 +32,8 @@ def reduced(where, into=None, **model):
 def through_the_disk(monkeypatch):
     monkeypatch.setattr(large, "LARGE", 0.0)
     monkeypatch.setattr(store, "_MAPPED", 0.0)
-    monkeypatch.setattr(columns, "WIDTH", 7)
-    monkeypatch.setattr(columns, "_TOGETHER", 10)
+    monkeypatch.setattr(out_of_core_matrix, "WIDTH", 7)
+    monkeypatch.setattr(out_of_core_matrix, "_TOGETHER", 10)
     monkeypatch.setattr(large, "_NODES", 20)
 
 
@@ -54,14 +55,14 @@ def test_a_basis_from_the_disk_is_the_one_from_memory(
     made = reduced(where, BlockStore(tmp_path), solver=solver, corrections=corrections)
     monkeypatch.setattr(large, "LARGE", 1e12)
     known = reduced(where, solver="superlu", corrections=corrections)
-    assert not made.basis["left"].matrix.flags.writeable  # mapped from its file
+    assert isinstance(made.basis["left"].vectors, Mapped)
     assert made.system.size == known.system.size
     off = np.abs(made.system.K.diagonal() - known.system.K.diagonal())
     assert off.max() < 1e-7 * known.system.K.diagonal().max()
     a, b = flexibility(made.system), flexibility(known.system)
     assert np.abs(a - b).max() < 1e-6 * np.abs(b).max()
     for name in where.blocks:
-        x, y = (np.asarray(m.basis[name].matrix) for m in (made, known))
+        x, y = (np.asarray(m.basis[name].vectors.rows()) for m in (made, known))
         k = known.basis[name].omega2 < (2.0 * np.pi * 300.0) ** 2
         projected = y[:, k] @ np.linalg.lstsq(y[:, k], x[:, k], rcond=None)[0]
         assert np.abs(projected - x[:, k]).max() < 1e-6 * np.abs(x[:, k]).max()

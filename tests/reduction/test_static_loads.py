@@ -18,12 +18,12 @@ from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.storage.staging import initial_stress, staged_displacement
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.scene.elements import SOLIDS
 from romdam.timestepping.equilibrium import static_equilibrium
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))
 from arch_dams import DIVISIONS, arch_dam
 
-ELEMENTS = ("hex8", "hex20", "tet4", "tet10")
 REST = {
     "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400.0, "expansion": 1e-5}},
     "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
@@ -46,7 +46,7 @@ def wall(element, level, size=(2.0, 2.0, 6.0), divisions=2.0):
     }
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("element", SOLIDS)
 @pytest.mark.parametrize("level", [6.0, 4.0, 3.3, 0.7])
 def test_still_water_pushes_with_half_gamma_h_squared(element, level):
     """F = rho g h^2 b / 2 at a third of the depth, wherever the level cuts the facets."""
@@ -92,7 +92,7 @@ def test_water_off_its_faces_is_refused_with_numbers(level, what):
         build(wall("hex8", level))
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_free_expansion_is_free_of_stress(element):
     """u = alpha dT x satisfies K u = f exactly."""
     raw = wall(element, 6.0) | {"loads": {"temperature": [{"change": -20.0}]}}

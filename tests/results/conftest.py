@@ -8,11 +8,12 @@ from scipy.sparse import eye
 
 from romdam.config import load_config
 from romdam.config.load import Job
+from romdam.core.basis import BlockBasis
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Block, Joint, Material, Probe, Scene, StressFace, StressNodes, StressSites
 from romdam.core.system import History
 from romdam.postprocess.stress import StressHistory, StressSummary, summarise
-from romdam.reduction.storage.model_file import BlockBasis
+from romdam.reduction.basis import Dense
 from romdam.results.dataset import Timing
 from romdam.results.variables import Case
 from romdam.timestepping.energy import TERMS
@@ -105,7 +106,9 @@ def make_basis() -> dict[str, BlockBasis]:
     rng = np.random.default_rng(2)
     columns = {"left": slice(0, 3), "right": slice(3, 7)}
     return {
-        name: BlockBasis(rng.normal(size=(24, c.stop - c.start)), c, np.arange(3.0), np.ones((3, 3)), {})
+        name: BlockBasis(
+            Dense(rng.normal(size=(24, c.stop - c.start))), c, np.arange(3.0), np.ones((3, 3)), {}
+        )
         for name, c in columns.items()
     }
 

@@ -22,7 +22,7 @@ def result(case, job, timing, tmp_path):
 
 @pytest.mark.parametrize(("block", "columns"), [("left", slice(0, 3)), ("right", slice(3, 7))])
 def test_field_is_basis_times_coordinates(result, case, block, columns):
-    expected = case.history.q[:, columns] @ make_basis()[block].matrix.T
+    expected = case.history.q[:, columns] @ make_basis()[block].vectors.rows().T
     np.testing.assert_allclose(
         result.displacement(block).values.reshape(41, -1), expected, rtol=1e-13, atol=1e-13
     )
@@ -73,7 +73,7 @@ def test_basis_is_written_once_and_rewritten_when_broken(case, tmp_path):
 
 def test_another_basis_has_another_name(case, tmp_path):
     other = make_basis()
-    other["left"].matrix[0, 0] += 1e-12
+    other["left"].vectors.rows()[0, 0] += 1e-12
     assert write_model(tmp_path, case.scene, other) != write_model(tmp_path, case.scene, make_basis())
 
 

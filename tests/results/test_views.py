@@ -21,11 +21,21 @@ from romdam.results.export import write_series
 from romdam.results.fields import write_model
 from romdam.results.maxima import HEAD, maxima, write_maxima
 from romdam.results.series import frame_times, worst_displacement_time
+from romdam.scene.elements import SOLIDS
 from romdam.visual import field_views, rendering
 
 from .conftest import make_basis, make_case
 
 pytest.importorskip("pyvista")
+
+
+@pytest.mark.parametrize("element", SOLIDS.values(), ids=lambda element: element.name)
+def test_every_element_is_a_cell_of_vtk(element):
+    cells = np.arange(len(element.nodes))[None]
+    for straight, own in ((False, element), (True, SOLIDS[element.linear])):
+        grid = rendering.grid(element.name, element.nodes, cells, straight)
+        assert grid.celltypes.tolist() == [own.cell.vtk] and grid.cells[0] == len(own.nodes)
+        assert grid.compute_cell_sizes()["Volume"][0] == pytest.approx(8.0 if element.box else 1 / 6)
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,9 @@ from romdam.config import parse_config
 from romdam.core.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import weight_force
+from romdam.scene.elements import SOLIDS
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas
 from romdam.scene.ties import scene_parts
-
-ELEMENTS = ("hex8", "hex20", "tet4", "tet10")
 
 
 def merged(scene):
@@ -28,7 +27,7 @@ def volume(points, facets):
     return np.einsum("fjk,fjk->", points[facets], area_vectors(points, facets)) / 3.0
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_blocks_conform_wherever_they_meet(make, element):
     scene = make(arch_dam(element=element))
     part, points, facets = merged(scene)
@@ -46,7 +45,7 @@ def test_blocks_conform_wherever_they_meet(make, element):
     assert {tuple(f) for f in np.sort(facets, axis=1)} == seen
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_mass_and_weight_are_those_of_the_volume(make, element):
     scene = make(arch_dam(element=element) | {"loads": {"gravity": [0, 0, -9.81]}})
     for name, block in scene.blocks.items():

@@ -6,11 +6,11 @@ from scene_builders import box, two_boxes
 from test_elements import mesh
 
 from romdam.core.errors import ConfigError
-from romdam.scene.elements import ELEMENTS, FACET_OF, jacobians
+from romdam.scene.elements import ELEMENTS, SOLIDS, jacobians
 from romdam.scene.facets import boundary_facets
 
 
-@pytest.mark.parametrize("name", FACET_OF)
+@pytest.mark.parametrize("name", SOLIDS)
 def test_cells_fill_the_box(name):
     block = mesh(name, size=(1.0, 1.5, 2.0))
     element = ELEMENTS[name]
@@ -21,7 +21,7 @@ def test_cells_fill_the_box(name):
     assert len(np.unique(block.cells)) == len(block.points) == len(np.unique(block.points.round(9), axis=0))
 
 
-@pytest.mark.parametrize("name", FACET_OF)
+@pytest.mark.parametrize("name", SOLIDS)
 def test_boxes_on_one_grid_conform_on_every_side(name, make):
     raw = {
         "blocks": {

@@ -1,12 +1,16 @@
 """Shape functions, facets and quadrature of every element in the table."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
+from meshio._common import num_nodes_per_cell
 
 from romdam.config.sections.job import BoxConfig
+from romdam.config.sections.places import ElementName
 from romdam.core.scene import Material
 from romdam.scene.boxes import box_block
-from romdam.scene.elements import ELEMENTS, FACET_OF, jacobians
+from romdam.scene.elements import CELLS, ELEMENTS, SOLIDS, jacobians
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
 
 CONCRETE = Material(30e9, 0.18, 2440.0)
@@ -17,7 +21,35 @@ def mesh(element, size=(1.0, 1.0, 1.0), element_size=0.5):
     return box_block("box", config, CONCRETE, "s.yaml: blocks.box.box")
 
 
-@pytest.mark.parametrize("element", ELEMENTS.values(), ids=str)
+def test_configuration_knows_every_solid():
+    assert get_args(ElementName) == tuple(SOLIDS)
+
+
+@pytest.mark.parametrize("cell", CELLS.values(), ids=lambda cell: cell.name)
+def test_cells_are_those_of_other_codes(cell):
+    """Numbers of types and of nodes as meshio has them, for Gmsh and for VTK."""
+    from meshio._mesh import topological_dimension
+    from meshio._vtk_common import meshio_to_vtk_type
+    from meshio.gmsh.common import _meshio_to_gmsh_type
+
+    assert cell.dim == topological_dimension.get(cell.name, 3)
+    assert cell.nodes == num_nodes_per_cell.get(cell.name, cell.nodes)
+    assert cell.gmsh == _meshio_to_gmsh_type[cell.name]
+    assert cell.vtk in (meshio_to_vtk_type.get(cell.name), None)
+    for order in cell.orders.values():
+        assert sorted(order) == list(range(cell.nodes))
+
+
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda element: element.name)
+def test_nodes_are_in_the_order_of_vtk(element):
+    vtk = pytest.importorskip("vtk")
+    theirs = vtk.vtkGenericCell.InstantiateCell(element.cell.vtk)
+    count, d = element.nodes.shape
+    xi = np.array([theirs.GetParametricCoords()[k] for k in range(3 * count)]).reshape(-1, 3)[:, :d]
+    assert np.array_equal(xi * 2 - 1 if element.box else xi, element.nodes)
+
+
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda element: element.name)
 def test_shape_functions_interpolate_and_sum_to_one(element):
     assert np.abs(element.shape(element.nodes) - np.eye(len(element.nodes))).max() < 1e-13
     xi = np.random.default_rng(1).uniform(0, 0.3, (5, element.nodes.shape[1]))
@@ -25,7 +57,7 @@ def test_shape_functions_interpolate_and_sum_to_one(element):
     assert np.abs(element.gradient(xi).sum(axis=2)).max() < 1e-13
 
 
-@pytest.mark.parametrize("element", ELEMENTS.values(), ids=str)
+@pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda element: element.name)
 def test_gradient_is_the_derivative(element):
     d = element.nodes.shape[1]
     xi = np.random.default_rng(2).uniform(0, 0.3, (4, d))
@@ -36,7 +68,7 @@ def test_gradient_is_the_derivative(element):
         assert np.abs(element.gradient(xi)[:, axis] - difference).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", FACET_OF)
+@pytest.mark.parametrize("name", SOLIDS)
 def test_facets_look_outward_and_close(name):
     """Divergence theorem on curved cells: int n dA = 0 and int x . n dA = 3 V."""
     element = ELEMENTS[name]
@@ -65,7 +97,7 @@ def test_rows_are_numbered_as_numpy_sorts_them(columns, most):
     assert row_numbers(rows[:0]).shape == (0,)
 
 
-@pytest.mark.parametrize("name", FACET_OF)
+@pytest.mark.parametrize("name", SOLIDS)
 def test_boundary_of_a_box(name):
     block = mesh(name, size=(1.0, 1.5, 2.0))
     facets = boundary_facets(block.cells, name)

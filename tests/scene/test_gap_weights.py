@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_elements import mesh
 
-from romdam.scene.elements import FACET_OF
+from romdam.scene.elements import SOLIDS
 from romdam.scene.facets import area_vectors, facet_areas, gap_weights
 
 
@@ -19,7 +19,7 @@ def face(element, in_plane=0.0, out_of_plane=0.0):
 
 
 @pytest.mark.parametrize("in_plane", [0.0, 0.04])
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_gap_forces_equal_the_consistent_force_of_a_uniform_traction(element, in_plane):
     points, facets = face(element, in_plane)
     nodes, area, C = gap_weights(points, facets)
@@ -31,7 +31,7 @@ def test_gap_forces_equal_the_consistent_force_of_a_uniform_traction(element, in
 
 
 @pytest.mark.parametrize("out_of_plane", [0.0, 0.05])
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_areas_are_positive_and_weights_are_means(element, out_of_plane):
     points, facets = face(element, 0.04, out_of_plane)
     _, area, C = gap_weights(points, facets)
@@ -47,15 +47,21 @@ def test_linear_facets_have_nodal_gaps(element):
     assert np.array_equal(C.toarray(), np.eye(C.shape[0]))
 
 
-@pytest.mark.parametrize(("element", "corner"), [("tet10", 0.0), ("hex20", -1 / 12)])
-def test_consistent_corner_weights_of_quadratic_facets_are_not_positive(element, corner):
-    """Why the sub-areas are needed: int N of a corner is 0 on tri6 and -A/12 on quad8."""
+@pytest.mark.parametrize(("element", "corner"), [("tet10", 0.0), ("hex20", -1 / 12), ("hex27", 1 / 36)])
+def test_consistent_corner_weights_of_quadratic_facets_are_small_or_not_positive(element, corner):
+    """Why the sub-areas are needed: int N of a corner is 0 on tri6, -A/12 on quad8 and A/36 on quad9."""
     points, facets = face(element)
     share = area_vectors(points, facets)[:, 0, 2] / facet_areas(points, facets)
     assert np.abs(share - corner).max() < 1e-13
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+def test_consistent_weights_of_quad9():
+    points, facets = face("hex27")
+    share = area_vectors(points, facets)[:, :, 2] / facet_areas(points, facets)[:, None]
+    assert np.abs(share - np.repeat([1 / 36, 1 / 9, 4 / 9], [4, 4, 1])).max() < 1e-13
+
+
+@pytest.mark.parametrize("element", SOLIDS)
 def test_linear_opening_is_seen_at_the_mean_of_its_area(element):
     points, facets = face(element, 0.02)
     nodes, area, C = gap_weights(points, facets)

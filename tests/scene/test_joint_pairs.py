@@ -8,7 +8,7 @@ from scene_builders import box, two_boxes
 
 from romdam.config.sections.joints import JointConfig
 from romdam.core.errors import ConfigError, MeshError
-from romdam.scene.elements import FACET_OF
+from romdam.scene.elements import SOLIDS
 from romdam.scene.facets import boundary_facets
 from romdam.scene.joints import build_joint, local_axes
 
@@ -19,7 +19,7 @@ def error_of(make, raw, folder=None):
     return caught.value
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_area_is_that_of_the_face(element, make):
     raw = two_boxes(element)
     raw["supports"] = [{"block": b, "face": f} for b, f in (("left", "ymin"), ("right", "ymax"))]
@@ -30,16 +30,16 @@ def test_area_is_that_of_the_face(element, make):
     assert np.abs(joint.weights.sum(axis=1) - 1).max() < 1e-12
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_gaps_that_supports_hold_are_dropped(element, make):
     """On linear faces the held bottom row goes; on quadratic faces its areas still see free nodes."""
     scene = make(two_boxes(element))
     joint = scene.joints["c"]
     free = ~scene.fixed["left"][joint.nodes[0]].all(axis=1)
-    if element in ("hex8", "tet4"):
+    if not SOLIDS[element].quadratic:
         assert free.all() and len(joint.area) == 6
     else:
-        assert len(joint.area) == {"hex20": 21, "tet10": 25}[element]
+        assert len(joint.area) == {"hex20": 21, "hex27": 25, "tet10": 25}[element]
         assert (joint.weights @ free.astype(float) > 0).all()
 
 
@@ -124,7 +124,7 @@ def test_local_axes_rule():
     assert np.allclose(axes[4, 1:], [[-0.8, 0.6, 0], [0, 0, 1]], atol=1e-14)
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_normals_of_a_curved_joint_are_radial(element, make):
     """Boxes bent into cylinder shells of radius 10 m: the node normals stay within the chord's angle."""
     raw = two_boxes(element)

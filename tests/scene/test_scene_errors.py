@@ -8,8 +8,8 @@ from scene_builders import box, two_boxes
 
 from romdam.core.errors import ConfigError
 from romdam.fem.loads import static_force
-from romdam.scene.elements import FACET_OF
-from romdam.scene.supports import held_rigidly, refuse_free_blocks
+from romdam.scene.elements import SOLIDS
+from romdam.scene.supports import has_no_rigid_body_mode, refuse_free_blocks
 
 
 def error_of(make, raw):
@@ -36,7 +36,7 @@ def test_supports_by_face_plane_and_component(make):
     assert np.array_equal(fixed, np.c_[points[:, 0] == 0, points[:, 1] == 2, points[:, 2] == 0])
 
 
-@pytest.mark.parametrize("element", FACET_OF)
+@pytest.mark.parametrize("element", SOLIDS)
 def test_loads_are_what_they_say(element, make):
     blocks = {"dam": box([0, 0, 0], [2, 2, 2], element=element)}
     loads = {
@@ -132,8 +132,8 @@ def test_block_held_by_a_joint_alone_is_accepted(make):
     """A frictionless joint leaves it rigid-body modes, which the solver handles."""
     raw = two_boxes()
     scene = make(raw | {"supports": raw["supports"][:1]})
-    assert held_rigidly(scene.blocks["left"], scene.fixed["left"])
-    assert not held_rigidly(scene.blocks["right"], scene.fixed["right"])
+    assert has_no_rigid_body_mode(scene.blocks["left"], scene.fixed["left"])
+    assert not has_no_rigid_body_mode(scene.blocks["right"], scene.fixed["right"])
     assert not scene.fixed["right"].any()
 
 

@@ -11,6 +11,7 @@ from scene_builders import box, two_boxes
 from romdam.core.errors import ConfigError
 from romdam.core.files import check_file
 from romdam.core.machine import machine_memory
+from romdam.scene.elements import SOLIDS
 
 CONCRETE = {"E": 30e9, "nu": 0.18, "rho": 2440.0}
 THIN = {"axis": "y", "at": 2.0}
@@ -83,7 +84,7 @@ def test_nothing_is_said_of_what_is_not_odd(make, caplog):
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-9, 1e-6, [1e-6, 1.0, 1e-6]])
-@pytest.mark.parametrize("element", ["hex8", "hex20", "tet4", "tet10"])
+@pytest.mark.parametrize("element", SOLIDS)
 def test_a_box_too_fine_for_memory_is_refused_before_it_is_meshed(size, element, make):
     raw = two_boxes(element) | {"model": {"order": "full", "memory": "1 GB"}}
     raw["blocks"]["left"]["box"]["element_size"] = size

@@ -11,6 +11,7 @@ from romdam.config.base import Model, by_shape
 from romdam.config.names import Name
 from romdam.config.quantities import Dimensionless, Length, Whole
 from romdam.config.sections.joints import JointProperties
+from romdam.config.sections.places import ElementName
 
 Positive = Field(gt=0.0)
 Size = Annotated[Length, Positive]
@@ -148,7 +149,7 @@ class ArchDamConfig(Model):
     abutment_height: Size
     cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
     material: str
-    element: Literal["hex8", "hex20", "tet4", "tet10"] = "tet10"
+    element: ElementName = "tet10"
     divisions: DivisionsConfig = DivisionsConfig()
     perimeter: PerimeterConfig | None = None
     rock: RockConfig | None = None

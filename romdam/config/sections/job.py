@@ -28,7 +28,7 @@ from romdam.config.quantities import (
 )
 from romdam.config.sections.arch_dam import ArchDamConfig
 from romdam.config.sections.joints import JointConfig, TieConfig
-from romdam.config.sections.places import Axis, BlockFace, FaceRef, NodeConfig, Tolerance, Vector
+from romdam.config.sections.places import Axis, BlockFace, ElementName, FaceRef, NodeConfig, Tolerance, Vector
 from romdam.config.sections.records import RecordConfig
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
@@ -37,7 +37,6 @@ from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, shown
 from romdam.core.integrators import INTEGRATORS
 
-Element = Literal["hex8", "hex20", "tet4", "tet10"]
 NonNegative = Field(ge=0.0)
 Positive = Field(gt=0.0)
 Edges = tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
@@ -61,7 +60,7 @@ class BoxConfig(Model):
         Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
         by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
     ]
-    element: Element = "hex8"
+    element: ElementName = "hex8"
 
 
 def _length_unit(value: str) -> str:

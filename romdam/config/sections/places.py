@@ -10,6 +10,7 @@ from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Dimensionless, Length
 
 Axis = Literal["x", "y", "z"]
+ElementName = Literal["hex8", "hex20", "hex27", "tet4", "tet10"]  # see romdam.scene.elements
 Vector = tuple[Length, Length, Length]
 Direction = tuple[Dimensionless, Dimensionless, Dimensionless]
 Tolerance = Annotated[Length, Field(gt=0.0, le=10.0)]

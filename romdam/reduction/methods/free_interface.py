@@ -1,4 +1,4 @@
-"""Reduction of a part whose blocks have grown together, in free-interface form.
+"""Free-interface reduction of a part: blocks whose interfaces are merged.
 
 A dam on flexible rock is one part with thousands of joint DOFs. Craig-Bampton would retain all of them on
 both sides of every joint and diagonalise a dense matrix of that size. Here the basis is
@@ -30,8 +30,8 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
-import romdam
 from romdam.core.arrays import Floats
+from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Bools, Ints, Scene
 from romdam.fem.absorbing import boundary_dashpots
@@ -49,9 +49,10 @@ from romdam.reduction.methods.craig_bampton import (
     eigen_residual,
     without_roundoff,
 )
-from romdam.reduction.storage.columns import Columns
-from romdam.reduction.storage.model_file import LAYOUT, BlockBasis, BlockStore
-from romdam.scene.supports import held_rigidly, rigid_motions
+from romdam.reduction.storage.keys import part_keys
+from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
+from romdam.scene.supports import has_no_rigid_body_mode, rigid_motions
 from romdam.scene.ties import Part
 
 log = logging.getLogger(__name__)
@@ -67,7 +68,7 @@ _TOGETHER = 64  # modes looked at: each time all of them are read
 
 @dataclass(frozen=True)
 class Acting:
-    """What acts on blocks beside their inertia.
+    """Gap operators and static forces of the blocks.
 
     Attributes
     ----------
@@ -80,7 +81,7 @@ class Acting:
 
 
 @dataclass(frozen=True)
-class _Tied:
+class _MergedPart:
     """A part over its free DOFs.
 
     Attributes
@@ -122,7 +123,7 @@ class _Tied:
         return found
 
 
-def tied_bases(
+def merged_bases(
     part: Part,
     scene: Scene,
     acting: Acting,
@@ -136,42 +137,28 @@ def tied_bases(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    operator, static = _given(part, acting)
+    operator, static = _acting_on(part, acting)
     store = store or BlockStore.passing()
-    keys = _keys(part, scene, operator, static, choice)
+    keys = part_keys(part, scene, operator, static, choice)
     found = {name: store.read(key) for name, key in keys.items()}
     kept = {name: basis for name, basis in found.items() if basis is not None}
     if len(kept) == len(part.blocks):
         return kept
-    tied = _tied(part, scene, operator, static)
-    return _reduced(tied, scene, choice, store, keys)
+    merged = _merged_part(part, scene, operator, static)
+    return _reduced(merged, scene, choice, store, keys)
 
 
-def tied_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
-    """Block name -> what its basis is stored under; see `tied_bases`."""
-    return _keys(part, scene, *_given(part, acting), choice)
+def merged_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
+    """Block name -> what its basis is stored under; see `merged_bases`."""
+    return part_keys(part, scene, *_acting_on(part, acting), choice)
 
 
-def _given(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
+def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
     """The part's gap operator, and its static forces."""
     return part_operator(part, acting.operators), gather(part, acting.forces)
 
 
-def _keys(
-    part: Part, scene: Scene, operator: csr_matrix, static: Floats, choice: ModeChoice
-) -> dict[str, str]:
-    """Block name -> SHA-256 of what its basis depends on: everything in the part."""
-    of_blocks = [
-        (name, scene.blocks[name].element, scene.blocks[name].material, scene.blocks[name].points,
-         scene.blocks[name].cells, part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
-        for name in part.blocks
-    ]  # fmt: skip
-    kinds = [sorted(names & set(part.blocks)) for names in (scene.settled, scene.radiating)]
-    whole = fingerprint((LAYOUT, romdam.__version__, of_blocks, kinds, operator, static, choice.basis))
-    return {name: fingerprint((whole, name)) for name in part.blocks}
-
-
-def _tied(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _Tied:
+def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _MergedPart:
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
     K, M, inertia = part_matrices(part, scene.blocks)
@@ -186,11 +173,11 @@ def _tied(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _Ti
     ]
     mesh = part.mesh(scene.blocks)
     dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
-    return _Tied(
+    return _MergedPart(
         K=Symmetric(K),
         M=M,
         right=_unit_columns([operator[:, free].T, *(load[free] for load in loads)]),
-        held=held_rigidly(mesh, fixed),
+        held=has_no_rigid_body_mode(mesh, fixed),
         motions=Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free]),
         row=np.where(free, np.cumsum(free) - 1, -1)[np.concatenate(dofs)],
         inertia=inertia,
@@ -219,7 +206,7 @@ def _boundary_tractions(part: Part, scene: Scene) -> Floats:
 
 
 def _reduced(
-    tied: _Tied, scene: Scene, choice: ModeChoice, store: BlockStore, keys: dict[str, str]
+    merged: _MergedPart, scene: Scene, choice: ModeChoice, store: BlockStore, keys: dict[str, str]
 ) -> dict[str, BlockBasis]:
     """Reduce a part in free-interface form, its basis in the store from the first column on.
 
@@ -229,54 +216,56 @@ def _reduced(
         where a factorisation or an eigenproblem fails.
     """
     key = fingerprint(keys)
-    size, file = tied.K.shape[0], (store.scratch(key), key)
+    size, path = merged.K.shape[0], store.scratch(key)
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
-    if every and (tied.M.diagonal() > 0.0).all():
-        modes, (omega2, Phi), V = size, dense_modes(tied.K.whole(), tied.M), np.eye(size)
-        T = Columns(*file, (len(tied.row), size))
-        T.fill(size, lambda first, last: _over_blocks(tied, Phi[:, first:last]))
+    if every and (merged.M.diagonal() > 0.0).all():
+        modes, (omega2, Phi), V = size, dense_modes(merged.K.whole(), merged.M), np.eye(size)
+        T = OutOfCoreMatrix(path, key, (len(merged.row), size))
+        T.fill(size, lambda first, last: _over_blocks(merged, Phi[:, first:last]))
     else:
-        T, modes = _ritz_vectors(tied, replace(choice, count=size if every else choice.count), file)
-        omega2, V = _diagonalised(tied, T, modes)
-    log.info("%s: %d modes, %d attachment modes", tied.place, modes, len(omega2) - modes)
-    report = _report(tied, T, omega2, V, modes) | choice.report()
+        T, modes = _ritz_vectors(merged, replace(choice, count=size if every else choice.count), path, key)
+        omega2, V = _diagonalised(merged, T, modes)
+    log.info("%s: %d modes, %d attachment modes", merged.place, modes, len(omega2) - modes)
+    report = _report(merged, T, omega2, V, modes) | choice.report()
     kept, first = {}, 0
     for name in keys:
         last = first + 3 * len(scene.blocks[name].points)
         ends = [*range(first, last, 3 * _NODES), last]
-        rows = T.times(V, ends), tied.inertia[name]
-        kept[name] = store.write_streamed(keys[name], scene.blocks[name], omega2, rows, report)
+        rows, block = T.times(V, ends), scene.blocks[name]
+        kept[name] = store.write_streamed(keys[name], block, omega2, rows, merged.inertia[name], report)
         first = last
     T.remove()
     return kept
 
 
-def _ritz_vectors(tied: _Tied, choice: ModeChoice, file: tuple[Path, str]) -> tuple[Columns, int]:
+def _ritz_vectors(
+    merged: _MergedPart, choice: ModeChoice, path: Path, key: str
+) -> tuple[OutOfCoreMatrix, int]:
     """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
-    right = tied.right
-    shifted = Symmetric(tied.K.upper - tied.shift * tied.M) if tied.shift else tied.K
+    right = merged.right
+    shifted = Symmetric(merged.K.upper - merged.shift * merged.M) if merged.shift else merged.K
     columns = right.shape[1] + choice.columns
-    solver = make_solver(shifted, tied.motions, columns, choice.solving, tied.place, tied.inner)
-    T = Columns(*file, (len(tied.row), right.shape[1]))
+    solver = make_solver(shifted, merged.motions, columns, choice.solving, merged.place, merged.inner)
+    T = OutOfCoreMatrix(path, key, (len(merged.row), right.shape[1]))
     width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, solver.solve(right[:, a:b].toarray())), width)
-    log.info("%s: %d static answers; the modes are to come", tied.place, T.shape[1])
-    K = tied.K if tied.K.shape[0] > SMALL else tied.K.whole()
-    count, make = span_of_modes(K, tied.M, (choice.count, choice.cutoff), solver, tied.shift)
+    T.fill(T.shape[1], lambda a, b: _over_blocks(merged, solver.solve(right[:, a:b].toarray())), width)
+    log.info("%s: %d static answers; the modes are to come", merged.place, T.shape[1])
+    K = merged.K if merged.K.shape[0] > SMALL else merged.K.whole()
+    count, make = span_of_modes(K, merged.M, choice.count, choice.cutoff, solver, merged.shift)
     static = T.shape[1]
     T.widen(count)
-    T.fill(T.shape[1], lambda a, b: _over_blocks(tied, make(a - static, b - static)), width)
+    T.fill(T.shape[1], lambda a, b: _over_blocks(merged, make(a - static, b - static)), width)
     return T, count
 
 
-def _over_blocks(tied: _Tied, values: Floats) -> Floats:
+def _over_blocks(merged: _MergedPart, values: Floats) -> Floats:
     """Values of the free DOFs over those of every block, zero where held."""
-    found = np.take(values, tied.row, axis=0, mode="wrap")  # a tenth of the time of values[row]
-    found[tied.row < 0] = 0.0
+    found = np.take(values, merged.row, axis=0, mode="wrap")  # quicker than values[row]
+    found[merged.row < 0] = 0.0
     return found
 
 
-def _diagonalised(tied: _Tied, T: Columns, modes: int) -> tuple[Floats, Floats]:
+def _diagonalised(merged: _MergedPart, T: OutOfCoreMatrix, modes: int) -> tuple[Floats, Floats]:
     """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
 
     The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
@@ -284,15 +273,15 @@ def _diagonalised(tied: _Tied, T: Columns, modes: int) -> tuple[Floats, Floats]:
     flexibility; the ones that are springs beyond all the motion of interest keep their flexibility with a
     mass that is not above theirs.
     """
-    rows, a = tied.first, T.shape[1] - modes
-    moving = tied.M.diagonal() > 0.0
-    own, there = csr_matrix(tied.M[moving][:, moving]), rows[moving]
+    rows, a = merged.first, T.shape[1] - modes
+    moving = merged.M.diagonal() > 0.0
+    own, there = csr_matrix(merged.M[moving][:, moving]), rows[moving]
     M_m = T.gram(own, there, a)
-    K_m = T.gram(tied.K, rows, a) - tied.shift * M_m
+    K_m = T.gram(merged.K, rows, a) - merged.shift * M_m
     low, C = eigh(0.5 * (K_m + K_m.T), M_m)
     if not a:
-        return without_roundoff(low + tied.shift), C
-    over = T.before(_spread(tied.right, rows, T.shape[0]))  # R^T [A, Phi]
+        return without_roundoff(low + merged.shift), C
+    over = T.before(_spread(merged.right, rows, T.shape[0]))  # R^T [A, Phi]
     part = (over[:, a:] @ C / low).T  # of the modes in A, as far as they are modes: C^T Phi^T M A
     Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[there]
     M_T = T.gram(own, there, less=(Phi, np.hstack([part, np.zeros((modes, modes))])))
@@ -303,7 +292,7 @@ def _diagonalised(tied: _Tied, T: Columns, modes: int) -> tuple[Floats, Floats]:
     flexibility = 0.5 * (flexibility + flexibility.T)
     mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low)
     V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
-    return np.concatenate([without_roundoff(low + tied.shift), 1.0 / slow + tied.shift]), V
+    return np.concatenate([without_roundoff(low + merged.shift), 1.0 / slow + merged.shift]), V
 
 
 def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats, Floats]:
@@ -327,13 +316,15 @@ def _spread(right: csc_matrix, rows: Ints, size: int) -> csr_matrix:
     return csr_matrix((across.data, rows[across.indices], across.indptr), shape=(right.shape[1], size))
 
 
-def _report(tied: _Tied, T: Columns, omega2: Floats, V: Floats, modes: int) -> dict[str, object]:
+def _report(
+    merged: _MergedPart, T: OutOfCoreMatrix, omega2: Floats, V: Floats, modes: int
+) -> dict[str, object]:
     """The numbers on the reduction, as plain values."""
-    low, residual, rows = omega2[:modes], 0.0, tied.first
+    low, residual, rows = omega2[:modes], 0.0, merged.first
     for first in range(0, modes, _TOGETHER):
         some = slice(first, min(first + _TOGETHER, modes))
         Phi = T.combined(V[:, some])[rows]
-        residual = max(residual, eigen_residual(tied.K, tied.M, low[some], Phi))
+        residual = max(residual, eigen_residual(merged.K, merged.M, low[some], Phi))
     sub = Substructure(
         omega2=omega2,
         basis=np.zeros((0, 0)),
@@ -343,7 +334,7 @@ def _report(tied: _Tied, T: Columns, omega2: Floats, V: Floats, modes: int) -> d
         orthonormality=0.0,
         residual=residual,
     )
-    return sub.report() | {"part": tied.place.removeprefix("part ")}
+    return sub.report() | {"part": merged.place.removeprefix("part ")}
 
 
 def _unit_columns(loads: list[csr_matrix | Floats]) -> csc_matrix:

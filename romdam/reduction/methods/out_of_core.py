@@ -1,4 +1,4 @@
-"""Craig-Bampton reduction of a large block: the same basis as `reduce_block`, never whole in memory.
+"""Craig-Bampton reduction of a large block out of core: the basis of `reduce_block`, never whole in memory.
 
 Constraint modes are solved for in blocks of right-hand sides that go to disk as they come; a run that is
 stopped goes on there. With T = [Psi, Phi; 1, 0] the reduced stiffness needs no product with T,
@@ -16,28 +16,31 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
+from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Bools
 from romdam.fem.assembly import assemble
-from romdam.linalg.eigen import modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.interface import Interface
 from romdam.reduction.methods.craig_bampton import (
     FREE_SHIFT,
+    FixedInterfaceModes,
     ModeChoice,
     Substructure,
     diagonalise,
-    eigen_residual,
+    fixed_interface_modes,
     independent,
+    over_interior,
     without_roundoff,
 )
-from romdam.reduction.storage.columns import Columns
-from romdam.reduction.storage.model_file import BlockBasis, BlockStore
+from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.scene.supports import rigid_motions
 
 log = logging.getLogger(__name__)
@@ -49,7 +52,7 @@ _NODES = 4096  # of the basis at a time
 
 @dataclass(frozen=True)
 class LargeBlock:
-    """What is reduced: a block, its supports, the DOFs that joints retain.
+    """A block, its supports and the DOFs that joints retain.
 
     Attributes
     ----------
@@ -63,14 +66,24 @@ class LargeBlock:
     interface: Interface
     held: bool
 
+    @property
+    def place(self) -> str:
+        """Its name in messages."""
+        return f"block {self.block.name!r}"
+
+    @property
+    def shift(self) -> float:
+        """K_ii less it times M_ii is positive definite."""
+        return 0.0 if self.held else -FREE_SHIFT
+
 
 def is_large(interface: Interface, choice: ModeChoice) -> bool:
-    """Whether a block's basis goes through the disk; all modes of a block need it in memory."""
+    """True where a block's basis goes through the disk; all modes of a block need it in memory."""
     columns = int(interface.retained.sum()) + choice.columns // 4
     return 8.0 * len(interface.retained) * columns > LARGE and not choice.keeps_all
 
 
-def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: str) -> BlockBasis:
+def reduce_large(large: LargeBlock, choice: ModeChoice, store: BlockStore, key: str) -> BlockBasis:
     """Reduce a block into its file of the store.
 
     Raises
@@ -80,78 +93,96 @@ def reduce_large(given: LargeBlock, choice: ModeChoice, store: BlockStore, key: 
     ResultError
         where the folder or the disk refuses the file.
     """
-    place, shift = f"block {given.block.name!r}", 0.0 if given.held else -FREE_SHIFT
-    ritz = _ritz_vectors(given, choice, (store.scratch(key), key), shift)
-    T, boundary = ritz.T, int(ritz.outer.retained.sum())
-    K_r, M_r = ritz.reduced or _reduced(T, ritz.outer, ritz.omega2 - shift)
-    corrections = len(K_r) - boundary - len(ritz.omega2)
-    low, V = diagonalise(K_r + shift * M_r, M_r, place)
+    ritz = _ritz_vectors(large, choice, store.scratch(key), key)
+    T, modes, boundary = ritz.T, ritz.modes, int(ritz.outer.retained.sum())
+    low, V = ritz.reduced.diagonalised(large)
     sub = Substructure(
-        without_roundoff(low), np.zeros((0, 0)), boundary, len(ritz.omega2), *ritz.report, corrections
+        omega2=without_roundoff(low),
+        basis=np.zeros((0, 0)),
+        retained=boundary,
+        fixed_interface=len(modes.omega2),
+        highest=modes.highest,
+        orthonormality=modes.orthonormality,
+        residual=modes.residual,
+        residual_vectors=T.shape[1] - boundary - len(modes.omega2),
     )
-    rows = _rows(given, T, V), ritz.outer.inertia
-    basis = store.write_streamed(key, given.block, sub.omega2, rows, sub.report() | choice.report())
+    rows, report = _rows(large, T, V), sub.report() | choice.report()
+    basis = store.write_streamed(key, large.block, sub.omega2, rows, ritz.outer.inertia, report)
     T.remove()
     return basis
 
 
 @dataclass(frozen=True)
 class _Ritz:
-    """Ritz vectors on disk, and what is needed afterwards; `reduced` is there where corrections needed it."""
+    """Ritz vectors T on disk, and what is needed afterwards."""
 
-    T: Columns
+    T: OutOfCoreMatrix
     outer: _Outer
-    omega2: Floats
-    report: tuple[float, float, float]
-    reduced: tuple[Floats, Floats] | None = None
+    modes: FixedInterfaceModes
+    reduced: _Reduced
 
 
-def _ritz_vectors(given: LargeBlock, choice: ModeChoice, file: tuple[Path, str], shift: float) -> _Ritz:
-    """Constraint modes, fixed-interface modes and corrections; the solver goes when they are there."""
-    place = f"block {given.block.name!r}"
-    outer, interior = _split(given, shift)
+class _Reduced(NamedTuple):
+    """T^T (K - s M) T and T^T M T."""
+
+    K: Floats
+    M: Floats
+
+    def diagonalised(self, large: LargeBlock) -> tuple[Floats, Floats]:
+        """omega^2, and the modes in terms of T."""
+        return diagonalise(self.K + large.shift * self.M, self.M, large.place)
+
+
+def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, key: str) -> _Ritz:
+    """Constraint modes, fixed-interface modes and residual vectors; the solver goes when they are there."""
+    place, shift = large.place, large.shift
+    outer, interior = _split(large, shift)
     boundary = interior.coupling.shape[1]
     solver = make_solver(interior.K, interior.motions, boundary + choice.columns, choice.solving, place)
-    T = Columns(*file, (len(outer.retained), boundary))
+    T = OutOfCoreMatrix(path, key, (len(outer.retained), boundary))
     T.fill(boundary, lambda first, last: _constraint_modes(outer.retained, interior, solver, first, last))
     log.info("%s: %d constraint modes; the modes are to come", place, boundary)
-    omega2, Phi, report = _modes(interior, solver, choice, shift)
-    T.widen(len(omega2))
-    T.fill(T.shape[1], lambda first, last: _over(outer.retained, Phi[:, first - boundary : last - boundary]))
-    if not choice.corrections:
-        return _Ritz(T, outer, omega2, report)
-    reduced = _reduced(T, outer, omega2 - shift)
-    low, V = diagonalise(reduced[0] + shift * reduced[1], reduced[1], place)
-    D = _corrections(T, (low[: choice.corrections] - shift, V), outer, interior, solver)
-    return _Ritz(T, outer, omega2, report, _with_corrections(T, reduced, D, outer, interior))
+    K = interior.K + shift * interior.M if shift else interior.K
+    modes = fixed_interface_modes(K, interior.M, choice, solver, shift)
+    T.widen(len(modes.omega2))
+    T.fill(T.shape[1], lambda a, b: over_interior(outer.retained, modes.Phi[:, a - boundary : b - boundary]))
+    reduced = _reduced(T, outer, modes.omega2 - shift)
+    if choice.residual_vectors:
+        low, V = reduced.diagonalised(large)
+        unbalanced = _unbalanced(T, low[: choice.residual_vectors] - shift, V, outer, interior)
+        D = _orthogonal(T, V, over_interior(outer.retained, solver.solve(unbalanced)), outer.M)
+        reduced = _with_residual_vectors(T, reduced, D, outer, interior)
+    return _Ritz(T, outer, modes, reduced)
 
 
-def _reduced(T: Columns, outer: _Outer, lifted: Floats) -> tuple[Floats, Floats]:
-    """T^T (K - s M) T and T^T M T of constraint and fixed-interface modes; `lifted` is omega^2 - s."""
+def _reduced(T: OutOfCoreMatrix, outer: _Outer, lifted: Floats) -> _Reduced:
+    """Reduced matrices of constraint and fixed-interface modes; `lifted` is omega^2 - s."""
     K_r, boundary = np.zeros((T.shape[1],) * 2), T.shape[1] - len(lifted)
     K_r[:boundary, :boundary] = T.before(outer.K_b)[:, :boundary]
     K_r[np.arange(boundary, len(K_r)), np.arange(boundary, len(K_r))] = lifted
-    return K_r, T.gram(outer.M)
+    return _Reduced(K_r, T.gram(outer.M))
 
 
-def _corrections(
-    T: Columns, modes: tuple[Floats, Floats], outer: _Outer, interior: _Interior, solver: Solver
-) -> Floats:
-    """The interior's answer to what the lowest open-joint modes leave, M-orthogonal to T."""
-    (lifted, V), inside = modes, ~outer.retained
-    low = T.combined(V[:, : len(lifted)])
+def _unbalanced(T: OutOfCoreMatrix, lifted: Floats, V: Floats, outer: _Outer, interior: _Interior) -> Floats:
+    """Force on the interior that the lowest open-joint modes leave; `lifted` is their omega^2 - s."""
+    low, inside = T.combined(V[:, : len(lifted)]), ~outer.retained
     left = interior.K @ low[inside] + interior.coupling @ low[outer.retained]
     left -= (outer.M @ (low * lifted))[inside]
-    D = independent(_over(outer.retained, solver.solve(left)), outer.M)
+    return left
+
+
+def _orthogonal(T: OutOfCoreMatrix, V: Floats, D: Floats, M: csr_matrix) -> Floats:
+    """Vectors D made M-orthonormal, and M-orthogonal to T, whose modes are T V."""
+    D = independent(D, M)
     for _ in range(2):
-        D = independent(D - T.combined(V @ (V.T @ T.before((outer.M @ D).T).T)), outer.M)
+        D = independent(D - T.combined(V @ (V.T @ T.before((M @ D).T).T)), M)
     return D
 
 
-def _with_corrections(
-    T: Columns, reduced: tuple[Floats, Floats], D: Floats, outer: _Outer, interior: _Interior
-) -> tuple[Floats, Floats]:
-    """Put the corrections beside T; the reduced matrices with them."""
+def _with_residual_vectors(
+    T: OutOfCoreMatrix, reduced: _Reduced, D: Floats, outer: _Outer, interior: _Interior
+) -> _Reduced:
+    """Put residual vectors D beside T; the reduced matrices with them."""
     first, inside = T.shape[1], ~outer.retained
     KD = np.empty_like(D)
     KD[outer.retained] = outer.K_b @ D
@@ -165,7 +196,7 @@ def _with_corrections(
         whole[first:] = T.before(AD.T)
         whole[:, first:] = whole[first:].T
         found.append(whole)
-    return found[0], found[1]
+    return _Reduced(*found)
 
 
 @dataclass
@@ -188,18 +219,18 @@ class _Interior:
     motions: Motions
 
 
-def _split(given: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
-    turn, free = given.interface.turn, ~given.fixed.ravel()
-    stiffness, mass = assemble(given.block)
-    inertia = mass @ np.tile(np.eye(3), (len(given.block.points), 1))
+def _split(large: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
+    turn, free = large.interface.turn, ~large.fixed.ravel()
+    stiffness, mass = assemble(large.block)
+    inertia = mass @ np.tile(np.eye(3), (len(large.block.points), 1))
     mass = turned(mass, turn)[free][:, free]
     stiffness = turned(stiffness, turn)[free][:, free]
     if shift:
         stiffness = stiffness - shift * mass
-    retained = given.interface.retained[free]
+    retained = large.interface.retained[free]
     K_b, K_i = csr_matrix(stiffness[retained]), stiffness[~retained]
     del stiffness
-    rigid = (turn @ rigid_motions(given.block).reshape(-1, 6))[free]
+    rigid = (turn @ rigid_motions(large.block).reshape(-1, 6))[free]
     interior = _Interior(
         K=K_i[:, ~retained],
         M=mass[~retained][:, ~retained],
@@ -209,35 +240,16 @@ def _split(given: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
     return _Outer(retained, K_b, mass, inertia), interior
 
 
-def _modes(
-    interior: _Interior, solver: Solver, choice: ModeChoice, shift: float
-) -> tuple[Floats, Floats, tuple[float, float, float]]:
-    """Fixed-interface modes; highest frequency, orthonormality and residual of them."""
-    K = interior.K + shift * interior.M if shift else interior.K
-    omega2, Phi = modes_below(K, interior.M, choice.count, choice.cutoff, solver, shift)
-    gram = Phi.T @ (interior.M @ Phi)
-    highest = float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0
-    off = float(np.abs(gram - np.eye(len(gram))).max(initial=0.0))
-    return omega2, Phi, (highest, off, eigen_residual(K, interior.M, omega2, Phi))
-
-
 def _constraint_modes(retained: Bools, interior: _Interior, solver: Solver, first: int, last: int) -> Floats:
-    T = _over(retained, -solver.solve(interior.coupling[:, first:last].toarray()))
+    T = over_interior(retained, -solver.solve(interior.coupling[:, first:last].toarray()))
     T[np.flatnonzero(retained)[first:last], np.arange(last - first)] = 1.0
     return T
 
 
-def _over(retained: Bools, inside: Floats) -> Floats:
-    """Over the free DOFs, zero at retained ones."""
-    T = np.zeros((len(retained), inside.shape[1]))
-    T[~retained] = inside
-    return T
-
-
-def _rows(given: LargeBlock, T: Columns, V: Floats) -> Iterator[Floats]:
+def _rows(large: LargeBlock, T: OutOfCoreMatrix, V: Floats) -> Iterator[Floats]:
     """Open-joint modes over all DOFs in global axes, some nodes at a time: (3 nodes, m)."""
-    free, turn = ~given.fixed.ravel(), given.interface.turn
-    nodes = [*range(0, len(given.block.points), _NODES), len(given.block.points)]
+    free, turn = ~large.fixed.ravel(), large.interface.turn
+    nodes = [*range(0, len(large.block.points), _NODES), len(large.block.points)]
     ends = np.concatenate([[0], np.cumsum(free)])
     some = T.times(V, [int(ends[3 * node]) for node in nodes])
     for (first, last), rows in zip(pairwise(nodes), some, strict=True):

@@ -11,10 +11,9 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
     participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
     attributes      layout, key, report (JSON)
 
-The key is the SHA-256 of everything the basis depends on: mesh, element, material, supports, the DOFs that
-the joints retain (with their turned frames), the choice of modes, the versions of romdam and of this layout.
-Stiffness and friction of joints, gaps, damping, loads and records are not. A cache file whose bytes are not
-those that were written (`romdam.core.sealed`), or of another key, counts as none.
+A cache file whose bytes are not those that were written (`romdam.core.sealed`), or of another key (see
+`keys.py`), counts as none. The basis file is named by its content instead: it is what results need of a
+model, after the water, whichever way it was made.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -31,64 +30,36 @@ import numpy as np
 
 import romdam
 from romdam.core.arrays import Floats
+from romdam.core.basis import Basis, BlockBasis
 from romdam.core.errors import ResultError, shown
 from romdam.core.files import sweep_parts
-from romdam.core.fingerprint import fingerprint
-from romdam.core.scene import Block, Bools
+from romdam.core.scene import Block
 from romdam.core.sealed import creating, reading, text_of
-from romdam.reduction.interface import Interface
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.basis import Dense, Mapped
+from romdam.reduction.storage.keys import LAYOUT
 
 log = logging.getLogger(__name__)
 
-LAYOUT = "romdam-block-2"
 _CHUNK_BYTES = 1 << 20
 _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
-@dataclass(frozen=True)
-class BlockBasis:
-    """A reduced block; its displacement is u = matrix @ q[columns].
-
-    Attributes
-    ----------
-    matrix : (3 n, m) open-joint modes, M-orthonormal, zero at supports [1/sqrt(kg)]
-    columns : the block's slice of q
-    omega2 : (m,) ascending [1/s2]
-    participation : (m, 3) matrix^T M r for unit translations r along x, y, z [sqrt(kg)]
-    report : numbers on the reduction, plain JSON values
-    """
-
-    matrix: Floats
-    columns: slice
-    omega2: Floats
-    participation: Floats
-    report: dict[str, object]
-
-
-def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoice) -> str:
-    """SHA-256 of what the basis of a block depends on."""
-    elastic = (block.material.E, block.material.nu, block.material.rho)
-    mesh = (block.element, block.points, block.cells, elastic)
-    outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
-    return fingerprint((LAYOUT, romdam.__version__, *outside, interface, choice.basis))
-
-
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file."""
-    nodes, columns = len(block.points), basis.matrix.shape[1]
+    nodes, columns = len(block.points), basis.vectors.shape[1]
     step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * 8 * columns)))
-    small = basis.matrix.nbytes < _MAPPED
-    chunks = (step, 3, columns) if small and basis.matrix.nbytes else None
+    small = basis.vectors.nbytes < _MAPPED
+    chunks = (step, 3, columns) if small and basis.vectors.nbytes else None
     data = group.create_dataset("basis", shape=(nodes, 3, columns), dtype="f8", chunks=chunks)
     for first in range(0, nodes if columns else 0, step):
-        data[first : first + step] = basis.matrix[3 * first : 3 * (first + step)].reshape(-1, 3, columns)
+        some = basis.vectors.rows(slice(3 * first, 3 * (first + step)))
+        data[first : first + step] = some.reshape(-1, 3, columns)
     group.file.flush()
     _write_beside(group, block, basis)
 
 
 def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
-    """What stands beside the basis."""
+    """Write mesh, frequencies and report beside the basis."""
     group["points"] = block.points
     group["cells"] = block.cells
     group["cells"].attrs["element"] = block.element
@@ -116,7 +87,7 @@ def read_block(group: h5py.Group) -> BlockBasis:
     if shapes != expected or data.dtype != np.float64:
         raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
     return BlockBasis(
-        matrix=_array(data).reshape(3 * nodes, columns),
+        vectors=_vectors(data),
         columns=slice(first, first + columns),
         omega2=omega2[()],
         participation=participation[()],
@@ -142,12 +113,12 @@ def read_block_file(path: Path, key: str | None = None) -> BlockBasis:
         return read_block(file)
 
 
-def _array(data: h5py.Dataset) -> Floats:
-    """The array of a dataset; a large one in one piece is mapped, so that only rows in use are read."""
-    offset = data.id.get_offset()
+def _vectors(data: h5py.Dataset) -> Basis:
+    """The basis of a dataset (n, 3, m); a large one in one piece is mapped."""
+    offset, shape = data.id.get_offset(), (3 * data.shape[0], data.shape[2])
     if data.nbytes < _MAPPED or offset is None:
-        return np.asarray(data[()])
-    return np.memmap(data.file.filename, dtype=data.dtype, mode="r", offset=offset, shape=data.shape)
+        return Dense(np.asarray(data[()]).reshape(shape))
+    return Mapped.of(data.file.filename, offset, shape)
 
 
 class BlockStore:
@@ -171,7 +142,7 @@ class BlockStore:
         return store
 
     def scratch(self, key: str) -> Path:
-        """Where the unfinished block of a key grows.
+        """Path of the unfinished block of a key.
 
         Raises
         ------
@@ -182,7 +153,7 @@ class BlockStore:
         return self.folder / f".block-{key[:16]}.columns"
 
     def path(self, key: str) -> Path:
-        """Where the block of a key is."""
+        """Path of the block of a key."""
         return self.folder / f"block-{key[:16]}.h5"
 
     def read(self, key: str) -> BlockBasis | None:
@@ -205,52 +176,52 @@ class BlockStore:
             where the folder or the disk refuses it.
         """
         self._prepare()
-        with creating(self.path(key), basis.matrix.nbytes) as file:
+        with creating(self.path(key), basis.vectors.nbytes) as file:
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             write_block(file, block, basis)
-        if basis.matrix.nbytes < _MAPPED:
+        if basis.vectors.nbytes < _MAPPED:
             return basis
-        return replace(basis, matrix=self._mapped(key))
+        return replace(basis, vectors=self._written(key))
 
     def write_streamed(
         self,
         key: str,
         block: Block,
         omega2: Floats,
-        rows: tuple[Iterator[Floats], Floats],
+        rows: Iterator[Floats],
+        inertia: Floats,
         report: dict[str, object],
     ) -> BlockBasis:
         """Keep a block whose basis comes some rows at a time, and map it.
 
         Parameters
         ----------
-        rows : the basis (3 nodes, m) from the first node to the last, and M r (3 n, 3)
+        rows : the basis (3 nodes, m) from the first node to the last
+        inertia : M r (3 n, 3) for unit translations r
 
         Raises
         ------
         ResultError
             where the folder or the disk refuses it.
         """
-        pieces, inertia = rows
         size = (len(block.points), 3, len(omega2))
         participation, first = np.zeros((len(omega2), 3)), 0
         with creating(self.path(key), 8 * int(np.prod(size))) as file:
             data = file.create_dataset("basis", shape=size, dtype="f8")
-            for piece in pieces:
+            for piece in rows:
                 last = first + len(piece) // 3
                 data[first:last] = piece.reshape(-1, 3, size[2])
                 participation += piece.T @ inertia[3 * first : 3 * last]
                 first = last
-            basis = BlockBasis(np.zeros((0, 0)), slice(0, size[2]), omega2, participation, report)
+            basis = BlockBasis(Dense(np.zeros((0, 0))), slice(0, size[2]), omega2, participation, report)
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             _write_beside(file, block, basis)
-        return replace(basis, matrix=self._mapped(key))
+        return replace(basis, vectors=self._written(key))
 
-    def _mapped(self, key: str) -> Floats:
+    def _written(self, key: str) -> Basis:
         """The basis in a file that this store has just written."""
         with h5py.File(self.path(key), "r") as file:
-            found = _array(file["basis"])
-        return found.reshape(3 * found.shape[0], found.shape[2])
+            return _vectors(file["basis"])
 
     def _prepare(self) -> None:
         try:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.basis import BlockBasis
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Bools, Scene
 from romdam.fem.assembly import assemble
@@ -19,9 +20,8 @@ from romdam.fem.loads import weight_force
 from romdam.fem.parts import assemble_part, gather
 from romdam.fem.stress import stress_operator, thermal_stress
 from romdam.linalg.factor import Factor
-from romdam.reduction.storage.model_file import BlockBasis
 from romdam.scene.elements import Floats
-from romdam.scene.supports import held_rigidly
+from romdam.scene.supports import has_no_rigid_body_mode
 from romdam.scene.ties import Part, scene_parts
 
 
@@ -30,7 +30,7 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
 
     Parameters
     ----------
-    basis : of a reduced model; that of blocks that have grown together answers weight exactly, which
+    basis : of a reduced model; that of a part with merged interfaces answers weight exactly, which
         saves factoring them again
 
     Raises
@@ -43,7 +43,7 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
         return found
     for part in scene_parts(scene).values():
         fixed = part.fixed(scene.fixed)
-        if not held_rigidly(part.mesh(scene.blocks), fixed):
+        if not has_no_rigid_body_mode(part.mesh(scene.blocks), fixed):
             raise ConfigError(
                 f"loads.weight: staged needs parts that stand free, but {part.name!r} is held by joints "
                 "only; add a support, or set loads.weight: monolithic"
@@ -60,10 +60,10 @@ def _from_basis(basis: dict[str, BlockBasis], weight: dict[str, Floats]) -> dict
     force = np.zeros(max(block.columns.stop for block in basis.values()))
     stiffness = np.ones_like(force)
     for name, block in basis.items():
-        force[block.columns] += block.matrix.T @ weight[name]
+        force[block.columns] += block.vectors.project(weight[name])
         stiffness[block.columns] = block.omega2
     q = force / stiffness
-    return {name: (block.matrix @ q[block.columns]).reshape(-1, 3) for name, block in basis.items()}
+    return {name: block.vectors.apply(q[block.columns]).reshape(-1, 3) for name, block in basis.items()}
 
 
 def _from_mesh(part: Part, scene: Scene, free: Bools, weight: Floats) -> dict[str, Floats]:

@@ -20,7 +20,7 @@ from romdam.config.sections.arch_dam import JOINT, PERIMETER, ROCK, ArchDamConfi
 from romdam.core.scene import Absorbing, Block, Bools, Ints, Material, Tie
 from romdam.scene.arch_dam.rock import Ground, ground_grid
 from romdam.scene.arch_dam.shape import ArchShape
-from romdam.scene.boxes import split_into_tets, with_midside_nodes
+from romdam.scene.boxes import split_into_tets, with_middle_nodes
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets
 from romdam.scene.meshes.quality import refuse_bad_cells
@@ -31,7 +31,7 @@ _ON = 1e-6  # of the rock's size: distance from a plane that counts as on it
 
 @dataclass(frozen=True)
 class ArchDam:
-    """What an arch dam adds to a scene.
+    """Blocks, ties and supports that an arch dam adds to a scene.
 
     Attributes
     ----------
@@ -176,8 +176,7 @@ def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Float
         inside_out = np.repeat(grid.mirrored, len(cells) // len(turned))
         cells = np.where(inside_out[:, None], cells[:, [0, 2, 1, 3]], cells)
     whole = np.hstack([grid.points, *grid.tags.values()])
-    if ELEMENTS[element].quadratic:
-        whole, cells = with_midside_nodes(whole, cells, ELEMENTS[element].edges)
+    whole, cells = with_middle_nodes(whole, cells, ELEMENTS[element])
     points, *tags = np.ascontiguousarray(whole.reshape(len(whole), -1, 3).transpose(1, 0, 2))
     return points, cells, dict(zip(grid.tags, tags, strict=True))
 
@@ -270,7 +269,7 @@ def _absorbing(config: ArchDamConfig, faces: dict[str, Ints]) -> tuple[Absorbing
 
 
 def _ties(config: ArchDamConfig, blocks: dict[str, Block], numbers: dict[str, Ints]) -> tuple[Tie, ...]:
-    """Contacts that have grown together: cantilevers and ground, the ground's blocks, tied joints."""
+    """Merged interfaces: cantilevers and ground, the ground's blocks, tied joints."""
     cantilevers = config.cantilever_names
     ground = [name for name in blocks if name not in cantilevers]
     pairs = [(c, g) for c in cantilevers for g in ground]

@@ -148,7 +148,7 @@ def _refuse_small(config: ArchDamConfig, rock: RockConfig, inner: Floats, place:
 
 
 def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -> Floats:
-    """Where the rays leave the box; the two rays nearest to its lower edges are turned into them."""
+    """Points where the rays leave the box; the two rays nearest to its lower edges are turned into them."""
     half, drop = rock.half_width, config.crest - config.base + rock.depth
     with np.errstate(divide="ignore"):
         reach = np.minimum(half / np.abs(rays[..., 0]), drop / np.maximum(-rays[..., 2], 1e-300))

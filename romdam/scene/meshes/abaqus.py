@@ -18,6 +18,8 @@ import numpy as np
 from romdam.core.errors import MeshError, shown
 from romdam.core.files import check_file
 from romdam.core.scene import Ints
+from romdam.scene.cells import Cell
+from romdam.scene.elements import CELLS, SOLIDS
 from romdam.scene.meshes.data import (
     LARGEST,
     Cells,
@@ -35,20 +37,13 @@ _OTHER = re.compile(  # structural and special elements, which no block is made 
     r"^(?:[TBFR][23]D|B[23]\d|PIPE|ELBOW|FRAME|SPRING|DASHPOT|MASS|ROTARYI|CONN|GAP|COH|SC\d|RAX|JOINT|ITT|ISL"
     r"|HEATCAP|INERTIA|AC2D|ACIN|U\d)"
 )
-_SOLID_TYPES = {
-    4: "tetra",
-    10: "tetra10",
-    8: "hexahedron",
-    20: "hexahedron20",
-    5: "pyramid",
-    6: "wedge",
-    15: "wedge15",
-    27: "hexahedron27",
-}
-_SHELL_TYPES = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+_SOLID_TYPES, _SHELL_TYPES = (
+    {cell.nodes: cell for cell in CELLS.values() if cell.abaqus and cell.dim == dim} for dim in (3, 2)
+)
+_USE = "use one of " + ", ".join(f"C3D{element.cell.nodes}" for element in SOLIDS.values())
 _HEX_SIDES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
 _TET_SIDES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-_SIDES = {"hexahedron": _HEX_SIDES, "hexahedron20": _HEX_SIDES, "tetra": _TET_SIDES, "tetra10": _TET_SIDES}
+_SIDES = {e.cell.name: _HEX_SIDES if e.box else _TET_SIDES for e in SOLIDS.values()}
 _REFUSED = {  # what makes or moves nodes and elements in ways that are not followed
     "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "IMPORT", "SUBSTRUCTURE GENERATE",
     "SYMMETRIC MODEL GENERATION",
@@ -59,12 +54,12 @@ Lines = list[list[str]]
 
 @dataclass
 class _Deck:
-    """What has been read so far; numbers are the file's own until the end."""
+    """Content read so far; numbers are the file's own until the end."""
 
     place: str
     tags: list[int] = field(default_factory=list)
     points: list[list[float]] = field(default_factory=list)
-    blocks: list[tuple[str, list[list[int]]]] = field(default_factory=list)  # kind, number and nodes
+    blocks: list[tuple[Cell, list[list[int]]]] = field(default_factory=list)  # number and nodes
     sets: dict[str, dict[str, list[list[str]]]] = field(default_factory=lambda: {"ELSET": {}, "NSET": {}})
     surfaces: dict[str, list[tuple[str, int]]] = field(default_factory=dict)  # element or set, side
     instances: Counter[str] = field(default_factory=Counter)  # by part
@@ -188,10 +183,11 @@ def _read_nodes(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
 
 def _read_elements(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
     kind = options.get("TYPE", "").upper()
-    cell_type, size = _cell_type(deck, kind)
-    if cell_type is None:
+    cell = _cell_type(deck, kind)
+    if cell is None:
         deck.others[kind] += len(lines)
         return
+    size = cell.nodes
     rows: list[list[int]] = []
     row: list[int] = []
     for line in lines:
@@ -207,23 +203,23 @@ def _read_elements(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
             f"*ELEMENT, TYPE={kind}: element {wrong[0]} has {len(wrong) - 1} nodes, expected {size}, each "
             "element on lines of its own; repair the file"
         )
-    deck.blocks.append((cell_type, rows))
+    deck.blocks.append((cell, rows))
     if "ELSET" in options:
         _add(deck, "ELSET", options["ELSET"], [[str(row[0])] for row in rows])
 
 
-def _cell_type(deck: _Deck, kind: str) -> tuple[str | None, int]:
-    """meshio's name and the node count of an element type; None for what is neither solid nor shell."""
+def _cell_type(deck: _Deck, kind: str) -> Cell | None:
+    """The cell of an element type; None for what is neither solid nor shell."""
     if solid := _SOLID.match(kind):
         size = int(solid[1])
         if size not in _SOLID_TYPES:
-            raise deck.error(f"unsupported element type {kind}; use C3D8, C3D20, C3D4 or C3D10")
-        return _SOLID_TYPES[size], size
+            raise deck.error(f"unsupported element type {kind}; {_USE}")
+        return _SOLID_TYPES[size]
     shell = _SHELL.match(kind)
     size = int(shell[1]) if shell else 0
     if size not in _SHELL_TYPES and not _OTHER.match(kind):
-        raise deck.error(f"unknown element type {kind or '(none)'}; use C3D8, C3D20, C3D4 or C3D10")
-    return _SHELL_TYPES.get(size), size
+        raise deck.error(f"unknown element type {kind or '(none)'}; {_USE}")
+    return _SHELL_TYPES.get(size)
 
 
 def _add(deck: _Deck, kind: str, label: str, entries: list[list[str]]) -> None:
@@ -283,8 +279,8 @@ _READ: dict[str, Callable[[_Deck, dict[str, str], Lines], None]] = {
 def _finish(deck: _Deck) -> MeshFile:
     """Number nodes and elements from 0 and turn surfaces into facets."""
     tags = np.array(deck.tags, dtype=np.int64)
-    tables = [(kind, np.array(rows, dtype=np.int64)) for kind, rows in deck.blocks if rows]
-    cells = [Cells(kind, table[:, 1:], table[:, 0]) for kind, table in tables]
+    tables = [(cell, np.array(rows, dtype=np.int64)) for cell, rows in deck.blocks if rows]
+    cells = [Cells(c.name, c.in_vtk_order(table[:, 1:], "abaqus"), table[:, 0]) for c, table in tables]
     remarks = (*deck.remarks, *_left_out(deck), *missing_ids(cells))
     ids = np.sort(np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]))
     known = {"ELSET": ids, "NSET": np.sort(tags)}

@@ -1,4 +1,4 @@
-"""Whether the elements of a block fill one body: faces that pair, and none that lies inside it."""
+"""Check that the elements of a block fill one body: faces that pair, and none that lies inside it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FOLLOWED = (
     *[0.03] * 9,
 )  # how far out of an element each step to a point's place in it may lead
 _CONVERGED = 1e-9  # step in the reference element
-_STRAIGHT = 1e-6  # of the longest edge: mid-edge nodes so near to the middle leave edges straight
+_STRAIGHT = 1e-6  # of the longest edge: nodes so near to the middle of their corners leave edges straight
 _LOST = 9.0  # a reference coordinate far out
 _VOLUME = 1e-8  # relative difference of the volume by elements and by faces that rounding explains
 
@@ -72,7 +72,7 @@ class _Faces:
         self.block, table = block, ELEMENTS[block.element]
         self.rows = block.cells[:, np.array(table.facets)].reshape(-1, len(table.facets[0]))
         self.cell = np.repeat(np.arange(len(block.cells)), len(table.facets))
-        self.corners = facet_element(self.rows).corners
+        self.corners = ELEMENTS[table.facet].corners
         keys = row_numbers(np.sort(self.rows[:, : self.corners], axis=1))
         self.order = np.argsort(keys, kind="stable")
         _, start, self.count = np.unique(keys[self.order], return_index=True, return_counts=True)
@@ -109,7 +109,8 @@ class _Faces:
             raise self._error(
                 a[~turned], "have both their elements on the same side, or are cut otherwise by them", place
             )
-        agree = (one[:, c:] == other[:, c:][:, ::-1]).all(axis=1)
+        agree = (one[:, c : 2 * c] == other[:, c : 2 * c][:, ::-1]).all(axis=1)
+        agree &= (one[:, 2 * c :] == other[:, 2 * c :]).all(axis=1)
         if not agree.all():
             raise self._error(a[~agree], "have other mid-edge nodes in each of their elements", place)
 
@@ -122,8 +123,9 @@ class _Faces:
 def _from_least(rows: Ints, corners: int) -> Ints:
     """Facets turned so that their lowest corner comes first, the mid-edge nodes with them."""
     turn = (np.argmin(rows[:, :corners], axis=1)[:, None] + np.arange(corners)) % corners
-    parts = [np.take_along_axis(rows[:, k : k + corners], turn, 1) for k in range(0, rows.shape[1], corners)]
-    return np.hstack(parts)
+    rings = range(0, rows.shape[1] - corners + 1, corners)
+    turned = [np.take_along_axis(rows[:, k : k + corners], turn, 1) for k in rings]
+    return np.hstack([*turned, rows[:, corners * len(rings) :]])
 
 
 def _error(block: Block, at: Floats, count: int, what: str, place: str) -> MeshError:
@@ -163,7 +165,7 @@ def _just_outside(points: Floats, facets: Ints) -> Floats:
 
 
 def _any_cell_has(block: Block, points: Floats) -> Bools:
-    """Whether each point is inside an element."""
+    """True for each point inside an element."""
     found = np.zeros(len(points), dtype=bool)
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
@@ -191,17 +193,18 @@ def _parts(points: Ints, pairs: Ints) -> list[Ints]:
 
 
 def _geometry(block: Block) -> tuple[Floats, Element]:
-    """Nodes of every cell (nc, nn, 3) and their element; the corners only where every edge is straight."""
+    """Nodes of every cell (nc, nn, 3) and their element; the corners only where these give all of them."""
     element, nodes = ELEMENTS[block.element], block.points[block.cells]
-    ends = nodes[:, np.array(element.edges)]
-    off = nodes[:, element.corners :] - ends.mean(axis=2) if element.quadratic else np.zeros(1)
-    if np.abs(off).max() > _STRAIGHT * np.abs(np.diff(ends, axis=2)).max():
+    linear, corners = ELEMENTS[element.linear], nodes[:, : element.corners]
+    off = nodes[:, element.corners :] - linear.shape(element.nodes[element.corners :]) @ corners
+    longest = np.abs(np.diff(nodes[:, np.array(element.edges)], axis=2)).max()
+    if np.abs(off).max(initial=0.0) > _STRAIGHT * longest:
         return nodes, element
-    return nodes[:, : element.corners], ELEMENTS["hex8" if element.corners == 8 else "tet4"]
+    return corners, linear
 
 
 def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
-    """Whether each point (p, 3) is in its element with nodes (p, nn, 3), by Newton's method.
+    """True for each point (p, 3) in its element with nodes (p, nn, 3), by Newton's method.
 
     The first step is exact for a straight tetrahedron; points that a step takes far out of the reference
     element are not followed any further.
@@ -222,8 +225,8 @@ def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
 
 
 def _depth(xi: Floats, element: Element) -> Floats:
-    """How far (p,) points of the reference element are within it; negative outside."""
-    if element.corners == 8:
+    """Depth (p,) of points of the reference element in it; negative outside."""
+    if element.box:
         return 1.0 - np.abs(xi).max(axis=1)
     return np.minimum(xi.min(axis=1), 1.0 - xi.sum(axis=1))
 

@@ -10,16 +10,11 @@ import numpy as np
 
 from romdam.core.errors import MeshError, shown
 from romdam.core.scene import Floats, Ints
+from romdam.scene.elements import CELLS, SOLIDS
 
-KINDS = {  # meshio's name -> dimension, nodes
-    "vertex": (0, 1), "line": (1, 2), "line3": (1, 3), "triangle": (2, 3), "triangle6": (2, 6),
-    "quad": (2, 4), "quad8": (2, 8), "quad9": (2, 9), "tetra": (3, 4), "tetra10": (3, 10),
-    "hexahedron": (3, 8), "hexahedron20": (3, 20), "hexahedron27": (3, 27), "wedge": (3, 6),
-    "wedge15": (3, 15), "wedge18": (3, 18), "pyramid": (3, 5), "pyramid13": (3, 13), "pyramid14": (3, 14),
-}  # fmt: skip
 LARGEST = 2e9  # bytes of a mesh file
 _FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
-_LOOSE = (0.1, 3)  # share and number of nodes in no element, above both of which elements are missing
+_LOOSE_SHARE, _LOOSE_NUMBER = 0.1, 3  # of nodes in no element: above both, elements are missing
 
 
 @dataclass(frozen=True)
@@ -28,7 +23,7 @@ class Cells:
 
     Attributes
     ----------
-    kind : a key of `KINDS`
+    kind : a key of `romdam.scene.elements.CELLS`
     nodes : (n, nodes per element) in the VTK order; the file's numbers, or from 0 once they are checked
     ids : (n,) the elements' numbers in the file
     """
@@ -40,7 +35,7 @@ class Cells:
     @property
     def dim(self) -> int:
         """Dimension of the elements."""
-        return KINDS[self.kind][0]
+        return CELLS[self.kind].dim
 
 
 Groups = dict[str, list[Ints]]
@@ -48,7 +43,7 @@ Groups = dict[str, list[Ints]]
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What a mesh file holds.
+    """Content of a mesh file.
 
     Attributes
     ----------
@@ -135,17 +130,16 @@ def _refuse_collapsed(cells: Cells, place: str) -> None:
 
 
 def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tuple[str, ...]:
-    """What of the nodes no element uses; raises where these are so many that elements are missing."""
+    """Remarks on nodes that no element uses; raises where these are so many that elements are missing."""
     taken = np.zeros(len(tags), dtype=bool)
     for block in cells:
         taken[block.nodes] = True
     loose = tags[~taken]
-    share, number = _LOOSE
-    if len(loose) > max(number, share * len(tags)):
+    if len(loose) > max(_LOOSE_NUMBER, _LOOSE_SHARE * len(tags)):
         raise MeshError(
             f"{place}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), "
-            f"limit {100 * share:g} %: elements are missing, or the file was cut; export it anew, without "
-            "unused nodes"
+            f"limit {100 * _LOOSE_SHARE:g} %: elements are missing, or the file was cut; export it anew, "
+            "without unused nodes"
         )
     if not len(loose):
         return ()
@@ -191,7 +185,7 @@ def cannot_be_read(place: str, kind: str, why: str) -> MeshError:
     article = "an" if kind[0] in "aeiou" else "a"
     return MeshError(
         f"{place} cannot be read as {article} {kind} file ({why}); supported "
-        "solid elements are 8- and 20-node hexahedra and 4- and 10-node tetrahedra; export the mesh anew"
+        f"solid elements are {', '.join(SOLIDS)}; export the mesh anew"
     )
 
 

@@ -13,7 +13,7 @@ from romdam.config.sections.job import MeshFileConfig
 from romdam.core.errors import MeshError
 from romdam.core.files import check_file
 from romdam.core.scene import Block, Bools, Ints, Material
-from romdam.scene.elements import ELEMENTS
+from romdam.scene.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_element
 from romdam.scene.facets import boundary_facets, row_numbers
 from romdam.scene.meshes.abaqus import read_abaqus
 from romdam.scene.meshes.data import LARGEST, MeshFile
@@ -24,7 +24,6 @@ from romdam.scene.meshes.vtu import read_vtu
 
 log = logging.getLogger(__name__)
 
-SOLIDS = {"tetra": "tet4", "tetra10": "tet10", "hexahedron": "hex8", "hexahedron20": "hex20"}
 FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
     ".msh": read_gmsh,
     ".bdf": read_nastran,
@@ -33,7 +32,6 @@ FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
     ".inp": read_abaqus,
     ".vtu": read_vtu,
 }
-_FACET_CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 
 class MeshFiles:
@@ -152,7 +150,7 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
         )
         if not members:
             continue
-        corner = cells.nodes[:, : _FACET_CORNERS[cells.kind]]
+        corner = cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners]
         off = ~_on_faces(file, corner)
         for label, own in members.items():
             lost = own[off[own]]
@@ -171,15 +169,14 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
 
 
 def _on_faces(file: MeshFile, corners: Ints) -> Bools:
-    """Which facets, by their corners (n, 3 or 4), are faces of a solid element."""
+    """True for facets, by their corners (n, 3 or 4), that are faces of a solid element."""
     width = corners.shape[1]
     rows = [np.sort(corners, axis=1)]
     for cells in file.cells:
-        if cells.kind in SOLIDS:
-            table = np.array(ELEMENTS[SOLIDS[cells.kind]].facets)[
-                :, : 3 if cells.kind.startswith("tet") else 4
-            ]
-            if table.shape[1] == width:
+        element = ELEMENT_OF_CELL.get(cells.kind)
+        if cells.dim == 3 and element is not None:
+            if ELEMENTS[element.facet].corners == width:
+                table = np.array(element.facets)[:, :width]
                 rows.append(np.sort(cells.nodes[:, table].reshape(-1, width), axis=1))
         elif cells.dim == 3:
             return np.ones(len(corners), dtype=bool)  # faces of a kind that is not read
@@ -197,7 +194,7 @@ def _block(
     cells = local.reshape(cells.shape)
     number = np.full(len(file.points), -1)
     number[used] = np.arange(len(used))
-    faces = _faces(file, boundary_facets(cells, element), number, ELEMENTS[element].facets)
+    faces = _faces(file, boundary_facets(cells, element), number)
     block = Block(name, element, points, cells, material, faces)
     refuse_bad_cells(block, f"{place}.file: {path}")
     return block
@@ -232,10 +229,11 @@ def _cells(file: MeshFile, members: list[Ints], path: Path, place: str) -> tuple
             found.setdefault(cells.kind, []).append(cells.nodes[m])
     counts = {kind: sum(map(len, cells)) for kind, cells in found.items()}
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.items()) or "no solid elements"
-    if not set(counts) <= set(SOLIDS) or not counts:
+    if not set(counts) <= set(ELEMENT_OF_CELL) or not counts:
+        known = ", ".join(f"{element.cell.name} ({name})" for name, element in SOLIDS.items())
         raise MeshError(
-            f"{place}.file: {path} has {listed} in this block; supported are {', '.join(SOLIDS)} "
-            "(8- and 20-node hexahedra, 4- and 10-node tetrahedra); mesh the part with one of these"
+            f"{place}.file: {path} has {listed} in this block; supported are {known}; mesh the part with "
+            "one of these"
         )
     if len(counts) > 1:
         raise MeshError(
@@ -243,14 +241,12 @@ def _cells(file: MeshFile, members: list[Ints], path: Path, place: str) -> tuple
             "put each kind into a group and a block of its own, tied by joints, or mesh with one kind"
         )
     kind, own = next(iter(found.items()))
-    return SOLIDS[kind], np.concatenate(own)
+    return ELEMENT_OF_CELL[kind].name, np.concatenate(own)
 
 
-def _faces(
-    file: MeshFile, boundary: Ints, number: Ints, table: tuple[tuple[int, ...], ...]
-) -> dict[str, Ints]:
+def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
     """Named facets on the block's boundary, outward; `number` maps the file's nodes to the block's."""
-    corners = 3 if len(table[0]) in (3, 6) else 4
+    corners = facet_element(boundary).corners
     keys = np.sort(boundary[:, :corners], axis=1)
     index = {tuple(key): f for f, key in enumerate(keys.tolist())}
     faces = {}
@@ -258,7 +254,7 @@ def _faces(
         found = {
             index.get(tuple(key), -1)
             for m, cells in zip(members, file.cells, strict=True)
-            if _FACET_CORNERS.get(cells.kind) == corners
+            if cells.dim == 2 and ELEMENT_OF_CELL[cells.kind].corners == corners
             for key in np.sort(number[cells.nodes[m][:, :corners]], axis=1).tolist()
         }
         if chosen := sorted(found - {-1}):

@@ -16,29 +16,18 @@ import numpy as np
 
 from romdam.core.errors import shown
 from romdam.core.scene import Floats, Ints
+from romdam.scene.elements import CELLS
 from romdam.scene.facets import row_numbers
 from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
-from romdam.scene.meshes.gmsh_numbers import Bytes, Numbers, Words, whole
+from romdam.scene.meshes.gmsh_numbers import Bytes, Layout, Numbers, Words, counts, whole
 
-_TYPES = {
-    1: "line", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid", 8: "line3",
-    9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 13: "wedge18", 14: "pyramid14",
-    15: "vertex", 16: "quad8", 17: "hexahedron20", 18: "wedge15", 19: "pyramid13",
-}  # fmt: skip
-_SIZES = {
-    1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1,
-    16: 8, 17: 20, 18: 15, 19: 13,
-}  # fmt: skip
-_TO_VTK = {
-    "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
-    "hexahedron20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15],
-}
+_TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
 
 
 @dataclass
 class _Found:
-    """What has been read so far."""
+    """Content read so far."""
 
     tags: list[Ints] = field(default_factory=list)
     points: list[Floats] = field(default_factory=list)
@@ -98,7 +87,7 @@ def _sections(data: bytes) -> _Found:
         elif name.startswith("Partitioned"):
             raise ValueError("it is partitioned; save the mesh before it is partitioned")
         elif reader := _READERS.get((name, version)):
-            stop = _read_section(data, (end + 1, stop), layout, (name, reader), found)
+            stop = _read_section(data, (end + 1, stop), layout, name, reader, found)
         at = _past_end(data, stop, name)
     for name in ("Nodes", "Elements"):
         if name not in found.seen:
@@ -122,7 +111,7 @@ def _past_end(data: bytes, at: int, name: str) -> int:
     return end
 
 
-def _layout(body: bytes) -> tuple[float, tuple[str, int] | None]:
+def _layout(body: bytes) -> tuple[float, Layout | None]:
     """Version, and byte order with the size of size_t; None for text."""
     words = body.split(None, 3)
     try:
@@ -139,7 +128,7 @@ def _layout(body: bytes) -> tuple[float, tuple[str, int] | None]:
     one = body.partition(b"\n")[2][:4]
     if one not in (b"\1\0\0\0", b"\0\0\0\1"):
         raise ValueError("its byte order cannot be told")
-    return version, ("<" if one[0] else ">", size)
+    return version, Layout("<" if one[0] else ">", size)
 
 
 def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
@@ -163,12 +152,12 @@ Reader = Callable[[Numbers, _Found], None]
 def _read_section(
     data: bytes,
     limits: tuple[int, int],
-    layout: tuple[str, int] | None,
-    what: tuple[str, Reader],
+    layout: Layout | None,
+    name: str,
+    reader: Reader,
     found: _Found,
 ) -> int:
     """Read one section; where it ends follows from its counts."""
-    name, reader = what
     if layout is None:
         words = Words(data[slice(*limits)], name)
         reader(words, found)
@@ -181,23 +170,23 @@ def _read_section(
 
 def _entities(stream: Numbers, found: _Found) -> None:
     found.entities = {}
-    for dim, count in enumerate(stream.counts(4, "size")):
+    for dim, count in enumerate(counts(stream, 4, "size")):
         for _ in range(count):
-            (tag,) = stream.counts(1)
+            (tag,) = counts(stream, 1)
             stream.floats(6 if dim else 3)
-            groups = [abs(g) for g in stream.counts(stream.counts(1, "size")[0])]
+            groups = [abs(g) for g in counts(stream, counts(stream, 1, "size")[0])]
             if dim:
-                stream.ints(stream.counts(1, "size")[0], "int")
+                stream.ints(counts(stream, 1, "size")[0], "int")
             if (dim, tag) in found.entities:
                 raise ValueError(f"$Entities gives entity {tag} of dimension {dim} twice")
             found.entities[dim, tag] = groups
 
 
 def _nodes_41(stream: Numbers, found: _Found) -> None:
-    blocks, total, *_ = stream.counts(4, "size")
+    blocks, total, *_ = counts(stream, 4, "size")
     for _ in range(blocks):
-        dim, _, parametric = stream.counts(3)
-        (count,) = stream.counts(1, "size")
+        dim, _, parametric = counts(stream, 3)
+        (count,) = counts(stream, 1, "size")
         found.tags.append(stream.ints(count, "size"))
         width = 3 + (dim if parametric else 0)
         found.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
@@ -205,10 +194,10 @@ def _nodes_41(stream: Numbers, found: _Found) -> None:
 
 
 def _elements_41(stream: Numbers, found: _Found) -> None:
-    blocks, total, *_ = stream.counts(4, "size")
+    blocks, total, *_ = counts(stream, 4, "size")
     for _ in range(blocks):
-        dim, tag, kind = stream.counts(3)
-        (count,) = stream.counts(1, "size")
+        dim, tag, kind = counts(stream, 3)
+        (count,) = counts(stream, 1, "size")
         size = _size(kind)
         rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
         if found.entities is not None and (dim, tag) not in found.entities:
@@ -227,7 +216,7 @@ def _nodes_22(stream: Numbers, found: _Found) -> None:
         found.tags.append(raw["tag"].astype(np.int64).reshape(count))
         found.points.append(raw["x"].astype(float))
         return
-    (count,) = stream.counts(1)
+    (count,) = counts(stream, 1)
     rows = stream.floats(4 * count).reshape(count, 4)
     found.tags.append(whole(rows[:, 0], "Nodes"))
     found.points.append(rows[:, 1:])
@@ -238,7 +227,7 @@ def _elements_22(stream: Numbers, found: _Found) -> None:
         _elements_22_binary(stream, found)
         return
     assert isinstance(stream, Words)
-    (total,) = stream.counts(1)
+    (total,) = counts(stream, 1)
     numbers = whole(stream.numbers, "Elements")
     flat, at = numbers.tolist(), 1
     starts: dict[tuple[int, int], list[int]] = {}
@@ -261,7 +250,7 @@ def _elements_22(stream: Numbers, found: _Found) -> None:
 def _elements_22_binary(stream: Bytes, found: _Found) -> None:
     total, done = stream.count_line(), 0
     while done < total:
-        kind, count, tags = stream.counts(3)
+        kind, count, tags = counts(stream, 3)
         if count < 1 or tags < 0:
             raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
         width = 1 + tags + _size(kind)
@@ -291,9 +280,9 @@ def _refuse_mixed_entities(found: _Found) -> None:
             continue  # written by what knows no entities
         for entity in entities:
             here = rows[rows[:, 0] == entity]
-            groups, counts = np.unique(here[:, 1], return_counts=True)
+            groups, sizes = np.unique(here[:, 1], return_counts=True)
             if len(here) != len(groups) * len(np.unique(here[:, 2])):
-                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, counts, strict=True))
+                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, sizes, strict=True))
                 raise ValueError(
                     f"$Elements of entity {entity} of dimension {dim} are partly in one group ({listed}); "
                     "an entity is in a group as a whole"
@@ -301,15 +290,15 @@ def _refuse_mixed_entities(found: _Found) -> None:
 
 
 def _add(found: _Found, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
-    name = _TYPES[kind]
-    found.cells.append(Cells(name, nodes[:, _TO_VTK.get(name, slice(None))], ids))
+    cell = _TYPES[kind]
+    found.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
     found.physical.append(groups)
 
 
 def _size(kind: int) -> int:
-    if kind not in _SIZES:
+    if kind not in _TYPES:
         raise ValueError(f"element type {kind} is not known")
-    return _SIZES[kind]
+    return _TYPES[kind].nodes
 
 
 def _compare(found: int, said: int, name: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,26 +14,32 @@ from romdam.scene.meshes.data import numbers_of
 _LARGEST = 2.0**53  # beyond it text numbers are not whole any more
 
 
-class Numbers:
-    """Numbers of a section; a subclass knows how they are written.
+class Layout(NamedTuple):
+    """Byte order and the size of size_t of a binary file."""
+
+    order: str
+    size: int
+
+
+class Numbers(Protocol):
+    """Numbers of a section, however they are written.
 
     Every method raises ValueError where the section has fewer.
     """
 
     def floats(self, count: int) -> Floats:
         """The next `count` numbers."""
-        raise NotImplementedError
 
     def ints(self, count: int, kind: str) -> Ints:
         """The next `count` whole numbers, of kind `int` or `size`."""
-        raise NotImplementedError
-
-    def counts(self, count: int, kind: str = "int") -> list[int]:
-        """A few whole numbers."""
-        return [int(n) for n in self.ints(count, kind)]
 
 
-class Words(Numbers):
+def counts(stream: Numbers, count: int, kind: str = "int") -> list[int]:
+    """A few whole numbers."""
+    return [int(n) for n in stream.ints(count, kind)]
+
+
+class Words:
     """Of a section written as text."""
 
     def __init__(self, body: bytes, name: str) -> None:
@@ -61,13 +67,16 @@ class Words(Numbers):
             )
 
 
-class Bytes(Numbers):
-    """Of a binary section that begins at `at`; `layout` is the byte order and the size of size_t."""
+class Bytes:
+    """Of a binary section that begins at `at`."""
 
-    def __init__(self, data: bytes, at: int, name: str, layout: tuple[str, int]) -> None:
+    def __init__(self, data: bytes, at: int, name: str, layout: Layout) -> None:
         self.data, self.at, self.name = data, at, name
-        order, size = layout
-        self.kinds = {"int": f"{order}i4", "size": f"{order}u{size}", "float": f"{order}f8"}
+        self.kinds = {
+            "int": f"{layout.order}i4",
+            "size": f"{layout.order}u{layout.size}",
+            "float": f"{layout.order}f8",
+        }
 
     def floats(self, count: int) -> Floats:
         """The next `count` numbers."""

@@ -19,6 +19,7 @@ import numpy as np
 from romdam.core.errors import MeshError, shown
 from romdam.core.files import check_file
 from romdam.core.scene import Floats, Ints
+from romdam.scene.elements import CELLS
 from romdam.scene.meshes.data import (
     LARGEST,
     Cells,
@@ -30,21 +31,11 @@ from romdam.scene.meshes.data import (
 )
 
 _DEEPEST = 10  # of files that include each other
-_HEX20 = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15]  # VTK: the top ring first
-_KINDS = {  # entry -> number of nodes -> kind; None: any further fields are no nodes
-    "CHEXA": {8: "hexahedron", 20: "hexahedron20"},
-    "CTETRA": {4: "tetra", 10: "tetra10"},
-    "CPENTA": {6: "wedge", 15: "wedge15"},
-    "CPYRAM": {5: "pyramid", 13: "pyramid13"},
-    "CPYRA": {5: "pyramid", 13: "pyramid13"},
-    "CQUAD4": {4: "quad"},
-    "CQUADR": {4: "quad"},
-    "CTRIA3": {3: "triangle"},
-    "CTRIAR": {3: "triangle"},
-    "CQUAD8": {8: "quad8"},
-    "CTRIA6": {6: "triangle6"},
+_KINDS = {  # entry -> number of nodes -> what it holds
+    name: {cell.nodes: cell for cell in CELLS.values() if name in cell.nastran}
+    for name in dict.fromkeys(name for cell in CELLS.values() for name in cell.nastran)
 }
-_SHELL_NODES = {name: max(sizes) for name, sizes in _KINDS.items() if name[1] in "QT" and name != "CTETRA"}
+_SHELL_NODES = {name: nodes for name, sizes in _KINDS.items() for nodes in sizes if sizes[nodes].dim == 2}
 _SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
 _READ = ("GRID", "GRDSET", "ENDDATA", "INCLUDE", *_KINDS, *_SYSTEMS)
 _ALIKE = {  # entries of Nastran that only look like one that is read
@@ -108,14 +99,14 @@ class _Entry:
 
 @dataclass
 class _Deck:
-    """What has been read so far."""
+    """Content read so far."""
 
     tags: list[int] = field(default_factory=list)
     points: list[tuple[float, float, float]] = field(default_factory=list)
     system: list[int | None] = field(default_factory=list)  # of every grid point; None takes GRDSET's
     default: int | None = None
     systems: dict[int, tuple[str, int, Floats]] = field(default_factory=dict)  # kind, reference, A B C
-    rows: dict[str, list[list[int]]] = field(default_factory=dict)  # kind -> number, property, nodes
+    rows: dict[str, list[list[int]]] = field(default_factory=dict)  # cell -> number, property, nodes
     others: Counter[str] = field(default_factory=Counter)  # elements that are not read
     blank: int = 0  # grid points with a blank coordinate
     ended: str = ""  # where ENDDATA stands
@@ -276,7 +267,7 @@ def _read_element(deck: _Deck, entry: _Entry) -> None:
             "nodes are left out"
         )
     row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
-    deck.rows.setdefault(sizes[count], []).append(row)
+    deck.rows.setdefault(sizes[count].name, []).append(row)
 
 
 def _cells(deck: _Deck) -> tuple[list[Cells], list[Ints]]:
@@ -284,8 +275,7 @@ def _cells(deck: _Deck) -> tuple[list[Cells], list[Ints]]:
     cells, properties = [], []
     for kind, rows in deck.rows.items():
         table = np.array(rows, dtype=np.int64)
-        nodes = table[:, 2:][:, _HEX20] if kind == "hexahedron20" else table[:, 2:]
-        cells.append(Cells(kind, nodes, table[:, 0]))
+        cells.append(Cells(kind, CELLS[kind].in_vtk_order(table[:, 2:], "nastran"), table[:, 0]))
         properties.append(table[:, 1])
     return cells, properties
 

@@ -1,8 +1,9 @@
-"""Whether the cells of a mesh can carry an integration."""
+"""Check that the cells of a mesh can carry an integration."""
 
 from __future__ import annotations
 
 import logging
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -42,7 +43,7 @@ def refuse_bad_cells(block: Block, place: str) -> None:
             f"{block.name!r} occur twice, limit 0; remove duplicates, or select one `group` of the file"
         )
     refuse_loose_nodes(block, place)
-    _refuse_stray_midsides(block, place)
+    _refuse_stray_middles(block, place)
     volume = _volume(block, place)
     _refuse_coincident_nodes(block, place)
     pieces = refuse_bad_faces(block, volume, place)
@@ -74,7 +75,7 @@ def _volume(block: Block, place: str) -> float:
 
 
 def _determinants(matrices: Floats) -> Floats:
-    """Of (..., 3, 3), by the rule of Sarrus: LAPACK takes a microsecond for each."""
+    """Of (..., 3, 3), by the rule of Sarrus: LAPACK is slow on small matrices."""
     (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(matrices, (-2, -1), (0, 1))
     return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
 
@@ -127,22 +128,47 @@ def _node(block: Block, node: int) -> str:
     return f"{node} at ({', '.join(f'{x:.6g}' for x in block.points[node])})"
 
 
-def _refuse_stray_midsides(block: Block, place: str) -> None:
-    """A mid-edge node half an edge away from its middle is one of another edge: a wrong node order."""
+def _refuse_stray_middles(block: Block, place: str) -> None:
+    """Raise where a node is nearer to another one's place than to its own: a wrong node order.
+
+    That is half an edge away for one of an edge. Those of facets and of the whole, a quarter of the shortest
+    edge from where the edges' nodes would have them.
+    """
     element = ELEMENTS[block.element]
     if not element.quadratic:
         return
-    ends = block.points[block.cells[:, np.array(element.edges)]]
-    middle = block.points[block.cells[:, element.corners :]]
-    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-    off = np.linalg.norm(middle - ends.mean(axis=2), axis=2) / np.maximum(length, np.finfo(float).tiny)
-    if off.max() < 0.5:
+    corners, edges = element.corners, len(element.edges)
+    nodes = block.points[block.cells]
+    ends = nodes[:, np.array(element.edges)]
+    length = np.maximum(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2), np.finfo(float).tiny)
+    off = np.linalg.norm(nodes[:, corners : corners + edges] - ends.mean(axis=2), axis=2) / length
+    _refuse_stray(block, off, _Middles(corners, "mid-edge", "of its edge", 0.5), place)
+    if not element.on_edges:
+        first = corners + edges
+        inner = nodes[:, first:] - element.skeleton.shape(element.nodes[first:]) @ nodes[:, :first]
+        off = np.linalg.norm(inner, axis=2) / length.min(axis=1)[:, None]
+        _refuse_stray(block, off, _Middles(first, "middle", "of its corners", 0.25), place)
+
+
+class _Middles(NamedTuple):
+    """Nodes in the middle of corners: the first one's number, words for them, how far off they may be."""
+
+    first: int
+    kind: str
+    where: str
+    limit: float
+
+
+def _refuse_stray(block: Block, off: Floats, middles: _Middles, place: str) -> None:
+    """Raise where a node's distance off its place (nc, nodes), in edge lengths, reaches the limit."""
+    if off.max() < middles.limit:
         return
-    cell, edge = np.unravel_index(np.argmax(off), off.shape)
+    cell, node = np.unravel_index(np.argmax(off), off.shape)
     raise MeshError(
-        f"{place}: mid-edge node {element.corners + edge} of element {cell} of block {block.name!r} "
-        f"({block.element}, both counted from 0) is {off[cell, edge]:.3g} edge lengths off the middle of its "
-        "edge, limit 0.5: the file's node order is not that of its format; export the mesh anew"
+        f"{place}: {middles.kind} node {middles.first + node} of element {cell} of block {block.name!r} "
+        f"({block.element}, both counted from 0) is {off[cell, node]:.3g} edge lengths off the middle "
+        f"{middles.where}, limit {middles.limit:g}: the file's node order is not that of its format; "
+        "export the mesh anew"
     )
 
 

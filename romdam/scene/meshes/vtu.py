@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from romdam.core.errors import MeshError
 from romdam.core.scene import Ints
+from romdam.scene.elements import CELLS
 from romdam.scene.meshes.data import (
     LARGEST,
     Cells,
@@ -32,15 +33,7 @@ from romdam.scene.meshes.data import (
     numbers_of,
 )
 
-_TYPES = {
-    1: "vertex", 3: "line", 5: "triangle", 9: "quad", 10: "tetra", 12: "hexahedron", 13: "wedge",
-    14: "pyramid", 21: "line3", 22: "triangle6", 23: "quad8", 24: "tetra10", 25: "hexahedron20",
-    26: "wedge15", 27: "pyramid13", 28: "quad9", 29: "hexahedron27",
-}  # fmt: skip
-_SIZES = {
-    1: 1, 3: 2, 5: 3, 9: 4, 10: 4, 12: 8, 13: 6, 14: 5, 21: 3, 22: 6, 23: 8, 24: 10, 25: 20, 26: 15, 27: 13,
-    28: 9, 29: 27,
-}  # fmt: skip
+_TYPES = {cell.vtk: cell for cell in CELLS.values() if cell.vtk is not None}
 _NUMBERS = {
     f"{sign}{kind}{bits}": f"{code}{bits // 8}"
     for sign, kind, code, all_bits in (
@@ -176,7 +169,7 @@ def _array(grid: _Grid, tag: ElementTree.Element, rows: int | None, width: int =
 
 
 def _bytes(grid: _Grid, tag: ElementTree.Element, name: str) -> bytes:
-    """What a binary or appended array holds."""
+    """Content of a binary or appended array."""
     form = tag.get("format")
     if form == "binary":
         return _unpacked(grid, "".join((tag.text or "").split()).encode(), True)
@@ -247,7 +240,7 @@ def _cells(grid: _Grid, piece: ElementTree.Element) -> tuple[list[Cells], list[I
     unknown = np.flatnonzero(~np.isin(types, list(_TYPES)))
     if len(unknown):
         raise ValueError(f"cell {unknown[0]} is of VTK's type {types[unknown[0]]}, which is not known")
-    sizes = np.array([_SIZES[t] for t in types.tolist()], dtype=np.int64)
+    sizes = np.array([_TYPES[t].nodes for t in types.tolist()], dtype=np.int64)
     wrong = np.flatnonzero(np.diff(ends, prepend=0) != sizes)
     if len(wrong) or (ends[-1] if count else 0) != len(nodes):
         at = wrong[0] if len(wrong) else count - 1
@@ -257,9 +250,8 @@ def _cells(grid: _Grid, piece: ElementTree.Element) -> tuple[list[Cells], list[I
     cells, rows = [], []
     for kind in dict.fromkeys(types.tolist()):
         own = np.flatnonzero(types == kind)
-        cells.append(
-            Cells(_TYPES[kind], nodes[ends[own][:, None] - _SIZES[kind] + np.arange(_SIZES[kind])], own)
-        )
+        cell = _TYPES[kind]
+        cells.append(Cells(cell.name, nodes[ends[own][:, None] - cell.nodes + np.arange(cell.nodes)], own))
         rows.append(own)
     return cells, rows
 

@@ -31,7 +31,7 @@ _HELD = 1e9  # bytes of some rows that are kept between products
 _TOGETHER = 128  # columns of a product at a time: 400 MB at 400,000 unknowns
 
 
-class Columns:
+class OutOfCoreMatrix:
     """An (n, m) matrix in a scratch file, which stays until it is removed.
 
     Blocks of columns stand one behind the other, each row after row. A text file beside it, <name>.done, has

@@ -1,0 +1,93 @@
+"""The three ways in which a basis exists: in memory, in a file, and as a product that is not formed.
+
+A basis of a million unknowns is a file that is mapped. Turned into other coordinates it would have to stand
+in memory, 8 bytes for every unknown and coordinate, so that only the rows in use are turned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Floats
+from romdam.core.basis import Basis, Rows
+
+
+@dataclass(frozen=True)
+class Dense:
+    """A basis in memory: array (n, m)."""
+
+    array: Floats
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """DOFs and vectors."""
+        n, m = self.array.shape
+        return n, m
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes."""
+        return self.array.nbytes
+
+    def rows(self, which: Rows = slice(None)) -> Floats:
+        """Some rows (k, m)."""
+        return self.array[which]
+
+    def apply(self, q: Floats) -> Floats:
+        """Displacement of coordinates."""
+        return np.asarray(self.array @ q)
+
+    def project(self, force: Floats) -> Floats:
+        """Force on the coordinates."""
+        return np.asarray(self.array.T @ force)
+
+    def under(self, operator: csr_matrix) -> Floats:
+        """An operator on every vector."""
+        return np.asarray(operator @ self.array)
+
+
+class Mapped(Dense):
+    """A basis in one piece of a file, of which only the rows in use are read."""
+
+    @classmethod
+    def of(cls, path: str | Path, offset: int, shape: tuple[int, int]) -> Mapped:
+        """The float64 numbers (n, m) that begin at a byte of a file."""
+        return cls(np.memmap(path, dtype=np.float64, mode="r", offset=offset, shape=shape))
+
+
+@dataclass(frozen=True)
+class Lazy:
+    """left times right (k, m): another basis in new coordinates, its rows made as they are asked for."""
+
+    left: Basis
+    right: Floats
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """DOFs and vectors."""
+        return self.left.shape[0], self.right.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes if it were formed."""
+        return 8 * self.shape[0] * self.shape[1]
+
+    def rows(self, which: Rows = slice(None)) -> Floats:
+        """Some rows (k, m)."""
+        return np.asarray(self.left.rows(which) @ self.right)
+
+    def apply(self, q: Floats) -> Floats:
+        """Displacement of coordinates."""
+        return self.left.apply(self.right @ q)
+
+    def project(self, force: Floats) -> Floats:
+        """Force on the coordinates."""
+        return np.asarray(self.right.T @ self.left.project(force))
+
+    def under(self, operator: csr_matrix) -> Floats:
+        """An operator on every vector."""
+        return np.asarray(self.left.under(operator) @ self.right)

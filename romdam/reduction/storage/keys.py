@@ -1,0 +1,46 @@
+"""Keys of stored bases: the SHA-256 of everything that a basis depends on.
+
+Mesh, element, material, supports, what the joints retain (or what the basis of a merged part answers
+statically), the choice of modes, the versions of romdam and of the layout. Stiffness and friction of joints,
+gaps, damping, loads and records are not part of it.
+"""
+
+from __future__ import annotations
+
+from scipy.sparse import csr_matrix
+
+import romdam
+from romdam.core.arrays import Bools, Floats
+from romdam.core.fingerprint import fingerprint
+from romdam.core.scene import Block, Scene
+from romdam.reduction.interface import Interface
+from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.scene.ties import Part
+
+LAYOUT = "romdam-block-2"
+
+
+def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoice) -> str:
+    """Key of the Craig-Bampton basis of a block."""
+    elastic = (block.material.E, block.material.nu, block.material.rho)
+    mesh = (block.element, block.points, block.cells, elastic)
+    outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
+    return _key(*outside, interface, choice.stored)
+
+
+def part_keys(
+    part: Part, scene: Scene, operator: csr_matrix, static: Floats, choice: ModeChoice
+) -> dict[str, str]:
+    """Block name -> key of its free-interface basis, which depends on everything in the part."""
+    of_blocks = [
+        (name, scene.blocks[name].element, scene.blocks[name].material, scene.blocks[name].points,
+         scene.blocks[name].cells, part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
+        for name in part.blocks
+    ]  # fmt: skip
+    kinds = [sorted(names & set(part.blocks)) for names in (scene.settled, scene.radiating)]
+    whole = _key(of_blocks, kinds, operator, static, choice.stored)
+    return {name: fingerprint((whole, name)) for name in part.blocks}
+
+
+def _key(*what: object) -> str:
+    return fingerprint((LAYOUT, romdam.__version__, *what))
