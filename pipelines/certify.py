@@ -83,7 +83,7 @@ def certify(
         fine = reduce_scene(model.scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling the full model"):
         full = assemble_full(model.scene, job.config.damping)
-    options = options_at(job, model.system, motion, float(str(run.attributes["dt"])))
+    options = options_at(job, model.system, motion, float(str(run.attributes["solver_finest_step"])))
     ground = ground_at_steps(motion, options.dt, float(run.time[-1]))
     case = _Case(job, model, fine, full, motion)
     found = _correct(case, run, (ground, options), passes, clock)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job
+from romdam.config.load import Job, parse_config
 from romdam.config.quantities import to_si
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.scene import Scene
@@ -25,7 +25,7 @@ from romdam.scene.build import build_scene
 from romdam.visual.report.sections import write_report
 from romdam.visual.report.study import Study, Wanted, responses
 
-_BESIDE = ("outputs", "suite", "pipeline", "title", "study")  # what changes neither scene nor records
+_BESIDE = {"outputs", "suite", "pipeline", "title", "study"}  # what changes neither scene nor records
 
 
 @dataclass(frozen=True)
@@ -110,9 +110,12 @@ def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:
 
 def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
     """Refuse a configuration with another scene, model or records than the suite's."""
-    made = json.loads(str(summary.attrs.get("configuration", "{}")))
-    given = json.loads(json.dumps(job.config.model_dump(mode="json")))
-    other = [key for key in given if key not in _BESIDE and made.get(key) != given[key]]
+    stated = json.loads(str(summary.attrs["configuration"]))
+    made, now = (
+        config.model_dump(mode="json", exclude=_BESIDE)
+        for config in (parse_config(stated, f"{folder / SUMMARY}: configuration"), job.config)
+    )
+    other = [key for key in now if made[key] != now[key]]
     if other:
         raise ConfigError(
             f"{job.path}: is not the configuration of {folder / SUMMARY}, which has another "

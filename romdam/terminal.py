@@ -205,7 +205,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, "
         f"peak {attrs['record_peak_acceleration']:.3g} m/s²",
         f"configuration  {attrs['configuration_file']}, SHA-256 {str(attrs['configuration_sha256'])[:12]}",
-        f"model          {attrs['model_order']} order, dt {attrs['dt']:g} s, "
+        f"model          {attrs['model_order']} order, finest step {attrs['solver_finest_step']:g} s, "
         f"basis {attrs.get('model_file', 'none')}",
         f"size           {size}",
         f"solved         {attrs.get('integrator')}: {attrs.get('solver_steps', 0):.0f} steps, "

@@ -5,7 +5,9 @@ Everything that can be wrong with a suite is found here, before anything is redu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -32,9 +34,11 @@ from romdam.postprocess.responses import PARAMETER
 from romdam.records.formats.tolerant import load_each
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
-from romdam.results.suite.rows import Row
+from romdam.results.suite.rows import SOURCE, Row
 from romdam.results.suite.summary import SuiteRecord, intensity, summary_dataset, write_summary
 from romdam.scene.build import build_scene
+
+log = logging.getLogger(__name__)
 
 LAYOUT = "romdam-suite-2"
 TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
@@ -269,6 +273,7 @@ def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
         where the folder or the disk refuses a file.
     """
     known = read_rows(folder / JOURNAL)
+    _warn_of_versions(known, folder / JOURNAL)
     done = {key: known[key] for key in plan.first if key in known}
     if not study.keeps_results:
         return done
@@ -282,6 +287,16 @@ def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
             append_rows(folder / JOURNAL, [placed])
             results.remove_former(row, placed)
     return found
+
+
+def _warn_of_versions(rows: Mapping[str, Row], path: Path) -> None:
+    """Say of rows that another version made: the numbers of one suite are those of one version."""
+    others = Counter(row.source for row in rows.values() if row.source != SOURCE)
+    for source, count in others.items():
+        log.warning(
+            "%s: %d rows are of %s, this is %s; their runs are made again, for a suite has the numbers of "
+            "one version (to go on with theirs, install %s)", path, count, source, SOURCE, source,
+        )  # fmt: skip
 
 
 def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:

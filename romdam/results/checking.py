@@ -21,7 +21,7 @@ _TEXTS = (
     "title", "record", "configuration_file", "configuration", "configuration_sha256", "model_order",
     "integrator", "date_created",
 )  # fmt: skip
-_NUMBERS = ("record_dt", "record_peak_acceleration", "dt")
+_NUMBERS = ("record_dt", "record_peak_acceleration", "solver_finest_step")
 _OPTIONAL_TEXTS = ("model_file", "stress_file", "error_statement", "error_estimate", "certificate_statement")
 _TIMINGS = ("solver_", "wall_seconds_", "cpu_seconds_")
 _WHOLE = ("gap", "joint_state", "stress_node_number", "status", "sample")

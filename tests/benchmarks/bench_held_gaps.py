@@ -76,8 +76,9 @@ def compare(scale: float, seconds: float, repeats: int, cache: Path) -> str:
     cpu = [median(pair[k].stats["loop_cpu_seconds"] for pair in found) for k in (0, 1)]
     held, free = found[-1]
     apart = np.abs(held.jump - free.jump).max() / np.abs(free.jump).max()
+    condensed = held.stats["condensed_contacts"]
     return (
-        f"{scale:g} of the shaking: {held.stats['held_gaps']:.0f} gaps held on average, CPU {cpu[0]:.2f} s "
+        f"{scale:g} of the shaking: {condensed:.0f} gaps held on average, CPU {cpu[0]:.2f} s "
         f"against {cpu[1]:.2f} s ({cpu[0] / cpu[1]:.2f}), openings apart by {apart:.0e} of the largest"
     )
 

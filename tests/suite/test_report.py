@@ -217,7 +217,11 @@ def test_files_and_thresholds_that_do_not_fit_are_refused(tmp_path):
     write_dataset(suite_summary(), tmp_path / "summary.nc")
     with pytest.raises(ResultError, match="threshold 2 kg: "):
         report(tmp_path, Options(thresholds=("2 kg",)))
-    job = load_config("configs/two_cantilevers.yaml")
+    job, other = (load_config(f"configs/{name}.yaml") for name in ("two_cantilevers", "arch_dam"))
+    with pytest.raises(ConfigError, match=r"summary.nc: configuration: materials is missing"):
+        report(tmp_path, job=job)
+    text = json.dumps(other.config.model_dump(mode="json"))
+    write_dataset(suite_summary().assign_attrs(configuration=text), tmp_path / "summary.nc")
     with pytest.raises(ConfigError, match=r"is not the configuration of .*another .*blocks"):
         report(tmp_path, job=job)
     assert not (tmp_path / "report.html").exists()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+import romdam
 from romdam.core.arrays import Floats
 from romdam.core.system import History
 from romdam.postprocess.stress import MEASURES as STRESS
@@ -15,6 +16,7 @@ from romdam.results.case import Array, Case, Variable
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
 OPEN, SLIP = 0, 2
 DONE, FAILED = 0, 1
+SOURCE = f"romdam {romdam.__version__}"
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class Row:
     values : name -> array, see `ROWS`; empty where it failed
     kept : its result file, where results are kept whole
     lasts : whether it fails again wherever it is made; a row that does not is not kept
+    source : the version that made it
     """
 
     key: str
@@ -53,6 +56,7 @@ class Row:
     values: dict[str, Array] = field(default_factory=dict)
     kept: Kept | None = None
     lasts: bool = True
+    source: str = SOURCE
 
 
 def _joints(case: Case) -> bool:

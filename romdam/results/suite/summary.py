@@ -263,7 +263,7 @@ def open_suite(folder: str | Path) -> xr.DataTree:
         if design.attrs.get("content_sha256") == summary.attrs.get("design_sha256"):
             parts["/design"] = design
     for name, path in _kept_results(summary, folder).items():
-        parts[f"/runs/{name}"] = open_dataset(path)
+        parts[f"/runs/{name}"] = open_dataset(path, warn=False)
     return xr.DataTree.from_dict(parts)
 
 

@@ -341,7 +341,7 @@ def _stats(runs: Runs, states: ModalState, run: int) -> dict[str, float]:
         "solver_iterations": float(counts[..., 2].sum()),
         "largest_iterations": float(counts[..., 3].max(initial=0)),
         "largest_residual": states.counts[run, 2],
-        "held_gaps": float(held),
+        "condensed_contacts": float(held),
     }
 
 
