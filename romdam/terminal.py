@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.logging import RichHandler
 from rich.progress import (
     BarColumn,
     Progress,
@@ -28,7 +30,10 @@ if TYPE_CHECKING:
     from romdam.pipelines.suites.folder import Cleaned
     from romdam.pipelines.suites.run import SuiteOutcome
 
+Terminal = tuple["Stages", Callable[..., None]]
+
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
+_WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
 
 
 class Stages:
@@ -60,6 +65,23 @@ class Stages:
             timer.cancel()
             timer.join()
             bar.stop()
+
+
+def open_terminal(quiet: bool = False, verbose: bool = False) -> Terminal:
+    """Progress and log on stderr, and a printer to stdout that `quiet` silences."""
+    errors = Console(stderr=True)
+    output = Console(soft_wrap=True, highlight=False, emoji=False, width=_WIDE)
+    level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
+    handler = RichHandler(console=errors, show_path=False)
+    # what happens to its workers is in messages of romdam's own
+    handler.addFilter(lambda record: not record.name.startswith(("asyncio", "distributed")))
+    logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
+
+    def say(*lines: object) -> None:
+        for line in lines if not quiet else ():
+            output.print(line, markup=False)
+
+    return Stages(errors, quiet), say
 
 
 def _ignore(done: int, total: int) -> None:
