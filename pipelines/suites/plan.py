@@ -31,7 +31,7 @@ from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
 from romdam.postprocess.responses import PARAMETER
-from romdam.records.formats.tolerant import load_each
+from romdam.records.record_set import usable_apart
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import SOURCE, Row
@@ -162,9 +162,9 @@ def read_records(job: Job) -> list[SuiteRecord]:
     """
     suite = _suite(job)
     records = []
-    for one in load_each(job.config.records, job.folder):
+    for one in usable_apart(job.config.records, job.folder):
         targets = suite.scales if suite.intensities is None else suite.intensities.values
-        factors, message = np.full(len(targets), np.nan), one.error
+        factors, message = np.full(len(targets), np.nan), str(one.error or "")
         if one.motion is not None:
             factors, message = _factors(suite, one.motion)
             message = message or _unusable(job, one.motion)

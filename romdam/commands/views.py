@@ -112,7 +112,7 @@ def records(
     Where nothing of LIST is a source of records, that is bad input.
     """
     from romdam.core.files import prepare_folder
-    from romdam.records.formats.table import format_table, list_records
+    from romdam.records.listing import format_table, list_records
     from romdam.terminal import open_terminal
     from romdam.visual.record_plots import write_record_plots
 

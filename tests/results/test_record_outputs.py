@@ -9,7 +9,7 @@ from romdam.config.sections.records import MEASURES as FILTERS
 from romdam.config.sections.records import RecordConfig
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import MEASURES, fourier_dataset, measures_dataset, spectra_dataset
-from romdam.records.formats.table import format_table, list_records
+from romdam.records.listing import format_table, list_records
 from romdam.records.record_set import load_motions
 from romdam.visual.record_plots import plot_record, write_record_plots
 

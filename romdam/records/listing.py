@@ -11,10 +11,9 @@ import numpy as np
 from romdam.config.sections.records import RecordConfig, is_manifest, manifest_rows
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
-from romdam.records.formats.tolerant import load_entry
 from romdam.records.measures import measure
 from romdam.records.p695 import SETS
-from romdam.records.record_set import EACH
+from romdam.records.record_set import EACH, load_records
 from romdam.records.sources import matching_files
 
 GRAVITY = 9.80665
@@ -102,9 +101,9 @@ def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
     raw: dict[str, GroundMotion | None] = {}
     if entry.correction:
         uncorrected = entry.model_copy(update={"correction": (), "keep": {}})
-        raw = {one.name: one.motion for one in load_entry(uncorrected, folder)}
-    for one in load_entry(entry, folder):
-        yield Listed(one.name, one.motion, raw.get(one.name), one.error)
+        raw = {one.name: one.motion for one in load_records([uncorrected], folder)}
+    for one in load_records([entry], folder):
+        yield Listed(one.name, one.motion, raw.get(one.name), str(one.error or ""))
 
 
 def format_table(listed: Sequence[Listed]) -> str:
