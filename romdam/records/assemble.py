@@ -25,9 +25,9 @@ PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta
 def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     """Make the ground motion of one record.
 
-    In this order: missing samples are filled; each channel is checked, turned to m/s2 and cut to what all have
-    in common; what was recorded is corrected step by step (`correction:`), turned to the model's axes, and
-    scaled. The integration resamples it to its step (`processing.resampling`).
+    In this order: missing samples are filled; each channel is checked, turned to m/s2 and cut to what all
+    have in common; what was recorded is corrected step by step (`correction:`), turned to the model's axes,
+    and scaled. The integration resamples it to its step (`processing.resampling`).
 
     Parameters
     ----------
