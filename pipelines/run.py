@@ -26,11 +26,11 @@ from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.shaking import check_interval, shake
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
+from romdam.postprocess.concerns import concerns
 from romdam.records.record_set import check_names, load_records
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.results.certificate import FOLDER
-from romdam.results.concerns import concerns
 from romdam.results.dataset import Timing, build_dataset, write_dataset
 from romdam.results.fields import write_model
 from romdam.results.stress.file import StressFields, write_stress

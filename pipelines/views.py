@@ -57,7 +57,7 @@ def plot_result(result: Result, out: str | Path, wanted: Wanted, show: Stage = s
     RomdamError
         for a result without fields, and where 3-D pictures cannot be drawn or files not be written.
     """
-    from romdam.results.maxima import write_maxima
+    from romdam.results.table import write_maxima
     from romdam.visual.plots import write_plots
     from romdam.visual.rendering import refuse_without_renderer
 

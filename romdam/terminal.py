@@ -21,7 +21,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from romdam.results.concerns import LEDGER_LIMIT
+from romdam.postprocess.concerns import LEDGER_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -112,7 +112,7 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
 
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
-    from romdam.results.maxima import HEAD, maxima
+    from romdam.postprocess.maxima import HEAD, maxima
 
     table = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4]))
     for name, value, unit, where, when in maxima(dataset):

@@ -30,12 +30,13 @@ from romdam.pipelines.shaking import check_interval
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
+from romdam.postprocess.record_measures import intensity
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import usable_apart
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import SOURCE, Row
-from romdam.results.suite.summary import SuiteRecord, intensity, summary_dataset, write_summary
+from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 from romdam.scene.build import build_scene
 
 log = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ import numpy as np
 from romdam.config.sections.records import RecordConfig, is_manifest, manifest_rows
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
-from romdam.records.measures import measure
+from romdam.records.measures import measure, moving
 from romdam.records.p695 import SETS
 from romdam.records.record_set import EACH, load_records
 from romdam.records.sources import matching_files
@@ -132,7 +132,7 @@ def _row(listed: Listed) -> tuple[str, ...]:
     assert motion is not None
     shaken = np.any(motion.acc != 0.0, axis=-1)
     axes = "".join(axis for axis, moves in zip(AXES, shaken, strict=True) if moves) or "-"
-    found = measure(motion.acc[shaken] if shaken.any() else motion.acc[:1], motion.dt)
+    found = measure(moving(motion.acc), motion.dt)
     peak = {
         name: float(np.nanmax(values)) if np.isfinite(values).any() else 0.0 for name, values in found.items()
     }

@@ -15,7 +15,7 @@ from romdam.core.errors import ConfigError, RecordError, shown
 from romdam.core.motion import GroundMotion
 from romdam.records.assemble import build_motion
 from romdam.records.channel import Channel
-from romdam.records.measures import measure
+from romdam.records.measures import measure, moving
 from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.sources import Recorded, Source, pick, sources_of
 
@@ -142,8 +142,7 @@ def _passes(motion: GroundMotion, config: RecordConfig) -> bool:
     """Whether the largest component's measures lie in the limits."""
     if not config.keep:
         return True
-    used = motion.acc[np.any(motion.acc != 0.0, axis=-1)]
-    values = measure(used if used.size else motion.acc, motion.dt)
+    values = measure(moving(motion.acc), motion.dt)
     for name, limits in config.keep.items():
         low, high = limits.in_unit(MEASURES[name])
         if not low <= float(np.nanmax(values[name])) <= high:

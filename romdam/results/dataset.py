@@ -23,8 +23,8 @@ from romdam.config.plausible import doubts
 from romdam.core.errors import ResultError
 from romdam.core.motion import GroundMotion
 from romdam.core.sealed import Opened, examine, sealing
+from romdam.postprocess.concerns import concerns
 from romdam.results.checking import check_run
-from romdam.results.concerns import concerns
 from romdam.results.renamed import with_names_of_now
 from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
 

@@ -16,11 +16,12 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
 from romdam.pipelines.views import Wanted, plot_result, show_scene
+from romdam.postprocess.maxima import HEAD, maxima
 from romdam.results.dataset import build_dataset, write_dataset
 from romdam.results.export import write_series
 from romdam.results.fields import write_model
-from romdam.results.maxima import HEAD, maxima, write_maxima
 from romdam.results.series import frame_times, worst_displacement_time
+from romdam.results.table import write_maxima
 from romdam.visual import field_views, rendering
 
 from .conftest import make_basis, make_case

@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from romdam.postprocess.analysis import (
-    correlation,
-    fragility,
-    ida_curves,
-    opening_envelopes,
-    sensitivity,
-    worst_runs,
-)
+from romdam.postprocess.dependence import correlation, sensitivity
+from romdam.postprocess.extremes import opening_envelopes, worst_runs
+from romdam.postprocess.fragility import fragility
+from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
 from romdam.visual import suite_plots as plots
 from romdam.visual.report import page as html
