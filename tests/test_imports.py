@@ -31,7 +31,7 @@ ALLOWED = {
     "reduction": {"fem", "linalg", "scene"},
     "error": {"contact", "linalg", "timestepping", "visual"},
     "results": {"postprocess"},
-    "visual": {"postprocess", "records", "results"},
+    "visual": {"postprocess", "results"},
     "pipelines": EVERY_ROOM,
     "terminal": {"pipelines", "postprocess"},
     "commands": {"pipelines", "records", "results", "terminal", "visual"},
