@@ -77,7 +77,7 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
             return known.read(path)
     if is_columns(head):
         return read_columns(path, declared.dt, declared.time_column)
-    from romdam.records.obspy_bridge import read_with_obspy  # here: ObsPy takes 0.7 s to import
+    from romdam.records.obspy_bridge import read_with_obspy  # here: ObsPy is slow to load
 
     return read_with_obspy(path, declared.response)
 

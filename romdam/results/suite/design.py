@@ -117,7 +117,7 @@ def _latin_hypercube(
     places: Mapping[str, Place],
     source: str,
 ) -> dict[str, Floats]:
-    from scipy.stats import qmc  # here: it takes most of a second to load
+    from scipy.stats import qmc  # here: slow to load
 
     sampler = qmc.LatinHypercube(d=len(parameters), seed=np.random.default_rng(design.seed))
     unit = sampler.random(design.latin_hypercube)
