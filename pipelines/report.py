@@ -23,7 +23,7 @@ from romdam.results.suite.report_data import DATA, read_report_data, report_data
 from romdam.results.suite.summary import SUMMARY, open_summary
 from romdam.scene.build import build_scene
 from romdam.visual.report.sections import write_report
-from romdam.visual.report.study import Study, Wanted, responses
+from romdam.visual.report.subject import Subject, Topic, responses
 
 _BESIDE = {"outputs", "suite", "pipeline", "title", "study"}  # what changes neither scene nor records
 
@@ -65,14 +65,14 @@ def report(
     """
     folder, options, clock = Path(folder), options or Options(), Clock(show)
     with _open_summary(folder) as summary:
-        wanted = _wanted(summary, options, folder)
+        topic = _topic(summary, options, folder)
         if job is not None:
             _same(job, summary, folder)
             write_dataset(_data(job, summary, clock), folder / DATA)
         data = read_report_data(summary, folder)
         picture = bytes(data.picture.values.tobytes()) if data is not None else b""
         with clock.stage("report", "writing the report"):
-            return write_report(Study(summary, wanted, data, picture or None), folder)
+            return write_report(Subject(summary, topic, data, picture or None), folder)
 
 
 def _open_summary(folder: Path) -> xr.Dataset:
@@ -84,7 +84,7 @@ def _open_summary(folder: Path) -> xr.Dataset:
     return open_summary(folder)
 
 
-def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:
+def _topic(summary: xr.Dataset, options: Options, folder: Path) -> Topic:
     """The options in SI, and the command that asks for them again."""
     command = ["romdam", "report", folder.name]
     if options.response:
@@ -105,7 +105,7 @@ def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:
             raise ResultError(f"threshold {one}: has no unit; write {one} {units}, for example")
         thresholds.append(value)
         command += ["--threshold", str(one)]
-    return Wanted(options.response, options.intensity, tuple(thresholds), shlex.join(command))
+    return Topic(options.response, options.intensity, tuple(thresholds), shlex.join(command))
 
 
 def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:

@@ -42,7 +42,7 @@ from romdam.scene.build import build_scene
 log = logging.getLogger(__name__)
 
 LAYOUT = "romdam-suite-2"
-TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
+TASK_BYTES = 300e6  # of histories in memory, for the runs that are integrated together
 MOST_TOGETHER = 32
 _COPIES = 3.0  # of a history while it is made, compared and written
 
@@ -301,9 +301,9 @@ def _warn_of_versions(rows: Mapping[str, Row], path: Path) -> None:
 
 
 def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
-    """The tasks that are still to be made: runs that march together, the longest first.
+    """The tasks that are still to be made: runs that are integrated together, the longest first.
 
-    Those of one task have one time step and like lengths. Who marches with whom does not change a run's bits.
+    Those of one task have one time step and like lengths. Which run goes with which changes no bit of it.
     """
     motions, most = plan.motions, study.suite.batch or MOST_TOGETHER
     groups: list[list[Run]] = []
