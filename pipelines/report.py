@@ -30,7 +30,7 @@ _BESIDE = {"outputs", "suite", "pipeline", "title", "study"}  # what changes nei
 
 @dataclass(frozen=True)
 class Options:
-    """What a report is to be about.
+    """Choices of what a report is about.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ from romdam.scene.build import build_scene
 
 @dataclass(frozen=True)
 class Pictures:
-    """What is to be drawn of a result besides the figures, and the frames of series.
+    """Choices of what is drawn of a result besides the figures, and the frames of series.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a person sees in a terminal: progress on stderr, tables on stdout."""
+"""Output that a person sees in a terminal: progress on stderr, tables on stdout."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def suite_table(summary: xr.Dataset) -> Table:
 
 
 def failure_lines(outcome: SuiteOutcome) -> list[str]:
-    """What failed, grouped by message, and how much of the whole that is."""
+    """List what failed, grouped by message, and its share of the whole."""
     groups: dict[str, list[str]] = {}
     for name, message in outcome.failures.items():
         groups.setdefault(message, []).append(name)
@@ -181,7 +181,7 @@ def failure_lines(outcome: SuiteOutcome) -> list[str]:
 
 
 def clean_lines(found: Cleaned, removed: bool) -> list[str]:
-    """What of a suite's folder is of no run of its design."""
+    """List what of a suite's folder is of no run of its design."""
     does = "removed" if removed else "would be removed"
     lines = [f"{does}: {path}" for path in found.files]
     lines += [f"left, romdam did not write it so: {path}" for path in found.kept]
@@ -190,7 +190,7 @@ def clean_lines(found: Cleaned, removed: bool) -> list[str]:
 
 
 def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
-    """How many runs of a suite have an open energy ledger, or missed the wanted accuracy in time, if any."""
+    """Count the runs of a suite that have an open energy ledger, or missed the wanted accuracy in time."""
     limits = {
         "ledger_imbalance": (LEDGER_LIMIT, "do not close their energy ledger within"),
         "estimated_time_error": (wanted, "did not reach, at the finest step allowed,"),
@@ -209,7 +209,7 @@ _NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
 
 
 def _time_error(attrs: Mapping[str, object]) -> str:
-    """What is known of the time-stepping error."""
+    """State what is known of the time-stepping error."""
     if "solver_estimated_time_error" not in attrs:
         return "error not estimated; transient.accuracy instead of dt does"
     estimate, wanted = (float(str(attrs[f"solver_{k}"])) for k in ("estimated_time_error", "accuracy"))
@@ -218,7 +218,7 @@ def _time_error(attrs: Mapping[str, object]) -> str:
 
 
 def info_lines(dataset: xr.Dataset) -> list[str]:
-    """What a result is, how it was made, and how far off it is known to be."""
+    """Describe a result: its kind, its making, and its known error."""
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
     cpu = float(attrs.get("solver_loop_cpu_seconds", float("nan")))

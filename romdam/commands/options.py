@@ -1,4 +1,4 @@
-"""What several commands take, and the exit codes of all."""
+"""Arguments and options of several commands, and the exit codes of all."""
 
 from __future__ import annotations
 

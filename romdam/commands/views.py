@@ -1,4 +1,4 @@
-"""What is there, told and drawn: `romdam info`, `show`, `plot` and `records`."""
+"""Results, scenes and records told and drawn: `romdam info`, `show`, `plot` and `records`."""
 
 from __future__ import annotations
 

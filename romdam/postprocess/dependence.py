@@ -1,4 +1,4 @@
-"""What a response of a suite goes with: the records' measures, the samples' parameters."""
+"""Dependence of a suite's response on the records' measures, the samples' parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RESAMPLES = 1000
 
 
 def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Dataset:
-    """How a response goes with each measure of the records, over all runs.
+    """Correlate a response with each measure of the records, over all runs.
 
     Returns
     -------
@@ -66,14 +66,14 @@ def _related(measured: xr.DataArray, values: xr.DataArray) -> tuple[float, float
 
 
 def _varies(values: Floats) -> bool:
-    """Whether values differ by more than round-off."""
+    """Tell whether values differ by more than round-off."""
     return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
 
 
 def sensitivity(
     summary: xr.Dataset, response: str = "peak_opening", confidence: float = 0.95, seed: int = 1
 ) -> xr.Dataset:
-    """How a response depends on the parameters that the samples vary.
+    """Measure the dependence of a response on the parameters that the samples vary.
 
     What a record and its scale do is taken out first: the effect of a sample is the mean over records and
     scales of its response less the mean of all samples there, in logarithms where all responses are positive.

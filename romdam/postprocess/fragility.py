@@ -74,7 +74,7 @@ def _method(asked: str, curves: list[Curve]) -> str:
 
 
 def _observations(curves: list[Curve], threshold: float, method: str) -> Observations:
-    """What the curves say of the intensities at which the threshold is exceeded."""
+    """Collect what the curves say of the intensities at which the threshold is exceeded."""
     known, below, above = [], [], []
     for curve in curves:
         exceeds = curve.response > threshold

@@ -68,7 +68,7 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
 def _doubts_of_recorded(
     channels: list[Channel], axes: dict[str, Channel], recorded: NDArray[np.float64], source: Recorded
 ) -> tuple[str, ...]:
-    """What is odd about a record before anything is done to it, (k, nt) [m/s2]."""
+    """Warnings about a record before anything is done to it, (k, nt) [m/s2]."""
     return (
         *(text for channel in channels for text in channel.warnings),
         *said_of_axes(axes, source.config),
@@ -217,7 +217,7 @@ def _lowest_usable(channel: Channel) -> float | None:
 def _account(
     source: Recorded, channels: list[Channel], factors: NDArray[np.float64], matrix: NDArray[np.float64]
 ) -> dict[str, object]:
-    """Where the motion came from."""
+    """Account for the source of the motion."""
     return {
         "place": source.place,
         "files": dict(source.files),
@@ -239,7 +239,7 @@ def _account(
 
 
 def _done(signal: Signal, config: RecordConfig, scale: float) -> dict[str, object]:
-    """What was done to it."""
+    """Account for what was done to the motion."""
     return {
         "dt_recorded_s": signal.dt,
         "x_azimuth_deg": config.x_azimuth,

@@ -1,4 +1,4 @@
-"""What is in a list of records: one row each, failures included."""
+"""List records: one row each, failures included."""
 
 from __future__ import annotations
 

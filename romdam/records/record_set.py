@@ -139,7 +139,7 @@ def _axes(recorded: Recorded) -> dict[str, Channel]:
 
 
 def _passes(motion: GroundMotion, config: RecordConfig) -> bool:
-    """Whether the largest component's measures lie in the limits."""
+    """Tell whether the largest component's measures lie in the limits."""
     if not config.keep:
         return True
     values = measure(moving(motion.acc), motion.dt)
@@ -175,7 +175,7 @@ def check_names(motions: Sequence[GroundMotion]) -> None:
 
 
 def usable_apart(records: Sequence[RecordConfig], folder: Path) -> list[Loaded]:
-    """What `load_records` gives, each under a name of its own that can name a file, for runs by the hundred.
+    """Give every record of `load_records` a name of its own that can name a file, for runs by the hundred.
 
     A motion whose unit is doubted counts as one that cannot be used: nobody reads a warning among hundreds of
     records, and a unit taken wrongly is a factor of ten or a thousand. So does one whose name is taken.

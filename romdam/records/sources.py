@@ -227,7 +227,7 @@ def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> 
 
 
 def _check_about(place: str, channel: Channel, about: dict[str, object], manifest: Path) -> None:
-    """What a manifest says of the samples and the azimuth must be what the file says."""
+    """Refuse a channel whose samples or azimuth are not those that the manifest states."""
     azimuth = None if channel.orientation is None else channel.orientation.azimuth
     for key, found in (("samples", channel.data.size), ("azimuth", azimuth)):
         stated = str(about.get(key, ""))

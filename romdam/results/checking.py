@@ -1,4 +1,4 @@
-"""What a file must state to be read as the result of a record: names, dimensions, units and kinds."""
+"""Check that a file states what the result of a record must: names, dimensions, units and kinds."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def _variable_flaws(name: str, dims: tuple[str, ...], units: str | None, found: 
 
 
 def _missing(dataset: xr.Dataset) -> Iterator[str]:
-    """What romdam writes together stands together."""
+    """Find what is missing beside what romdam writes with it."""
     always = VARIABLES["ground_acceleration"].when
     there = {_KNOWN[name].when: name for name in _KNOWN if name in dataset.variables}
     for name, variable in _KNOWN.items():

@@ -77,7 +77,7 @@ def library_versions() -> str:
 
 
 def job_labels(job: Job) -> dict[str, object]:
-    """What a result says of the configuration that it belongs to."""
+    """Attributes that name the configuration that a result belongs to."""
     return {
         "title": job.config.title or job.path.stem,
         "configuration_file": job.path.name,
@@ -88,7 +88,7 @@ def job_labels(job: Job) -> dict[str, object]:
 
 
 def record_labels(motion: GroundMotion) -> dict[str, object]:
-    """What a result says of where its ground motion comes from."""
+    """Attributes that name the source of a result's ground motion."""
     return {
         "record": motion.name,
         "record_provenance": json.dumps(motion.provenance, default=str),

@@ -21,7 +21,7 @@ HEAD = 20_000  # bytes; CSMIP announces its data behind three or four thousand b
 
 @dataclass(frozen=True)
 class Declared:
-    """What the configuration says about a file that does not say it itself.
+    """Properties of a file that the configuration states because the file does not.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Declared:
 
 @dataclass(frozen=True)
 class Format:
-    """How to recognise, read and write one text format.
+    """One text format: recognised, read and written.
 
     Attributes
     ----------

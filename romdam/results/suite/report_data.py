@@ -1,4 +1,4 @@
-"""What a report shows besides the summary: spectra of the records and a picture of the scene, in one file."""
+"""The data of a report besides the summary: spectra of the records, a picture of the scene, one file."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Row:
-    """What a suite keeps of one run; it says nothing of the run's place in the suite, which may change.
+    """The numbers that a suite keeps of one run; nothing of its place in the suite, which may change.
 
     Attributes
     ----------

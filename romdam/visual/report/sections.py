@@ -151,7 +151,7 @@ def _records(subject: Subject) -> Section:
 
 
 def _speed(subject: Subject) -> Section:
-    """What a run takes and how far off it says it is."""
+    """Time that a run takes, and its estimated errors."""
     asked = subject.configuration.get("transient", {}).get("accuracy")
     rows: list[list[object]] = []
     for name, text, factor, unit in (

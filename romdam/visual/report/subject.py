@@ -1,4 +1,4 @@
-"""What a report is about, and how its sections name and count things."""
+"""The subject of a report, and the names and counts of its sections."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NOT_RESPONSES = (
 
 @dataclass(frozen=True)
 class Topic:
-    """What a report is to be about.
+    """Choices of what a report is about.
 
     Attributes
     ----------
@@ -102,6 +102,6 @@ def in_unit(values: xr.DataArray) -> str:
 
 
 def runs_text(found: xr.Dataset) -> str:
-    """How many runs a statistic is made of."""
+    """The number of runs that a statistic is made of, as words."""
     failed = found.attrs["failed"]
     return f"{found.attrs['runs']} runs" + (f", {failed} failed ones left out" if failed else "")
