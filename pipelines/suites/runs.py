@@ -33,7 +33,7 @@ from romdam.results.variables import Case
 from romdam.timestepping.modal.batch import with_parameters
 
 # what a run can meet that is its own misfortune: it becomes a row with a message, and the others go on
-MISFORTUNES = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
+RECOVERABLE = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
 
 
 def sample_model(study: Study, number: int) -> Model:
@@ -97,7 +97,7 @@ def march(
     """The one place where a suite integrates: every history, or why there is none."""
     try:
         return shake_together(job, [model.system for model in models], motions)
-    except MISFORTUNES as error:
+    except RECOVERABLE as error:
         if len(motions) == 1:
             return [error]
     return [march(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]

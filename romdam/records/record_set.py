@@ -192,8 +192,10 @@ def usable_apart(records: Sequence[RecordConfig], folder: Path) -> list[Loaded]:
             why = ""
         if why:
             one = Loaded(_free_name(name, places), error=RecordError(f"{where}: {one.error or why}"))
-        loaded.append(replace(one, name=one.name if why else name))
-        places[same_file(loaded[-1].name)] = where
+        else:
+            one = replace(one, name=name)
+        loaded.append(one)
+        places[same_file(one.name)] = where
     return loaded
 
 
