@@ -83,7 +83,7 @@ def certify(
         fine = reduce_scene(model.scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling the full model"):
         full = assemble_full(model.scene, job.config.damping)
-    settings = settings_for(job, model.prepared, motion, float(str(run.attributes["dt"])))
+    settings = settings_for(job, model.prepared, motion, float(str(run.attributes["solver_finest_step"])))
     ground = ground_at_steps(motion, settings.steps.base, float(run.time[-1]))
     case = _Case(job, model, fine, full, motion)
     found = _correct(case, run, (ground, settings), passes, clock)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job
+from romdam.config.load import Job, parse_config
 from romdam.config.quantities import to_si
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.scene import Scene
@@ -23,14 +23,14 @@ from romdam.results.suite.report_data import DATA, read_report_data, report_data
 from romdam.results.suite.summary import SUMMARY, open_summary
 from romdam.scene.build import build_scene
 from romdam.visual.report.sections import write_report
-from romdam.visual.report.study import Study, Wanted, responses
+from romdam.visual.report.subject import Subject, Topic, responses
 
-_BESIDE = ("outputs", "suite", "pipeline", "title", "study")  # what changes neither scene nor records
+_BESIDE = {"outputs", "suite", "pipeline", "title", "study"}  # what changes neither scene nor records
 
 
 @dataclass(frozen=True)
 class Options:
-    """What a report is to be about.
+    """Choices of what a report is about.
 
     Attributes
     ----------
@@ -65,14 +65,14 @@ def report(
     """
     folder, options, clock = Path(folder), options or Options(), Clock(show)
     with _open_summary(folder) as summary:
-        wanted = _wanted(summary, options, folder)
+        topic = _topic(summary, options, folder)
         if job is not None:
             _same(job, summary, folder)
             write_dataset(_data(job, summary, clock), folder / DATA)
         data = read_report_data(summary, folder)
         picture = bytes(data.picture.values.tobytes()) if data is not None else b""
         with clock.stage("report", "writing the report"):
-            return write_report(Study(summary, wanted, data, picture or None), folder)
+            return write_report(Subject(summary, topic, data, picture or None), folder)
 
 
 def _open_summary(folder: Path) -> xr.Dataset:
@@ -84,7 +84,7 @@ def _open_summary(folder: Path) -> xr.Dataset:
     return open_summary(folder)
 
 
-def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:
+def _topic(summary: xr.Dataset, options: Options, folder: Path) -> Topic:
     """The options in SI, and the command that asks for them again."""
     command = ["romdam", "report", folder.name]
     if options.response:
@@ -105,14 +105,17 @@ def _wanted(summary: xr.Dataset, options: Options, folder: Path) -> Wanted:
             raise ResultError(f"threshold {one}: has no unit; write {one} {units}, for example")
         thresholds.append(value)
         command += ["--threshold", str(one)]
-    return Wanted(options.response, options.intensity, tuple(thresholds), shlex.join(command))
+    return Topic(options.response, options.intensity, tuple(thresholds), shlex.join(command))
 
 
 def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
     """Refuse a configuration with another scene, model or records than the suite's."""
-    made = json.loads(str(summary.attrs.get("configuration", "{}")))
-    given = json.loads(json.dumps(job.config.model_dump(mode="json")))
-    other = [key for key in given if key not in _BESIDE and made.get(key) != given[key]]
+    stated = json.loads(str(summary.attrs["configuration"]))
+    made, now = (
+        config.model_dump(mode="json", exclude=_BESIDE)
+        for config in (parse_config(stated, f"{folder / SUMMARY}: configuration"), job.config)
+    )
+    other = [key for key in now if made[key] != now[key]]
     if other:
         raise ConfigError(
             f"{job.path}: is not the configuration of {folder / SUMMARY}, which has another "

@@ -26,12 +26,11 @@ from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
-from romdam.records.formats.tolerant import load_entry
-from romdam.records.record_set import check_names
+from romdam.postprocess.concerns import concerns
+from romdam.records.record_set import check_names, load_records
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.results.certificate import FOLDER
-from romdam.results.concerns import concerns
 from romdam.results.dataset import Timing, build_dataset, write_dataset
 from romdam.results.fields import write_model
 from romdam.results.stress.file import StressFields, write_stress
@@ -171,13 +170,12 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
     """
     motions: list[GroundMotion] = []
     failures: dict[str, str] = {}
-    for entry in job.config.records:
-        for one in load_entry(entry, job.folder):
-            if one.motion is not None:
-                motions.append(one.motion)
-            else:
-                name = one.name if one.name not in failures else f"{one.name} ({len(failures) + 1})"
-                failures[name] = one.error
+    for one in load_records(job.config.records, job.folder):
+        if one.motion is not None:
+            motions.append(one.motion)
+        else:
+            name = one.name if one.name not in failures else f"{one.name} ({len(failures) + 1})"
+            failures[name] = str(one.error)
     if not motions:
         raise RecordError("\n".join(failures.values()) or "records: none passes `keep`")
     check_names(motions)

@@ -13,8 +13,8 @@ from romdam.scene.build import build_scene
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What is to be drawn of a result besides the figures, and the frames of series.
+class Pictures:
+    """Choices of what is drawn of a result besides the figures, and the frames of series.
 
     Attributes
     ----------
@@ -49,36 +49,36 @@ def show_scene(job: Job, out: str | Path, show: Stage = silent) -> Path:
         return draw_scene(scene, folder / f"{job.path.stem}-scene.png", job.config.title or job.path.stem)
 
 
-def plot_result(result: Result, out: str | Path, wanted: Wanted, show: Stage = silent) -> list[Path]:
-    """Draw a result: its figures, and what else is wanted, into `out`.
+def plot_result(result: Result, out: str | Path, pictures: Pictures, show: Stage = silent) -> list[Path]:
+    """Draw a result: its figures, and what else is asked for, into `out`.
 
     Raises
     ------
     RomdamError
         for a result without fields, and where 3-D pictures cannot be drawn or files not be written.
     """
-    from romdam.results.maxima import write_maxima
+    from romdam.results.table import write_maxima
     from romdam.visual.plots import write_plots
     from romdam.visual.rendering import refuse_without_renderer
 
-    if wanted.fields or wanted.animation:
+    if pictures.fields or pictures.animation:
         refuse_without_renderer()
     folder, clock, stem = prepare_folder(Path(out)), Clock(show), result.path.stem
     with clock.stage("figures", "drawing figures"):
         paths = [*write_plots(result.dataset, folder, stem), write_maxima(result.dataset, folder, stem)]
-    if wanted.fields:
+    if pictures.fields:
         from romdam.visual.field_views import draw_fields
 
         with clock.stage("fields", "drawing fields"):
             paths += draw_fields(result, folder, stem)
-    if wanted.vtu:
+    if pictures.vtu:
         from romdam.results.export import write_series
 
         with clock.stage("vtu", "writing the series") as progress:
-            paths.append(write_series(result, folder, stem, (wanted.frames, wanted.window), progress))
-    if wanted.animation:
+            paths.append(write_series(result, folder, stem, (pictures.frames, pictures.window), progress))
+    if pictures.animation:
         from romdam.visual.field_views import write_animation
 
         with clock.stage("animation", "drawing the animation") as progress:
-            paths.append(write_animation(result, folder, stem, (wanted.frames, wanted.window), progress))
+            paths.append(write_animation(result, folder, stem, (pictures.frames, pictures.window), progress))
     return paths

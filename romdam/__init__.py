@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from romdam.results.fields import Result, open_result
     from romdam.results.suite.summary import open_suite
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 __all__ = ["Result", "__version__", "load_config", "open_result", "open_suite", "run", "run_suite"]
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.

@@ -1,14 +1,16 @@
-"""What a person sees in a terminal: progress on stderr, tables on stdout."""
+"""Output that a person sees in a terminal: progress on stderr, tables on stdout."""
 
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.logging import RichHandler
 from rich.progress import (
     BarColumn,
     Progress,
@@ -19,7 +21,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from romdam.results.concerns import LEDGER_LIMIT
+from romdam.postprocess.concerns import LEDGER_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,7 +30,10 @@ if TYPE_CHECKING:
     from romdam.pipelines.suites.folder import Cleaned
     from romdam.pipelines.suites.run import SuiteOutcome
 
+Terminal = tuple["Stages", Callable[..., None]]
+
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
+_WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
 
 
 class Stages:
@@ -62,6 +67,23 @@ class Stages:
             bar.stop()
 
 
+def open_terminal(quiet: bool = False, verbose: bool = False) -> Terminal:
+    """Progress and log on stderr, and a printer to stdout that `quiet` silences."""
+    errors = Console(stderr=True)
+    output = Console(soft_wrap=True, highlight=False, emoji=False, width=_WIDE)
+    level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
+    handler = RichHandler(console=errors, show_path=False)
+    # what happens to its workers is in messages of romdam's own
+    handler.addFilter(lambda record: not record.name.startswith(("asyncio", "distributed")))
+    logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
+
+    def say(*lines: object) -> None:
+        for line in lines if not quiet else ():
+            output.print(line, markup=False)
+
+    return Stages(errors, quiet), say
+
+
 def _ignore(done: int, total: int) -> None:
     """Show nothing."""
 
@@ -90,7 +112,7 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
 
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
-    from romdam.results.maxima import HEAD, maxima
+    from romdam.postprocess.maxima import HEAD, maxima
 
     table = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4]))
     for name, value, unit, where, when in maxima(dataset):
@@ -146,7 +168,7 @@ def suite_table(summary: xr.Dataset) -> Table:
 
 
 def failure_lines(outcome: SuiteOutcome) -> list[str]:
-    """What failed, grouped by message, and how much of the whole that is."""
+    """List what failed, grouped by message, and its share of the whole."""
     groups: dict[str, list[str]] = {}
     for name, message in outcome.failures.items():
         groups.setdefault(message, []).append(name)
@@ -159,7 +181,7 @@ def failure_lines(outcome: SuiteOutcome) -> list[str]:
 
 
 def clean_lines(found: Cleaned, removed: bool) -> list[str]:
-    """What of a suite's folder is of no run of its design."""
+    """List what of a suite's folder is of no run of its design."""
     does = "removed" if removed else "would be removed"
     lines = [f"{does}: {path}" for path in found.files]
     lines += [f"left, romdam did not write it so: {path}" for path in found.kept]
@@ -168,7 +190,7 @@ def clean_lines(found: Cleaned, removed: bool) -> list[str]:
 
 
 def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
-    """How many runs of a suite have an open energy ledger, or missed the wanted accuracy in time, if any."""
+    """Count the runs of a suite that have an open energy ledger, or missed the wanted accuracy in time."""
     limits = {
         "ledger_imbalance": (LEDGER_LIMIT, "do not close their energy ledger within"),
         "estimated_time_error": (wanted, "did not reach, at the finest step allowed,"),
@@ -187,7 +209,7 @@ _NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
 
 
 def _time_error(attrs: Mapping[str, object]) -> str:
-    """What is known of the time-stepping error."""
+    """State what is known of the time-stepping error."""
     if "solver_estimated_time_error" not in attrs:
         return "error not estimated; transient.accuracy instead of dt does"
     estimate, wanted = (float(str(attrs[f"solver_{k}"])) for k in ("estimated_time_error", "accuracy"))
@@ -196,7 +218,7 @@ def _time_error(attrs: Mapping[str, object]) -> str:
 
 
 def info_lines(dataset: xr.Dataset) -> list[str]:
-    """What a result is, how it was made, and how far off it is known to be."""
+    """Describe a result: its kind, its making, and its known error."""
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
     cpu = float(attrs.get("solver_loop_cpu_seconds", float("nan")))
@@ -205,7 +227,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, "
         f"peak {attrs['record_peak_acceleration']:.3g} m/s²",
         f"configuration  {attrs['configuration_file']}, SHA-256 {str(attrs['configuration_sha256'])[:12]}",
-        f"model          {attrs['model_order']} order, dt {attrs['dt']:g} s, "
+        f"model          {attrs['model_order']} order, finest step {attrs['solver_finest_step']:g} s, "
         f"basis {attrs.get('model_file', 'none')}",
         f"size           {size}",
         f"solved         {attrs.get('integrator')}: {attrs.get('solver_steps', 0):.0f} steps, "

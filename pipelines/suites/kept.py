@@ -58,7 +58,7 @@ def write_kept(study: Study, run: Run, case: Case, attributes: dict[str, object]
     if parent is not None and not parent.is_alive():
         raise ResultError(f"{study.folder}: nothing more is written, the suite of this worker was killed")
     dataset = build_dataset(case, study.job, Timing({}, {}), study.files.get("model_file"))
-    dataset.attrs.pop("solver_batch", None)  # how many runs marched together is not of this one
+    dataset.attrs.pop("solver_batch", None)  # how many runs were integrated together is not of this one
     labels = _labels(study, job_labels(study.job), run, case.motion)
     dataset.attrs.update(attributes | study.files | labels | {RUN_KEY: run.key})
     keep = study.suite.keep

@@ -5,7 +5,9 @@ Everything that can be wrong with a suite is found here, before anything is redu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,16 +29,19 @@ from romdam.pipelines.run import Clock, settled
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
+from romdam.postprocess.record_measures import intensity
 from romdam.postprocess.responses import PARAMETER
-from romdam.records.formats.tolerant import load_each
+from romdam.records.record_set import usable_apart
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
-from romdam.results.suite.rows import Row
-from romdam.results.suite.summary import SuiteRecord, intensity, summary_dataset, write_summary
+from romdam.results.suite.rows import SOURCE, Row
+from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 from romdam.scene.build import build_scene
 
+log = logging.getLogger(__name__)
+
 LAYOUT = "romdam-suite-2"
-TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
+TASK_BYTES = 300e6  # of histories in memory, for the runs that are integrated together
 MOST_TOGETHER = 32
 _COPIES = 3.0  # of a history while it is made, compared and written
 
@@ -155,9 +160,9 @@ def read_records(job: Job) -> list[SuiteRecord]:
     """
     suite = _suite(job)
     records = []
-    for one in load_each(job.config.records, job.folder):
+    for one in usable_apart(job.config.records, job.folder):
         targets = suite.scales if suite.intensities is None else suite.intensities.values
-        factors, message = np.full(len(targets), np.nan), one.error
+        factors, message = np.full(len(targets), np.nan), str(one.error or "")
         if one.motion is not None:
             factors, message = _factors(suite, one.motion)
             message = message or _unusable(job, one.motion)
@@ -266,6 +271,7 @@ def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
         where the folder or the disk refuses a file.
     """
     known = read_rows(folder / JOURNAL)
+    _warn_of_versions(known, folder / JOURNAL)
     done = {key: known[key] for key in plan.first if key in known}
     if not study.keeps_results:
         return done
@@ -281,10 +287,20 @@ def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
     return found
 
 
-def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
-    """The tasks that are still to be made: runs that march together, the longest first.
+def _warn_of_versions(rows: Mapping[str, Row], path: Path) -> None:
+    """Say of rows that another version made: the numbers of one suite are those of one version."""
+    others = Counter(row.source for row in rows.values() if row.source != SOURCE)
+    for source, count in others.items():
+        log.warning(
+            "%s: %d rows are of %s, this is %s; their runs are made again, for a suite has the numbers of "
+            "one version (to go on with theirs, install %s)", path, count, source, SOURCE, source,
+        )  # fmt: skip
 
-    Those of one task have one time step and like lengths. Who marches with whom does not change a run's bits.
+
+def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
+    """The tasks that are still to be made: runs that are integrated together, the longest first.
+
+    Those of one task have one time step and like lengths. Which run goes with which changes no bit of it.
     """
     motions, most = plan.motions, study.suite.batch or MOST_TOGETHER
     groups: list[list[Run]] = []

@@ -32,7 +32,7 @@ from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
 
 # what a run can meet that is its own misfortune: it becomes a row with a message, and the others go on
-MISFORTUNES = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
+RECOVERABLE = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
 
 
 def sample_model(study: Study, number: int) -> Model:
@@ -99,7 +99,7 @@ def march(
     try:
         prepared = [model.prepared for model in models]
         return simulate_motions(job, prepared, motions, job.config.transient.duration)
-    except MISFORTUNES as error:
+    except RECOVERABLE as error:
         if len(motions) == 1:
             return [error]
     return [march(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]

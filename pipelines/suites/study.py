@@ -114,7 +114,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Task:
-    """Runs that march together, and the motions of their records."""
+    """Runs that are integrated together, and the motions of their records."""
 
     runs: tuple[Run, ...]
     motions: dict[str, GroundMotion]

@@ -1,1 +1,1 @@
-"""What is computed from results."""
+"""Computed from results: no file is opened here, no figure drawn."""

@@ -134,7 +134,7 @@ class LognormalFit:
     def _crossing(
         self, profile: Callable[[float], float], start: float, step: float, confidence: float
     ) -> float:
-        """Where, going from `start` by steps that double, the profile has fallen by the quantile."""
+        """Find where, going from `start` by steps that double, the profile has fallen by the quantile."""
         from scipy.optimize import brentq
         from scipy.special import ndtri
 
@@ -181,7 +181,7 @@ def fit_lognormal(observations: Observations) -> LognormalFit:
 
 
 def why_not(seen: Observations) -> str:
-    """Why these observations have no fit; empty where they have one."""
+    """The reason why these observations have no fit; empty where they have one."""
     known, below, above = seen.known, seen.below, seen.above
     if len(known) + len(below) == 0:
         return "no run exceeds the threshold" if len(above) else "there are no runs"

@@ -1,19 +1,14 @@
-"""Measures and spectra of ground motions as xarray Datasets with units."""
+"""Measures and spectra of the records of a suite, and what they are called."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
-import xarray as xr
 
+from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
-from romdam.records.measures import fourier_amplitude, measure
-from romdam.records.spectra import response_spectra, rotated_psa
+from romdam.records.measures import measure, moving
+from romdam.records.spectra import pseudo_acceleration
 
-Array = np.ndarray
-AXES = ["x", "y", "z"]
 PERIODS = np.geomspace(0.01, 10.0, 100)
 # name -> unit, long name
 MEASURES = {
@@ -27,56 +22,36 @@ MEASURES = {
     "duration": ("s", "time of the last sample, pads included"),
     "dt": ("s", "sampling interval"),
 }
-SPECTRA = {
-    "sd": ("m", "spectral relative displacement"),
-    "sv": ("m s-1", "spectral relative velocity"),
-    "sa": ("m s-2", "spectral absolute acceleration"),
-    "psv": ("m s-1", "pseudo-spectral velocity"),
-    "psa": ("m s-2", "pseudo-spectral acceleration"),
-}
+# how a measure grows with the scale of the record; the others do not change
+_POWER = {"pga": 1, "pgv": 1, "pgd": 1, "cav": 1, "sa": 1, "arias": 2}
 
 
-def measures_dataset(motions: Sequence[GroundMotion]) -> xr.Dataset:
-    """Scalar measures of every component of every record: dims record, component."""
-    found = [measure(motion.acc, motion.dt) for motion in motions]
-    data = {
-        name: (("record", "component"), np.array([one[name] for one in found]), _attributes(MEASURES[name]))
-        for name in MEASURES
-    }
-    return xr.Dataset(data, coords={"record": [motion.name for motion in motions], "component": AXES})
+def measures_at_scales(motion: GroundMotion | None, factors: Floats, period: float) -> dict[str, Floats]:
+    """Measures of a record's largest component, and its PSa at a period, at every scale.
+
+    Parameters
+    ----------
+    motion : before it is scaled; None gives NaN
+    factors : (scales,) what it is multiplied by
+    period : of the PSa at 5 % damping [s]
+    """
+    if motion is None:
+        return {name: np.full(len(factors), np.nan) for name in (*MEASURES, "sa")}
+    acc = moving(motion.acc)
+    values = {name: float(np.nanmax(found)) for name, found in measure(acc, motion.dt).items()}
+    values["sa"] = float(pseudo_acceleration(acc, motion.dt, np.array([period])).max())
+    return {name: values[name] * factors ** _POWER.get(name, 0) for name in (*MEASURES, "sa")}
 
 
-def spectra_dataset(
-    motion: GroundMotion, periods: Array = PERIODS, dampings: tuple[float, ...] = (0.05,)
-) -> xr.Dataset:
-    """Response spectra of one record: dims component, damping, period; RotD50 and RotD100 of x and y."""
-    spectra = response_spectra(motion.acc, motion.dt, periods, dampings)
-    dims = ("component", "damping", "period")
-    data: dict[str, Any] = {
-        name: (dims, getattr(spectra, name), _attributes(about)) for name, about in SPECTRA.items()
-    }
-    rotated = np.array([rotated_psa(motion.acc[0], motion.acc[1], motion.dt, periods, xi) for xi in dampings])
-    for column, name in enumerate(("rotd50", "rotd100")):
-        about = ("m s-2", f"PSa over all horizontal directions, {'median' if column == 0 else 'largest'}")
-        data[name] = (("damping", "period"), rotated[:, column], _attributes(about))
-    coords = {
-        "component": AXES,
-        "damping": ("damping", np.array(dampings), {"units": "1", "long_name": "ratio of critical damping"}),
-        "period": ("period", np.asarray(periods), {"units": "s", "long_name": "undamped period"}),
-    }
-    return xr.Dataset(data, coords=coords, attrs={"record": motion.name})
+def intensity(motion: GroundMotion, name: str, period: float | None, damping: float) -> float:
+    """PGA or PSa of the largest component [m/s2]."""
+    if name == "pga" or period is None:
+        return float(np.abs(motion.acc).max())
+    return float(pseudo_acceleration(motion.acc, motion.dt, np.array([period]), damping).max())
 
 
-def fourier_dataset(motion: GroundMotion) -> xr.Dataset:
-    """Fourier amplitude of acceleration of one record: dims component, frequency."""
-    freq, amplitude = fourier_amplitude(motion.acc, motion.dt)
-    about = _attributes(("m s-1", "Fourier amplitude of ground acceleration"))
-    return xr.Dataset(
-        {"fas": (("component", "frequency"), amplitude, about)},
-        coords={"component": AXES, "frequency": ("frequency", freq, {"units": "Hz"})},
-        attrs={"record": motion.name},
-    )
-
-
-def _attributes(about: tuple[str, str]) -> dict[str, str]:
-    return {"units": about[0], "long_name": about[1]}
+def largest_psa(motion: GroundMotion | None, periods: Floats, damping: float) -> Floats:
+    """PSa of the largest component, (periods,) [m/s2]; NaN without a motion."""
+    if motion is None:
+        return np.full(len(periods), np.nan)
+    return np.asarray(pseudo_acceleration(motion.acc, motion.dt, periods, damping).max(axis=0))

@@ -1,4 +1,9 @@
-"""Responses, intensities and curves of a suite, as its summary holds them."""
+"""Responses, intensities and curves of a suite, as its summary holds them.
+
+What is computed of a suite takes the Dataset of `summary.nc`, or a selection (`summary.sel(joint="J3")`), and
+the name of a response. Runs that failed are NaN there; they are left out, never counted as exceedances, and
+`attrs["failed"]` says how many. Where numbers cannot be had, `attrs["statement"]` says why and they are NaN.
+"""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class StressHistory:
 
 @dataclass(frozen=True)
 class StressSummary:
-    """What is kept of the stress histories; the k nodes are those of the sites' blocks, one after another.
+    """Summary of the stress histories; the k nodes are those of the sites' blocks, one after another.
 
     Measures are "principal" (major, and minor where the smallest is asked for), "vertical" and "arch".
 

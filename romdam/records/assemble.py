@@ -15,25 +15,23 @@ from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
 from romdam.records.processing.align import align
 from romdam.records.processing.correction import Signal, check_processed, correct
 from romdam.records.processing.orientation import rotation
-from romdam.records.sources import Found
+from romdam.records.sources import Recorded
 from romdam.records.spectra import pseudo_acceleration
 
 AXES = ("x", "y", "z")
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
 
 
-def build_motion(found: Found, axes: dict[str, Channel]) -> GroundMotion:
-    """Make the ground motion of one record; see `_build`."""
-    with one_record(found.place), np.errstate(over="ignore", invalid="ignore"):
-        return _build(found, axes)
-
-
-def _build(found: Found, axes: dict[str, Channel]) -> GroundMotion:
+def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     """Make the ground motion of one record.
+
+    In this order: missing samples are filled; each channel is checked, turned to m/s2 and cut to what all
+    have in common; what was recorded is corrected step by step (`correction:`), turned to the model's axes,
+    and scaled. The integration resamples it to its step (`processing.resampling`).
 
     Parameters
     ----------
-    found : the record
+    source : the record
     axes : channel of each axis; empty to rotate all channels to `x_azimuth`
 
     Raises
@@ -41,36 +39,44 @@ def _build(found: Found, axes: dict[str, Channel]) -> GroundMotion:
     RecordError
         naming record and channel.
     """
-    config = found.config
-    channels = [
-        _filled(channel, config, found.place) for channel in (axes.values() if axes else found.channels)
-    ]
+    with one_record(source.place), np.errstate(over="ignore", invalid="ignore"):
+        return _build(source, axes)
+
+
+def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
+    config, place = source.config, source.place
+    channels = [_filled(one, config, place) for one in (axes.values() if axes else source.channels)]
     for channel in channels:
-        check_channel(channel, found.place)
-        _check_dt(channel, config, found.place)
-    factors = np.array([_factor(channel, config, found.place) for channel in channels])
-    recorded = align(channels, config.align, found.place) * factors[:, None]
-    doubts = too_strong(recorded, found.place)
-    signal = _corrected(recorded, channels[0].dt, config, found.place)
-    matrix = _matrix(axes, channels, config, found.place)
+        check_channel(channel, place)
+        _check_dt(channel, config, place)
+    factors = np.array([_factor(channel, config, place) for channel in channels])
+    recorded = align(channels, config.align, place) * factors[:, None]
+    doubts = _doubts_of_recorded(channels, axes, recorded, source)
+    signal = _corrected(recorded, channels[0].dt, config, place)
+    matrix = _matrix(axes, channels, config, place)
     acc = matrix @ signal.acc
-    scale = _scale(acc, signal.dt, config.scale, found.place)
+    scale = _scale(acc, signal.dt, config.scale, place)
     if not np.all(np.isfinite(scale * acc)):
-        raise RecordError(f"{found.place}: correction and scale make values that are not finite; change them")
-    warnings = (
-        *(text for channel in channels for text in channel.warnings),
-        *said_of_axes(axes, config),
-        *said_of_channels(channels),
-        *_cut(channels, recorded, config),
-        *_overridden(channels, config),
-        *doubts,
-        *_below_usable(channels, signal),
-        *signal.warnings,
-    )
+        raise RecordError(f"{place}: correction and scale make values that are not finite; change them")
+    warnings = (*doubts, *_below_usable(channels, signal), *signal.warnings)
     if not config.correction:
         warnings += check_processed(recorded, signal.dt)
-    account = _account(found, channels, factors, matrix) | _done(signal, config, scale)
-    return GroundMotion(found.name, scale * acc, signal.dt, account, warnings)
+    account = _account(source, channels, factors, matrix) | _done(signal, config, scale)
+    return GroundMotion(source.name, scale * acc, signal.dt, account, warnings)
+
+
+def _doubts_of_recorded(
+    channels: list[Channel], axes: dict[str, Channel], recorded: NDArray[np.float64], source: Recorded
+) -> tuple[str, ...]:
+    """Warnings about a record before anything is done to it, (k, nt) [m/s2]."""
+    return (
+        *(text for channel in channels for text in channel.warnings),
+        *said_of_axes(axes, source.config),
+        *said_of_channels(channels),
+        *_cut(channels, recorded, source.config),
+        *_overridden(channels, source.config),
+        *too_strong(recorded, source.place),
+    )
 
 
 def _corrected(recorded: NDArray[np.float64], dt: float, config: RecordConfig, place: str) -> Signal:
@@ -209,17 +215,17 @@ def _lowest_usable(channel: Channel) -> float | None:
 
 
 def _account(
-    found: Found, channels: list[Channel], factors: NDArray[np.float64], matrix: NDArray[np.float64]
+    source: Recorded, channels: list[Channel], factors: NDArray[np.float64], matrix: NDArray[np.float64]
 ) -> dict[str, object]:
-    """Where the motion came from."""
+    """Account for the source of the motion."""
     return {
-        "place": found.place,
-        "files": dict(found.files),
-        **{key: value for key, value in found.about.items() if key != "sha256"},
+        "place": source.place,
+        "files": dict(source.files),
+        **{key: value for key, value in source.about.items() if key != "sha256"},
         "channels": [
             {
                 "code": channel.code,
-                "unit": found.config.unit or channel.unit,
+                "unit": source.config.unit or channel.unit,
                 "unit_m_s2": float(factor),
                 "azimuth": None if channel.orientation is None else channel.orientation.azimuth,
                 "vertical": None if channel.orientation is None else channel.orientation.vertical,
@@ -233,7 +239,7 @@ def _account(
 
 
 def _done(signal: Signal, config: RecordConfig, scale: float) -> dict[str, object]:
-    """What was done to it."""
+    """Account for what was done to the motion."""
     return {
         "dt_recorded_s": signal.dt,
         "x_azimuth_deg": config.x_azimuth,

@@ -29,7 +29,7 @@ _PAIRS = {"NS": 0.0, "EW": 90.0, "SN": 180.0, "WE": 270.0}
 
 @dataclass(frozen=True)
 class Orientation:
-    """Where positive motion points.
+    """Direction of positive motion.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ def check_channel(channel: Channel, where: str) -> None:
 
 
 def missing(data: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which samples are NaN, infinite, or a mark of no value (-999, 9999.999) far above all others."""
+    """Find samples that are NaN, infinite, or a mark of no value (-999, 9999.999) far above all others."""
     found = ~np.isfinite(data)
     marks = np.isin(np.abs(data), SENTINELS) | (np.abs(np.where(found, 0.0, data)) >= 1e20)
     if marks.any():

@@ -46,6 +46,12 @@ def significant_duration(acc: Array, dt: float, start: float, end: float) -> Arr
     return np.array(spans).reshape(husid.shape[:-1])
 
 
+def moving(acc: Array) -> Array:
+    """The components of (k, nt) accelerations that move at all; the first where none does."""
+    moves = np.any(acc != 0.0, axis=-1)
+    return acc[moves] if moves.any() else acc[:1]
+
+
 def fourier_amplitude(acc: Array, dt: float) -> tuple[Array, Array]:
     """Frequencies (nf,) [Hz] and |integral of acc exp(-i omega t) dt|, (..., nf) [m/s]."""
     freq: Array = np.arange(acc.shape[-1] // 2 + 1, dtype=np.float64) / (acc.shape[-1] * dt)

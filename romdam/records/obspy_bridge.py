@@ -128,7 +128,7 @@ def _try_in_child(path: Path) -> None:
 
 
 def _obspy_errors() -> tuple[type[Exception], ...]:
-    """What ObsPy's readers raise: the usual kinds, and their own that derive from nothing but Exception."""
+    """Errors of ObsPy's readers: the usual kinds, and their own that derive from nothing but Exception."""
     from obspy.core.util.obspy_types import ObsPyException
     from obspy.io.ah.xdrlib import Error as AHError
     from obspy.io.gse2.libgse2 import ChksumError, GSEUtiError

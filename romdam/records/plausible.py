@@ -1,4 +1,4 @@
-"""What a careful reader would doubt of a record that reads well; doubts are said, nothing is changed."""
+"""Doubts that a careful reader has of a record that reads well; they are said, nothing is changed."""
 
 from __future__ import annotations
 

@@ -1,104 +1,148 @@
-"""Ground motions from the `records:` part of a configuration."""
+"""Ground motions from the `records:` part of a configuration, every one read on its own."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from romdam.config.names import misnamed_file, same_file
 from romdam.config.sections.records import MEASURES, RecordConfig
-from romdam.core.errors import RecordError, shown
+from romdam.core.errors import ConfigError, RecordError, shown
 from romdam.core.motion import GroundMotion
 from romdam.records.assemble import build_motion
 from romdam.records.channel import Channel
-from romdam.records.measures import measure
-from romdam.records.sources import Found, find_records, pick
+from romdam.records.measures import measure, moving
+from romdam.records.plausible import DOUBTED_UNIT
+from romdam.records.sources import Recorded, Source, pick, sources_of
 
 EACH = "each"
 
 
-def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMotion]:
-    """Read, correct, orient and scale every record that the configuration asks for.
+@dataclass(frozen=True)
+class Loaded:
+    """One record of a configuration, or why it cannot be used.
+
+    Attributes
+    ----------
+    name : of the record; of its source where it could not be read
+    motion : read, corrected, oriented and scaled; None where it cannot be used
+    error : why not
+    passes : whether the entry's `keep` takes it
+    """
+
+    name: str
+    motion: GroundMotion | None = None
+    error: RecordError | ConfigError | None = None
+    passes: bool = True
+
+
+def load_records(records: Sequence[RecordConfig], folder: Path) -> Iterator[Loaded]:
+    """Read, correct, orient and scale every record: one that cannot be used takes no other with it.
 
     Parameters
     ----------
     records : entries of `records:`
     folder : where relative paths start (the folder of the YAML file)
 
+    Returns
+    -------
+    In the order of the entries; those that an entry's `keep` leaves out are not among them.
+    """
+    return (one for entry in records for one in _of_entry(entry, folder) if one.passes)
+
+
+def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMotion]:
+    """All of `load_records`, or the error of the first that cannot be used.
+
     Raises
     ------
-    RecordError
-        for a record that cannot be used, two records with one name, or a filter that keeps none.
+    RecordError, ConfigError
+        for a record that cannot be used, two records with one name, or a `keep` that takes none.
     """
     motions: list[GroundMotion] = []
-    for config in records:
-        motions += kept_motions(find_records(config, folder), config)
+    for entry in records:
+        loaded = list(_of_entry(entry, folder))
+        for one in loaded:
+            if one.error is not None:
+                raise one.error
+        passing = [one.motion for one in loaded if one.motion is not None and one.passes]
+        if not passing:
+            raise RecordError(_none_passes(entry, len(loaded)))
+        motions += passing
     check_names(motions)
     return motions
 
 
-def kept_motions(records: Iterable[Found], config: RecordConfig) -> list[GroundMotion]:
-    """The motions of records that pass the entry's `keep`.
-
-    Raises
-    ------
-    RecordError
-        for a record that cannot be used, or where none passes.
-    """
-    found = [motion for one in records for motion in _motions(one)]
-    kept = [motion for motion in found if passes(motion, config)]
-    if not kept:
-        limits = {name: limit.model_dump(exclude_none=True) for name, limit in config.keep.items()}
-        source = config.file or config.files or config.manifest or config.suite or "components"
-        raise RecordError(
-            f"records: {source}: none of {len(found)} records passes `keep` {shown(limits)}; widen its limits"
-        )
-    return kept
+def _none_passes(entry: RecordConfig, count: int) -> str:
+    limits = {name: limit.model_dump(exclude_none=True) for name, limit in entry.keep.items()}
+    source = entry.file or entry.files or entry.manifest or entry.suite or "components"
+    return f"records: {source}: none of {count} records passes `keep` {shown(limits)}; widen its limits"
 
 
-def _motions(found: Found) -> Iterator[GroundMotion]:
+def _of_entry(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
+    try:
+        sources = sources_of(entry, folder)
+    except (RecordError, ConfigError) as error:
+        yield Loaded(entry.name or str(entry.manifest or entry.files), error=error)
+        return
+    for source in sources:
+        yield from _of_source(source)
+
+
+def _of_source(source: Source) -> list[Loaded]:
+    """The motions of a source; where one of several cannot be used, none can."""
+    try:
+        return [
+            Loaded(motion.name, motion, passes=_passes(motion, recorded.config))
+            for recorded in source.read()
+            for motion in _motions(recorded)
+        ]
+    except (RecordError, ConfigError) as error:
+        return [Loaded(source.name, error=error)]
+
+
+def _motions(recorded: Recorded) -> Iterator[GroundMotion]:
     """One motion per record, or one per channel where an axis asks for each."""
-    components = found.config.components
+    components = recorded.config.components
     axes = [axis for axis, component in components.items() if component.channel == EACH]
     if not axes:
-        yield build_motion(found, _axes(found))
+        yield build_motion(recorded, _axes(recorded))
         return
     if len(components) > 1:
-        raise RecordError(f"{found.place}: `{EACH}` takes one axis, not {', '.join(components)}")
-    for channel in found.channels:
+        raise RecordError(f"{recorded.place}: `{EACH}` takes one axis, not {', '.join(components)}")
+    for channel in recorded.channels:
         suffix = re.sub(r"[^\w.+-]", "_", channel.code)  # the name becomes a file's
-        name = f"{found.name}_{suffix}" if len(found.channels) > 1 else found.name
-        yield build_motion(replace(found, name=name), {axes[0]: channel})
+        name = f"{recorded.name}_{suffix}" if len(recorded.channels) > 1 else recorded.name
+        yield build_motion(replace(recorded, name=name), {axes[0]: channel})
 
 
-def _axes(found: Found) -> dict[str, Channel]:
+def _axes(recorded: Recorded) -> dict[str, Channel]:
     """Channel of each axis; empty means: rotate all channels by their azimuths."""
-    if found.picked:
-        return found.picked
-    if found.config.components:
+    if recorded.picked:
+        return recorded.picked
+    if recorded.config.components:
         return {
-            axis: pick(found.channels, component.channel, found.place)
-            for axis, component in found.config.components.items()
+            axis: pick(recorded.channels, component.channel, recorded.place)
+            for axis, component in recorded.config.components.items()
         }
-    if found.config.x_azimuth is None:
-        codes = ", ".join(channel.code for channel in found.channels)
+    if recorded.config.x_azimuth is None:
+        codes = ", ".join(channel.code for channel in recorded.channels)
         raise RecordError(
-            f"{found.place}: which axis does it shake? Give `components` "
-            f"(for example {{y: {found.channels[0].code}}}) or `x_azimuth`; its channels are {codes}"
+            f"{recorded.place}: which axis does it shake? Give `components` "
+            f"(for example {{y: {recorded.channels[0].code}}}) or `x_azimuth`; its channels are {codes}"
         )
     return {}
 
 
-def passes(motion: GroundMotion, config: RecordConfig) -> bool:
-    """Whether the largest component's measures lie in the limits."""
+def _passes(motion: GroundMotion, config: RecordConfig) -> bool:
+    """Tell whether the largest component's measures lie in the limits."""
     if not config.keep:
         return True
-    used = motion.acc[np.any(motion.acc != 0.0, axis=-1)]
-    values = measure(used if used.size else motion.acc, motion.dt)
+    values = measure(moving(motion.acc), motion.dt)
     for name, limits in config.keep.items():
         low, high = limits.in_unit(MEASURES[name])
         if not low <= float(np.nanmax(values[name])) <= high:
@@ -128,3 +172,44 @@ def check_names(motions: Sequence[GroundMotion]) -> None:
                 f"records: 2 records are named {motion.name!r}{alike} "
                 f"({other.provenance.get('place', '')}; {place}); give each its own `name`"
             )
+
+
+def usable_apart(records: Sequence[RecordConfig], folder: Path) -> list[Loaded]:
+    """Give every record of `load_records` a name of its own that can name a file, for runs by the hundred.
+
+    A motion whose unit is doubted counts as one that cannot be used: nobody reads a warning among hundreds of
+    records, and a unit taken wrongly is a factor of ten or a thousand. So does one whose name is taken.
+    """
+    loaded: list[Loaded] = []
+    places: dict[str, str] = {}
+    for one in map(_refuse_doubted, load_records(records, folder)):
+        name, where = re.sub(r"[^\w.+-]", "_", one.name), _where(one)
+        if wrong := misnamed_file(name):
+            name, why = "record", f"the record's name {shown(name)} {wrong}; give it a `name`"
+        elif other := places.get(same_file(name)):
+            why = f"a record named {name!r} is there already ({other}); give each its own `name`"
+        else:
+            why = ""
+        if why:
+            one = Loaded(_free_name(name, places), error=RecordError(f"{where}: {one.error or why}"))
+        else:
+            one = replace(one, name=name)
+        loaded.append(one)
+        places[same_file(one.name)] = where
+    return loaded
+
+
+def _refuse_doubted(one: Loaded) -> Loaded:
+    doubts = [text for text in one.motion.warnings if DOUBTED_UNIT in text] if one.motion else []
+    return Loaded(one.name, error=RecordError("; ".join(doubts))) if doubts else one
+
+
+def _where(one: Loaded) -> str:
+    return one.name if one.motion is None else str(one.motion.provenance.get("place", one.name))
+
+
+def _free_name(name: str, taken: dict[str, str]) -> str:
+    number = 2
+    while same_file(f"{name}.{number}") in taken:
+        number += 1
+    return f"{name}.{number}"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import glob
 import hashlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from romdam.config.sections.records import RecordConfig, read_manifest
+from romdam.config.sections.records import RecordConfig, manifest_rows, read_row
 from romdam.core.errors import RecordError, shown
 from romdam.records.channel import Channel, one_record
 from romdam.records.formats.registry import FORMATS, Declared, read_channels
@@ -22,7 +23,7 @@ NOT_RECORDS = {".md", ".yaml", ".yml", ".csv", ".json", ".xml", ".py", ".pdf", "
 
 
 @dataclass(frozen=True)
-class Found:
+class Recorded:
     """The channels of one record and where they came from.
 
     Attributes
@@ -45,29 +46,72 @@ class Found:
     picked: dict[str, Channel] = field(default_factory=dict)
 
 
-def find_records(config: RecordConfig, folder: Path) -> Iterator[Found]:
-    """Read every record that one entry asks for, in the order of names.
+@dataclass(frozen=True)
+class Source:
+    """A record of an entry, or the records of one that are read together, before it is read.
+
+    Attributes
+    ----------
+    name : what it is called where it cannot be read
+    read : reads it; raises RecordError or ConfigError
+    """
+
+    name: str
+    read: Callable[[], list[Recorded]]
+
+
+def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
+    """Every record that an entry asks for, each to be read on its own, in the order of names.
 
     Parameters
     ----------
-    config : the entry
+    entry : of `records:`
     folder : where its relative paths start
 
     Raises
     ------
-    RecordError
-        for files that are missing or cannot be read, and globs that match nothing.
+    RecordError, ConfigError
+        for a folder or manifest that cannot be listed, and globs that match nothing.
     """
-    if config.suite is not None:
-        yield from _from_suite(config)
-    elif config.manifest is not None:
-        yield from _from_manifest(config, folder)
-    elif config.files is not None:
-        yield from _from_folder(config, folder)
-    elif config.file is not None:
-        yield _from_file(folder / config.file, config, folder)
-    else:
-        yield _from_component_files(config, folder)
+    if entry.suite is not None:
+        return [Source(entry.name or entry.suite, partial(_from_suite, entry))]
+    if entry.manifest is not None:
+        return _rows(folder / entry.manifest, entry)
+    if entry.files is not None:
+        return _files(entry, folder)
+    if entry.file is not None:
+        return [_file(entry, folder / entry.file, folder)]
+    return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
+
+
+def _file(entry: RecordConfig, path: Path, folder: Path) -> Source:
+    return Source(entry.name or path.stem, lambda: [_from_file(path, entry, folder)])
+
+
+def _files(entry: RecordConfig, folder: Path) -> list[Source]:
+    paths = matching_files(folder / str(entry.files))
+    if not paths:
+        raise RecordError(
+            f"{folder / str(entry.files)}: no record files found; check the path or the pattern"
+        )
+    if entry.group == "file":
+        return [_file(entry, path, folder) for path in paths]
+    return [
+        Source(
+            entry.name or str(entry.files),
+            lambda: list(_by_station([_from_file(path, entry, folder) for path in paths])),
+        )
+    ]
+
+
+def _rows(manifest: Path, entry: RecordConfig) -> list[Source]:
+    """A source for each row of a manifest; a row's own mistakes are those of its record."""
+    sources = []
+    for number, row in enumerate(manifest_rows(manifest), start=1):
+        stated = row if isinstance(row, dict) else {}
+        name = stated.get("name") or Path(str(stated.get("file", f"{manifest.stem}_{number}"))).stem
+        sources.append(Source(str(name), partial(_from_row, manifest, entry, number, row)))
+    return sources
 
 
 def _declared(config: RecordConfig, folder: Path) -> Declared:
@@ -75,8 +119,8 @@ def _declared(config: RecordConfig, folder: Path) -> Declared:
     return Declared(config.dt, config.time_column, response)
 
 
-def _from_file(path: Path, config: RecordConfig, folder: Path) -> Found:
-    return Found(config.name or path.stem, str(path), _read(path, config, folder), config, _digest(path))
+def _from_file(path: Path, config: RecordConfig, folder: Path) -> Recorded:
+    return Recorded(config.name or path.stem, str(path), _read(path, config, folder), config, _digest(path))
 
 
 def _read(path: Path, config: RecordConfig, folder: Path) -> list[Channel]:
@@ -95,7 +139,7 @@ def _digest(path: Path) -> dict[str, str]:
     return {path.name: hashlib.sha256(read_bytes(path)).hexdigest()}
 
 
-def _from_component_files(config: RecordConfig, folder: Path) -> Found:
+def _from_component_files(config: RecordConfig, folder: Path) -> list[Recorded]:
     """One file per axis; where a file holds several channels, `channel` picks one."""
     picked: dict[str, Channel] = {}
     files: dict[str, str] = {}
@@ -105,9 +149,8 @@ def _from_component_files(config: RecordConfig, folder: Path) -> Found:
         picked[axis] = pick(channels, component.channel, str(path))
         files |= _digest(path)
     place = ", ".join(files)
-    return Found(
-        config.name or Path(next(iter(files))).stem, place, list(picked.values()), config, files, {}, picked
-    )
+    name = config.name or Path(next(iter(files))).stem
+    return [Recorded(name, place, list(picked.values()), config, files, {}, picked)]
 
 
 def pick(channels: list[Channel], wanted: int | str | None, place: str) -> Channel:
@@ -127,16 +170,6 @@ def pick(channels: list[Channel], wanted: int | str | None, place: str) -> Chann
         return channels[wanted - 1]
     asked = "no channel named" if wanted is None else f"no channel {wanted!r}"
     raise RecordError(f"{place}: {asked}; it has {', '.join(codes)}; name one under `components`")
-
-
-def _from_folder(config: RecordConfig, folder: Path) -> Iterator[Found]:
-    paths = matching_files(folder / str(config.files))
-    if not paths:
-        raise RecordError(
-            f"{folder / str(config.files)}: no record files found; check the path or the pattern"
-        )
-    found = [_from_file(path, config, folder) for path in paths]
-    yield from found if config.group == "file" else _by_station(found)
 
 
 def matching_files(pattern: Path) -> list[Path]:
@@ -160,9 +193,9 @@ def matching_files(pattern: Path) -> list[Path]:
     return sorted(path for path in paths if path.is_file() and not path.name.startswith("."))
 
 
-def _by_station(found: list[Found]) -> Iterator[Found]:
-    groups: dict[tuple[str, str, str], list[Found]] = {}
-    for one in found:
+def _by_station(every: list[Recorded]) -> Iterator[Recorded]:
+    groups: dict[tuple[str, str, str], list[Recorded]] = {}
+    for one in every:
         for channel in one.channels:
             meta = channel.meta
             key = (str(meta.get("event", "")), str(meta.get("network", "")), str(meta.get("station", "")))
@@ -175,37 +208,26 @@ def _by_station(found: list[Found]) -> Iterator[Found]:
         events = {k[0] for k in groups if k[1:] == key[1:]}
         suffix = f"_{sorted(events).index(key[0]) + 1}" if len(events) > 1 else ""
         channels = [channel for part in parts for channel in part.channels]
-        yield Found(name + suffix, ", ".join(files), channels, parts[0].config, files)
+        yield Recorded(name + suffix, ", ".join(files), channels, parts[0].config, files)
 
 
-def _from_manifest(config: RecordConfig, folder: Path) -> Iterator[Found]:
-    path = folder / str(config.manifest)
-    for row, about in read_manifest(path, config):
-        yield record_of_row(path, row, about)
-
-
-def record_of_row(manifest: Path, row: RecordConfig, about: dict[str, object]) -> Found:
-    """Read the record of one row of a manifest, see `romdam.config.sections.records.read_row`.
-
-    Raises
-    ------
-    RecordError
-        for a file that is missing, cannot be read, or is not the one that the manifest means.
-    """
-    found = _from_file(manifest.parent / str(row.file), row, manifest.parent)
+def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> list[Recorded]:
+    """Read the record of one row of a manifest, which must be the one that the manifest means."""
+    config, about = read_row(manifest, entry, number, row)
+    recorded = _from_file(manifest.parent / str(config.file), config, manifest.parent)
     stated = about.get("sha256")
-    if stated and stated not in found.files.values():
+    if stated and stated not in recorded.files.values():
         raise RecordError(
-            f"{found.place}: SHA-256 is {next(iter(found.files.values()))}, {manifest} says {stated}; "
+            f"{recorded.place}: SHA-256 is {next(iter(recorded.files.values()))}, {manifest} says {stated}; "
             "the file has changed"
         )
-    for channel in found.channels:
-        _check_about(found.place, channel, about, manifest)
-    return replace(found, about=about)
+    for channel in recorded.channels:
+        _check_about(recorded.place, channel, about, manifest)
+    return [replace(recorded, about=about)]
 
 
 def _check_about(place: str, channel: Channel, about: dict[str, object], manifest: Path) -> None:
-    """What a manifest says of the samples and the azimuth must be what the file says."""
+    """Refuse a channel whose samples or azimuth are not those that the manifest states."""
     azimuth = None if channel.orientation is None else channel.orientation.azimuth
     for key, found in (("samples", channel.data.size), ("azimuth", azimuth)):
         stated = str(about.get(key, ""))
@@ -217,8 +239,10 @@ def _check_about(place: str, channel: Channel, about: dict[str, object], manifes
             )
 
 
-def _from_suite(config: RecordConfig) -> Iterator[Found]:
+def _from_suite(config: RecordConfig) -> list[Recorded]:
     from romdam.records.p695 import read_p695  # here: needs the extra `suites`
 
-    for name, channels in read_p695(str(config.suite)).items():
-        yield Found(name, f"suite {name}", channels, config)
+    return [
+        Recorded(name, f"suite {name}", channels, config)
+        for name, channels in read_p695(str(config.suite)).items()
+    ]

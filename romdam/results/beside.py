@@ -46,7 +46,7 @@ def write_beside(
 
 
 def _is_written(path: Path, digest: str) -> bool:
-    """Whether the file is there and whole: a foreign or broken one is written again."""
+    """Tell whether the file is there and whole: a foreign or broken one is written again."""
     if not path.is_file():
         return False
     try:

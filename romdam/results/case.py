@@ -1,4 +1,4 @@
-"""What the variables of a result file are made from, and what a variable is."""
+"""The case that the variables of a result file are made from, and a variable itself."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Case:
 
     @property
     def frictional(self) -> bool:
-        """Whether slip and shear force exist."""
+        """True where slip and shear force exist."""
         return self.history.jump.shape[2] == 3
 
     def of_gaps(self, name: str) -> Array:

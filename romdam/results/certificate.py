@@ -1,4 +1,4 @@
-"""What a certificate needs from a result file, and where a reader finds what it says."""
+"""Read of a result file what a certificate needs, and write what the certificate says."""
 
 from __future__ import annotations
 

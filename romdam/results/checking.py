@@ -1,4 +1,4 @@
-"""What a file must state to be read as the result of a record: names, dimensions, units and kinds."""
+"""Check that a file states what the result of a record must: names, dimensions, units and kinds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TEXTS = (
     "title", "record", "configuration_file", "configuration", "configuration_sha256", "model_order",
     "integrator", "date_created",
 )  # fmt: skip
-_NUMBERS = ("record_dt", "record_peak_acceleration", "dt")
+_NUMBERS = ("record_dt", "record_peak_acceleration", "solver_finest_step")
 _OPTIONAL_TEXTS = ("model_file", "stress_file", "error_statement", "error_estimate", "certificate_statement")
 _TIMINGS = ("solver_", "wall_seconds_", "cpu_seconds_")
 _WHOLE = ("gap", "joint_state", "stress_node_number", "status", "sample")
@@ -140,7 +140,7 @@ def _variable_flaws(name: str, dims: tuple[str, ...], units: str | None, found: 
 
 
 def _missing(dataset: xr.Dataset) -> Iterator[str]:
-    """What romdam writes together stands together."""
+    """Find what is missing beside what romdam writes with it."""
     always = VARIABLES["ground_acceleration"].when
     there = {_KNOWN[name].when: name for name in _KNOWN if name in dataset.variables}
     for name, variable in _KNOWN.items():

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import platform
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -22,9 +23,12 @@ from romdam.config.plausible import doubts
 from romdam.core.errors import ResultError
 from romdam.core.motion import GroundMotion
 from romdam.core.sealed import Opened, examine, sealing
+from romdam.postprocess.concerns import concerns
 from romdam.results.checking import check_run
-from romdam.results.concerns import concerns
+from romdam.results.renamed import with_names_of_now
 from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
+
+log = logging.getLogger(__name__)
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
 COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
@@ -73,7 +77,7 @@ def library_versions() -> str:
 
 
 def job_labels(job: Job) -> dict[str, object]:
-    """What a result says of the configuration that it belongs to."""
+    """Attributes that name the configuration that a result belongs to."""
     return {
         "title": job.config.title or job.path.stem,
         "configuration_file": job.path.name,
@@ -84,7 +88,7 @@ def job_labels(job: Job) -> dict[str, object]:
 
 
 def record_labels(motion: GroundMotion) -> dict[str, object]:
-    """What a result says of where its ground motion comes from."""
+    """Attributes that name the source of a result's ground motion."""
     return {
         "record": motion.name,
         "record_provenance": json.dumps(motion.provenance, default=str),
@@ -106,7 +110,6 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
             "run_warnings": json.dumps(concerns(case.history.stats)),
             "model_order": job.config.model.order,
             "integrator": case.history.integrator,
-            "dt": case.history.stats["finest_step"],
             "versions": library_versions(),
             "machine": f"{platform.machine()}, {os.cpu_count()} cores",
         }
@@ -146,15 +149,15 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
         dataset.dump_to_store(H5NetCDFStore(file), encoding=encoding)
 
 
-def open_dataset(path: Path) -> xr.Dataset:
-    """Open a file of romdam's lazily, once it is known to be whole.
+def open_dataset(path: Path, warn: bool = True) -> xr.Dataset:
+    """Open a file of romdam's lazily, once it is known to be whole; see `open_netcdf`.
 
     Raises
     ------
     ResultError
         where there is no such file, it is damaged, or romdam has not written it.
     """
-    dataset, _ = open_netcdf(path)
+    dataset, _ = open_netcdf(path, warn)
     if not str(dataset.attrs.get("source", "")).startswith("romdam"):
         dataset.close()
         raise ResultError(f"{path}: was not written by romdam; it has no `source` attribute that says so")
@@ -178,8 +181,13 @@ def open_run(path: Path) -> xr.Dataset:
     return dataset
 
 
-def open_netcdf(path: Path) -> tuple[xr.Dataset, Opened]:
+def open_netcdf(path: Path, warn: bool = True) -> tuple[xr.Dataset, Opened]:
     """Open a NetCDF file lazily, once it is known to be whole, and what is known of it.
+
+    Parameters
+    ----------
+    path : the file
+    warn : of names that were those of an earlier version; its variables and attributes have those of this one
 
     Raises
     ------
@@ -195,4 +203,11 @@ def open_netcdf(path: Path) -> tuple[xr.Dataset, Opened]:
         dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
     except Exception as error:
         raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
-    return dataset, known
+    dataset, former = with_names_of_now(dataset)
+    undefined, infinite = (
+        frozenset(former.get(name, name) for name in names) for names in (known.undefined, known.infinite)
+    )
+    if former and warn:
+        names = ", ".join(f"{old} as {new}" for old, new in former.items())
+        log.warning("%s: was written by %s; read %s", path, dataset.attrs.get("source", "romdam"), names)
+    return dataset, replace(known, undefined=undefined, infinite=infinite)

@@ -1,4 +1,4 @@
-"""What a file of reduced blocks holds: a block of the cache, or the basis file beside results."""
+"""Describe a file of reduced blocks: a block of the cache, or the basis file beside results."""
 
 from __future__ import annotations
 

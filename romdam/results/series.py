@@ -1,4 +1,4 @@
-"""Which times and blocks of a result are worth a picture: the worst step, the frames of a series, the dam."""
+"""Times and blocks of a result that are worth a picture: the worst step, the frames of a series, the dam."""
 
 from __future__ import annotations
 

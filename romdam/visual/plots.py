@@ -102,7 +102,7 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
 
 
 def energy_ledger(dataset: xr.Dataset) -> Figure:
-    """Where the input energy is: stacked parts against the input, and the imbalance.
+    """Draw where the input energy is: stacked parts against the input, and the imbalance.
 
     What the time stepping takes is one part: of its two terms only the sum is never negative.
     """

@@ -12,16 +12,14 @@ from matplotlib.figure import Figure
 
 from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
+from romdam.postprocess.record_curves import RecordCurves, record_curves
 from romdam.postprocess.record_measures import PERIODS
-from romdam.records.measures import fourier_amplitude
-from romdam.records.processing.integrate import displacement, velocity
-from romdam.records.spectra import response_spectra
 from romdam.visual.style import COLOURS, GREY, STYLE
 
 Array = np.ndarray
 AXES = ("x", "y", "z")
-DAMPINGS = (0.02, 0.05)
-FOURIER_POINTS = 300
+QUANTITIES = {"acc": "acceleration [m/s²]", "vel": "velocity [m/s]", "disp": "displacement [m]"}
+Curves = tuple[RecordCurves, RecordCurves | None]  # of the motion, and before its correction
 
 
 def plot_record(motion: GroundMotion, recorded: GroundMotion | None = None) -> Figure:
@@ -37,9 +35,10 @@ def plot_record(motion: GroundMotion, recorded: GroundMotion | None = None) -> F
         figure = Figure(figsize=(max(5.6, 3.9 * len(shaken) + 0.4), 10.5), layout="constrained")
         panels = figure.subplots(5, len(shaken), squeeze=False, height_ratios=(1, 1, 1, 1.4, 1.4))
         for column, axis in enumerate(shaken):
-            _histories(panels[:3, column], motion, recorded, axis)
-            _response(panels[3, column], motion, recorded, axis)
-            _fourier(panels[4, column], motion, recorded, axis)
+            curves = record_curves(motion, axis), record_curves(recorded, axis) if recorded else None
+            _histories(panels[:3, column], motion, curves, axis)
+            _response(panels[3, column], curves)
+            _fourier(panels[4, column], motion, curves)
         for row in panels:
             for ax in row[1:]:
                 ax.set_ylabel("")
@@ -62,38 +61,27 @@ def write_record_plots(pairs: Iterable[tuple[GroundMotion, GroundMotion | None]]
     return paths
 
 
-def _histories(panels: Array, motion: GroundMotion, recorded: GroundMotion | None, axis: int) -> None:
-    quantities = (
-        ("acceleration [m/s²]", lambda acc, dt: acc),
-        ("velocity [m/s]", velocity),
-        ("displacement [m]", displacement),
-    )
-    for ax, (label, integrate) in zip(panels, quantities, strict=True):
-        after = integrate(motion.acc[axis], motion.dt)
-        start = _seconds(motion, "pad_before_s")  # pads lie at negative times: both histories start at 0
-        if recorded is not None:
-            before = integrate(recorded.acc[axis], recorded.dt)
-            ax.plot(recorded.time, before, color=GREY, lw=0.7, label="as recorded")
-            _keep_in_view(ax, after, before)
-        ax.plot(motion.time - start, after, color=COLOURS[0], lw=0.7, label="corrected" if recorded else None)
+def _histories(panels: Array, motion: GroundMotion, curves: Curves, axis: int) -> None:
+    after, before = curves
+    start = _seconds(motion, "pad_before_s")  # pads lie at negative times: both histories start at 0
+    label = "corrected" if before else None
+    for ax, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
+        values = getattr(after, quantity)
+        if before is not None:
+            recorded = getattr(before, quantity)
+            ax.plot(before.time, recorded, color=GREY, lw=0.7, label="as recorded")
+            _keep_in_view(ax, values, recorded)
+        ax.plot(after.time - start, values, color=COLOURS[0], lw=0.7, label=label)
         ax.axhline(0.0, color="black", lw=0.4, zorder=0)
-        ax.set_ylabel(label)
-        peak = int(np.argmax(np.abs(after)))
-        ax.text(
-            0.99,
-            0.97,
-            f"peak {abs(after[peak]):.3g}",
-            transform=ax.transAxes,
-            ha="right",
-            va="top",
-            fontsize=8,
-        )
+        ax.set_ylabel(unit)
+        peak = f"peak {np.abs(values).max():.3g}"
+        ax.text(0.99, 0.97, peak, transform=ax.transAxes, ha="right", va="top", fontsize=8)
     for ax in panels[:2]:
         ax.tick_params(labelbottom=False)
     panels[0].set_title(f"component {AXES[axis]}")
     panels[2].set_xlabel("time [s]")
     _zoom_on_record(panels, motion)
-    if recorded is not None:
+    if before is not None:
         panels[0].legend(loc="lower right", ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
 
 
@@ -125,47 +113,37 @@ def _keep_in_view(ax: Axes, after: Array, before: Array) -> None:
         )  # fmt: skip
 
 
-def _response(ax: Axes, motion: GroundMotion, recorded: GroundMotion | None, axis: int) -> None:
-    if recorded is not None:
-        before = response_spectra(recorded.acc[axis], recorded.dt, PERIODS, (0.05,)).psa[0, 0]
-        ax.loglog(PERIODS, before, color=GREY, lw=0.9, label="5 %, as recorded")
-    spectra = response_spectra(motion.acc[axis], motion.dt, PERIODS, DAMPINGS)
-    for k, damping in enumerate(DAMPINGS):
-        ax.loglog(PERIODS, spectra.psa[0, k], color=COLOURS[k], lw=1.0, label=f"{100 * damping:g} %")
+def _response(ax: Axes, curves: Curves) -> None:
+    after, before = curves
+    if before is not None:
+        ax.loglog(PERIODS, before.psa[0.05], color=GREY, lw=0.9, label="5 %, as recorded")
+    for k, (damping, psa) in enumerate(after.psa.items()):
+        ax.loglog(PERIODS, psa, color=COLOURS[k], lw=1.0, label=f"{100 * damping:g} %")
     ax.set_xlabel("period [s]")
     ax.set_ylabel("PSa [m/s²]")
     ax.set_xlim(PERIODS[0], PERIODS[-1])
     ax.legend(loc="lower left")
 
 
-def _fourier(ax: Axes, motion: GroundMotion, recorded: GroundMotion | None, axis: int) -> None:
-    for one, colour, label in ((recorded, GREY, "as recorded"), (motion, COLOURS[0], None)):
-        if one is not None:
-            freq, amplitude = _smoothed(*fourier_amplitude(one.acc[axis], one.dt))
-            ax.loglog(freq, amplitude, color=colour, lw=0.9, label=label)
+def _fourier(ax: Axes, motion: GroundMotion, curves: Curves) -> None:
+    after, before = curves
+    if before is not None:
+        ax.loglog(before.freq, before.amplitude, color=GREY, lw=0.9, label="as recorded")
+    ax.loglog(after.freq, after.amplitude, color=COLOURS[0], lw=0.9)
     for corner in _corners(motion):
         ax.axvline(corner, color=COLOURS[1], lw=0.8, ls="--")
         ax.text(corner, 0.98, f" {corner:.2g} Hz", transform=ax.get_xaxis_transform(), va="top", fontsize=7)
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("Fourier amplitude [m/s]")
     ax.set_ylim(bottom=1e-6 * ax.get_ylim()[1])
-    if recorded is not None:
+    if before is not None:
         ax.legend(loc="lower center")
 
 
 def _corners(motion: GroundMotion) -> list[float]:
     steps = motion.provenance.get("correction", [])
-    found = [s for s in steps if s.get("step") == "butterworth"] if isinstance(steps, list) else []
-    return [s[key] for s in found for key in ("highpass_hz", "lowpass_hz") if s.get(key)]
-
-
-def _smoothed(freq: Array, amplitude: Array) -> tuple[Array, Array]:
-    """Root mean square in logarithmic bands, so that a page holds lines and not a smear."""
-    edges = np.geomspace(max(freq[1], 0.01), freq[-1], FOURIER_POINTS + 1)
-    total, _ = np.histogram(freq[1:], edges, weights=amplitude[1:] ** 2)
-    count, _ = np.histogram(freq[1:], edges)
-    held = count > 0
-    return np.sqrt(edges[1:] * edges[:-1])[held], np.sqrt(total[held] / count[held])
+    filters = [s for s in steps if s.get("step") == "butterworth"] if isinstance(steps, list) else []
+    return [s[key] for s in filters for key in ("highpass_hz", "lowpass_hz") if s.get(key)]
 
 
 def _share_limits(panels: Array) -> None:

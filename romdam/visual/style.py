@@ -1,4 +1,4 @@
-"""How figures look: one palette, one set of sizes, units that suit the numbers."""
+"""The look of all figures: one palette, one set of sizes, units that suit the numbers."""
 
 from __future__ import annotations
 

@@ -282,7 +282,7 @@ def plane_of(position: Floats) -> tuple[Floats, Floats]:
 
 
 def gap_sketch(summary: xr.Dataset) -> Figure | None:
-    """Where the gaps are, in 3-D: a picture of the scene where there is no mesh to draw."""
+    """Draw where the gaps are, in 3-D: a picture of the scene where there is no mesh to draw."""
     if "gap_position" not in summary.coords:
         return None
     figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")

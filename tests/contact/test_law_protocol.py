@@ -55,7 +55,7 @@ def written(folder, joint, source=RATE):
     for record in raw["records"]:
         record["file"] = str((data / record["file"]).resolve())
     raw["joints"]["contraction"] |= {"shear_stiffness": "8 GPa/m"} | joint
-    raw["transient"] = {"dt": "2.5 ms", "duration": "1.0 s"}
+    raw["transient"] = {"finest_step": "2.5 ms", "duration": "1.0 s"}
     raw["outputs"] = {"error_estimate": False, "plots": False}
     raw["model"] = {"order": "reduced", "modes": 5}
     (folder / "own_laws.py").write_text(source)

@@ -285,7 +285,6 @@ def _columns() -> Iterator[Trap]:
     def above(line: str) -> Edit:
         return rows(lambda r: [line, *r])
 
-    comma = {"dt": samples.DT, "time_column": None}
     yield Trap("columns: decimal commas", single, put(".", ",", -1), REFUSED)
     yield Trap("columns: decimal commas and semicolons", two, rows(_semicolons), REFUSED)
     for line in (
@@ -322,6 +321,12 @@ def _columns() -> Iterator[Trap]:
         yield Trap(f"columns: named {name}", single, above(name), REFUSED)
     for name in ("acc (m/s2)", "acceleration", "ch1"):
         yield Trap(f"columns: named {name}", single, above(name), READ)
+    yield from _columns_of_times()
+    yield from _odd_columns()
+
+
+def _columns_of_times() -> Iterator[Trap]:
+    two = "columns"
     yield Trap("columns: times in ms", two, rows(_times(1e3)), REFUSED)
     yield Trap("columns: times in ms, said so", two, rows(lambda r: ["t(ms), acc", *_times(1e3)(r)]), READ)
     yield Trap("columns: drifting times", two, rows(_times(1.0, lambda t: t + 0.02 * t**2)), REFUSED)
@@ -331,6 +336,11 @@ def _columns() -> Iterator[Trap]:
     yield Trap("columns: times and another dt", two, lambda d: d, REFUSED, {"time_column": None, "dt": 0.01})
     yield Trap("columns: two dts", two, lambda d: d, REFUSED, {"dt": 0.01})
     yield Trap("columns: no such column", two, lambda d: d, REFUSED, {"time_column": 7})
+
+
+def _odd_columns() -> Iterator[Trap]:
+    single = "single"
+    comma = {"dt": samples.DT, "time_column": None}
     yield Trap("columns: a series in rows", single, rows(_wrapped), TOLD, comma)
     joined = rows(lambda r: [*r, "# the next", *r])
     yield Trap("columns: two records", single, joined, TOLD)

@@ -18,9 +18,9 @@ from romdam import open_result
 from romdam.core.errors import ResultError
 from romdam.core.sealed import is_sealed, seal
 from romdam.error.comparison import STATEMENT_FILE, read_statement, write_statement
+from romdam.postprocess.maxima import maxima
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.certificate import read_run
-from romdam.results.maxima import maxima
 from romdam.results.model_info import model_lines
 from romdam.terminal import info_lines, peaks_table
 

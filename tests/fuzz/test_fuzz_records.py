@@ -24,9 +24,8 @@ from romdam.config.sections.records import RecordConfig
 from romdam.core.errors import RecordError, RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.records.formats.registry import read_channels
-from romdam.records.formats.tolerant import load_each
 from romdam.records.processing.resampling import resample
-from romdam.records.record_set import load_motions
+from romdam.records.record_set import load_motions, usable_apart
 
 SECONDS = 10  # for one file; the slowest takes 0.05 s
 BATCH = 250
@@ -227,7 +226,7 @@ def test_one_bad_record_takes_no_other_with_it(sources, tmp_path):
     configs = [RecordConfig.model_validate(entry) for entry in whole]
 
     def read() -> list[tuple[str, bool]]:
-        return [(one.name, one.motion is not None) for one in load_each(configs, tmp_path)]
+        return [(one.name, one.motion is not None) for one in usable_apart(configs, tmp_path)]
 
     outcome = bounded(read, seconds=60.0)
     assert not outcome.crash

@@ -8,8 +8,8 @@ from test_record_suites import at2, load
 from romdam.config.sections.records import RecordConfig
 from romdam.core.errors import ConfigError, RecordError
 from romdam.records.formats.registry import FORMATS, read_channels
-from romdam.records.formats.tolerant import load_entry
 from romdam.records.p695 import SETS
+from romdam.records.record_set import load_records
 
 G = 9.80665
 
@@ -109,8 +109,8 @@ def test_a_folder_with_one_bad_file_is_read_but_for_that(tmp_path):
         at2(tmp_path, f"r{seed}.AT2", seed)
     (tmp_path / "r2.AT2").write_text("<html>")
     entry = RecordConfig.model_validate({"files": "*.AT2", "components": {"y": "090"}})
-    found = list(load_entry(entry, tmp_path))
-    assert [one.name for one in found if one.motion] == ["r1", "r3"] and "an HTML" in found[1].error
+    found = list(load_records([entry], tmp_path))
+    assert [one.name for one in found if one.motion] == ["r1", "r3"] and "an HTML" in str(found[1].error)
 
 
 def test_what_is_filled_cut_or_overridden_is_told(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from romdam.config.sections.records import RecordConfig
 from romdam.core.errors import RecordError
-from romdam.records.processing.resampling import resample_linear
+from romdam.records.processing.resampling import resample
 from romdam.records.record_set import load_motions
 
 DATA = Path(__file__).parents[2] / "data" / "records"
@@ -39,7 +39,7 @@ def test_unit_g_is_standard_gravity():
 def test_linear_resampling_keeps_the_straight_lines():
     acc = np.array([0.0, 1.0, -1.0, 4.0])
     np.testing.assert_allclose(
-        resample_linear(acc, 0.01, 0.0025),
+        resample(acc, 0.01, 0.0025, "linear"),
         [0, 0.25, 0.5, 0.75, 1, 0.5, 0, -0.5, -1, 0.25, 1.5, 2.75, 4],
         atol=1e-12,
     )

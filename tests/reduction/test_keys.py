@@ -23,7 +23,7 @@ REST = {
     "materials": {"concrete": {"E": 30e9, "nu": 0.18, "rho": 2440.0}},
     "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
     "model": {"order": "full"},
-    "transient": {"dt": 0.01},
+    "transient": {"finest_step": 0.01},
 }
 
 

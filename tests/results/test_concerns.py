@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import romdam
-from romdam.results.concerns import concerns
+from romdam.postprocess.concerns import concerns
 from romdam.terminal import concern_lines, info_lines
 from romdam.timestepping import step_control as accuracy
 

@@ -10,6 +10,10 @@ import numpy as np
 import xarray as xr
 import yaml
 
+import romdam
+from romdam.config.load import Job
+from romdam.pipelines.suites.run import SuiteOptions, SuiteOutcome, run_suite
+
 CODE = "from romdam.cli import main; main()"
 
 BASE: dict[str, Any] = {
@@ -43,6 +47,7 @@ BASE: dict[str, Any] = {
     },
     "pipeline": "suite",
 }
+MU = {"mu": {"path": "joints.gap.friction", "values": [0.2, 0.6]}}
 
 
 def pulse(number: int) -> np.ndarray:
@@ -59,6 +64,27 @@ def write_job(folder: Path, records: int = 3, suite: dict[str, Any] | None = Non
     path = folder / "suite.yaml"
     path.write_text(yaml.safe_dump({**BASE, "suite": suite or {}, **sections}))
     return path
+
+
+def made(config: Path, out: Path, **options: Any) -> SuiteOutcome:
+    """Run a suite in this process's own workers."""
+    return run_suite(romdam.load_config(config), out, SuiteOptions(workers=1, **options))
+
+
+def edited(config: Path, **suite: Any) -> Job:
+    """Change keys of a configuration's `suite:`."""
+    raw = yaml.safe_load(config.read_text())
+    raw["suite"] |= suite
+    config.write_text(yaml.safe_dump(raw))
+    return romdam.load_config(config)
+
+
+def named_records(config: Path, **files: int) -> None:
+    """Let a configuration have these records: name -> number of the file."""
+    raw = yaml.safe_load(config.read_text())
+    entry = {k: v for k, v in BASE["records"][0].items() if k != "files"}
+    raw["records"] = [{**entry, "name": name, "file": f"records/r{i}.txt"} for name, i in files.items()]
+    config.write_text(yaml.safe_dump(raw))
 
 
 def command(config: Path, out: Path, *options: object) -> list[str]:

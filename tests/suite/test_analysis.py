@@ -8,15 +8,10 @@ from scipy.stats import CensoredData, norm, spearmanr
 from summaries import lognormal_curves, lognormal_stripes, summary_of
 
 from romdam.core.errors import ResultError
-from romdam.postprocess.analysis import (
-    _product_limit,
-    correlation,
-    fragility,
-    ida_curves,
-    opening_envelopes,
-    sensitivity,
-    worst_runs,
-)
+from romdam.postprocess.dependence import correlation, sensitivity
+from romdam.postprocess.extremes import opening_envelopes, worst_runs
+from romdam.postprocess.fragility import _product_limit, fragility
+from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.lognormal import Observations, fit_lognormal
 from romdam.postprocess.responses import intensity_of, measures, parameters, response_of
 
@@ -300,7 +295,7 @@ def test_opening_envelopes_are_fractiles_over_records_and_samples_of_what_ran(mo
         gap_position=(("gap", "component"), rng.uniform(size=(5, 3))),
         component=["x", "y", "z"],
     )
-    monkeypatch.setattr("romdam.postprocess.analysis.MEMORY", 40)  # two gaps at a time
+    monkeypatch.setattr("romdam.postprocess.extremes.MEMORY", 40)  # two gaps at a time
     found = opening_envelopes(summary)
     assert list(found["count"]) == [18, 15]
     for k in range(2):

@@ -288,7 +288,7 @@ def test_proof_runs_where_there_is_no_romdam():
 def test_code_that_changed_since_the_process_started_is_told(tmp_path):
     """A worker that has run for weeks holds the code of then."""
     code = (
-        "import time; from romdam.pipelines import admission; found = [admission.installed()]; import romdam;"
+        "import time, romdam; from romdam.pipelines.suites import admission; found = [admission.installed()];"
         "time.sleep(1.5); open(romdam.__file__, 'a').close(); import os; os.utime(romdam.__file__);"
         "found.append(admission.installed()); print([one['the code of romdam'] for one in found])"
     )

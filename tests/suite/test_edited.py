@@ -1,58 +1,21 @@
 """A suite that is edited and run again gives every run its own numbers; its folder, and damage to it."""
 
-import fcntl
-import multiprocessing
 import os
-import resource
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import xarray as xr
 import yaml
 
 import romdam
-from romdam.core.errors import ConfigError, ConvergenceError, ResultError
-from romdam.pipelines.suites import kept as suite_kept
-from romdam.pipelines.suites import run as pipeline
+from romdam.core.errors import ConvergenceError
 from romdam.pipelines.suites import runs as suite_runs
-from romdam.pipelines.suites.folder import LOCK, clean, suite_lock
-from romdam.pipelines.suites.run import SuiteOptions, run_suite
-from romdam.postprocess.responses import PARAMETER, parameters
-from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
-from romdam.results.suite.rows import Row
+from romdam.results.suite.journal import JOURNAL
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from suite_jobs import BASE, command, differing, pulse, summary, write_job
-from test_cli import call
-
-MU = {"mu": {"path": "joints.gap.friction", "values": [0.2, 0.6]}}
-
-
-def made(config, out):
-    return run_suite(romdam.load_config(config), out, SuiteOptions(workers=1))
-
-
-def edited(config, **suite):
-    """Change keys of a configuration's `suite:`."""
-    raw = yaml.safe_load(config.read_text())
-    raw["suite"] |= suite
-    config.write_text(yaml.safe_dump(raw))
-    return romdam.load_config(config)
-
-
-def named_records(config, **files):
-    """Let a configuration have these records: name -> number of the file."""
-    raw = yaml.safe_load(config.read_text())
-    entry = {k: v for k, v in BASE["records"][0].items() if k != "files"}
-    raw["records"] = [{**entry, "name": name, "file": f"records/r{i}.txt"} for name, i in files.items()]
-    config.write_text(yaml.safe_dump(raw))
+from suite_jobs import BASE, MU, differing, edited, made, named_records, pulse, summary, write_job
 
 
 def as_fresh(config, folder, calls):
@@ -198,161 +161,6 @@ def whole_suite(tmp_path_factory):
     return config, (folder / "out" / JOURNAL).read_bytes(), found.summary
 
 
-@pytest.mark.parametrize("what", ["folder", "pipe"])
-def test_something_else_in_the_place_of_the_rows_is_refused(tmp_path, what):
-    config = write_job(tmp_path, records=1)
-    (tmp_path / "out").mkdir()
-    (os.mkfifo if what == "pipe" else os.mkdir)(tmp_path / "out" / JOURNAL)
-    with pytest.raises(ResultError, match=r"rows\.jsonl: is a"):
-        made(config, tmp_path / "out")
-
-
-@pytest.mark.parametrize("name", ["summary.nc", "design.nc"])
-def test_a_folder_in_the_place_of_the_summary_is_told_beforehand(tmp_path, name):
-    (tmp_path / "out" / name).mkdir(parents=True)
-    with pytest.raises(ResultError, match="is a folder"):
-        made(write_job(tmp_path, records=1), tmp_path / "out")
-    assert not (tmp_path / "out" / JOURNAL).exists()
-
-
-SHADOWS = ("gap", "joint", "component", "scale", "record", "sample", "node", "peak_opening", "status",
-           "run_key", "parameter_gap", "record_pga", "time", "file")  # fmt: skip
-
-
-def test_no_parameter_shadows_a_name_of_the_summary(tmp_path):
-    paths = ("joints.gap.friction", "damping.rayleigh.ratio")
-    config = write_job(tmp_path, records=1)
-    for names in zip(SHADOWS[::2], SHADOWS[1::2], strict=True):
-        varied = {n: {"path": p, "values": [0.01, 0.6]} for n, p in zip(names, paths, strict=True)}
-        edited(config, parameters=varied, keep="full" if "run_key" in names else "peaks")
-        found = made(config, tmp_path / "out").summary
-        assert set(parameters(found)) == set(names)
-        assert all(sorted(found[PARAMETER + n].values.tolist()) == [0.01, 0.01, 0.6, 0.6] for n in names)
-        for name, variable in found.variables.items():
-            for dim in set(variable.dims) & set(found.coords):
-                taken = found[name].sel({dim: found[dim].values[-1]})
-                assert taken.dims == tuple(d for d in variable.dims if d != dim)
-        assert found.peak_opening.dims == ("record", "scale", "sample", "joint")
-        assert found.gap_peak_opening.dims == ("record", "scale", "sample", "gap")
-
-
-def test_summaries_of_before_open_with_their_parameters():
-    old = xr.Dataset(coords={"sample": [0, 1], "mu": ("sample", [0.1, 0.2]), "record": ["a"]})
-    assert {name: v.values.tolist() for name, v in parameters(old).items()} == {"mu": [0.1, 0.2]}
-
-
-def test_a_second_suite_in_the_folder_is_refused(tmp_path):
-    config = write_job(tmp_path)
-    (tmp_path / "out").mkdir()
-    with suite_lock(tmp_path / "out"):
-        for words in (("run",), ("clean",)):
-            (tmp_path / "out" / JOURNAL).touch()
-            code, _, stderr = call(*words, config, "--out", tmp_path / "out")
-            assert code == 2 and f"process {os.getpid()} on " in stderr and "since 20" in stderr, stderr
-            assert "wait for its end" in stderr and "Traceback" not in stderr
-    made(config, tmp_path / "out")
-
-
-def test_the_lock_goes_with_a_process_that_is_killed(tmp_path):
-    config = write_job(tmp_path, records=1)
-    running = subprocess.Popen(command(config, tmp_path / "out", "--workers", 2), start_new_session=True)
-    lock, end = tmp_path / "out" / LOCK, time.monotonic() + 60.0
-    while not _is_held(lock) and time.monotonic() < end:
-        time.sleep(0.01)
-    assert _is_held(lock)
-    os.kill(running.pid, signal.SIGKILL)
-    running.wait()
-    assert not _is_held(lock)
-    assert made(config, tmp_path / "out").summary.status.values.tolist() == [[[0]]]
-
-
-def test_a_worker_whose_suite_was_killed_writes_nothing_more(tmp_path, monkeypatch):
-    monkeypatch.setattr(suite_kept, "parent_process", lambda: SimpleNamespace(is_alive=lambda: False))
-    with pytest.raises(ResultError, match="was killed"):
-        made(write_job(tmp_path, records=1, suite={"keep": "full"}), tmp_path / "out")
-    assert not list((tmp_path / "out" / "runs").glob("*.nc"))
-
-
-def test_workers_of_a_suite_that_lives_write_what_is_kept(tmp_path):
-    job = romdam.load_config(write_job(tmp_path, records=2, suite={"keep": "full", "batch": 1}))
-    assert run_suite(job, tmp_path / "out", SuiteOptions(workers=2)).made == 2
-    assert len(list((tmp_path / "out" / "runs").glob("*.nc"))) == 2
-
-
-def _is_held(path):
-    if not path.exists():
-        return False
-    with path.open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
-
-
-def test_clean_lists_and_removes_what_is_of_no_run(tmp_path):
-    out = tmp_path / "out"
-    config = write_job(tmp_path, records=2, suite={"keep": "full", "scales": [0.5, 1.0]})
-    made(config, out)
-    job = edited(config, scales=[1.0])
-    told = []
-    again = run_suite(job, out, SuiteOptions(workers=1), tell=told.append)
-    own = out / "runs" / str(again.summary.file.values[0, 0, 0])
-    assert len(again.leftovers) == 2 and "romdam clean" in told[-1] and again.leftovers[0].name in told[-1]
-    (out / "runs" / "notes.nc").write_text("a person's")
-    altered = again.leftovers[1]
-    altered.write_bytes(altered.read_bytes() + b"!")
-    before = sorted(out.rglob("*"))
-    look = clean(job, out)
-    assert look.files == again.leftovers[:1] and look.rows == 1 and look.size > 1e4
-    assert sorted(path.name for path in look.kept) == sorted(["notes.nc", altered.name])
-    assert sorted(out.rglob("*")) == before and len(read_rows(out / JOURNAL)) == 4
-    code, stdout, _ = call("clean", config, "--out", out, "--remove")
-    assert code == 0 and f"removed: {again.leftovers[0]}" in stdout.replace("\n", "")
-    assert set(before) - set(out.rglob("*")) == {again.leftovers[0]} and own.exists()
-    assert len(read_rows(out / JOURNAL)) == 3 and clean(job, out).files == ()
-    assert made(config, out).made == 0
-
-
-def test_clean_refuses_what_is_not_the_suite(tmp_path):
-    config = write_job(tmp_path, records=1)
-    with pytest.raises(ResultError, match="is not the folder of a suite"):
-        clean(romdam.load_config(config), tmp_path)
-    made(config, tmp_path / "out")
-    job = edited(config, scales=[3.0])
-    with pytest.raises(ResultError, match="none of the 1 runs"):
-        clean(job, tmp_path / "out", remove=True)
-    raw = yaml.safe_load(config.read_text()) | {"pipeline": "run"}
-    config.write_text(yaml.safe_dump(raw))
-    with pytest.raises(ConfigError, match="is no suite"):
-        clean(romdam.load_config(config), tmp_path / "out")
-
-
-def test_records_that_cannot_be_written_are_told_before_the_first_run(tmp_path):
-    config = write_job(tmp_path, records=1)
-    np.savetxt(tmp_path / "records" / "r1.txt", pulse(0)[:5])
-    named_records(config, short=1, whole=0)
-    edited(config, keep={"output_interval": "0.1 s"})
-    assert "nothing but the start would be written" in made(config, tmp_path / "b").failures["short"]
-
-
-def test_results_of_other_runs_in_the_folder_are_named(tmp_path):
-    config = write_job(tmp_path, records=2)
-    raw = yaml.safe_load(config.read_text()) | {"pipeline": "run"}
-    raw["outputs"] |= {"plots": False}
-    single = tmp_path / "single.yaml"
-    single.write_text(yaml.safe_dump(raw))
-    romdam.run(romdam.load_config(single), tmp_path / "out")
-    told = []
-    run_suite(romdam.load_config(config), tmp_path / "out", SuiteOptions(workers=1), tell=told.append)
-    assert "r0.nc, r1.nc" in told[-1]
-    (tmp_path / "records" / "r1.txt").unlink()
-    outcome = romdam.run(romdam.load_config(single), tmp_path / "out")
-    assert [path.name for path in outcome.others] == ["design.nc", "r1.nc", "summary.nc"]
-    code, stdout, _ = call("run", single, "--out", tmp_path / "out")
-    assert code == 0 and "r1.nc" in stdout and "not of this run" in stdout
-
-
 @pytest.mark.parametrize("batch", [1, 2, 3, 7])
 def test_whom_a_run_marches_with_does_not_change_its_bits(tmp_path, batch):
     """Records of one and of two axes, samples with and without friction."""
@@ -366,84 +174,3 @@ def test_whom_a_run_marches_with_does_not_change_its_bits(tmp_path, batch):
     together = made(config, tmp_path / "together").summary
     edited(config, batch=batch)
     assert differing(together, made(config, tmp_path / "out").summary) == []
-
-
-@pytest.mark.parametrize(
-    ("suite", "sections", "part"),
-    [
-        ({"scales": [0]}, {}, "scales"),
-        ({"scales": [-1.0]}, {}, "scales"),
-        ({"scales": [float("nan")]}, {}, "scales"),
-        ({"scales": [float("inf")]}, {}, "scales"),
-        ({"scales": [True]}, {}, "scales"),
-        ({"scales": [1, 1.0]}, {}, "given twice"),
-        ({"parameters": MU, "design": {"latin_hypercube": 0}}, {}, "latin_hypercube"),
-        ({"parameters": MU, "design": {"latin_hypercube": 10**9}}, {}, "1000000"),
-        ({"parameters": {n: {"path": p, "low": 0.1, "high": 0.2, "count": 9999} for n, p in
-          (("a", "joints.gap.friction"), ("b", "joints.gap.gap"))}}, {}, "1 scales of 9.998e+07 samples"),
-        ({"parameters": {"a": {"path": "joints.gap.friction", "low": 0.1, "high": 0.2, "count": 999_999}},
-          "scales": [1, 2]}, {}, "2 scales of 999999 samples are 2e+06 runs"),
-        ({"keep": {"output_interval": "7 ms"}}, {}, "whole multiple of transient.finest_step"),
-        ({"parameters": {"m": {"path": "joints.gap.frictoin", "values": [0.1]}}}, {}, "frictoin"),
-        ({"parameters": {"m": {"path": "joints..friction", "values": [0.1]}}}, {}, "no joint ''"),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_found_before_the_first_run(tmp_path, monkeypatch, suite, sections, part):
-    monkeypatch.setattr(pipeline, "_make_missing", None)
-    config = write_job(tmp_path, records=2, suite=suite, **sections)
-    with pytest.raises(ConfigError) as told:
-        made(config, tmp_path / "out")
-    assert part in str(told.value) and "suite.yaml" in str(told.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "part"),
-    [
-        ("mu\nnan\n", "line 2"),
-        ("mu\ninf\n", "line 2"),
-        ("mu\n0.3\n\nthree\n", "line 4"),
-        ("mu,mu\n0.3,0.4\n", "'mu, mu'"),
-        ("mu,other\n0.3,0.4\n", "'mu, other'"),
-        ("mu\n0,3\n", "has 2 values for 1 columns"),
-        ("mu\n\n", "holds no samples"),
-        ("", "holds no samples"),
-        ("mu\n0.3,\n", "has 2 values"),
-        ('mu\n"0.3\n', "cannot be read"),
-        ("mu\n3\n", "friction"),
-        ("mu\n0x1\n", "line 2"),
-    ],
-)
-def test_bad_tables_are_refused_with_their_line(tmp_path, text, part):
-    suite = {"parameters": {"mu": {"path": "joints.gap.friction"}}, "design": {"table": "s.csv"}}
-    config = write_job(tmp_path, records=1, suite=suite)
-    (tmp_path / "s.csv").write_text(text)
-    with pytest.raises(ConfigError) as told:
-        made(config, tmp_path / "out")
-    assert part in str(told.value) and "s.csv" in str(told.value)
-
-
-def test_a_table_of_a_spreadsheet_is_read(tmp_path):
-    parameters = {n: {"path": f"joints.gap.{n}"} for n in ("friction", "gap")}
-    config = write_job(tmp_path, records=1, suite={"parameters": parameters, "design": {"table": "s.csv"}})
-    (tmp_path / "s.csv").write_bytes(b'\xef\xbb\xbfgap, friction\r\n"5 mm", 30 %\r\n\r\n0.002,0.5\r\n')
-    found = made(config, tmp_path / "out").summary
-    assert found.parameter_gap.values.tolist() == [0.005, 0.002]
-    assert found.parameter_friction.values.tolist() == [0.3, 0.5]
-
-
-def test_rows_that_the_disk_refuses_leave_nothing_behind(tmp_path):
-    """A quota in the middle of a line: the journal is as it was, and says so."""
-    journal, row = tmp_path / JOURNAL, Row("a" * 64, "", {"peak_opening": np.ones(50)})
-    append_rows(journal, [row])
-    before = journal.read_bytes()
-
-    def refused():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 100, resource.RLIM_INFINITY))
-        append_rows(journal, [row])
-
-    process = multiprocessing.get_context("fork").Process(target=refused)
-    process.start()
-    process.join()
-    assert process.exitcode == 1 and journal.read_bytes() == before
-    assert list(read_rows(journal)) == [row.key]

@@ -22,7 +22,7 @@ from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, report_data
 from romdam.visual.report.page import number, table
 from romdam.visual.report.sections import report_html
-from romdam.visual.report.study import Study, Wanted
+from romdam.visual.report.subject import Subject, Topic
 from romdam.visual.suite_plots import plane_of, unit_text
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\""
@@ -95,7 +95,7 @@ def rows_of(text, section):
 
 
 def test_page_is_whole_and_asks_for_nothing_from_elsewhere():
-    text = report_html(Study(suite_summary(samples=9), Wanted()))
+    text = report_html(Subject(suite_summary(samples=9), Topic()))
     page = Page(text)
     assert page.open == []
     assert all(link.startswith(("data:image/", "#")) for link in page.links)
@@ -112,7 +112,7 @@ def test_page_is_whole_and_asks_for_nothing_from_elsewhere():
 
 def test_numbers_on_the_page_are_those_of_the_summary():
     summary = suite_summary()
-    text = report_html(Study(summary, Wanted(thresholds=(0.02,))))
+    text = report_html(Subject(summary, Topic(thresholds=(0.02,))))
     peaks = 1e3 * np.sort(summary.peak_opening.values[np.isfinite(summary.peak_opening.values)])
     worst = [row for row in rows_of(text, "worst") if row]
     assert [row[3] for row in worst[:3]] == [number(v) for v in peaks[::-1][:3]]
@@ -134,20 +134,20 @@ def test_texts_of_files_stay_texts():
     summary.attrs["configuration_file"] = HOSTILE
     summary["message"] = summary.message.copy(data=np.full(summary.message.shape, HOSTILE))
     summary = summary.assign_coords(record=[f"{HOSTILE}{i}" for i in range(12)], joint=[HOSTILE])
-    text = report_html(Study(summary.assign_coords(gap_joint=("gap", [HOSTILE] * 10)), Wanted()))
+    text = report_html(Subject(summary.assign_coords(gap_joint=("gap", [HOSTILE] * 10)), Topic()))
     assert "<script" not in text and "alert" in text
     assert Page(text).open == []
 
 
 @pytest.mark.parametrize("failed", [12, 0])
 def test_suite_where_everything_or_nothing_failed_has_a_page(failed):
-    text = report_html(Study(suite_summary(failed=failed), Wanted()))
+    text = report_html(Subject(suite_summary(failed=failed), Topic()))
     assert Page(text).open == []
     assert f"{60 if failed else 'None'} of 60 runs failed" in text
 
 
 def test_suite_of_one_run_has_a_page_that_says_what_it_cannot_have():
-    text = report_html(Study(suite_summary(records=1, scales=1, failed=0), Wanted()))
+    text = report_html(Subject(suite_summary(records=1, scales=1, failed=0), Topic()))
     assert "no record has runs at two intensities" in text
     assert "No correlation: neither response nor measures vary" in text
 
@@ -156,14 +156,14 @@ def test_suite_without_joints_has_a_page():
     summary = suite_summary().drop_dims(["gap", "joint"])
     runs = ("record", "scale", "sample")
     peak = np.random.default_rng(2).uniform(0.01, 0.1, (12, 5, 1))
-    text = report_html(Study(summary.assign(peak_displacement=(runs, peak, {"units": "m"})), Wanted()))
+    text = report_html(Subject(summary.assign(peak_displacement=(runs, peak, {"units": "m"})), Topic()))
     assert Page(text).open == [] and "peak displacement" in text and 'id="scene"' not in text
 
 
 def test_names_that_the_suite_does_not_have_are_refused():
-    for wanted in (Wanted(response="nothing"), Wanted(intensity="nothing")):
+    for wanted in (Topic(response="nothing"), Topic(intensity="nothing")):
         with pytest.raises(ResultError, match="nothing: is no"):
-            report_html(Study(suite_summary(), wanted))
+            report_html(Subject(suite_summary(), wanted))
 
 
 def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
@@ -177,7 +177,7 @@ def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
     expected = 3.0 * pseudo_acceleration(motion.acc, 0.01, PERIODS, 0.05).max(axis=0)
     np.testing.assert_allclose(read.psa[0], expected)
     assert np.isnan(read.psa[1:]).all() and read.picture.values.tobytes() == b"picture"
-    text = report_html(Study(summary, Wanted(), read, b"\x89PNG"))
+    text = report_html(Subject(summary, Topic(), read, b"\x89PNG"))
     assert "Pseudo-acceleration of the largest component" in text and "image/png;base64,iVBORw==" in text
     summary.attrs["configuration_sha256"] = "of another suite"
     assert read_report_data(summary, tmp_path) is None
@@ -217,7 +217,11 @@ def test_files_and_thresholds_that_do_not_fit_are_refused(tmp_path):
     write_dataset(suite_summary(), tmp_path / "summary.nc")
     with pytest.raises(ResultError, match="threshold 2 kg: "):
         report(tmp_path, Options(thresholds=("2 kg",)))
-    job = load_config("configs/two_cantilevers.yaml")
+    job, other = (load_config(f"configs/{name}.yaml") for name in ("two_cantilevers", "arch_dam"))
+    with pytest.raises(ConfigError, match=r"summary.nc: configuration: materials is missing"):
+        report(tmp_path, job=job)
+    text = json.dumps(other.config.model_dump(mode="json"))
+    write_dataset(suite_summary().assign_attrs(configuration=text), tmp_path / "summary.nc")
     with pytest.raises(ConfigError, match=r"is not the configuration of .*another .*blocks"):
         report(tmp_path, job=job)
     assert not (tmp_path / "report.html").exists()

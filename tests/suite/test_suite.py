@@ -14,7 +14,7 @@ import xarray as xr
 import yaml
 
 import romdam
-from romdam.core.errors import ConfigError, ResultError
+from romdam.core.errors import ResultError
 from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.reduction import synthesis
@@ -22,7 +22,7 @@ from romdam.results.suite.journal import JOURNAL, read_rows
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from suite_jobs import BASE, command, differing, pulse, summary, write_job
+from suite_jobs import BASE, command, differing, made, pulse, summary, write_job
 from test_cli import call
 
 SAMPLES = {
@@ -33,10 +33,6 @@ SAMPLES = {
     },
 }
 HERE = SuiteOptions(workers=1)
-
-
-def made(config, out, **options):
-    return run_suite(romdam.load_config(config), out, SuiteOptions(workers=1, **options))
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +117,7 @@ def test_second_call_makes_nothing_and_reduces_nothing(whole, monkeypatch):
     config, outcome = whole
     before = summary(outcome.path.parent)
     monkeypatch.setattr(synthesis, "_reduce", None)
-    monkeypatch.setattr(pipeline, "_land", None)
+    monkeypatch.setattr(pipeline, "_write_rows", None)
     again = made(config, outcome.path.parent)
     assert again.made == 0 and differing(before, summary(outcome.path.parent)) == []
 
@@ -142,7 +138,7 @@ def test_only_what_is_stale_is_made_again(whole, tmp_path):
 
 def test_interrupted_suite_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch):
     config, outcome = whole
-    real, landed = pipeline._land, []
+    real, landed = pipeline._write_rows, []
 
     def stop(task, found, folder):
         landed.append(real(task, found, folder))
@@ -150,7 +146,7 @@ def test_interrupted_suite_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch
             raise KeyboardInterrupt
         return landed[-1]
 
-    monkeypatch.setattr(pipeline, "_land", stop)
+    monkeypatch.setattr(pipeline, "_write_rows", stop)
     with pytest.raises(KeyboardInterrupt):
         made(config, tmp_path)
     monkeypatch.undo()
@@ -296,14 +292,6 @@ def test_sizes_are_told_beforehand(tmp_path):
     assert told[0].startswith("3 runs; up to ") and str(tmp_path / "out") in told[0]
 
 
-def test_target_intensities_are_reached(tmp_path):
-    target = {"measure": "sa", "period": "0.2 s", "values": ["0.1 g", "0.3 g"]}
-    job = write_job(tmp_path, suite={"intensities": target, "period": 0.2})
-    found = made(job, tmp_path / "out").summary
-    np.testing.assert_allclose(found.record_sa, np.tile([0.980665, 2.941995], (3, 1)), rtol=1e-9)
-    np.testing.assert_allclose(found.scale, [0.980665, 2.941995])
-
-
 class FullDisk(io.BytesIO):
     """A disk that takes half of what is written and refuses the rest."""
 
@@ -336,79 +324,3 @@ def test_full_disk_stops_the_suite_and_loses_nothing(whole, tmp_path, monkeypatc
     (tmp_path / ".left.nc.123.part").write_text("by a writer that was killed")
     assert differing(outcome.summary, made(config, tmp_path).summary) == []
     assert not list(tmp_path.rglob("*.part"))
-
-
-@pytest.mark.parametrize(
-    ("suite", "part"),
-    [
-        ({"parameters": {"E": {"path": "materials.concrete.E", "values": [1e10]}}}, "reduced basis"),
-        ({"parameters": {"m": {"path": "joints.none.friction", "values": [0.1]}}}, "no joint 'none'"),
-        ({"parameters": {"m": {"path": "joints.gap.friction", "values": [3]}}}, "joints.gap.friction"),
-        ({"parameters": {"m": {"path": "joints.gap.friction"}}}, "needs `values`"),
-        ({"parameters": {"m": {"path": "joints.gap.friction", "low": 0.1}}}, "belong together"),
-        ({"design": {"latin_hypercube": 5}}, "Latin hypercube needs"),
-        ({"design": {"table": "none.csv"}, "parameters": {"m": {"path": "joints.gap.gap"}}}, "none.csv"),
-        ({"scales": [1, 1]}, "given twice"),
-        ({"keep": "everything"}, "suite.keep"),
-        ({"outputz": 1}, "outputz"),
-    ],
-)
-def test_bad_suites_are_refused_in_one_message(tmp_path, suite, part):
-    code, _, stderr = call("run", write_job(tmp_path, suite=suite), "--out", tmp_path / "o", "--workers", 1)
-    assert code == 2 and part in stderr and ("suite.yaml" in stderr or "none.csv" in stderr), stderr
-    assert not (tmp_path / "o" / "summary.nc").exists()
-
-
-def test_full_order_suite_is_refused(tmp_path):
-    job = write_job(tmp_path, model={"order": "full"})
-    with pytest.raises(ConfigError, match="needs a reduced model"):
-        made(job, tmp_path / "out")
-
-
-def test_names_of_records_stay_in_the_folder(tmp_path):
-    job = write_job(tmp_path, records=1, suite={"keep": "full"})
-    odd = tmp_path / "records" / "a b;c.txt"
-    np.savetxt(odd, pulse(1))
-    (tmp_path / "list.csv").write_text("file,name\nrecords/r0.txt,../../escape\n")
-    raw = yaml.safe_load(job.read_text())
-    raw["records"].append({"manifest": "list.csv", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}})
-    job.write_text(yaml.safe_dump(raw))
-    outcome = made(job, tmp_path / "out")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["list.csv", "out", "records", "suite.yaml"]
-    assert len(list((tmp_path / "out" / "runs").glob("a_b_c__0__0-*.nc"))) == 1
-    assert any("../../escape" in message or "name" in message for message in outcome.failures.values())
-
-
-def test_latin_hypercube_and_table_are_the_samples(tmp_path):
-    parameters = {
-        "mu": {"path": "joints.gap.friction", "low": 0.2, "high": 0.8},
-        "K": {"path": "joints.gap.normal_stiffness", "low": "1 GPa/m", "high": "100 GPa/m",
-              "distribution": "loguniform"},
-    }  # fmt: skip
-    suite = {"parameters": parameters, "design": {"latin_hypercube": 8, "seed": 3}}
-    found = made(write_job(tmp_path / "a", records=1, suite=suite), tmp_path / "a" / "out").summary
-    mu, K = found.parameter_mu.values, found.parameter_K.values
-    assert np.sort(np.floor(8 * (mu - 0.2) / 0.6).astype(int)).tolist() == list(range(8))
-    assert np.sort(np.floor(8 * np.log10(K / 1e9) / 2).astype(int)).tolist() == list(range(8))
-    table = {"parameters": {n: {"path": p["path"]} for n, p in parameters.items()}}
-    job = write_job(tmp_path / "b", records=1, suite=table | {"design": {"table": "s.csv"}})
-    lines = ["mu,K", *(f"{float(m)!r},{float(k)!r}" for m, k in zip(mu, K, strict=True))]
-    (tmp_path / "b" / "s.csv").write_text("\n".join(lines))
-    same = made(job, tmp_path / "b" / "out").summary
-    np.testing.assert_array_equal(same.peak_opening, found.peak_opening)
-
-
-def test_gap_table_that_changes_under_a_suite_is_told(tmp_path):
-    """A run would land under the key of the other table."""
-    joint = BASE["joints"]["gap"] | {"gap": {"table": "gaps.csv"}}
-    parameters = {"mu": {"path": "joints.gap.friction", "values": [0.0, 0.6]}}
-    job = write_job(tmp_path, suite={"parameters": parameters}, joints={"gap": joint})
-    table = tmp_path / "gaps.csv"
-    table.write_text("x,y,z,gap\n0,0,0,0.001\n5,0,0,0.001\n0,0,20,0.001\n")
-
-    def told(line):
-        table.write_text(table.read_text().replace("0.001", "0.002"))
-
-    with pytest.raises(ConfigError, match="gap tables have changed since the suite was started"):
-        run_suite(romdam.load_config(job), tmp_path / "out", HERE, tell=told)
-    assert not list((tmp_path / "out" / "rows").glob("*.nc"))

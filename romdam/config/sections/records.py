@@ -191,30 +191,16 @@ class RecordConfig(Model):
         return self
 
 
-def read_manifest(path: Path, common: RecordConfig) -> list[tuple[RecordConfig, dict[str, object]]]:
-    """Read a CSV or YAML list of records; every entry needs `file`, the rest as in `records:`.
-
-    Parameters
-    ----------
-    path : the manifest; files in it start at its folder
-    common : the entry that named it, whose settings hold where a row does not say its own
-
-    Returns
-    -------
-    One configuration per row, and what else the row says (event, station, sha256, ...).
-
-    Raises
-    ------
-    ConfigError
-        naming manifest and row.
-    """
-    return [read_row(path, common, number, row) for number, row in enumerate(manifest_rows(path), start=1)]
-
-
 def read_row(
     path: Path, common: RecordConfig, number: int, row: object
 ) -> tuple[RecordConfig, dict[str, object]]:
-    """One row of a manifest, numbered from 1; see `read_manifest`.
+    """One row of a manifest, numbered from 1, and what else it says (event, station, sha256, ...).
+
+    Parameters
+    ----------
+    path : the manifest, CSV or YAML; files in it start at its folder
+    common : the entry that named it, whose settings hold where a row does not say its own
+    row : needs `file`, the rest as in `records:`
 
     Raises
     ------

@@ -28,7 +28,7 @@ _SERIES = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\s+TIME\s+(SERIES|HIS
 
 
 def is_at2(head: str) -> bool:
-    """Whether the start of a file looks like PEER's."""
+    """Tell whether the start of a file looks like PEER's."""
     lines = head.splitlines()[:HEADER_LINES]
     return (
         len(lines) == HEADER_LINES

@@ -44,7 +44,7 @@ class _Table:
 
 
 def is_columns(head: str) -> bool:
-    """Whether a file starts with rows of numbers, after comments and at most one line of names."""
+    """Tell whether a file starts with rows of numbers, after comments and at most one line of names."""
     lines = [line for line in head.splitlines() if line.strip()]
     rows = [line for line in lines if not line.lstrip().startswith(COMMENTS)]
     whole = rows[:-1] or rows  # the last may be cut short
@@ -140,7 +140,7 @@ def _names(text: TextFile, index: int) -> dict[int, str]:
 
 
 def _refuse_decimal_commas(text: TextFile) -> None:
-    """Where no number has a point and each has one comma within, the comma is one."""
+    """Refuse commas for points: no number has a point, and each has one comma within."""
     rows = [(i, line) for i, line in enumerate(text.lines) if _ROW.match(line)]
     marked = [i for i, line in rows if "," in line]
     if not marked or any("." in line for _, line in rows):

@@ -52,7 +52,7 @@ _SCNL = re.compile(r"<SCNL>\s*(\S+)")
 
 
 def is_cosmos(head: str) -> bool:
-    """Whether the start of a file looks like COSMOS."""
+    """Tell whether the start of a file looks like COSMOS."""
     return _FIRST.match(head.split("\n", 1)[0].strip()) is not None
 
 

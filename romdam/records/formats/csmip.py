@@ -43,7 +43,7 @@ class _About:
 
 
 def is_csmip(head: str) -> bool:
-    """Whether the start of a file looks like CSMIP's V2."""
+    """Tell whether the start of a file looks like CSMIP's V2."""
     lines = head.splitlines()
     return any(_DATA.match(line) for line in lines) and re.match(r"\s*corrected", lines[0], re.I) is not None
 
@@ -144,7 +144,7 @@ def _unit(text: TextFile, index: int, rest: str) -> str:
 
 
 def _about(header: list[str]) -> _About:
-    """What the lines above a channel's data say: "58667-L2866-14236.52  Concord   Chan  1: 90 Deg"."""
+    """Read the lines above a channel's data: "58667-L2866-14236.52  Concord   Chan  1: 90 Deg"."""
     titles = [line for line in header if _CHANNEL.search(line)]
     match = _CHANNEL.search(titles[-1]) if titles else None
     if match is None:

@@ -50,7 +50,7 @@ _START = re.compile(r"^(\d{4})(\d{2})(\d{2})_(\d{2})(\d{2})(\d{2}(?:\.\d+)?)$")
 
 
 def is_esm(head: str) -> bool:
-    """Whether the start of a file looks like ESM's."""
+    """Tell whether the start of a file looks like ESM's."""
     lines = head.splitlines()
     return len(lines) > 1 and lines[0].startswith("EVENT_NAME:") and lines[1].startswith("EVENT_ID:")
 

@@ -34,7 +34,7 @@ _DIGIT = 0.001  # gal, of the printed peak
 
 
 def is_knet(head: str) -> bool:
-    """Whether the start of a file looks like K-NET's."""
+    """Tell whether the start of a file looks like K-NET's."""
     return head.startswith("Origin Time")
 
 

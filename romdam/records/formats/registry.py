@@ -21,7 +21,7 @@ HEAD = 20_000  # bytes; CSMIP announces its data behind three or four thousand b
 
 @dataclass(frozen=True)
 class Declared:
-    """What the configuration says about a file that does not say it itself.
+    """Properties of a file that the configuration states because the file does not.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Declared:
 
 @dataclass(frozen=True)
 class Format:
-    """How to recognise, read and write one text format.
+    """One text format: recognised, read and written.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
             return known.read(path)
     if is_columns(head):
         return read_columns(path, declared.dt, declared.time_column)
-    from romdam.records.obspy_bridge import read_with_obspy  # here: ObsPy takes 0.7 s to import
+    from romdam.records.obspy_bridge import read_with_obspy  # here: ObsPy is slow to load
 
     return read_with_obspy(path, declared.response)
 

@@ -33,7 +33,7 @@ _TITLE = re.compile(r"station\s*=\s*(.*?)\s*component\s*=\s*(.*)$", re.IGNORECAS
 
 
 def is_smc(head: str) -> bool:
-    """Whether the start of a file looks like SMC's."""
+    """Tell whether the start of a file looks like SMC's."""
     first = head.split("\n", 1)[0].strip().upper()
     return first in KINDS or first.startswith(OTHERS)
 

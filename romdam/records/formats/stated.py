@@ -1,4 +1,4 @@
-"""What a file says of its own data, held against the data: unit, peak, length."""
+"""Hold what a file says of its data against them: unit, peak, length."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Signal:
 
     @property
     def record(self) -> slice:
-        """Where the record lies between its pads."""
+        """The samples of the record between its pads."""
         return slice(self.before, self.acc.shape[-1] - self.after)
 
     def noted(self, acc: NDArray[np.float64], **entry: object) -> Signal:

@@ -81,7 +81,7 @@ def butterworth(
         if corner is None:
             continue
         if causal:
-            from scipy import signal  # here: it takes 0.6 s to import, and few filter causally
+            from scipy import signal  # here: slow to load, and few filter causally
 
             sections = signal.butter(order, corner, kind, fs=1.0 / dt, output="sos")
             acc = signal.sosfilt(sections, acc, axis=-1)

@@ -74,11 +74,6 @@ def resample_motion(motion: GroundMotion, dt: float) -> NDArray[np.float64]:
         raise RecordError(f"record {motion.name}: {error}") from None
 
 
-def resample_linear(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray[np.float64]:
-    """Resample by straight lines between samples; see `resample`."""
-    return resample(acc, dt_old, dt_new, "linear")
-
-
 def _linear_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -> NDArray[np.float64]:
     position = np.minimum(time / dt, acc.shape[-1] - 1)
     index = np.minimum(position.astype(np.int64), acc.shape[-1] - 2)

@@ -62,7 +62,7 @@ def _strength(case: Case) -> float:
 
 
 def _of_nodes(get: Callable[[Case, str], Array]) -> Callable[[Case], Array]:
-    """What `get` gives for every block's stress nodes, one block after another."""
+    """Join what `get` gives for every block's stress nodes, one block after another."""
     return lambda case: np.concatenate([get(case, name) for name in _sites(case).blocks])
 
 

@@ -29,7 +29,7 @@ _MOST_TABLE = 1e9  # bytes
 
 
 def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
-    """Where each parameter of a suite stands.
+    """Find where each parameter of a suite stands.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
 
 
 def _beside(one: Place, other: Place) -> bool:
-    """Whether two keys of one section can vary together, as damping.rayleigh.alpha and .beta."""
+    """Tell whether two keys of one section can vary together, as damping.rayleigh.alpha and .beta."""
     return len(one.keys) == len(other.keys) == 2
 
 
@@ -117,7 +117,7 @@ def _latin_hypercube(
     places: Mapping[str, Place],
     source: str,
 ) -> dict[str, Floats]:
-    from scipy.stats import qmc  # here: it takes most of a second to load
+    from scipy.stats import qmc  # here: slow to load
 
     sampler = qmc.LatinHypercube(d=len(parameters), seed=np.random.default_rng(design.seed))
     unit = sampler.random(design.latin_hypercube)

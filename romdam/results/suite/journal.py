@@ -24,6 +24,7 @@ JOURNAL = "rows.jsonl"
 _MOST = 50e9  # bytes
 _LONGEST = 1 << 28  # bytes of a line
 _DIGITS = 64
+_UNSTATED = "romdam 0.1.0"  # which did not yet state itself in its rows
 
 
 def append_rows(path: Path, rows: Iterable[Row]) -> None:
@@ -93,7 +94,8 @@ def rewrite_rows(path: Path, rows: Iterable[Row]) -> None:
 def _line(row: Row) -> bytes:
     values = {name: np.asarray(value).tolist() for name, value in row.values.items()}
     kept = None if row.kept is None else vars(row.kept)
-    text = json.dumps({"key": row.key, "message": row.message, "values": values, "kept": kept}).encode()
+    about = {"key": row.key, "message": row.message, "values": values, "kept": kept, "source": row.source}
+    text = json.dumps(about).encode()
     return hashlib.sha256(text).hexdigest().encode() + b" " + text
 
 
@@ -106,6 +108,6 @@ def _row(line: bytes) -> Row | None:
         about = json.loads(text)
         values = {name: np.array(value, dtype=float) for name, value in about["values"].items()}
         kept = None if about["kept"] is None else Kept(**about["kept"])
-        return Row(about["key"], about["message"], values, kept)
+        return Row(about["key"], about["message"], values, kept, source=about.get("source", _UNSTATED))
     except (ValueError, KeyError, TypeError, AttributeError):  # whole, but not of this version
         return None

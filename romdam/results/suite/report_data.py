@@ -1,4 +1,4 @@
-"""What a report shows besides the summary: spectra of the records and a picture of the scene, in one file."""
+"""The data of a report besides the summary: spectra of the records, a picture of the scene, one file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import xarray as xr
 import romdam
 from romdam.core.errors import ResultError
 from romdam.core.motion import GroundMotion
-from romdam.records.spectra import pseudo_acceleration
+from romdam.postprocess.record_measures import largest_psa
 from romdam.results.dataset import open_dataset
 
 DATA = "report-data.nc"
@@ -37,12 +37,8 @@ def report_data(
     """
     middle = summary.sizes["scale"] // 2
     scale = float(summary.scale[middle])
-    psa = np.full((summary.sizes["record"], len(PERIODS)), np.nan)
-    for i, name in enumerate(summary.record.values):
-        motion = motions.get(str(name))
-        if motion is not None:
-            factor = float(summary.scale_factor[i, middle])
-            psa[i] = factor * pseudo_acceleration(motion.acc, motion.dt, PERIODS, DAMPING).max(axis=0)
+    spectra = [largest_psa(motions.get(str(name)), PERIODS, DAMPING) for name in summary.record.values]
+    psa = summary.scale_factor.values[:, middle, None] * np.array(spectra)
     scaled = "as recorded" if scale == 1.0 else f"{scale:g} times as recorded"
     if summary.scale.attrs.get("units", "1") != "1":
         scaled = f"scaled to {scale:g} m/s²"

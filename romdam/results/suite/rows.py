@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+import romdam
 from romdam.core.arrays import Floats
 from romdam.core.system import History
 from romdam.postprocess.stress import MEASURES as STRESS
 from romdam.results.case import Array, Case, Variable
+from romdam.results.variables import VARIABLES
 
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
 OPEN, SLIP = 0, 2
 DONE, FAILED = 0, 1
+SOURCE = f"romdam {romdam.__version__}"
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Row:
-    """What a suite keeps of one run; it says nothing of the run's place in the suite, which may change.
+    """The numbers that a suite keeps of one run; nothing of its place in the suite, which may change.
 
     Attributes
     ----------
@@ -46,6 +49,7 @@ class Row:
     values : name -> array, see `ROWS`; empty where it failed
     kept : its result file, where results are kept whole
     lasts : whether it fails again wherever it is made; a row that does not is not kept
+    source : the version that made it
     """
 
     key: str
@@ -53,22 +57,7 @@ class Row:
     values: dict[str, Array] = field(default_factory=dict)
     kept: Kept | None = None
     lasts: bool = True
-
-
-def _joints(case: Case) -> bool:
-    return bool(case.scene.joints)
-
-
-def _frictional(case: Case) -> bool:
-    return _joints(case) and case.frictional
-
-
-def _probes(case: Case) -> bool:
-    return bool(case.scene.probes)
-
-
-def _stressed(case: Case) -> bool:
-    return case.stress is not None
+    source: str = SOURCE
 
 
 def _at_rest(history: History) -> Floats:
@@ -101,92 +90,65 @@ def _peak_stress(case: Case) -> Array:
     return np.array([case.stress.largest[name].max() for name in STRESS])
 
 
-def _energy(term: str, long_name: str) -> Variable:
-    return Variable((), "J", f"{long_name}, at the end", lambda c: np.asarray(c.history.energy[term][-1]))
-
-
-def _stat(name: str, units: str, long_name: str, key: str | None = None) -> Variable:
-    key = key or name
-    return Variable(
-        (), units, long_name, lambda c: np.asarray(c.history.stats[key]), lambda c: key in c.history.stats
+def _at_the_end(name: str) -> Variable:
+    """The last value of a variable over time."""
+    whole = VARIABLES[name]
+    return replace(
+        whole,
+        dims=(),
+        long_name=f"{whole.long_name}, at the end",
+        get=lambda case: np.asarray(whole.get(case)[-1]),
     )
 
 
-def _peak(name: str, sign: float, choose: Callable[[Array], object]) -> Callable[[Case], Array]:
-    return lambda case: case.per_joint(sign * case.history.peaks[name], choose)
+def _stat(name: str, units: str, long_name: str) -> Variable:
+    return Variable(
+        (), units, long_name, lambda c: np.asarray(c.history.stats[name]), lambda c: name in c.history.stats
+    )
 
 
 _JOINT = ("joint",)
+_WITH_JOINTS, _WITH_SHEAR = VARIABLES["opening"].when, VARIABLES["slip"].when
+_PEAKS = ("peak_opening", "peak_slip", "peak_compression", "peak_compressive_stress", "gap_peak_opening")
+_ENERGIES = ("input", "kinetic", "strain", "joint_stored", "damping", "friction", "contact", "residual")
+# in the order of the summary; what a result holds too is the same variable
 ROWS: dict[str, Variable] = {
-    "peak_opening": Variable(
-        _JOINT, "m", "largest opening over all gaps and steps", _peak("opening", 1.0, np.max), _joints
-    ),
+    **{name: VARIABLES[name] for name in _PEAKS},
     "residual_opening": Variable(
         _JOINT,
         "m",
         f"largest opening of a gap, averaged over the last {REST:g} s",
         lambda c: c.per_joint(_at_rest(c.history)[:, 0], np.max),
-        _joints,
-    ),
-    "peak_slip": Variable(
-        _JOINT,
-        "m",
-        "largest tangential displacement over all gaps and steps",
-        _peak("slip", 1.0, np.max),
-        _frictional,
+        _WITH_JOINTS,
     ),
     "residual_slip": Variable(
         _JOINT,
         "m",
         f"largest tangential displacement of a gap, averaged over the last {REST:g} s",
         _residual_slip,
-        _frictional,
-    ),
-    "peak_compression": Variable(
-        _JOINT,
-        "N",
-        "largest compressive force of one gap over all steps, compression negative",
-        _peak("compression", -1.0, np.min),
-        _joints,
-    ),
-    "peak_compressive_stress": Variable(
-        _JOINT,
-        "Pa",
-        "largest compressive force of one gap over its area, compression negative",
-        lambda c: c.per_joint(-c.history.peaks["compression"] / c.of_gaps("area"), np.min),
-        _joints,
+        _WITH_SHEAR,
     ),
     "open_duration": Variable(
-        _JOINT, "s", "time in which any gap is open, by the written rows", _time_in(OPEN), _joints
+        _JOINT, "s", "time in which any gap is open, by the written rows", _time_in(OPEN), _WITH_JOINTS
     ),
     "sliding_duration": Variable(
-        _JOINT, "s", "time in which any gap slides, by the written rows", _time_in(SLIP), _frictional
-    ),
-    "gap_peak_opening": Variable(
-        ("gap",),
-        "m",
-        "largest opening of the gap over all steps",
-        lambda c: c.history.peaks["opening"],
-        _joints,
+        _JOINT, "s", "time in which any gap slides, by the written rows", _time_in(SLIP), _WITH_SHEAR
     ),
     "peak_displacement": Variable(
         ("node", "component"),
         "m",
         "largest displacement relative to the base, either sign",
         _peak_displacement,
-        _probes,
+        VARIABLES["displacement"].when,
     ),
     "peak_stress": Variable(
-        ("stress_measure",), "Pa", "largest stress over all nodes and written times", _peak_stress, _stressed
+        ("stress_measure",),
+        "Pa",
+        "largest stress over all nodes and written times",
+        _peak_stress,
+        VARIABLES["worst_stress"].when,
     ),
-    "energy_input": _energy("input", "work of inertia forces and static loads"),
-    "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),
-    "energy_strain": _energy("strain", "strain energy of the blocks"),
-    "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),
-    "energy_damping": _energy("damping", "energy dissipated by damping"),
-    "energy_friction": _energy("friction", "energy dissipated by sliding"),
-    "energy_contact": _energy("contact", "energy taken away numerically at closing and opening"),
-    "energy_residual": _energy("residual", "imbalance of the energy ledger"),
+    **{f"energy_{term}": _at_the_end(f"energy_{term}") for term in _ENERGIES},
     "ledger_imbalance": _stat(
         "ledger_imbalance", "1", "largest imbalance of the energy ledger over the largest energy exchanged"
     ),
@@ -197,8 +159,8 @@ ROWS: dict[str, Variable] = {
 # what a run gains besides its history
 STATED: dict[str, tuple[str, str]] = {
     "estimated_reduction_error": ("1", "estimated error of the openings in L2 from leaving out modes"),
-    "wall_seconds": ("s", "wall time of the run; its share of the time where runs march together"),
-    "cpu_seconds": ("s", "CPU time of the run; its share of the time where runs march together"),
+    "wall_seconds": ("s", "wall time of the run; its share of the time where runs are integrated together"),
+    "cpu_seconds": ("s", "CPU time of the run; its share of the time where runs are integrated together"),
 }
 
 

@@ -20,19 +20,14 @@ from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.postprocess.record_measures import MEASURES
+from romdam.postprocess.record_measures import MEASURES, measures_at_scales
 from romdam.postprocess.stress import MEASURES as STRESS
-from romdam.records.measures import measure
-from romdam.records.spectra import pseudo_acceleration
-from romdam.results.case import Array
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, attributes_of, dims_of
 
 Place = tuple[int, int, int]  # numbers of record, scale and sample
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
-# how a measure grows with the scale of the record; the others do not change
-_POWER = {"pga": 1, "pgv": 1, "pgd": 1, "cav": 1, "sa": 1, "arias": 2}
 _SINGLE = ("gap_peak_opening",)  # maps, in single precision
 
 
@@ -52,31 +47,6 @@ class SuiteRecord:
     motion: GroundMotion | None
     message: str
     factors: Floats
-
-
-def record_measures(records: Sequence[SuiteRecord], period: float) -> dict[str, Array]:
-    """Measures of each record's largest component at every scale, (record, scale); NaN without motion."""
-    names = [*MEASURES, "sa"]
-    shape = (len(records), max((len(record.factors) for record in records), default=0))
-    found = {name: np.full(shape, np.nan) for name in names}
-    for i, record in enumerate(records):
-        if record.motion is None:
-            continue
-        motion = record.motion
-        used = motion.acc[np.any(motion.acc != 0.0, axis=-1)]
-        acc = used if used.size else motion.acc[:1]
-        values = {name: float(np.nanmax(v)) for name, v in measure(acc, motion.dt).items()}
-        values["sa"] = float(pseudo_acceleration(acc, motion.dt, np.array([period])).max())
-        for name in names:
-            found[name][i] = values[name] * record.factors ** _POWER.get(name, 0)
-    return found
-
-
-def intensity(motion: GroundMotion, name: str, period: float | None, damping: float) -> float:
-    """PGA or PSa of the largest component [m/s2]."""
-    if name == "pga" or period is None:
-        return float(np.abs(motion.acc).max())
-    return float(pseudo_acceleration(motion.acc, motion.dt, np.array([period]), damping).max())
 
 
 def summary_dataset(
@@ -108,9 +78,11 @@ def summary_dataset(
             if name in row.values:
                 whole[at] = row.values[name]
         data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
-    measures = record_measures(records, job.config.suite.period)
-    for name, values in measures.items():
-        data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, job.config.suite.period))
+    period = job.config.suite.period
+    measured = [measures_at_scales(record.motion, record.factors, period) for record in records]
+    for name in (*MEASURES, "sa"):
+        values = np.array([one[name] for one in measured])
+        data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, period))
     data |= _status(shape, records, rows)
     data["file"] = _files(shape, rows)
     contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
@@ -263,7 +235,7 @@ def open_suite(folder: str | Path) -> xr.DataTree:
         if design.attrs.get("content_sha256") == summary.attrs.get("design_sha256"):
             parts["/design"] = design
     for name, path in _kept_results(summary, folder).items():
-        parts[f"/runs/{name}"] = open_dataset(path)
+        parts[f"/runs/{name}"] = open_dataset(path, warn=False)
     return xr.DataTree.from_dict(parts)
 
 

@@ -111,7 +111,7 @@ def paragraph(text: str, soft: bool = False) -> str:
 
 
 def facts(rows: Sequence[tuple[str, str, bool]]) -> str:
-    """What counts most: name, value (plain text), and whether it is bad news."""
+    """Boxes of what counts most: name, value (plain text), and whether it is bad news."""
     cells = (
         f"<div{_marked('bad', bad)}><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>"
         for name, value, bad in rows

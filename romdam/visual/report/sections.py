@@ -23,14 +23,14 @@ from romdam.visual.report.statistics import (
     sensitivity_section,
     worst_section,
 )
-from romdam.visual.report.study import Study, plain, values_of
+from romdam.visual.report.subject import Subject, plain, values_of
 from romdam.visual.style import STYLE
 
 REPORT = "report.html"
 _SHOWN = 5  # names of runs that failed with one message
 
 
-def report_html(study: Study) -> str:
+def report_html(subject: Subject) -> str:
     """The page of a suite.
 
     Raises
@@ -38,15 +38,15 @@ def report_html(study: Study) -> str:
     ResultError
         for a response or measure that the suite does not have.
     """
-    if study.wanted.response:
-        response_of(study.summary, study.wanted.response)
-    intensity_of(study.summary, study.wanted.intensity)
+    if subject.topic.response:
+        response_of(subject.summary, subject.topic.response)
+    intensity_of(subject.summary, subject.topic.intensity)
     with mpl.rc_context(STYLE):
-        sections = [one for make in SECTIONS if (one := make(study)) is not None]
-    return html.page(str(study.summary.attrs.get("title", "Suite")), _head(study), sections)
+        sections = [one for make in SECTIONS if (one := make(subject)) is not None]
+    return html.page(str(subject.summary.attrs.get("title", "Suite")), _head(subject), sections)
 
 
-def write_report(study: Study, folder: Path) -> Path:
+def write_report(subject: Subject, folder: Path) -> Path:
     """Write `report.html`, whole or not at all.
 
     Raises
@@ -54,41 +54,41 @@ def write_report(study: Study, folder: Path) -> Path:
     ResultError
         for a name that the suite does not have, and where the folder refuses the file.
     """
-    text = report_html(study)
+    text = report_html(subject)
     with replacing(folder / REPORT) as part:
         part.write_text(text, encoding="utf-8")
     return folder / REPORT
 
 
-def _head(study: Study) -> str:
-    summary, failed = study.summary, int((study.summary.status > 0).sum())
-    cpu = values_of(study, "cpu_seconds")
+def _head(subject: Subject) -> str:
+    summary, failed = subject.summary, int((subject.summary.status > 0).sum())
+    cpu = values_of(subject, "cpu_seconds")
     size = " × ".join(f"{summary.sizes[dim]} {dim}{'s' * (summary.sizes[dim] > 1)}" for dim in RUNS)
     rows = [
         ("runs", f"{summary.status.size}", False),
         ("of them failed", f"{failed}", failed > 0),
         ("CPU of all runs", f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–", False),
     ]
-    if study.done and study.response:
-        values = response_of(summary, study.response)
+    if subject.done and subject.response:
+        values = response_of(summary, subject.response)
         factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
         largest = f"{number(factor * float(values.max()))} {unit}"
-        rows.insert(2, (f"largest {plain(study.response)}", largest, False))
+        rows.insert(2, (f"largest {plain(subject.response)}", largest, False))
     made = str(summary.attrs.get("date_created", ""))
     return html.paragraph(f"{size}; summary of {made}", soft=True) + html.facts(rows)
 
 
-def _scene(study: Study) -> Section | None:
-    sketch = study.picture or plots.gap_sketch(study.summary)
+def _scene(subject: Subject) -> Section | None:
+    sketch = subject.picture or plots.gap_sketch(subject.summary)
     if sketch is None:
         return None
-    caption = "The blocks with their joints." if study.picture else "The gaps of the joints."
+    caption = "The blocks with their joints." if subject.picture else "The gaps of the joints."
     return Section("scene", "Scene", [html.side_by_side([html.picture(sketch, caption)])])
 
 
-def _what(study: Study) -> Section:
-    """Size of the study, what it varies, and with what model."""
-    summary, config = study.summary, study.configuration
+def _what(subject: Subject) -> Section:
+    """Size of the suite, what it varies, and with what model."""
+    summary, config = subject.summary, subject.configuration
     model, transient = config.get("model", {}), config.get("transient", {})
     scale = ", ".join(f"{value:g}" for value in summary.scale.values)
     unit = plots.unit_text(str(summary.scale.attrs.get("units", "1")))
@@ -127,12 +127,12 @@ def _range(name: str, values: xr.DataArray) -> list[object]:
     return [name, unit, low, middle, high, str(values.attrs.get("long_name", ""))]
 
 
-def _records(study: Study) -> Section:
+def _records(subject: Subject) -> Section:
     """Spectra and measures of the records."""
-    summary, parts = study.summary, []
-    if study.spectra is not None:
+    summary, parts = subject.summary, []
+    if subject.spectra is not None:
         caption = "Pseudo-acceleration of the largest component of every record."
-        parts.append(html.side_by_side([html.picture(plots.spectra_figure(study.spectra), caption)]))
+        parts.append(html.side_by_side([html.picture(plots.spectra_figure(subject.spectra), caption)]))
     else:
         parts.append(
             html.paragraph(
@@ -152,9 +152,9 @@ def _records(study: Study) -> Section:
     return Section("records", "Records", [*parts, html.table(head, rows, "Measures of the scaled records")])
 
 
-def _speed(study: Study) -> Section:
-    """What a run takes and how far off it says it is."""
-    asked = study.configuration.get("transient", {}).get("accuracy")
+def _speed(subject: Subject) -> Section:
+    """Time that a run takes, and its estimated errors."""
+    asked = subject.configuration.get("transient", {}).get("accuracy")
     rows: list[list[object]] = []
     for name, text, factor, unit in (
         ("wall_seconds", "wall time of a run", 1.0, "s"),
@@ -164,11 +164,11 @@ def _speed(study: Study) -> Section:
         ("estimated_time_error", "estimated error of the time stepping", 100.0, "%"),
         ("estimated_reduction_error", "estimated error of leaving out modes, openings in L2", 100.0, "%"),
     ):
-        values = factor * values_of(study, name)
+        values = factor * values_of(subject, name)
         if values.size:
             total = float(values.sum()) if unit == "s" else float("nan")
             rows.append([text, unit, float(np.median(values)), float(values.max()), total, int(values.size)])
-    both = [values_of(study, name, keep=True) for name in ("energy_residual", "energy_input")]
+    both = [values_of(subject, name, keep=True) for name in ("energy_residual", "energy_input")]
     if all(one.size for one in both):
         share = 100.0 * np.abs(both[0]) / np.where(both[1] == 0.0, np.nan, np.abs(both[1]))
         share = share[np.isfinite(share)]
@@ -178,10 +178,10 @@ def _speed(study: Study) -> Section:
                 [text, "%", float(np.median(share)), float(share.max()), float("nan"), int(share.size)]
             )
     notes = []
-    if not values_of(study, "estimated_reduction_error").size:
+    if not values_of(subject, "estimated_reduction_error").size:
         notes.append("The error of leaving out modes was not estimated; `romdam verify CONFIG` measures it.")
     if asked:
-        error = values_of(study, "estimated_time_error")
+        error = values_of(subject, "estimated_time_error")
         over = int((error > float(str(asked))).sum())
         notes.append(
             f"The time-stepping error asked for was {100 * float(str(asked)):g} %; "
@@ -191,8 +191,8 @@ def _speed(study: Study) -> Section:
     return Section("speed", "Speed and error", [html.table(head, rows), *map(html.paragraph, notes)])
 
 
-def _failures(study: Study) -> Section:
-    summary = study.summary
+def _failures(subject: Subject) -> Section:
+    summary = subject.summary
     failed = summary.status.transpose(*RUNS).values > 0
     if not failed.any():
         return Section("failures", "Failures", [html.paragraph(f"None of {failed.size} runs failed.")])
@@ -211,8 +211,8 @@ def _failures(study: Study) -> Section:
     )
 
 
-def _reproduce(study: Study) -> Section:
-    attrs = study.summary.attrs
+def _reproduce(subject: Subject) -> Section:
+    attrs = subject.summary.attrs
     versions = json.loads(str(attrs.get("versions", "{}")))
     rows = [
         ["configuration", str(attrs.get("configuration_file", "–"))],
@@ -222,9 +222,9 @@ def _reproduce(study: Study) -> Section:
         ["page made with", f"romdam {romdam.__version__}"],
     ]
     commands = f"romdam run {attrs.get('configuration_file', 'CONFIG')} --out DIR"
-    if study.wanted.command:
-        commands += f"\n{study.wanted.command}"
-    whole = html.code(json.dumps(study.configuration, indent=1, ensure_ascii=False))
+    if subject.topic.command:
+        commands += f"\n{subject.topic.command}"
+    whole = html.code(json.dumps(subject.configuration, indent=1, ensure_ascii=False))
     parts = [
         html.table(["", ""], rows),
         html.code(commands),
@@ -233,7 +233,7 @@ def _reproduce(study: Study) -> Section:
     return Section("reproduce", "How to reproduce", parts)
 
 
-SECTIONS: tuple[Callable[[Study], Section | None], ...] = (
+SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
     _scene,
     _what,
     _records,

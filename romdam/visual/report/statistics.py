@@ -5,31 +5,27 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from romdam.postprocess.analysis import (
-    correlation,
-    fragility,
-    ida_curves,
-    opening_envelopes,
-    sensitivity,
-    worst_runs,
-)
+from romdam.postprocess.dependence import correlation, sensitivity
+from romdam.postprocess.extremes import opening_envelopes, worst_runs
+from romdam.postprocess.fragility import fragility
+from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
 from romdam.visual import suite_plots as plots
 from romdam.visual.report import page as html
 from romdam.visual.report.page import Section, number
-from romdam.visual.report.study import Study, in_unit, plain, responses, runs_text
+from romdam.visual.report.subject import Subject, in_unit, plain, responses, runs_text
 
 _WORST = 10
 
 
-def worst_section(study: Study) -> Section | None:
-    if not study.done or not study.response:
+def worst_section(subject: Subject) -> Section | None:
+    if not subject.done or not subject.response:
         return None
-    summary, worst = study.summary, worst_runs(study.summary, study.response, _WORST)
+    summary, worst = subject.summary, worst_runs(subject.summary, subject.response, _WORST)
     several = [dim for dim in RUNS if summary.sizes[dim] > 1]
     labels, rows = [], []
     factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
-    measured = intensity_of(summary, study.wanted.intensity)
+    measured = intensity_of(summary, subject.topic.intensity)
     for k in range(worst.sizes["run"]):
         at = {dim: worst[dim].values[k] for dim in RUNS}
         names = {"record": str(at["record"]), "scale": f"× {at['scale']:g}", "sample": f"no. {at['sample']}"}
@@ -38,18 +34,18 @@ def worst_section(study: Study) -> Section | None:
         rows.append(
             [names["record"], float(at["scale"]), int(at["sample"]), factor * float(worst.response[k]), level]
         )
-    head = ["record", f"scale{in_unit(summary.scale)}", "sample", f"{plain(study.response)} [{unit}]"]
-    head.append(f"{study.wanted.intensity}{in_unit(measured)}")
-    caption = f"The {len(labels)} largest of {study.done} runs."
+    head = ["record", f"scale{in_unit(summary.scale)}", "sample", f"{plain(subject.response)} [{unit}]"]
+    head.append(f"{subject.topic.intensity}{in_unit(measured)}")
+    caption = f"The {len(labels)} largest of {subject.done} runs."
     drawing = html.picture(plots.worst_figure(worst, labels), caption)
     return Section("worst", "Worst runs", [html.side_by_side([drawing]), html.table(head, rows)])
 
 
-def responses_section(study: Study) -> Section | None:
+def responses_section(subject: Subject) -> Section | None:
     """Every response over all runs, and the openings over the joints."""
     rows = []
-    for name in responses(study.summary):
-        values = study.summary[name]
+    for name in responses(subject.summary):
+        values = subject.summary[name]
         rest = [dim for dim in values.dims if dim not in RUNS]
         for at in np.ndindex(*(values.sizes[dim] for dim in rest)):
             one = values.isel(dict(zip(rest, at, strict=True)))
@@ -64,7 +60,7 @@ def responses_section(study: Study) -> Section | None:
     if not rows:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
-    parts = [_envelopes(study)] if "gap_peak_opening" in study.summary else []
+    parts = [_envelopes(subject)] if "gap_peak_opening" in subject.summary else []
     return Section("responses", "Openings and other responses", [*parts, html.table(head, rows, "All runs")])
 
 
@@ -75,8 +71,8 @@ def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
     return [float(one) for one in np.round(numbers, places) + 0.0]
 
 
-def _envelopes(study: Study) -> str:
-    envelopes = opening_envelopes(study.summary)
+def _envelopes(subject: Subject) -> str:
+    envelopes = opening_envelopes(subject.summary)
     count = int(envelopes["count"].sum())
     return html.side_by_side(
         [
@@ -95,14 +91,14 @@ def thresholds_of(values: xr.DataArray) -> tuple[float, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def fragility_section(study: Study) -> Section | None:
+def fragility_section(subject: Subject) -> Section | None:
     """Incremental curves and fragilities."""
-    if not study.done or not study.response:
+    if not subject.done or not subject.response:
         return None
-    summary, response, intensity = study.summary, study.response, study.wanted.intensity
+    summary, response, intensity = subject.summary, subject.response, subject.topic.intensity
     ida = ida_curves(summary, response, intensity)
     values = response_of(summary, response)
-    chosen = study.wanted.thresholds or thresholds_of(values)
+    chosen = subject.topic.thresholds or thresholds_of(values)
     fits = [fragility(summary, response, one, intensity) for one in chosen]
     pictures = []
     if not ida.attrs["statement"]:
@@ -113,7 +109,7 @@ def fragility_section(study: Study) -> Section | None:
         pictures.append(html.picture(plots.fragility_figure(fits), caption))
     notes = [f"Incremental curves: {ida.attrs['statement']}."] if ida.attrs["statement"] else []
     if fits:
-        notes.append(_method(fits[0], bool(study.wanted.thresholds)))
+        notes.append(_method(fits[0], bool(subject.topic.thresholds)))
         if fits[0].attrs["observations"] > fits[0].attrs["records"]:
             notes.append(
                 f"The bounds take {fits[0].attrs['observations']} observations of {fits[0].attrs['records']} "
@@ -161,17 +157,18 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> str:
     return html.table(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
 
 
-def correlation_section(study: Study) -> Section | None:
-    if not study.done or not study.response:
+def correlation_section(subject: Subject) -> Section | None:
+    if not subject.done or not subject.response:
         return None
-    found, title = correlation(study.summary, study.response), "Correlation with the records' measures"
+    found, title = correlation(subject.summary, subject.response), "Correlation with the records' measures"
     if found.attrs["statement"]:
         return Section("correlation", title, [html.paragraph(f"No correlation: {found.attrs['statement']}.")])
     closest = str(found.measure.values[int(np.nanargmax(abs(found.spearman.values)))])
     drawings = [
         html.picture(plots.correlation_figure(found), f"Rank correlation, {runs_text(found)}."),
         html.picture(
-            plots.scatter_figure(study.summary, study.response, closest), f"The closest measure, {closest}."
+            plots.scatter_figure(subject.summary, subject.response, closest),
+            f"The closest measure, {closest}.",
         ),
     ]
     names = ("spearman", "pearson", "slope", "dispersion")
@@ -187,10 +184,10 @@ def correlation_section(study: Study) -> Section | None:
     )
 
 
-def sensitivity_section(study: Study) -> Section | None:
-    if not study.done or not study.response or not parameters(study.summary):
+def sensitivity_section(subject: Subject) -> Section | None:
+    if not subject.done or not subject.response or not parameters(subject.summary):
         return None
-    found = sensitivity(study.summary, study.response)
+    found = sensitivity(subject.summary, subject.response)
     title = "Sensitivity to the parameters"
     if found.attrs["statement"]:
         return Section("sensitivity", title, [html.paragraph(f"No sensitivity: {found.attrs['statement']}.")])

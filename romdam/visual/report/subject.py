@@ -1,4 +1,4 @@
-"""What a report is about, and how its sections name and count things."""
+"""The subject of a report, and the names and counts of its sections."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _NOT_RESPONSES = (
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What a report is to be about.
+class Topic:
+    """Choices of what a report is about.
 
     Attributes
     ----------
@@ -40,26 +40,26 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Study:
+class Subject:
     """A summary and what the sections of its report need besides.
 
     Attributes
     ----------
     summary : of the suite
-    wanted : what the report is about
+    topic : what the report is about
     spectra : `psa` (record, period) [m/s2]; None where they are not known
     picture : bytes of a PNG of the scene; None where there is none
     """
 
     summary: xr.Dataset
-    wanted: Wanted
+    topic: Topic
     spectra: xr.Dataset | None = None
     picture: bytes | None = None
 
     @property
     def response(self) -> str:
         """The response that is looked at."""
-        return self.wanted.response or next(iter(responses(self.summary)), "")
+        return self.topic.response or next(iter(responses(self.summary)), "")
 
     @property
     def done(self) -> int:
@@ -82,11 +82,11 @@ def responses(summary: xr.Dataset) -> list[str]:
     ]  # fmt: skip
 
 
-def values_of(study: Study, name: str, keep: bool = False) -> np.ndarray:
+def values_of(subject: Subject, name: str, keep: bool = False) -> np.ndarray:
     """Finite numbers of a variable of the runs; those of all runs that are there where `keep`."""
-    if name not in study.summary:
+    if name not in subject.summary:
         return np.empty(0)
-    values = study.summary[name].values[study.summary.status.values == 0]
+    values = subject.summary[name].values[subject.summary.status.values == 0]
     return values if keep else values[np.isfinite(values)]
 
 
@@ -102,6 +102,6 @@ def in_unit(values: xr.DataArray) -> str:
 
 
 def runs_text(found: xr.Dataset) -> str:
-    """How many runs a statistic is made of."""
+    """The number of runs that a statistic is made of, as words."""
     failed = found.attrs["failed"]
     return f"{found.attrs['runs']} runs" + (f", {failed} failed ones left out" if failed else "")

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
-
-from romdam.core.files import replacing
 
 Row = tuple[str, float, str, str, str]  # quantity, value, unit, where, when [s]
 HEAD = ("quantity", "value", "unit", "where", "time [s]")
@@ -17,16 +12,6 @@ HEAD = ("quantity", "value", "unit", "where", "time [s]")
 def maxima(dataset: xr.Dataset) -> list[Row]:
     """Rows of quantity, value, unit, where, when: motion, joints, stress, what the result has of each."""
     return [*_motion(dataset), *_joints(dataset), *_stress(dataset)]
-
-
-def write_maxima(dataset: xr.Dataset, folder: Path, stem: str) -> Path:
-    """Write the table as `folder`/`stem`-maxima.csv."""
-    path = folder / f"{stem}-maxima.csv"
-    with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(HEAD)
-        writer.writerows((name, f"{value:.6g}", *rest) for name, value, *rest in maxima(dataset))
-    return path
 
 
 def _motion(dataset: xr.Dataset) -> list[Row]:

@@ -1,4 +1,4 @@
-"""What is in a list of records: one row each, failures included."""
+"""List records: one row each, failures included."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import numpy as np
 from romdam.config.sections.records import RecordConfig, is_manifest, manifest_rows
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
-from romdam.records.formats.tolerant import load_entry
-from romdam.records.measures import measure
+from romdam.records.measures import measure, moving
 from romdam.records.p695 import SETS
-from romdam.records.record_set import EACH
+from romdam.records.record_set import EACH, load_records
 from romdam.records.sources import matching_files
 
 GRAVITY = 9.80665
@@ -102,9 +101,9 @@ def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
     raw: dict[str, GroundMotion | None] = {}
     if entry.correction:
         uncorrected = entry.model_copy(update={"correction": (), "keep": {}})
-        raw = {one.name: one.motion for one in load_entry(uncorrected, folder)}
-    for one in load_entry(entry, folder):
-        yield Listed(one.name, one.motion, raw.get(one.name), one.error)
+        raw = {one.name: one.motion for one in load_records([uncorrected], folder)}
+    for one in load_records([entry], folder):
+        yield Listed(one.name, one.motion, raw.get(one.name), str(one.error or ""))
 
 
 def format_table(listed: Sequence[Listed]) -> str:
@@ -133,7 +132,7 @@ def _row(listed: Listed) -> tuple[str, ...]:
     assert motion is not None
     shaken = np.any(motion.acc != 0.0, axis=-1)
     axes = "".join(axis for axis, moves in zip(AXES, shaken, strict=True) if moves) or "-"
-    found = measure(motion.acc[shaken] if shaken.any() else motion.acc[:1], motion.dt)
+    found = measure(moving(motion.acc), motion.dt)
     peak = {
         name: float(np.nanmax(values)) if np.isfinite(values).any() else 0.0 for name, values in found.items()
     }

@@ -1,4 +1,4 @@
-"""What a run's own figures say against it, in sentences for the terminal and the file."""
+"""Concerns that a run's own figures raise, in sentences for the terminal and the file."""
 
 from __future__ import annotations
 

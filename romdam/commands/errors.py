@@ -1,0 +1,74 @@
+"""The error of a model or of a result: `romdam verify`, `romdam certify` and `romdam study`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import romdam
+from romdam.commands.options import Config, Out, Quiet, ResultFile, Verbose
+
+
+def verify(
+    config: Config,
+    out: Out,
+    duration: Annotated[str, typer.Option(help="Length of record to compare, with a unit.")] = "10 s",
+    reference: Annotated[
+        Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with as well.")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Measure the reduced model's error against the unreduced mesh, on the first record of CONFIG."""
+    from romdam.config.quantities import to_si
+    from romdam.pipelines.verification import verify as verify_job
+    from romdam.terminal import open_terminal, verification_lines
+
+    try:
+        seconds = to_si(duration, "s")
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--duration") from error
+    if seconds <= 0.0:
+        raise typer.BadParameter(f"must be longer than 0 s, got {duration}", param_hint="--duration")
+    stages, say = open_terminal(quiet, verbose)
+    found = verify_job(romdam.load_config(config), out, seconds, reference, stages)
+    say(*verification_lines(found.statement), f"written: {found.path}", f"written: {found.figure}")
+
+
+def certify(
+    result: ResultFile,
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", help="YAML file RESULT was made with; found through it if not given."),
+    ] = None,
+    passes: Annotated[int, typer.Option(min=1, max=10, help="How often the defect is fed back.")] = 1,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """State RESULT's reduction error from its joint forces and the full-order linear model."""
+    from romdam.pipelines.certify import certify as certify_result
+    from romdam.terminal import certificate_table, open_terminal
+
+    stages, say = open_terminal(quiet, verbose)
+    found = certify_result(result, config, passes, stages)
+    say(certificate_table(found.statement), found.statement["statement"], f"written: {found.path}")
+
+
+def study(
+    config: Config,
+    out: Out,
+    reference: Annotated[
+        Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with instead.")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Set speed against error: modes, integrators and steps of `study:`, on the first record of CONFIG."""
+    from romdam.pipelines.speed_error import study as study_job
+    from romdam.terminal import open_terminal
+
+    stages, say = open_terminal(quiet, verbose)
+    found = study_job(romdam.load_config(config), out, reference, stages)
+    say(found.table, *(f"written: {path}" for path in found.paths))

@@ -1,0 +1,78 @@
+"""`romdam run` and `romdam check`: a configuration is computed, or what that would take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import romdam
+from romdam.commands.options import FAILED, Config, Out, Quiet, Verbose
+from romdam.commands.suites import run_suite
+
+if TYPE_CHECKING:
+    from romdam.config.load import Job
+    from romdam.terminal import Terminal
+
+
+def run(
+    config: Config,
+    out: Out,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder of reduced blocks; a suite has its own in OUT.")
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, max=1000, help="Processes of a suite; one for each core if not given."),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler for a suite, instead of own processes.")
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run every record of CONFIG; each lands as OUT/<record>.nc, those of a suite in OUT/summary.nc.
+
+    A suite that was stopped goes on where it stopped.
+    """
+    from romdam.terminal import open_terminal
+
+    job, terminal = romdam.load_config(config), open_terminal(quiet, verbose)
+    if workers is not None and scheduler is not None:
+        raise typer.BadParameter("is instead of --workers; give one of the two", param_hint="--scheduler")
+    if job.config.pipeline == "suite":
+        run_suite(job, out, (workers, scheduler, cache), terminal)
+        return
+    for option, value in (("--workers", workers), ("--scheduler", scheduler)):
+        if value is not None:
+            raise typer.BadParameter(f"is for suites; {config} has no `pipeline: suite`", param_hint=option)
+    _run_records(job, out, cache, terminal)
+
+
+def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
+    from romdam.pipelines.run import run as run_job
+    from romdam.terminal import peaks_table
+
+    stages, say = terminal
+    outcome = run_job(job, out, stages, cache)
+    say(peaks_table({path.stem: romdam.open_result(path).dataset for path in outcome.paths}))
+    say(*(f"written: {path}" for path in outcome.paths))
+    say(*(f"not of this run, but there from before: {path}" for path in outcome.others))
+    for name, message in outcome.failures.items():
+        typer.echo(f"{name}: {message}", err=True)
+    if outcome.failures:
+        records = len(outcome.failures) + len(outcome.paths)
+        typer.echo(f"{len(outcome.failures)} of {records} records failed", err=True)
+        raise typer.Exit(FAILED)
+
+
+def check(config: Config, quiet: Quiet = False, verbose: Verbose = False) -> None:
+    """Validate CONFIG and print sizes, frequencies, estimated time and memory, without running it."""
+    from romdam.pipelines.check import check as check_job
+    from romdam.terminal import check_tables, estimate_line, open_terminal
+
+    stages, say = open_terminal(quiet, verbose)
+    found = check_job(romdam.load_config(config), stages)
+    say(*check_tables(found), estimate_line(found), *(f"warning: {w}" for w in found.warnings))
+    say(f"{config}: is valid")

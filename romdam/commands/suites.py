@@ -1,0 +1,91 @@
+"""A suite: `romdam run` of one, `romdam report` and `romdam clean`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import romdam
+from romdam.commands.options import FAILED, STOPPED, Config, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from romdam.config.load import Job
+    from romdam.terminal import Terminal
+
+
+def run_suite(
+    job: Job, out: Path, where: tuple[int | None, str | None, Path | None], terminal: Terminal
+) -> None:
+    """Run a suite, tell what came of it and write its report; `where` is workers, scheduler and cache."""
+    from romdam.pipelines.suites.cluster import prepare_pool
+
+    prepare_pool(
+        where[0], where[1], "romdam.pipelines.suites.runs"
+    )  # loads it while this process loads the rest
+    from romdam.pipelines.report import report as write_report
+    from romdam.pipelines.suites.run import SuiteOptions
+    from romdam.terminal import concern_lines, failure_lines, suite_table
+
+    stages, say = terminal
+    try:
+        outcome = romdam.run_suite(job, out, SuiteOptions(*where), stages, say)
+    except KeyboardInterrupt:
+        typer.echo("romdam: stopped; what is finished is kept, and goes on when run again", err=True)
+        raise typer.Exit(STOPPED) from None
+    say(suite_table(outcome.summary), f"written: {outcome.path}")
+    for line in (*concern_lines(outcome.summary, job.config.transient.accuracy), *failure_lines(outcome)):
+        typer.echo(line, err=True)
+    if job.config.outputs.plots:
+        say(f"written: {write_report(out, job=job, show=stages)}")
+    elif (out / "report.html").exists():
+        say(f"{out / 'report.html'}: is of an earlier summary; `romdam report {out}` writes it again")
+    if outcome.failures:
+        raise typer.Exit(FAILED)
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder that a suite was written to.", metavar="DIR")],
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", help="YAML file of the suite: spectra and the scene, where DIR lacks them."),
+    ] = None,
+    response: Annotated[
+        str | None, typer.Option(help="Such as peak_opening (largest joint), the suite's first if not given.")
+    ] = None,
+    intensity: Annotated[str, typer.Option(help="Measure of the records, or scale.")] = "sa",
+    threshold: Annotated[
+        list[str] | None, typer.Option(help='Of a fragility, such as "20 mm"; give it again for more.')
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Write DIR/report.html, a page of a suite's summary that needs no network."""
+    from romdam.pipelines.report import Options
+    from romdam.pipelines.report import report as write
+    from romdam.terminal import open_terminal
+
+    stages, say = open_terminal(quiet, verbose)
+    job = romdam.load_config(config) if config else None
+    say(f"written: {write(folder, Options(response, intensity, tuple(threshold or ())), job, stages)}")
+
+
+def clean(
+    config: Config,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder that the suite was written to.")],
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Remove what is listed; without it nothing is changed.")
+    ] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """List, and with --remove remove, what earlier designs of the suite CONFIG have left in OUT.
+
+    Rows and results of runs that CONFIG no longer asks for go; files that romdam did not write stay.
+    """
+    from romdam.pipelines.suites.folder import clean as clean_folder
+    from romdam.terminal import clean_lines, open_terminal
+
+    stages, say = open_terminal(quiet, verbose)
+    say(*clean_lines(clean_folder(romdam.load_config(config), out, remove, stages), remove))

@@ -1,0 +1,130 @@
+"""Results, scenes and records told and drawn: `romdam info`, `show`, `plot` and `records`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import romdam
+from romdam.commands.options import FAILED, Config, Out, Quiet, ResultFile, Verbose, named_folder
+from romdam.core.errors import RecordError
+
+
+def info(
+    result: Annotated[
+        Path,
+        typer.Argument(
+            help="NetCDF file that `romdam run` wrote, or .h5 file of reduced blocks.", metavar="RESULT"
+        ),
+    ],
+) -> None:
+    """Tell what a result is, its peaks and error where measured; or what a file of reduced blocks holds."""
+    from romdam.terminal import info_lines, open_terminal, peaks_table
+
+    _, say = open_terminal(quiet=False, verbose=False)
+    if result.suffix == ".h5":
+        from romdam.results.model_info import model_lines
+
+        say(*model_lines(result))
+        return
+    with romdam.open_result(result) as opened:
+        say(*info_lines(opened.dataset))
+        say(peaks_table({str(opened.dataset.attrs["record"]): opened.dataset}))
+
+
+def show(
+    config: Config,
+    out: Out = Path("."),
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Draw the scene of CONFIG: blocks, joints, water and materials, as OUT/<config>-scene.png."""
+    from romdam.pipelines.views import show_scene
+    from romdam.terminal import open_terminal
+
+    stages, say = open_terminal(quiet, verbose)
+    say(f"written: {show_scene(romdam.load_config(config), out, stages)}")
+
+
+def plot(
+    result: ResultFile,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            parser=named_folder,
+            metavar="DIR",
+            help="Folder for the figures; RESULT's own if not given.",
+        ),
+    ] = None,
+    fields: Annotated[
+        bool, typer.Option("--fields", help="Displacement and stress in 3-D at their worst steps (PNG).")
+    ] = False,
+    vtu: Annotated[bool, typer.Option("--vtu", help="A .vtu/.pvd series for ParaView.")] = False,
+    animation: Annotated[bool, typer.Option("--animation", help="The motion as a GIF.")] = False,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, max=10_000, help="Frames of the series and of the GIF; 40 if not given."),
+    ] = None,
+    window: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="First and last second of both; 2 s around the largest displacement if not given."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw the figures of a result as PNG and write its table of maxima; fields in 3-D where asked."""
+    from romdam.pipelines.views import Pictures, plot_result
+    from romdam.terminal import maxima_table, open_terminal
+
+    for option, value in (("--frames", frames), ("--window", window)):
+        if value is not None and not (vtu or animation):
+            raise typer.BadParameter("is of a series; give --vtu or --animation too", param_hint=option)
+    if window is not None and not 0.0 <= window[0] < window[1] < float("inf"):
+        raise typer.BadParameter(
+            f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
+        )
+    stages, say = open_terminal(quiet, verbose=False)
+    pictures = Pictures(fields, vtu, animation, frames or 40, window)
+    with romdam.open_result(result) as opened:
+        paths = plot_result(opened, out or result.parent, pictures, stages)
+        say(maxima_table(opened.dataset), *(f"written: {path}" for path in paths))
+
+
+def records(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LIST...", help="Jobs (YAML), manifests, folders, record files, or P-695 sets."
+        ),
+    ],
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", parser=named_folder, metavar="DIR", help="Folder for a page of plots per record."
+        ),
+    ] = None,
+) -> None:
+    """List ground motions with their measures; one that cannot be read is a row that says why.
+
+    Where nothing of LIST is a source of records, that is bad input.
+    """
+    from romdam.core.files import prepare_folder
+    from romdam.records.listing import format_table, list_records
+    from romdam.terminal import open_terminal
+    from romdam.visual.record_plots import write_record_plots
+
+    folder = prepare_folder(plot) if plot else None
+    _, say = open_terminal(quiet=False, verbose=False)
+    listed = list_records(sources)
+    if listed and all(one.no_source for one in listed):
+        raise RecordError("\n".join(one.error for one in listed))
+    say(format_table(listed))
+    if folder:
+        pairs = [(one.motion, one.recorded) for one in listed if one.motion]
+        for path in write_record_plots(pairs, folder):
+            say(f"written: {path}")
+    if any(one.motion is None for one in listed):
+        raise typer.Exit(FAILED)

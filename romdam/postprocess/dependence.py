@@ -1,0 +1,164 @@
+"""Dependence of a suite's response on the records' measures, the samples' parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from romdam.core.arrays import Floats
+from romdam.postprocess.responses import (
+    RUNS,
+    about_runs,
+    intensity_of,
+    measures,
+    parameters,
+    response_of,
+)
+
+RESAMPLES = 1000
+
+
+def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Dataset:
+    """Correlate a response with each measure of the records, over all runs.
+
+    Returns
+    -------
+    Dataset with dim measure : `spearman`, rank correlation; `pearson`, of the logarithms; `slope` and
+        `dispersion` of ln(response) against ln(measure), the latter their efficiency: the standard deviation
+        about the line; `count`, runs; NaN where one of the two does not vary.
+
+    Raises
+    ------
+    ResultError
+        for a response that the suite does not have.
+    """
+    values = response_of(summary, response)
+    names = measures(summary)
+    rows = [_related(intensity_of(summary, name).broadcast_like(values), values) for name in names]
+    columns = dict(
+        zip(("spearman", "pearson", "slope", "dispersion", "count"), np.array(rows).T, strict=True)
+    )
+    data = {name: ("measure", column, {"units": "1"}) for name, column in columns.items()}
+    statement = "" if np.isfinite(columns["spearman"]).any() else "neither response nor measures vary"
+    return xr.Dataset(
+        data, {"measure": np.array(names)}, about_runs(summary, values) | {"statement": statement}
+    )
+
+
+def _related(measured: xr.DataArray, values: xr.DataArray) -> tuple[float, float, float, float, float]:
+    from scipy.stats import rankdata
+
+    x, y = measured.transpose(*RUNS).values.ravel(), values.transpose(*RUNS).values.ravel()
+    kept = np.isfinite(x) & np.isfinite(y)
+    x, y = x[kept], y[kept]
+    if len(x) < 3 or not _varies(x) or not _varies(y):
+        return (np.nan, np.nan, np.nan, np.nan, float(len(x)))
+    spearman = float(np.corrcoef(rankdata(x), rankdata(y))[0, 1])
+    if x.min() <= 0.0 or y.min() <= 0.0:
+        return (spearman, np.nan, np.nan, np.nan, float(len(x)))
+    x, y = np.log(x), np.log(y)
+    slope, level = np.polyfit(x - x.mean(), y, 1)
+    left = y - level - slope * (x - x.mean())
+    dispersion = float(np.sqrt(left @ left / max(len(x) - 2, 1)))
+    return (spearman, float(np.corrcoef(x, y)[0, 1]), float(slope), dispersion, float(len(x)))
+
+
+def _varies(values: Floats) -> bool:
+    """Tell whether values differ by more than round-off."""
+    return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
+
+
+def sensitivity(
+    summary: xr.Dataset, response: str = "peak_opening", confidence: float = 0.95, seed: int = 1
+) -> xr.Dataset:
+    """Measure the dependence of a response on the parameters that the samples vary.
+
+    What a record and its scale do is taken out first: the effect of a sample is the mean over records and
+    scales of its response less the mean of all samples there, in logarithms where all responses are positive.
+
+    Returns
+    -------
+    Dataset with dim parameter : `spearman`, rank correlation of effect and parameter; `regression`,
+        standardised coefficients of all parameters together, on ranks (a parameter may be infinite, as the
+        stiffness of a rigid joint); their bounds by a bootstrap over samples; `effect` (sample).
+
+    Raises
+    ------
+    ResultError
+        for a response that the suite does not have.
+    """
+    values, given = response_of(summary, response), parameters(summary)
+    names = list(given)
+    effect, logarithmic = _effects(values)
+    there = np.isfinite(effect)
+    varied = {n: v.values[there] for n, v in given.items() if len(np.unique(v.values[there])) > 1}
+    count = int(there.sum())
+    about = about_runs(summary, values) | {
+        "samples": count,
+        "effect": "of the logarithm" if logarithmic else "of the value",
+        "bounds": f"bootstrap over samples, {RESAMPLES} resamples",
+        "statement": _no_sensitivity(names, varied, effect[there]),
+    }
+    table = np.full((2, 3, len(names)), np.nan)
+    r_squared = np.nan
+    if not about["statement"]:
+        columns = [names.index(n) for n in varied]
+        found, r_squared = _dependence(list(varied.values()), effect[there], confidence, seed)
+        table[:, :, columns] = found
+    data: dict[str, object] = {"effect": ("sample", effect, {"units": "1"}), "r_squared": ((), r_squared)}
+    for name, (value, low, high) in zip(("spearman", "regression"), table, strict=True):
+        data[name] = ("parameter", value, {"units": "1"})
+        data[f"{name}_bounds"] = (("parameter", "bound"), np.column_stack([low, high]), {"units": "1"})
+    return xr.Dataset(data, {"parameter": np.array(names, dtype=str), "bound": ["lower", "upper"]}, about)
+
+
+def _effects(values: xr.DataArray) -> tuple[Floats, bool]:
+    """(samples,) what each sample does to the response, and whether to its logarithm."""
+    y = values.transpose("sample", "record", "scale").values
+    y = y.reshape(len(y), -1)
+    logarithmic = bool((y[np.isfinite(y)] > 0.0).all())
+    y = np.log(y) if logarithmic else y
+    y = y[:, np.isfinite(y).any(axis=0)]
+    if not y.size:
+        return np.full(len(y), np.nan), logarithmic
+    y = y - np.nanmean(y, axis=0)
+    there = np.isfinite(y)
+    total, count = np.where(there, y, 0.0).sum(axis=1), there.sum(axis=1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan), logarithmic
+
+
+def _no_sensitivity(names: list[str], varied: Mapping[str, Floats], effect: Floats) -> str:
+    if not names:
+        return "the suite varies no parameters"
+    if not varied:
+        return "no parameter takes two values among the samples that ran"
+    if len(effect) < len(varied) + 3:
+        needed = len(varied) + 3
+        return f"{len(effect)} samples are too few for {len(varied)} parameters; at least {needed} are needed"
+    return "" if np.ptp(effect) > 1e-12 else "the response does not vary with the samples"
+
+
+def _dependence(columns: list[Floats], effect: Floats, confidence: float, seed: int) -> tuple[Floats, float]:
+    """(2, 3, p) rank correlation and standardised regression on ranks with bounds, and its R²."""
+    from scipy.stats import rankdata
+
+    ranks = np.column_stack([rankdata(column) for column in [*columns, effect]])
+    whole = _coefficients(ranks[None])[:, 0]
+    picks = np.random.default_rng(seed).integers(0, len(ranks), (RESAMPLES, len(ranks)))
+    chunks = np.array_split(picks, max(1, picks.size // 200_000))
+    drawn = np.concatenate([_coefficients(ranks[chunk]) for chunk in chunks], axis=1)
+    tails = np.quantile(drawn, [0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence], axis=1)
+    explained = float(whole[0] @ whole[1])  # R² of a standardised regression
+    return np.stack([whole, tails[0], tails[1]], axis=1), explained
+
+
+def _coefficients(ranks: Floats) -> Floats:
+    """(2, resamples, p) correlations and standardised coefficients; ranks are (resamples, samples, p + 1)."""
+    centred = ranks - ranks.mean(axis=1, keepdims=True)
+    size = np.sqrt((centred**2).sum(axis=1, keepdims=True))
+    unit = centred / np.where(size > 0.0, size, 1.0)
+    products = np.einsum("bsi,bsj->bij", unit, unit)
+    between, along = products[:, :-1, :-1], products[:, :-1, -1:]
+    return np.stack([along[..., 0], (np.linalg.pinv(between, hermitian=True) @ along)[..., 0]])

@@ -1,0 +1,159 @@
+"""Fragility of a suite: the probability that a response exceeds a threshold, against intensity."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError
+from romdam.postprocess.incremental import LEVELS
+from romdam.postprocess.lognormal import LognormalFit, Observations, fit_lognormal
+from romdam.postprocess.responses import Curve, about_runs, curves_of, intensity_of, response_of
+
+GROUPS, FEWEST = 8, 5  # groups of runs set beside a fit, and the fewest runs in one
+
+
+def fragility(
+    summary: xr.Dataset,
+    response: str,
+    threshold: float,
+    intensity: str = "sa",
+    method: str = "auto",
+    confidence: float = 0.95,
+) -> xr.Dataset:
+    """Fit a lognormal fragility by maximum likelihood: median theta and dispersion beta with their bounds.
+
+    Parameters
+    ----------
+    summary : of a suite
+    response, threshold : what must not exceed what [the response's unit]
+    intensity : measure that the fragility is a function of
+    method : `capacities`: each record (with each sample) counts once, by the intensity at which its curve
+        first exceeds the threshold, interpolated in logarithms, or by the end that it does not leave (the
+        reference's truncated analysis); `stripes`: each run counts, by whether it exceeds (a probit
+        likelihood); `auto`: capacities where there are several scales; with one the two are the same
+    confidence : of the bounds of the profile likelihood, which take observations as independent: with many
+        runs of one record they are too narrow
+
+    Returns
+    -------
+    Dataset : `theta`, `beta`; `theta_bounds`, `beta_bounds` (bound); `probability` (level) and
+        `probability_bounds` (level, bound), pointwise; NaN with a statement where nothing can be fitted;
+        `group_share` (group) against `group_intensity`, what the fit is set beside: the share of runs that
+        exceed in groups of like intensity, or of records by the product-limit estimate.
+
+    Raises
+    ------
+    ResultError
+        for names that the suite does not have, and a method that does not exist.
+
+    References
+    ----------
+    Baker, Efficient analytical fragility function fitting using dynamic structural analysis, Earthquake
+    Spectra 31(1), 2015, 579-599.
+    """
+    values, measured = response_of(summary, response), intensity_of(summary, intensity)
+    curves = curves_of(values, measured)
+    method = _method(method, curves)
+    about = about_runs(summary, values, measured) | {"method": method, "threshold": threshold}
+    seen = _observations(curves, threshold, method)
+    groups = _groups(curves, threshold) if method == "stripes" else _product_limit(seen)
+    names = ("group_intensity", "group_share", "group_count")
+    empirical = {n: ("group", row, {"units": "1"}) for n, row in zip(names, groups.T, strict=True)}
+    fitted = _fragility_dataset(seen, confidence, measured)
+    return fitted.assign(empirical).assign_attrs(about | fitted.attrs)
+
+
+def _method(asked: str, curves: list[Curve]) -> str:
+    if asked not in ("auto", "capacities", "stripes"):
+        raise ResultError(f"{asked}: is no method of a fragility; use auto, capacities or stripes")
+    if asked != "auto":
+        return asked
+    return "capacities" if any(len(curve.intensity) > 1 for curve in curves) else "stripes"
+
+
+def _observations(curves: list[Curve], threshold: float, method: str) -> Observations:
+    """Collect what the curves say of the intensities at which the threshold is exceeded."""
+    known, below, above = [], [], []
+    for curve in curves:
+        exceeds = curve.response > threshold
+        if method == "stripes":
+            below += list(curve.intensity[exceeds])
+            above += list(curve.intensity[~exceeds])
+        elif exceeds[0]:
+            below.append(curve.intensity[0])
+        elif exceeds.any():
+            known.append(curve.reaches(threshold))
+        else:
+            above.append(curve.intensity[-1])
+    return Observations(*(np.log(np.array(part, dtype=float)) for part in (known, below, above)))
+
+
+def _product_limit(seen: Observations) -> Floats:
+    """(n, 3) capacities, the share at or below each by the product-limit estimate, and how many are equal.
+
+    A capacity that lies below a record's smallest intensity is taken to stand there.
+    """
+    reached = np.concatenate([seen.known, seen.below])
+    levels, counts = np.unique(reached, return_counts=True)
+    left = np.array([(reached >= one).sum() + (seen.above >= one).sum() for one in levels])
+    share = 1.0 - np.cumprod(1.0 - counts / np.maximum(left, 1))
+    return np.column_stack([np.exp(levels), share, counts])
+
+
+def _groups(curves: list[Curve], threshold: float) -> Floats:
+    """(n, 3) intensity, share of runs above the threshold, and runs, in groups of like intensity."""
+    x = np.concatenate([c.intensity for c in curves]) if curves else np.empty(0)
+    y = np.concatenate([c.response > threshold for c in curves]) if curves else np.empty(0)
+    order = np.argsort(x, kind="stable")
+    levels, where, counts = np.unique(np.round(np.log(x), 9), return_inverse=True, return_counts=True)
+    if len(levels) and counts.min() >= FEWEST:
+        parts = [np.flatnonzero(where == i) for i in range(len(levels))]
+    else:
+        parts = np.array_split(order, max(1, min(GROUPS, len(order) // FEWEST))) if len(order) else []
+    rows = [[np.exp(np.log(x[i]).mean()), y[i].mean(), len(i)] for i in parts]
+    return np.array(rows, dtype=float).reshape(-1, 3)
+
+
+def _fragility_dataset(seen: Observations, confidence: float, measured: xr.DataArray) -> xr.Dataset:
+    """The fit of what was seen, or why there is none."""
+    about = {
+        "observations": seen.count,
+        "exceeding": len(seen.known) + len(seen.below),
+        "interpolated": len(seen.known),
+        "confidence": confidence,
+        "bounds": "profile likelihood",
+        "statement": "",
+    }
+    unit, nothing = {"units": measured.attrs.get("units", "1")}, (np.nan, np.nan)
+    x = measured.values[np.isfinite(measured.values) & (measured.values > 0.0)]
+    ends = (float(x.min()), 1.2 * float(x.max())) if x.size else (1.0, 1.0)
+    levels = np.geomspace(*ends, LEVELS)
+    (theta, beta), bounds = nothing, (nothing, nothing)
+    try:
+        fit = fit_lognormal(seen)
+    except ValueError as error:
+        about["statement"] = str(error)
+        share, band = np.full(len(levels), np.nan), np.full((len(levels), 2), np.nan)
+    else:
+        levels = _where_it_rises(fit, ends)
+        theta, beta = fit.theta, fit.beta
+        bounds = (fit.theta_bounds(confidence), fit.beta_bounds(confidence))
+        share, band = fit.probability(levels), fit.probability_bounds(levels, confidence)
+    data = {
+        "theta": ((), theta, unit | {"long_name": "median intensity at the threshold"}),
+        "beta": ((), beta, {"units": "1", "long_name": "logarithmic standard deviation"}),
+        "theta_bounds": ("bound", np.array(bounds[0]), unit),
+        "beta_bounds": ("bound", np.array(bounds[1]), {"units": "1"}),
+        "probability": ("level", share, {"units": "1", "long_name": "probability of exceedance"}),
+        "probability_bounds": (("level", "bound"), band, {"units": "1"}),
+    }
+    coords = {"level": ("level", levels, dict(measured.attrs)), "bound": np.array(["lower", "upper"])}
+    return xr.Dataset(data, coords, about)
+
+
+def _where_it_rises(fit: LognormalFit, ends: tuple[float, float]) -> Floats:
+    """Levels between two ends, most of them where the fit goes from 0 to 1."""
+    rise = fit.theta * np.exp(fit.beta * np.linspace(-3.5, 3.5, LEVELS))
+    return np.unique(np.concatenate([ends, rise[(rise > ends[0]) & (rise < ends[1])]]))

@@ -1,0 +1,62 @@
+"""Histories and spectra of one component of a ground motion, as a page of figures shows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from romdam.core.arrays import Floats
+from romdam.core.motion import GroundMotion
+from romdam.postprocess.record_measures import PERIODS
+from romdam.records.measures import fourier_amplitude
+from romdam.records.processing.integrate import displacement, velocity
+from romdam.records.spectra import response_spectra
+
+DAMPINGS = (0.02, 0.05)
+FOURIER_POINTS = 300
+
+
+@dataclass(frozen=True)
+class RecordCurves:
+    """One component of a ground motion.
+
+    Attributes
+    ----------
+    time : (nt,) [s]
+    acc, vel, disp : (nt,) of the ground [m/s2], [m/s], [m]
+    psa : damping ratio -> (periods,) pseudo-spectral acceleration at PERIODS [m/s2]
+    freq, amplitude : (n,) Fourier amplitude of the acceleration, smoothed [Hz], [m/s]
+    """
+
+    time: Floats
+    acc: Floats
+    vel: Floats
+    disp: Floats
+    psa: dict[float, Floats]
+    freq: Floats
+    amplitude: Floats
+
+
+def record_curves(motion: GroundMotion, axis: int) -> RecordCurves:
+    """Histories and spectra of component `axis` of a motion."""
+    acc, dt = motion.acc[axis], motion.dt
+    freq, amplitude = _smoothed(*fourier_amplitude(acc, dt))
+    return RecordCurves(
+        time=motion.time,
+        acc=acc,
+        vel=velocity(acc, dt),
+        disp=displacement(acc, dt),
+        psa=dict(zip(DAMPINGS, response_spectra(acc, dt, PERIODS, DAMPINGS).psa[0], strict=True)),
+        freq=freq,
+        amplitude=amplitude,
+    )
+
+
+def _smoothed(freq: Floats, amplitude: Floats) -> tuple[Floats, Floats]:
+    """Root mean square in logarithmic bands, so that a page holds lines and not a smear."""
+    edges = np.geomspace(max(freq[1], 0.01), freq[-1], FOURIER_POINTS + 1)
+    total, _ = np.histogram(freq[1:], edges, weights=amplitude[1:] ** 2)
+    count, _ = np.histogram(freq[1:], edges)
+    filled = count > 0
+    return np.sqrt(edges[1:] * edges[:-1])[filled], np.sqrt(total[filled] / count[filled])

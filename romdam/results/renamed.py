@@ -1,0 +1,35 @@
+"""Names of earlier versions and what they are called now: their files still open, for one release.
+
+They are renamed as a file is opened, be they of variables, coordinates, dimensions or attributes. To rename
+something in files, add a line to RENAMED.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable
+
+import xarray as xr
+
+RENAMED = {
+    "dt": "solver_finest_step",
+    "solver_held_gaps": "solver_condensed_contacts",
+}
+
+
+def with_names_of_now(dataset: xr.Dataset) -> tuple[xr.Dataset, dict[str, str]]:
+    """A dataset whose names are those of this version, and which of them were others: old name -> new name.
+
+    Where a file has both, they say the same, and the old one goes.
+    """
+    names = _renamed([*dataset.variables, *dataset.dims])
+    attributes = _renamed(dataset.attrs)
+    twice = [old for old, new in names.items() if new in dataset.variables]
+    now = dataset.drop_vars(twice).rename({old: new for old, new in names.items() if old not in twice})
+    former = {new: dataset.attrs[old] for old, new in attributes.items()}
+    now.attrs = former | {name: value for name, value in dataset.attrs.items() if name not in attributes}
+    now.set_close(dataset.close)
+    return now, names | attributes
+
+
+def _renamed(names: Iterable[Hashable]) -> dict[str, str]:
+    return {str(name): RENAMED[str(name)] for name in names if name in RENAMED}
