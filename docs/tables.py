@@ -1,0 +1,200 @@
+"""Tables of the manual that come from the code: configuration keys and result variables, as Markdown."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from romdam.config import quantities
+from romdam.config.sections.job import Config
+from romdam.results.case import Variable
+from romdam.results.suite.rows import ROWS
+from romdam.results.variables import COORDINATES, VARIABLES
+
+UNITS = {
+    "Length": "m", "Time": "s", "Frequency": "Hz", "AngularFrequency": "1/s", "Pressure": "Pa",
+    "Density": "kg/m3", "Force": "N", "Acceleration": "m/s2", "Stiffness": "N/m", "StiffnessPerArea": "N/m3",
+    "ViscosityPerArea": "N s/m3", "Dimensionless": "1", "Expansion": "1/K", "TemperatureChange": "K",
+    "Memory": "byte",
+}  # fmt: skip
+_BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+
+
+def write(folder: Path) -> None:
+    """Write every table into a folder, where it is not as it should be."""
+    folder.mkdir(exist_ok=True)
+    made = {
+        "configuration.md": configuration(),
+        "coordinates.md": variables(COORDINATES),
+        "variables.md": variables(VARIABLES),
+        "rows.md": variables(ROWS),
+    }
+    for name, text in made.items():
+        path = folder / name
+        if not path.exists() or path.read_text() != text:
+            path.write_text(text)
+
+
+def variables(found: Mapping[str, Variable]) -> str:
+    """A row for every variable of a registry."""
+    rows = ["| variable | dimensions | unit | meaning |", "|---|---|---|---|"]
+    for name, one in found.items():
+        dims = ", ".join(one.dims) or "(one number)"
+        rows.append(f"| `{name}` | {dims} | {one.units or 'text'} | {_cell(one.long_name)} |")
+    return "\n".join(rows) + "\n"
+
+
+def configuration() -> str:
+    """A section for every model of the configuration, in the order in which `Config` meets them."""
+    parts = []
+    for model, places in models().items():
+        at = "the whole file" if places == [""] else ", ".join(f"`{place}`" for place in places)
+        doc = " ".join(_own_doc(model).split())
+        rows = ["| key | type and unit | default | limits and meaning |", "|---|---|---|---|"]
+        rows += [_row(model, name, field) for name, field in model.model_fields.items()]
+        parts.append("\n".join([f"## {places[0] or 'Top level'}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
+    return "\n".join(parts)
+
+
+def models() -> dict[type[BaseModel], list[str]]:
+    """Every model that a configuration can hold -> the keys at which it stands."""
+    found: dict[type[BaseModel], list[str]] = {}
+
+    def visit(model: type[BaseModel], place: str) -> None:
+        known = model in found
+        found.setdefault(model, []).append(place)
+        if known:
+            return
+        for name, field in model.model_fields.items():
+            key = f"{place}.{name}" if place else name
+            for inner, many in _inner(field.annotation):
+                visit(inner, key + many)
+
+    visit(Config, "")
+    return found
+
+
+def _inner(annotation: Any, many: str = "") -> Iterator[tuple[type[BaseModel], str]]:
+    """Models within an annotation, with what stands between them and the key."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, many
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is dict:
+        yield from _inner(arguments[1], many + ".<name>")
+    elif origin is tuple:
+        yield from _inner(arguments[0], many + "[]")
+    elif origin in (Union, UnionType):
+        for one in arguments:
+            yield from _inner(one, many)
+    elif origin is Annotated:
+        yield from _inner(arguments[0], many)
+
+
+def _row(model: type[BaseModel], name: str, field: FieldInfo) -> str:
+    default = field.default
+    if field.default_factory is not None:
+        shown = "empty"
+    elif default is PydanticUndefined:
+        shown = "**required**"
+    elif isinstance(default, BaseModel):
+        shown = "its defaults"
+    else:
+        shown = "none" if default is None or default == () else f"`{_plain(default)}`"
+    limits = _limits(field.metadata)
+    told = "; ".join(text for text in (", ".join(limits), meanings(model).get(name, "")) if text)
+    return f"| `{name}` | {_cell(_type(_declared(model, name), field.annotation))} | {shown} | {_cell(told)} |"
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_plain(one) for one in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _limits(metadata: list[Any]) -> list[str]:
+    return [
+        f"{word} {getattr(one, bound):g}"
+        for one in metadata
+        for bound, word in _BOUNDS.items()
+        if isinstance(getattr(one, bound, None), int | float)
+    ]
+
+
+def meanings(model: type[BaseModel]) -> dict[str, str]:
+    """The text that stands below a key in its model, for those that have one; those it inherits too."""
+    found: dict[str, str] = {}
+    for one in reversed(model.__mro__):
+        if not issubclass(one, BaseModel) or one is BaseModel:
+            continue
+        body = ast.parse(textwrap.dedent(inspect.getsource(one))).body[0].body  # type: ignore[attr-defined]
+        for key, text in zip(body, body[1:], strict=False):
+            if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text):
+                found[key.target.id] = " ".join(text.value.value.split())
+    return found
+
+
+def _is_text(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def _own_doc(model: type[BaseModel]) -> str:
+    """The docstring, with those it inherits from other models."""
+    docs = [one.__doc__ or "" for one in model.__mro__ if issubclass(one, BaseModel) and one is not BaseModel]
+    return " ".join(inspect.cleandoc(doc) for doc in docs if doc and "part of a configuration" not in doc)
+
+
+def _declared(model: type[BaseModel], name: str) -> Any:
+    """The annotation as it is written, which has the unit."""
+    from typing import get_type_hints
+
+    return get_type_hints(model, include_extras=True)[name]
+
+
+def _unit_of(annotation: Any) -> str | None:
+    """Unit of a quantity, whose validator is one of `quantities`."""
+    for name, unit in UNITS.items():
+        quantity = getattr(quantities, name)
+        if any(one is two for one in get_args(annotation)[1:] for two in get_args(quantity)[1:]):
+            return unit
+    return None
+
+
+def _type(declared: Any, annotation: Any) -> str:
+    """Type and unit in words."""
+    origin, arguments = get_origin(declared), get_args(declared)
+    if origin is Annotated:
+        unit = _unit_of(declared)
+        if unit is not None:
+            return "number" if unit == "1" else f"number [{unit}]"
+        return _type(arguments[0], annotation)
+    if origin is Literal:
+        return ", ".join(f"`{one}`" for one in arguments)
+    if origin is dict:
+        return f"name: {_type(arguments[1], annotation)}"
+    if origin is tuple:
+        inner = [_type(one, annotation) for one in arguments if one is not Ellipsis]
+        return f"list of {inner[0]}" if Ellipsis in arguments else f"[{', '.join(inner)}]"
+    if origin in (Union, UnionType):
+        return " or ".join(_type(one, annotation) for one in arguments if one is not type(None))
+    if isinstance(declared, type) and issubclass(declared, BaseModel):
+        return "mapping"
+    return {int: "whole number", str: "text", bool: "true or false", Path: "path", float: "number"}.get(
+        declared, getattr(declared, "__name__", str(declared))
+    )
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.replace("|", r"\|").split())
