@@ -61,7 +61,9 @@ def configuration() -> str:
         doc = " ".join(_own_doc(model).split())
         rows = ["| key | type and unit | default | limits and meaning |", "|---|---|---|---|"]
         rows += [_row(model, name, field) for name, field in model.model_fields.items()]
-        parts.append("\n".join([f"## {places[0] or 'Top level'}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
+        parts.append(
+            "\n".join([f"## {places[0] or 'Top level'}", "", f"Stands at {at}. {doc}", "", *rows, ""])
+        )
     return "\n".join(parts)
 
 
@@ -111,13 +113,21 @@ def _row(model: type[BaseModel], name: str, field: FieldInfo) -> str:
         shown = "none" if default is None or default == () else f"`{_plain(default)}`"
     limits = _limits(field.metadata)
     told = "; ".join(text for text in (", ".join(limits), meanings(model).get(name, "")) if text)
-    return f"| `{name}` | {_cell(_type(_declared(model, name), field.annotation))} | {shown} | {_cell(told)} |"
+    return (
+        f"| `{name}` | {_cell(_type(_declared(model, name), field.annotation))} | {shown} | {_cell(told)} |"
+    )
 
 
 def _plain(value: object) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(_plain(one) for one in value) + "]"
-    return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+    return (
+        f"{value:g}"
+        if isinstance(value, float)
+        else str(value).lower()
+        if isinstance(value, bool)
+        else str(value)
+    )
 
 
 def _limits(metadata: list[Any]) -> list[str]:
