@@ -6,6 +6,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -55,16 +56,36 @@ def variables(found: Mapping[str, Variable]) -> str:
 
 def configuration() -> str:
     """A section for every model of the configuration, in the order in which `Config` meets them."""
-    parts = []
+    parts, headings = [], set[str]()
     for model, places in models().items():
+        heading = places[0] or "Top level"
+        if heading in headings:  # one of several that may stand there
+            heading = f"{heading}: {_mark(model)}"
+        headings.add(heading)
         at = "the whole file" if places == [""] else ", ".join(f"`{place}`" for place in places)
         doc = " ".join(_own_doc(model).split())
         rows = ["| key | type and unit | default | limits and meaning |", "|---|---|---|---|"]
         rows += [_row(model, name, field) for name, field in model.model_fields.items()]
-        parts.append(
-            "\n".join([f"## {places[0] or 'Top level'}", "", f"Stands at {at}. {doc}", "", *rows, ""])
-        )
+        parts.append("\n".join([f"## {heading}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
     return "\n".join(parts)
+
+
+def _mark(model: type[BaseModel]) -> str:
+    """What tells a model from others at its place: the step that it is, or its first key."""
+    name, field = next(iter(model.model_fields.items()))
+    return str(field.default) if name == "step" else name
+
+
+def unexplained() -> list[str]:
+    """Keys of which neither a text of their own nor their model's docstring says anything."""
+    return [
+        f"{places[0]}.{name}".removeprefix(".")
+        for model, places in models().items()
+        for name, field in model.model_fields.items()
+        if name not in meanings(model)
+        and f"`{name}`" not in _own_doc(model)
+        and not any(_inner(field.annotation))
+    ]
 
 
 def models() -> dict[type[BaseModel], list[str]]:
@@ -111,7 +132,7 @@ def _row(model: type[BaseModel], name: str, field: FieldInfo) -> str:
         shown = "its defaults"
     else:
         shown = "none" if default is None or default == () else f"`{_plain(default)}`"
-    limits = _limits(field.metadata)
+    limits = _limits([*field.metadata, *_nested(field.annotation)])
     told = "; ".join(text for text in (", ".join(limits), meanings(model).get(name, "")) if text)
     return (
         f"| `{name}` | {_cell(_type(_declared(model, name), field.annotation))} | {shown} | {_cell(told)} |"
@@ -130,6 +151,14 @@ def _plain(value: object) -> str:
     )
 
 
+def _nested(annotation: Any) -> list[Any]:
+    """What bounds a number that may also be left out."""
+    kinds = [one for one in get_args(annotation) if one is not type(None)]
+    if get_origin(annotation) not in (Union, UnionType) or len(kinds) != 1:
+        return []
+    return list(get_args(kinds[0])[1:]) if get_origin(kinds[0]) is Annotated else []
+
+
 def _limits(metadata: list[Any]) -> list[str]:
     return [
         f"{word} {getattr(one, bound):g}"
@@ -146,7 +175,7 @@ def meanings(model: type[BaseModel]) -> dict[str, str]:
         if not issubclass(one, BaseModel) or one is BaseModel:
             continue
         body = ast.parse(textwrap.dedent(inspect.getsource(one))).body[0].body  # type: ignore[attr-defined]
-        for key, text in zip(body, body[1:], strict=False):
+        for key, text in pairwise(body):
             if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text):
                 found[key.target.id] = " ".join(text.value.value.split())
     return found

@@ -1,7 +1,7 @@
 """Every code block of the manual and of README.md runs, in the order in which it stands on its page.
 
 A `python` block is executed, one namespace a page; the lines after `$` of a `console` block are run; a `yaml`
-block is loaded as a job, and where it is a part of one, in configs/two_cantilevers.yaml. A `text` block is only
+block is loaded as a job, a part of one within configs/two_cantilevers.yaml. A `text` block is only
 read. A page with a comment `<!-- slow: why -->` is run by `make test-slow`.
 """
 
