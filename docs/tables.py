@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
@@ -76,16 +77,17 @@ def _mark(model: type[BaseModel]) -> str:
     return str(field.default) if name == "step" else name
 
 
-def unexplained() -> list[str]:
+def unexplained() -> set[str]:
     """Keys of which neither a text of their own nor their model's docstring says anything."""
-    return [
+    return {
         f"{places[0]}.{name}".removeprefix(".")
         for model, places in models().items()
         for name, field in model.model_fields.items()
-        if name not in meanings(model)
-        and f"`{name}`" not in _own_doc(model)
+        if name != "step"
+        and name not in meanings(model)
+        and re.search(rf"`{name}\b", _own_doc(model)) is None
         and not any(_inner(field.annotation))
-    ]
+    }
 
 
 def models() -> dict[type[BaseModel], list[str]]:
@@ -156,7 +158,8 @@ def _nested(annotation: Any) -> list[Any]:
     kinds = [one for one in get_args(annotation) if one is not type(None)]
     if get_origin(annotation) not in (Union, UnionType) or len(kinds) != 1:
         return []
-    return list(get_args(kinds[0])[1:]) if get_origin(kinds[0]) is Annotated else []
+    marks = get_args(kinds[0])[1:] if get_origin(kinds[0]) is Annotated else ()
+    return [inner for one in marks for inner in (one.metadata if isinstance(one, FieldInfo) else [one])]
 
 
 def _limits(metadata: list[Any]) -> list[str]:
