@@ -59,7 +59,7 @@ def configuration() -> str:
     """A section for every model of the configuration, in the order in which `Config` meets them."""
     parts, headings = [], set[str]()
     for model, places in models().items():
-        heading = places[0] or "Top level"
+        heading = f"`{places[0]}`" if places[0] else "Top level"
         if heading in headings:  # one of several that may stand there
             heading = f"{heading}: {_mark(model)}"
         headings.add(heading)
@@ -133,12 +133,21 @@ def _row(model: type[BaseModel], name: str, field: FieldInfo) -> str:
     elif isinstance(default, BaseModel):
         shown = "its defaults"
     else:
-        shown = "none" if default is None or default == () else f"`{_plain(default)}`"
+        shown = "none" if default in (None, (), "") else f"`{_plain(default)}`"
     limits = _limits([*field.metadata, *_nested(field.annotation)])
-    told = "; ".join(text for text in (", ".join(limits), meanings(model).get(name, "")) if text)
+    told = "; ".join(text for text in (", ".join(limits), _meaning(model, name, field)) if text)
     return (
         f"| `{name}` | {_cell(_type(_declared(model, name), field.annotation))} | {shown} | {_cell(told)} |"
     )
+
+
+def _meaning(model: type[BaseModel], name: str, field: FieldInfo) -> str:
+    """The text of the key, or what the only model that stands there says of itself."""
+    inner = [one for one, _ in _inner(field.annotation)]
+    told = meanings(model).get(name, "")
+    if told or len(inner) != 1:
+        return told
+    return " ".join((inner[0].__doc__ or "").partition("\n\n")[0].split())
 
 
 def _plain(value: object) -> str:
