@@ -186,7 +186,11 @@ def meanings(model: type[BaseModel]) -> dict[str, str]:
     for one in reversed(model.__mro__):
         if not issubclass(one, BaseModel) or one is BaseModel:
             continue
-        body = ast.parse(textwrap.dedent(inspect.getsource(one))).body[0].body  # type: ignore[attr-defined]
+        try:
+            source = inspect.getsource(one)
+        except (OSError, TypeError):  # made by pydantic, written nowhere
+            continue
+        body = ast.parse(textwrap.dedent(source)).body[0].body  # type: ignore[attr-defined]
         for key, text in pairwise(body):
             if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text):
                 found[key.target.id] = " ".join(text.value.value.split())

@@ -1,8 +1,9 @@
 """Every code block of the manual and of README.md runs, in the order in which it stands on its page.
 
 A `python` block is executed, one namespace a page; the lines after `$` of a `console` block are run; a `yaml`
-block is loaded as a job, a part of one within configs/two_cantilevers.yaml. A `text` block is only
-read. A page with a comment `<!-- slow: why -->` is run by `make test-slow`.
+block is loaded as a job, a part of one within configs/two_cantilevers.yaml; a block that begins with
+`# configs/NAME` is that file. A `text` block is only read. `<!-- slow: why -->` makes a page slow: CI runs it
+after the others.
 """
 
 import re
@@ -16,7 +17,7 @@ import matplotlib
 import pytest
 import yaml
 
-from romdam.config import parse_config
+from romdam.config import load_config, parse_config
 from romdam.records.formats.registry import FORMATS
 from romdam.results.variables import VARIABLES
 from romdam.scene.elements import ELEMENTS
@@ -87,13 +88,16 @@ def test_every_block_runs(page, tmp_path, monkeypatch):
     matplotlib.use("Agg")
     names = {"__name__": page.stem}
     for language, text, line in _blocks(page):
-        if language == "python":
+        file = Path(text.partition("\n")[0].removeprefix("# ")) if text.startswith("# configs/") else None
+        if file is not None:
+            file.write_text(text)
+        if language == "python" and file is None:
             code = compile("\n" * (line - 1) + text, str(page), "exec")
             exec(code, names)
         elif language == "console":
             _run_console(text, f"{page}: line {line}")
         elif language == "yaml":
-            _load(text, line, tmp_path)
+            _load(text, line, file)
 
 
 def _run_console(text, place):
@@ -107,12 +111,12 @@ def _run_console(text, place):
             assert done.returncode == 0, f"{place}: {line}\n{done.stdout}\n{done.stderr}"
 
 
-def _load(text, line, folder):
+def _load(text, line, file):
+    if file is not None:
+        load_config(file)
+        return
     given = yaml.safe_load(text)
     whole = (
         given if {"materials", "records", "model"} <= set(given) else yaml.safe_load(BASE.read_text()) | given
     )
     parse_config(whole, f"line {line}")
-    first = text.splitlines()[0]
-    if first.startswith("# configs/"):
-        (folder / first.removeprefix("# ").split()[0]).write_text(text)
