@@ -2,12 +2,12 @@
 
     python tests/benchmarks/vary_constants.py [--only NAME ...] [--out results/vary_constants.json]
 
-For what sets the step or the scheme: L2 error of all openings of the first 10 s against the same reduced model
-at a finest step of 0.039 ms, and that of the largest compression, rms of two Northridge records, with penalty,
-ten times softer, a hundred times stiffer and rough joints. For what only chooses how the gap-space problem is
-solved: how far openings move, over the largest. CPU is that of the time loop, and noisy on a shared machine;
-steps and sweeps are not. Constants of compiled functions are compiled in: each value takes a process and a
-cache of its own, and a minute. The manual's table of constants quotes this (`docs/constants.md`).
+For what sets the step or the scheme: L2 error of all openings of the first 10 s against the same reduced
+model at a finest step of 0.039 ms, and that of the largest compression, rms of two Northridge records, with
+penalty, ten times softer, a hundred times stiffer and rough joints. For what only chooses how the gap-space
+problem is solved: how far openings move, over the largest. CPU is that of the time loop, and noisy on a
+shared machine; steps and sweeps are not. Constants of compiled functions are compiled in: each value takes a
+process and a cache of its own, and a minute. The manual quotes this (`docs/constants.md`).
 """
 
 from __future__ import annotations

@@ -159,6 +159,7 @@ class ArchDamConfig(Model):
 
     `valley` is the half-width at elevations; above `crest - abutment_height` the walls are vertical, so that
     the outermost cantilevers end in a face and not in an edge.
+    `material` is that of the cantilevers.
     """
 
     crest: Length
@@ -173,7 +174,6 @@ class ArchDamConfig(Model):
     cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
     """Number of cantilevers, a joint between each two."""
     material: str
-    """A name of `materials`, of the cantilevers."""
     element: Literal["hex8", "hex20", "tet4", "tet10"] = "tet10"
     divisions: DivisionsConfig = DivisionsConfig()
     perimeter: PerimeterConfig | None = None

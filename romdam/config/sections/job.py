@@ -54,7 +54,10 @@ class MaterialConfig(Model):
 
 
 class BoxConfig(Model):
-    """A box meshed by a regular grid; its faces are xmin, xmax, ymin, ymax, zmin, zmax."""
+    """A box meshed by a regular grid; its faces are xmin, xmax, ymin, ymax, zmin, zmax.
+
+    `element_size` is that of all edges, or of those along x, y and z; it must divide the box.
+    """
 
     origin: Vector
     """Corner with the lowest coordinates."""
@@ -64,7 +67,6 @@ class BoxConfig(Model):
         Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
         by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
     ]
-    """Edge of the elements, for all directions or along x, y and z; it must divide the box."""
     element: Element = "hex8"
 
 

@@ -1,0 +1,1 @@
+vary_constants.py
