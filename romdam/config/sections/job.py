@@ -264,13 +264,13 @@ class TransientConfig(Model):
 
     Without `integrator` the scene decides: "adaptive" (steps cut where contact changes) with damping,
     "conserving" without any, "generalized_alpha" at full order; "modal" is the fixed-step baseline.
+    `duration` ends a run before its record does.
     """
 
     dt: Annotated[Time, Positive] | None = None
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
     """Wanted of the time stepping: the step is refined until its estimated error is below."""
     duration: Annotated[Time, Positive] | None = None
-    """Of each run; the record's own if not given."""
     integrator: Literal["adaptive", "conserving", "modal", "generalized_alpha"] | None = None
     rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
     """Spectral radius at infinite frequency (generalized_alpha)."""
@@ -319,7 +319,7 @@ class StudyConfig(Model):
     reference_dt: Annotated[Time, Positive] | None = None
     duration: Annotated[Time, Positive] = 10.0
     repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
-    """Runs of which the quickest is told."""
+    """Runs of each setting, whose median CPU time is told."""
 
 
 class Config(Model):
