@@ -12,22 +12,16 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from romdam.config import quantities
 from romdam.config.sections.job import Config
 from romdam.results.case import Variable
 from romdam.results.suite.rows import ROWS
 from romdam.results.variables import COORDINATES, VARIABLES
 
-UNITS = {
-    "Length": "m", "Time": "s", "Frequency": "Hz", "AngularFrequency": "1/s", "Pressure": "Pa",
-    "Density": "kg/m3", "Force": "N", "Acceleration": "m/s2", "Stiffness": "N/m", "StiffnessPerArea": "N/m3",
-    "ViscosityPerArea": "N s/m3", "Dimensionless": "1", "Expansion": "1/K", "TemperatureChange": "K",
-    "Memory": "byte",
-}  # fmt: skip
+_SPELT = {"delta_degC": "K", "N*s/m^3": "N s/m3"}  # pint's way -> ours; else without its ^
 _BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
 
 
@@ -219,11 +213,12 @@ def _declared(model: type[BaseModel], name: str) -> Any:
 
 
 def _unit_of(annotation: Any) -> str | None:
-    """Unit of a quantity, whose validator is one of `quantities`."""
-    for name, unit in UNITS.items():
-        quantity = getattr(quantities, name)
-        if any(one is two for one in get_args(annotation)[1:] for two in get_args(quantity)[1:]):
-            return unit
+    """Unit of a quantity: its validator, made by `romdam.config.quantities`, holds it."""
+    for mark in get_args(annotation)[1:]:
+        if isinstance(mark, BeforeValidator) and inspect.isfunction(mark.func):
+            unit = inspect.getclosurevars(mark.func).nonlocals.get("unit")
+            if isinstance(unit, str):
+                return _SPELT.get(unit, unit.replace("^", ""))
     return None
 
 
@@ -233,7 +228,7 @@ def _type(declared: Any, annotation: Any) -> str:
     if origin is Annotated:
         unit = _unit_of(declared)
         if unit is not None:
-            return "number" if unit == "1" else f"number [{unit}]"
+            return f"number [{unit}]" if unit else "number"
         return _type(arguments[0], annotation)
     if origin is Literal:
         return ", ".join(f"`{one}`" for one in arguments)
