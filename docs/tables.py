@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
@@ -40,10 +40,10 @@ def write(folder: Path) -> None:
             path.write_text(text)
 
 
-def variables(found: Mapping[str, Variable]) -> str:
+def variables(registry: Mapping[str, Variable]) -> str:
     """A row for every variable of a registry."""
     rows = ["| variable | dimensions | unit | meaning |", "|---|---|---|---|"]
-    for name, one in found.items():
+    for name, one in registry.items():
         dims = ", ".join(one.dims) or "(one number)"
         rows.append(f"| `{name}` | {dims} | {one.units or 'text'} | {_cell(one.long_name)} |")
     return "\n".join(rows) + "\n"
@@ -51,18 +51,18 @@ def variables(found: Mapping[str, Variable]) -> str:
 
 def configuration() -> str:
     """A section for every model of the configuration, in the order in which `Config` meets them."""
-    parts, headings = [], set[str]()
-    for model, places in models().items():
-        heading = f"`{places[0]}`" if places[0] else "Top level"
+    sections, headings = [], set[str]()
+    for model, paths in models().items():
+        heading = f"`{paths[0]}`" if paths[0] else "Top level"
         if heading in headings:  # one of several that may stand there
             heading = f"{heading}: {_mark(model)}"
         headings.add(heading)
-        at = "the whole file" if places == [""] else ", ".join(f"`{place}`" for place in places)
+        at = "the whole file" if paths == [""] else ", ".join(f"`{path}`" for path in paths)
         doc = " ".join(_own_doc(model).split())
         rows = ["| key | type and unit | default | limits and meaning |", "|---|---|---|---|"]
         rows += [_row(model, name, field) for name, field in model.model_fields.items()]
-        parts.append("\n".join([f"## {heading}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
-    return "\n".join(parts)
+        sections.append("\n".join([f"## {heading}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
+    return "\n".join(sections)
 
 
 def _mark(model: type[BaseModel]) -> str:
@@ -74,8 +74,8 @@ def _mark(model: type[BaseModel]) -> str:
 def unexplained() -> set[str]:
     """Keys of which neither a text of their own nor their model's docstring says anything."""
     return {
-        f"{places[0]}.{name}".removeprefix(".")
-        for model, places in models().items()
+        f"{paths[0]}.{name}".removeprefix(".")
+        for model, paths in models().items()
         for name, field in model.model_fields.items()
         if name != "step"
         and name not in meanings(model)
@@ -86,20 +86,20 @@ def unexplained() -> set[str]:
 
 def models() -> dict[type[BaseModel], list[str]]:
     """Every model that a configuration can hold -> the keys at which it stands."""
-    found: dict[type[BaseModel], list[str]] = {}
+    paths: dict[type[BaseModel], list[str]] = {}
 
-    def visit(model: type[BaseModel], place: str) -> None:
-        known = model in found
-        found.setdefault(model, []).append(place)
+    def visit(model: type[BaseModel], path: str) -> None:
+        known = model in paths
+        paths.setdefault(model, []).append(path)
         if known:
             return
         for name, field in model.model_fields.items():
-            key = f"{place}.{name}" if place else name
+            key = f"{path}.{name}" if path else name
             for inner, many in _inner(field.annotation):
                 visit(inner, key + many)
 
     visit(Config, "")
-    return found
+    return paths
 
 
 def _inner(annotation: Any, many: str = "") -> Iterator[tuple[type[BaseModel], str]]:
@@ -130,30 +130,34 @@ def _row(model: type[BaseModel], name: str, field: FieldInfo) -> str:
         shown = "none" if default in (None, (), "") else f"`{_plain(default)}`"
     limits = _limits([*field.metadata, *_nested(field.annotation)])
     told = "; ".join(text for text in (", ".join(limits), _meaning(model, name, field)) if text)
-    return (
-        f"| `{name}` | {_cell(_type(_declared(model, name), field.annotation))} | {shown} | {_cell(told)} |"
-    )
+    return f"| `{name}` | {_cell(_type(_declared(model, name)))} | {shown} | {_cell(told)} |"
 
 
 def _meaning(model: type[BaseModel], name: str, field: FieldInfo) -> str:
-    """The text of the key, or what the only model that stands there says of itself."""
-    inner = [one for one, _ in _inner(field.annotation)]
-    told = meanings(model).get(name, "")
-    if told or len(inner) != 1:
-        return told
-    return " ".join((inner[0].__doc__ or "").partition("\n\n")[0].split())
+    """The text of the key, or what the model says of itself that alone can stand there."""
+    texts, inner = meanings(model), _lone(field.annotation)
+    if name in texts or inner is None:
+        return texts.get(name, "")
+    return " ".join((inner.__doc__ or "").partition("\n\n")[0].split())
+
+
+def _lone(annotation: Any) -> type[BaseModel] | None:
+    """The model of an annotation that allows nothing else, or a list or mapping of it."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    kinds = [one for one in get_args(annotation) if one not in (type(None), Ellipsis)]
+    if get_origin(annotation) is dict:
+        return _lone(kinds[1])
+    lone = len(kinds) == 1 or get_origin(annotation) is Annotated
+    return _lone(kinds[0]) if lone and kinds else None
 
 
 def _plain(value: object) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(_plain(one) for one in value) + "]"
-    return (
-        f"{value:g}"
-        if isinstance(value, float)
-        else str(value).lower()
-        if isinstance(value, bool)
-        else str(value)
-    )
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _nested(annotation: Any) -> list[Any]:
@@ -176,7 +180,7 @@ def _limits(metadata: list[Any]) -> list[str]:
 
 def meanings(model: type[BaseModel]) -> dict[str, str]:
     """The text that stands below a key in its model, for those that have one; those it inherits too."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for one in reversed(model.__mro__):
         if not issubclass(one, BaseModel) or one is BaseModel:
             continue
@@ -187,8 +191,8 @@ def meanings(model: type[BaseModel]) -> dict[str, str]:
         body = ast.parse(textwrap.dedent(source)).body[0].body  # type: ignore[attr-defined]
         for key, text in pairwise(body):
             if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text):
-                found[key.target.id] = " ".join(text.value.value.split())
-    return found
+                texts[key.target.id] = " ".join(text.value.value.split())
+    return texts
 
 
 def _is_text(node: ast.AST) -> bool:
@@ -207,8 +211,6 @@ def _own_doc(model: type[BaseModel]) -> str:
 
 def _declared(model: type[BaseModel], name: str) -> Any:
     """The annotation as it is written, which has the unit."""
-    from typing import get_type_hints
-
     return get_type_hints(model, include_extras=True)[name]
 
 
@@ -222,23 +224,23 @@ def _unit_of(annotation: Any) -> str | None:
     return None
 
 
-def _type(declared: Any, annotation: Any) -> str:
+def _type(declared: Any) -> str:
     """Type and unit in words."""
     origin, arguments = get_origin(declared), get_args(declared)
     if origin is Annotated:
         unit = _unit_of(declared)
         if unit is not None:
             return f"number [{unit}]" if unit else "number"
-        return _type(arguments[0], annotation)
+        return _type(arguments[0])
     if origin is Literal:
         return ", ".join(f"`{one}`" for one in arguments)
     if origin is dict:
-        return f"name: {_type(arguments[1], annotation)}"
+        return f"name: {_type(arguments[1])}"
     if origin is tuple:
-        inner = [_type(one, annotation) for one in arguments if one is not Ellipsis]
+        inner = [_type(one) for one in arguments if one is not Ellipsis]
         return f"list of {inner[0]}" if Ellipsis in arguments else f"[{', '.join(inner)}]"
     if origin in (Union, UnionType):
-        return " or ".join(_type(one, annotation) for one in arguments if one is not type(None))
+        return " or ".join(_type(one) for one in arguments if one is not type(None))
     if isinstance(declared, type) and issubclass(declared, BaseModel):
         return "mapping"
     return {int: "whole number", str: "text", bool: "true or false", Path: "path", float: "number"}.get(

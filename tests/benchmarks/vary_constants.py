@@ -91,9 +91,9 @@ def ground(record: str, dt: float, scale: float = 1.0) -> np.ndarray:
         return scale * ground_at_steps(motion, dt, SECONDS)
     acc = 9.81 * np.loadtxt(ROOT / "data" / "records" / record)
     time = np.arange(round(SECONDS / dt) + 1) * dt
-    found = np.zeros((3, len(time)))
-    found[1] = np.interp(time, 0.01 * np.arange(len(acc)), acc)
-    return found
+    results = np.zeros((3, len(time)))
+    results[1] = np.interp(time, 0.01 * np.arange(len(acc)), acc)
+    return results
 
 
 RECORDS = ("northridge_mul009_g_dt0.01.txt", "northridge_mul279_g_dt0.01.txt")
@@ -115,7 +115,7 @@ def march(joints: str, record: str, finest: float, **changes: object) -> History
 
 def scheme(changes: Mapping[str, object], limits: Mapping[str, History]) -> dict[str, dict[str, float]]:
     """Errors [%], steps and CPU seconds for every kind of joint."""
-    found = {}
+    results = {}
     for joints in JOINTS:
         errors, steps, cpu = [], 0, 0.0
         for record in RECORDS:
@@ -128,13 +128,13 @@ def scheme(changes: Mapping[str, object], limits: Mapping[str, History]) -> dict
             steps += int(history.stats["steps"])
             cpu += history.stats["loop_cpu_seconds"]
         opening, force = 100.0 * np.sqrt(np.mean(np.square(errors), axis=0))
-        found[joints] = {"opening": float(opening), "compression": float(force), "steps": steps, "cpu": cpu}
-    return found
+        results[joints] = {"opening": float(opening), "compression": float(force), "steps": steps, "cpu": cpu}
+    return results
 
 
 def solver(before: Path | None) -> dict[str, dict[str, float]]:
     """Move of the openings against a file, or write it; counts and CPU."""
-    found, kept = {}, {}
+    results, kept = {}, {}
     old = None if before is None or not before.exists() else np.load(before)
     for name, joints, record in (("friction", "friction", RECORDS[0]), ("arch dam", "arch dam", "arch dam")):
         march(joints, record, 0.01)  # compiled, not timed
@@ -142,10 +142,10 @@ def solver(before: Path | None) -> dict[str, dict[str, float]]:
         kept[name] = history.jump
         counts = {key: float(value) for key, value in history.stats.items()}
         moved = 0.0 if old is None else np.abs(history.jump - old[name]).max() / np.abs(old[name]).max()
-        found[name] = counts | {"moved": float(moved)}
+        results[name] = counts | {"moved": float(moved)}
     if before is not None and old is None:
         np.savez(before, **kept)
-    return found
+    return results
 
 
 def child(name: str, value: object, before: Path) -> dict[str, dict[str, float]]:
@@ -180,16 +180,16 @@ def main() -> None:
         print(json.dumps(solver(Path(before))))
         return
     asked.out.parent.mkdir(parents=True, exist_ok=True)
-    found = json.loads(asked.out.read_text()) if asked.out.exists() else {}
+    results = json.loads(asked.out.read_text()) if asked.out.exists() else {}
     limits = {}
     if any(name.split(":")[0].split(".")[-1] not in COMPILED for name in asked.only):
         limits = {f"{j}/{r}": march(j, r, LIMIT) for j in JOINTS for r in RECORDS}
     before = asked.out.with_suffix(".npz")
     for name in asked.only:
         compiled = name.split(":")[0].split(".")[-1] in COMPILED
-        if compiled and "none" not in found:
-            found["none"] = child("none", 0, before)
-            print("none", found["none"], flush=True)
+        if compiled and "none" not in results:
+            results["none"] = child("none", 0, before)
+            print("none", results["none"], flush=True)
         for value in VARIED[name]:
             if compiled:
                 one: object = child(name, value, before)
@@ -200,9 +200,9 @@ def main() -> None:
                 set_constant(name, old)
             else:
                 one = scheme({name: value}, limits)
-            found[f"{name}={value}"] = one
+            results[f"{name}={value}"] = one
             print(name, value, one, flush=True)
-            asked.out.write_text(json.dumps(found, indent=1))
+            asked.out.write_text(json.dumps(results, indent=1))
 
 
 if __name__ == "__main__":

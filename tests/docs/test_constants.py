@@ -60,9 +60,9 @@ def in_manual():
     """The same from the rows `| name | value | file | ...` of docs/constants.md."""
     text = (ROOT / "docs" / "constants.md").read_text()
     rows = ROW.findall(text)
-    found = {(Path(file).name, name): _value(value) for name, value, file in rows}
-    assert len(found) == len(rows), "a constant stands twice in docs/constants.md"
-    return found
+    constants = {(Path(file).name, name): _value(value) for name, value, file in rows}
+    assert len(constants) == len(rows), "a constant stands twice in docs/constants.md"
+    return constants
 
 
 def _value(text):

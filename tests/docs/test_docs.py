@@ -69,10 +69,10 @@ def test_every_block_says_what_it_is(page):
 @pytest.fixture(autouse=True)
 def registries():
     """What examples add is taken out again."""
-    found = (ELEMENTS, FORMATS, VARIABLES)
-    before = [dict(registry) for registry in found]
+    shared = (ELEMENTS, FORMATS, VARIABLES)
+    before = [dict(registry) for registry in shared]
     yield
-    for registry, entries in zip(found, before, strict=True):
+    for registry, entries in zip(shared, before, strict=True):
         registry.clear()
         registry.update(entries)
 
