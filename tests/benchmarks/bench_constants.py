@@ -1,1 +1,0 @@
-vary_constants.py
