@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow test-kernels fuzz bench campaign lint clean
+.PHONY: run test test-slow test-kernels fuzz bench campaign docs lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -40,13 +40,17 @@ bench: $(VENV)/.installed-dev
 campaign: $(VENV)/.installed-dev
 	$(BIN)/python tests/benchmarks/campaign.py --jobs $(JOBS) --out $(OUT)/campaign.json
 
+# The manual, as pages in docs/_build; a warning is an error.
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build
+
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy romdam
 
 clean:
-	rm -rf $(VENV) $(OUT) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OUT) build dist docs/_build docs/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 11) else 0)'
@@ -60,5 +64,5 @@ $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/.installed-dev: pyproject.toml | $(VENV)/bin/python
 	@echo "Installing romdam and its development tools into $(VENV) ..."
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev,suites,bench]"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev,suites,bench,docs]"
 	@touch $@ $(VENV)/.installed

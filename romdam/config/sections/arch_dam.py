@@ -26,6 +26,7 @@ class Polynomial(Model):
     """c_0 + c_1 z + c_2 z^2 + ... with z the elevation; SI."""
 
     polynomial: Annotated[tuple[Dimensionless, ...], Field(min_length=1)]
+    """c_0, c_1, ... from the lowest power."""
 
 
 Profile = Annotated[
@@ -51,6 +52,7 @@ class ArcsConfig(Model):
     """
 
     shape: Literal["circular", "parabolic"] = "circular"
+    """Of a horizontal section."""
     upstream_radius: Profile
     downstream_radius: Profile | None = None
     thickening: Annotated[Dimensionless, Field(ge=0.0, le=5.0)] = 0.0
@@ -60,7 +62,9 @@ class PerimeterConfig(Model):
     """The block between the cantilevers and the rock."""
 
     material: str
+    """A name of `materials`."""
     thickness: Size
+    """Across the contact."""
 
 
 class ZoneConfig(Model):
@@ -70,10 +74,15 @@ class ZoneConfig(Model):
     """
 
     material: str
+    """A name of `materials`."""
     x: Range | None = None
+    """Range of the zone; everything if not given."""
     y: Range | None = None
+    """The same."""
     z: Range | None = None
+    """The same."""
     mass: bool = True
+    """Without it the rock is stiff only."""
     weight: bool = False
 
     @model_validator(mode="after")
@@ -95,11 +104,16 @@ class RockConfig(Model):
     """
 
     half_width: Size
+    """From the middle to the banks' ends."""
     upstream: Size
+    """From y = 0."""
     downstream: Size
+    """From y = 0."""
     depth: Size
+    """From z = 0."""
     zones: Annotated[dict[Name, ZoneConfig], Field(min_length=1, max_length=9)]
     boundary: Literal["fixed", "viscous"] = "fixed"
+    """What the base and the sides do."""
 
     @model_validator(mode="after")
     def _waves(self) -> Self:
@@ -121,12 +135,19 @@ class DivisionsConfig(Model):
     """
 
     along: Count = 2
+    """Along a cantilever's arc."""
     through: Count = 2
+    """Through the thickness."""
     up: Count = 6
+    """Up a cantilever."""
     perimeter: Count = 1
+    """Layers of the perimeter."""
     rock: Count = 4
+    """Layers of rock."""
     upstream: Count = 3
+    """Rows of rock upstream."""
     downstream: Count = 3
+    """Rows of rock downstream."""
     growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
 
 
@@ -139,15 +160,20 @@ class ArchDamConfig(Model):
 
     `valley` is the half-width at elevations; above `crest - abutment_height` the walls are vertical, so that
     the outermost cantilevers end in a face and not in an edge.
+    `material` is that of the cantilevers.
     """
 
     crest: Length
+    """Elevation of the crest."""
     base: Length = 0.0
+    """Elevation of the lowest point."""
     crown: CrownConfig
     arcs: ArcsConfig
     valley: Points
     abutment_height: Size
+    """Height of the vertical ends of the valley's walls below the crest."""
     cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
+    """Number of cantilevers, a joint between each two."""
     material: str
     element: ElementName = "tet10"
     divisions: DivisionsConfig = DivisionsConfig()

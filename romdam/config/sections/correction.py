@@ -25,7 +25,9 @@ class DetrendStep(Model):
 
     step: Literal["detrend"] = "detrend"
     order: Annotated[Whole, Field(ge=0, le=10)] = 1
+    """Of the polynomial."""
     of: Literal["acceleration", "velocity"] = "acceleration"
+    """What it is fitted to."""
 
 
 class TaperStep(Model):
@@ -33,8 +35,11 @@ class TaperStep(Model):
 
     step: Literal["taper"] = "taper"
     fraction: Annotated[Dimensionless, Field(gt=0.0, le=0.5)] | None = None
+    """Of the record, on each side."""
     length: Annotated[Time, Positive] | None = None
+    """The same as a time."""
     side: Literal["both", "start", "end"] = "both"
+    """Where."""
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:
@@ -53,10 +58,14 @@ class CornersStep(Model):
 
     step: Literal["corners"] = "corners"
     method: Literal["given", "ridder", "snr"] = "given"
+    """How they are found."""
     highpass: Annotated[Frequency, Positive] | None = None
+    """Corner of the high-pass."""
     lowpass: Annotated[Frequency, Positive] | None = None
     lowest: Annotated[Frequency, Positive] = 0.001
+    """Least high-pass that ridder tries."""
     highest: Annotated[Frequency, Positive] = 0.5
+    """Largest high-pass that ridder tries."""
     target: Annotated[Dimensionless, Positive] = 0.02
     threshold: Annotated[Dimensionless, Positive] = 3.0
 
@@ -76,6 +85,7 @@ class PadStep(Model):
 
     step: Literal["pad"] = "pad"
     order: Order = 5
+    """Of the filter that follows."""
     length: Annotated[Time, Positive] | None = None
 
 
@@ -84,9 +94,13 @@ class ButterworthStep(Model):
 
     step: Literal["butterworth"] = "butterworth"
     order: Order = 5
+    """Of the filter."""
     causal: bool = False
+    """Once forwards; else forwards and backwards, without a shift of phase."""
     highpass: Annotated[Frequency, Positive] | None = None
+    """Corner of the high-pass."""
     lowpass: Annotated[Frequency, Positive] | None = None
+    """Corner of the low-pass."""
 
 
 class DisplacementBaselineStep(Model):
@@ -94,6 +108,7 @@ class DisplacementBaselineStep(Model):
 
     step: Literal["displacement_baseline"] = "displacement_baseline"
     order: Annotated[Whole, Field(ge=2, le=10)] = 6
+    """Of the polynomial."""
 
 
 class VelocityBaselineStep(Model):
@@ -104,6 +119,7 @@ class VelocityBaselineStep(Model):
 
     step: Literal["velocity_baseline"] = "velocity_baseline"
     knots: tuple[Annotated[Time, Positive], ...] = ()
+    """Times at which the velocity bends."""
 
 
 def _bare_step(value: object) -> object:

@@ -46,16 +46,24 @@ class MaterialConfig(Model):
     """Isotropic linear elasticity; `expansion` is the coefficient of linear thermal expansion."""
 
     E: Annotated[Pressure, Positive]
+    """Young's modulus."""
     nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
+    """Poisson's ratio."""
     rho: Annotated[Density, Positive]
+    """Density."""
     expansion: Annotated[Expansion, NonNegative] = 0.0
 
 
 class BoxConfig(Model):
-    """A box meshed by a regular grid; its faces are xmin, xmax, ymin, ymax, zmin, zmax."""
+    """A box meshed by a regular grid; its faces are xmin, xmax, ymin, ymax, zmin, zmax.
+
+    `element_size` is that of all edges, or of those along x, y and z; it must divide the box.
+    """
 
     origin: Vector
+    """Corner with the lowest coordinates."""
     size: Edges
+    """Edges along x, y and z."""
     element_size: Annotated[
         Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
         by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
@@ -73,8 +81,11 @@ class MeshFileConfig(Model):
     """A block read from a mesh file; the physical groups of its facets become its faces."""
 
     file: Path
+    """gmsh .msh, Nastran .bdf, Abaqus .inp or .vtu."""
     group: str | Whole | None = None
+    """Physical group (or its number) of the cells; all of them where there is one only."""
     unit: Annotated[str, AfterValidator(_length_unit)] = "m"
+    """Of the coordinates."""
 
 
 class BlockConfig(Model):
@@ -84,6 +95,7 @@ class BlockConfig(Model):
     """
 
     material: str
+    """A name of `materials`."""
     mass: bool = True
     weight: bool = True
     box: BoxConfig | None = None
@@ -100,25 +112,33 @@ class SupportConfig(Model):
     """Components held at zero relative displacement on a face of a block."""
 
     block: str
+    """A name of `blocks`."""
     face: FaceRef
     fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
+    """Components that do not move against the base."""
 
 
 class PressureConfig(Model):
     """Pressure on a face, positive into the block."""
 
     block: str
+    """A name of `blocks`."""
     face: FaceRef
     value: Pressure
+    """Positive into the block."""
 
 
 class ForceConfig(Model):
     """A force on the node nearest to a point."""
 
     block: str
+    """A name of `blocks`."""
     at: Vector
+    """Position of the node."""
     force: tuple[Force, Force, Force]
+    """Along x, y and z."""
     tolerance: Tolerance = 1e-3
+    """How far the nearest node may be."""
 
 
 class HydrostaticConfig(Model):
@@ -127,13 +147,16 @@ class HydrostaticConfig(Model):
     level: Length
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
     density: Annotated[Density, Positive] = 1000.0
+    """Of the water."""
 
 
 class TemperatureConfig(Model):
     """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
 
     change: TemperatureChange
+    """From the temperature without stress; negative cools."""
     blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    """Names of `blocks`."""
 
 
 class LoadsConfig(Model):
@@ -155,9 +178,13 @@ class RayleighConfig(Model):
     """C = alpha M + beta K of the solids, from two frequencies and one ratio, or the coefficients."""
 
     frequencies: tuple[Annotated[Frequency, Positive], Annotated[Frequency, Positive]] | None = None
+    """Where the ratio is met."""
     ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
+    """Of critical damping."""
     alpha: Annotated[AngularFrequency, NonNegative] | None = None
+    """Of the mass."""
     beta: Annotated[Time, NonNegative] | None = None
+    """Of the stiffness."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -184,6 +211,7 @@ class DampingConfig(Model):
 
     rayleigh: RayleighConfig | None = None
     modal: ModalRatios | None = None
+    """One ratio for all modes, or one each."""
 
     @model_validator(mode="after")
     def _at_most_one(self) -> Self:
@@ -217,7 +245,9 @@ class ModelConfig(Model):
     """
 
     order: Literal["reduced", "full"] = "reduced"
+    """`full` keeps the unreduced mesh."""
     modes: ModeCount | None = None
+    """Fixed-interface modes of each block."""
     cutoff: Annotated[Frequency, Positive] | None = None
     residual_vectors: ResidualVectors = 0
     solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
@@ -240,6 +270,7 @@ class OutputsConfig(Model):
     stress: StressConfig | None = None
     output_interval: Annotated[Time, Positive] | None = None
     plots: bool = True
+    """Whether figures are drawn beside each result."""
     error_estimate: bool = True
 
 
@@ -259,12 +290,14 @@ class StudyConfig(Model):
     reference_step: Annotated[Time, Positive] | None = None
     duration: Annotated[Time, Positive] = 10.0
     repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
+    """Runs of each setting, whose median CPU time is told."""
 
 
 class Config(Model):
     """One job: scene, records, model, time integration and outputs."""
 
     title: str = ""
+    """Of figures and reports."""
     blocks: dict[Name, BlockConfig] = Field(default_factory=dict)
     arch_dam: ArchDamConfig | None = None
     materials: dict[Name, MaterialConfig]
@@ -280,6 +313,7 @@ class Config(Model):
     outputs: OutputsConfig = OutputsConfig()
     study: StudyConfig = StudyConfig()
     pipeline: Literal["run", "suite"] = "run"
+    """A run for each record, or the whole of `suite`."""
     suite: SuiteConfig | None = None
 
     @property

@@ -22,6 +22,7 @@ class PlaneRef(Model):
     axis: Axis
     at: Length
     tolerance: Tolerance = 1e-6
+    """Distance from the plane that counts as on it."""
 
 
 FaceRef = Annotated[
@@ -34,6 +35,7 @@ class BlockFace(Model):
     """A face of a block."""
 
     block: str
+    """A name of `blocks`."""
     face: FaceRef
 
 
@@ -41,5 +43,8 @@ class NodeConfig(Model):
     """A node whose motion is written, found by its position."""
 
     block: str
+    """A name of `blocks`."""
     at: Vector
+    """Position of the node."""
     tolerance: Tolerance = 1e-3
+    """How far the nearest node may be."""

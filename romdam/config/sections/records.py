@@ -70,8 +70,11 @@ class ComponentConfig(Model):
     """
 
     channel: Whole | str | None = None
+    """Column, code or the word each."""
     file: Path | None = None
+    """Of this channel, if not the entry's."""
     reverse: bool = False
+    """Whether its sign turns."""
 
     @model_validator(mode="before")
     @classmethod
@@ -83,10 +86,15 @@ class ScaleConfig(Model):
     """Multiply by a factor, or to reach a peak or a spectral acceleration of the largest component."""
 
     factor: Annotated[Dimensionless, Field(gt=0.0)] | None = None
+    """Of the samples."""
     pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    """Wanted peak."""
     sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    """Wanted spectral acceleration."""
     period: Annotated[Time, Field(gt=0.0)] | None = None
+    """Of it."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
+    """Of it."""
 
     @model_validator(mode="before")
     @classmethod
@@ -106,7 +114,9 @@ class RangeConfig(Model):
     """Keep a record whose measure lies in [min, max], in SI or with a unit."""
 
     min: NumberOrText | None = None
+    """Least value."""
     max: NumberOrText | None = None
+    """Largest value."""
 
     def in_unit(self, unit: str) -> tuple[float, float]:
         """The two limits as numbers; minus and plus infinity where there is none."""
@@ -128,17 +138,25 @@ class RecordConfig(Model):
     manifest: Path | None = None
     suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
     name: Annotated[str, Field(pattern=r"^[\w.+-]+$"), OfFile] | None = None
+    """Of the result; the file's if not given."""
     unit: str | None = None
+    """Of the values, such as g or cm/s2, where the file does not say it."""
     dt: Annotated[Time, Field(gt=0.0, ge=SHORTEST_DT, le=LONGEST_DT)] | None = None
+    """Interval of the samples, where the file does not say it."""
     time_column: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
+    """Column of sample times, from 1."""
     response: Path | None = None
+    """StationXML file with the instrument's response."""
     components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
     x_azimuth: Degrees | None = None
     group: Literal["file", "station"] = "file"
     gaps: Literal["error", "zero", "linear"] = "error"
+    """What missing samples are: refused, zeros, or lines between their neighbours."""
     align: Literal["error", "overlap"] = "overlap"
+    """Channels that do not start and end together: refused, or cut to what they share."""
     correction: tuple[Step, ...] = ()
     resampling: Literal["linear", "fourier"] = "linear"
+    """How samples between the record's own are made."""
     scale: ScaleConfig | None = None
     keep: dict[str, RangeConfig] = Field(default_factory=dict)
 

@@ -21,9 +21,13 @@ class IntensityConfig(Model):
     """Scale every record to target values of a measure of its largest component, instead of by factors."""
 
     measure: Literal["pga", "sa"]
+    """Of the largest component."""
     period: Annotated[Time, Positive] | None = None
+    """Of the spectral acceleration."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
+    """Of the spectral acceleration."""
     values: Annotated[tuple[Annotated[Acceleration, Positive], ...], Field(min_length=1)]
+    """Targets, one scale each."""
 
     @model_validator(mode="after")
     def _period_of_sa(self) -> Self:
@@ -41,10 +45,14 @@ class ParameterConfig(Model):
 
     path: Annotated[str, Field(min_length=1)]
     values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
+    """All values, for the grid."""
     low: NumberOrText | None = None
+    """Least value of a range."""
     high: NumberOrText | None = None
+    """Largest value of a range."""
     count: Annotated[Whole, Field(ge=2, le=MOST_RUNS)] | None = None
     distribution: Literal["uniform", "loguniform"] = "uniform"
+    """Of a Latin hypercube, within the range."""
 
     @model_validator(mode="after")
     def _values_or_range(self) -> Self:
@@ -61,13 +69,16 @@ class LatinHypercubeConfig(Model):
     """A Latin hypercube of so many samples."""
 
     latin_hypercube: Annotated[Whole, Field(ge=1, le=MOST_RUNS)]
+    """Number of samples."""
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
+    """Of the random numbers."""
 
 
 class DesignTableConfig(Model):
     """Samples from a CSV file: a column for each parameter, a row for each sample, SI or with units."""
 
     table: Path
+    """The file."""
 
 
 class KeepConfig(Model):
@@ -75,6 +86,7 @@ class KeepConfig(Model):
 
     output_interval: Annotated[Time, Positive]
     precision: Literal["single", "double"] = "single"
+    """Of the histories."""
 
 
 class SuiteConfig(Model):

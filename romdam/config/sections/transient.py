@@ -38,11 +38,16 @@ class TransientConfig(Model):
     """
 
     finest_step: Annotated[Time, Positive] | None = None
+    """The smallest step that the time stepping may take."""
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
+    """Wanted of the time stepping: the step is refined until its estimated error is below."""
     duration: Annotated[Time, Positive] | None = None
+    """Ends a run before its record does."""
     integrator: IntegratorName | None = None
     rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
+    """Spectral radius at infinite frequency (generalized_alpha)."""
     tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8
+    """Relative residual of the contact problem of a step."""
 
     @model_validator(mode="after")
     def _one_step(self) -> Self:

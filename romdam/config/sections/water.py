@@ -25,7 +25,9 @@ class WaterConfig(Model):
     level: Length
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
     model: Literal["westergaard", "incompressible"]
+    """How the water answers."""
     density: Annotated[Density, Positive] = 1000.0
+    """Of the water."""
     bottom: Length | None = None
     upstream: Direction | None = None
     length: Annotated[Length, Positive] | None = None

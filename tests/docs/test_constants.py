@@ -1,0 +1,81 @@
+"""The manual's table of constants against the code: none is missing, none is gone, every value is today's."""
+
+import ast
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("contact", "timestepping", "reduction", "linalg", "error")
+STAGES = ("estimate", "certify", "modes", "verification", "speed_error")  # of pipelines
+CODES = {"OPEN", "STICK", "SLIP", "BOND", "SLIDES", "KEY", "_SPENT", "_RESTS", "_SLOW", "_CHANGED", "_ALL"}
+TUNED = {  # what is no code in files full of them
+    ("pardiso.py", "SINGLE_TOLERANCE"), ("pardiso.py", "_TOLERANCE"), ("pardiso.py", "_WIDTH"),
+    ("mode_split.py", "_SLOW"),
+}  # fmt: skip
+ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| `([\w/.]+\.py)` \|", re.M)
+
+
+def in_code():
+    """(file, name) -> value of every number of a module, private or in capitals; a file by its name."""
+    rooms = [path for room in ROOMS for path in sorted((ROOT / "romdam" / room).rglob("*.py"))]
+    stages = [ROOT / "pipelines" / f"{name}.py" for name in STAGES]
+    return {
+        (path.name, name): value
+        for path in [*rooms, *filter(Path.exists, stages)]
+        for name, value in _numbers(ast.parse(path.read_text()))
+        if (path.name, name) in TUNED or (name not in CODES and path.name != "pardiso.py")
+    }
+
+
+def _numbers(tree):
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            for target in targets:
+                names, values = [target], [node.value]
+                if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                    names, values = target.elts, node.value.elts
+                for name, value in zip(names, values, strict=True):
+                    number = _number(value)
+                    if isinstance(name, ast.Name) and re.fullmatch(r"_?[A-Z][A-Z0-9_]*", name.id) and number:
+                        yield name.id, number
+
+
+def _number(node):
+    """The numbers of an expression of numbers (and pi) alone, as a tuple; None of any other."""
+    allowed = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.operator, ast.unaryop, ast.Tuple, ast.Load)
+    text = ast.unparse(node).replace("np.pi", repr(math.pi))
+    node = ast.parse(text, mode="eval")
+    if not all(isinstance(part, allowed) for part in ast.walk(node.body)):
+        return None
+    value = eval(compile(node, "constant", "eval"), {"__builtins__": {}})
+    values = value if isinstance(value, tuple) else (value,)
+    return values if all(type(one) in (int, float) for one in values) else None
+
+
+def in_manual():
+    """The same from the rows `| name | value | file | ...` of docs/constants.md."""
+    text = (ROOT / "docs" / "constants.md").read_text()
+    rows = ROW.findall(text)
+    constants = {(Path(file).name, name): _value(value) for name, value, file in rows}
+    assert len(constants) == len(rows), "a constant stands twice in docs/constants.md"
+    return constants
+
+
+def _value(text):
+    return tuple(float(word) for word in re.findall(r"-?\d[\d.]*(?:e[+-]?\d+)?", text))
+
+
+def test_the_table_holds_every_constant_with_its_value():
+    code, manual = in_code(), in_manual()
+    assert len(code) > 40
+    missing, gone = sorted(code.keys() - manual.keys()), sorted(manual.keys() - code.keys())
+    assert not missing, f"add to docs/constants.md: {missing}"
+    assert not gone, f"remove from docs/constants.md: {gone}"
+    other = {
+        key: (manual[key], code[key]) for key in code if not np.allclose(manual[key], code[key], 1e-4, 0)
+    }
+    assert not other, f"docs/constants.md has other values than the code: {other}"
