@@ -17,6 +17,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from romdam.config.sections.job import Config
+from romdam.contact.laws import LAWS
 from romdam.results.case import Variable
 from romdam.results.suite.rows import ROWS
 from romdam.results.variables import COORDINATES, VARIABLES
@@ -138,7 +139,11 @@ def _meaning(model: type[BaseModel], name: str, field: FieldInfo) -> str:
     texts, inner = meanings(model), _lone(field.annotation)
     if name in texts or inner is None:
         return texts.get(name, "")
-    return " ".join((inner.__doc__ or "").partition("\n\n")[0].split())
+    return _first_line(inner)
+
+
+def _first_line(one: type) -> str:
+    return " ".join((one.__doc__ or "").partition("\n\n")[0].split())
 
 
 def _lone(annotation: Any) -> type[BaseModel] | None:
@@ -180,7 +185,8 @@ def _limits(metadata: list[Any]) -> list[str]:
 
 def meanings(model: type[BaseModel]) -> dict[str, str]:
     """The text that stands below a key in its model, for those that have one; those it inherits too."""
-    texts: dict[str, str] = {}
+    texts = {key: _first_line(law) for law in LAWS if not law.section for key in law.key_names()}
+    texts = {key: text for key, text in texts.items() if key in model.model_fields}
     for one in reversed(model.__mro__):
         if not issubclass(one, BaseModel) or one is BaseModel:
             continue

@@ -10,8 +10,9 @@ from romdam.results.variables import COORDINATES, VARIABLES
 
 DOCS = Path(__file__).parents[2] / "docs"
 BY_NAME = {  # keys whose name and type say what they are
-    "element", "normal", "tolerance", "between", "depth", "directions", "per_gap", "table", "initial_state",
-    "cutoff", "dt", "reference", "every",
+    "element", "normal", "tolerance", "between", "depth", "directions", "per_gap", "table", "mu_s", "mu_d",
+    "v_c", "name", "sha256", "file", "values", "initial_state",
+    "cutoff", "finest_step", "reference", "output_interval", "dt",
 }  # fmt: skip
 
 
