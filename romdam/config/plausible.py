@@ -12,16 +12,14 @@ from romdam.config.sections.job import (
     BoxConfig,
     Config,
     DampingConfig,
-    HydrostaticConfig,
     MaterialConfig,
     ModelConfig,
     OutputsConfig,
-    PressureConfig,
     RayleighConfig,
-    TemperatureConfig,
 )
 from romdam.config.sections.joint_laws import LawSection
 from romdam.config.sections.joints import JointConfig, JointProperties
+from romdam.config.sections.loads import HydrostaticConfig, PressureConfig, TemperatureConfig
 from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import IntensityConfig, SuiteConfig

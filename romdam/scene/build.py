@@ -14,10 +14,10 @@ from romdam.scene.boxes import box_block
 from romdam.scene.elements import Floats
 from romdam.scene.joints import build_joint
 from romdam.scene.meshes.files import MeshFiles
+from romdam.scene.meshes.sizes import refuse_large
 from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
-from romdam.scene.sizes import refuse_large
 from romdam.scene.stress_sites import stress_sites
 from romdam.scene.supports import refuse_free_blocks
 from romdam.scene.ties import build_tie, merged_parts

@@ -11,24 +11,22 @@ from pydantic import AfterValidator, Field, Tag, model_validator
 from romdam.config.base import Model, by_shape
 from romdam.config.names import Name
 from romdam.config.quantities import (
-    Acceleration,
     AngularFrequency,
     Density,
     Dimensionless,
     Expansion,
-    Force,
     Frequency,
     Length,
     Memory,
     Pressure,
-    TemperatureChange,
     Time,
     Whole,
     to_si,
 )
 from romdam.config.sections.arch_dam import ArchDamConfig
 from romdam.config.sections.joints import JointConfig, TieConfig
-from romdam.config.sections.places import Axis, BlockFace, ElementName, FaceRef, NodeConfig, Tolerance, Vector
+from romdam.config.sections.loads import LoadsConfig
+from romdam.config.sections.places import Axis, ElementName, FaceRef, NodeConfig, Vector
 from romdam.config.sections.records import RecordConfig
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
@@ -116,62 +114,6 @@ class SupportConfig(Model):
     face: FaceRef
     fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
     """Components that do not move against the base."""
-
-
-class PressureConfig(Model):
-    """Pressure on a face, positive into the block."""
-
-    block: str
-    """A name of `blocks`."""
-    face: FaceRef
-    value: Pressure
-    """Positive into the block."""
-
-
-class ForceConfig(Model):
-    """A force on the node nearest to a point."""
-
-    block: str
-    """A name of `blocks`."""
-    at: Vector
-    """Position of the node."""
-    force: tuple[Force, Force, Force]
-    """Along x, y and z."""
-    tolerance: Tolerance = 1e-3
-    """How far the nearest node may be."""
-
-
-class HydrostaticConfig(Model):
-    """Pressure rho g (level - z) of still water below `level`; g is 9.81 m/s2 where no gravity is given."""
-
-    level: Length
-    faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
-    density: Annotated[Density, Positive] = 1000.0
-    """Of the water."""
-
-
-class TemperatureConfig(Model):
-    """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
-
-    change: TemperatureChange
-    """From the temperature without stress; negative cools."""
-    blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    """Names of `blocks`."""
-
-
-class LoadsConfig(Model):
-    """Static loads; `gravity` is the acceleration that makes weight, for example [0, 0, -9.81].
-
-    `weight` acts before the joints are grouted (`staged`: they carry none of it) or on the finished dam.
-    """
-
-    gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
-    weight: Literal["monolithic", "staged"] = "monolithic"
-    hydrostatic: tuple[HydrostaticConfig, ...] = ()
-    temperature: tuple[TemperatureConfig, ...] = ()
-    pressure: tuple[PressureConfig, ...] = ()
-    force: tuple[ForceConfig, ...] = ()
-    initial_state: Literal["static", "undeformed"] = "static"
 
 
 class RayleighConfig(Model):

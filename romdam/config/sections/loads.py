@@ -1,0 +1,69 @@
+"""The `loads:` of a configuration: what acts before and during the shaking."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from romdam.config.base import Model
+from romdam.config.quantities import Acceleration, Density, Force, Length, Pressure, TemperatureChange
+from romdam.config.sections.places import BlockFace, FaceRef, Tolerance, Vector
+
+Positive = Field(gt=0.0)
+
+
+class PressureConfig(Model):
+    """Pressure on a face, positive into the block."""
+
+    block: str
+    """A name of `blocks`."""
+    face: FaceRef
+    value: Pressure
+    """Positive into the block."""
+
+
+class ForceConfig(Model):
+    """A force on the node nearest to a point."""
+
+    block: str
+    """A name of `blocks`."""
+    at: Vector
+    """Position of the node."""
+    force: tuple[Force, Force, Force]
+    """Along x, y and z."""
+    tolerance: Tolerance = 1e-3
+    """How far the nearest node may be."""
+
+
+class HydrostaticConfig(Model):
+    """Pressure rho g (level - z) of still water below `level`; g is 9.81 m/s2 where no gravity is given."""
+
+    level: Length
+    faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
+    density: Annotated[Density, Positive] = 1000.0
+    """Of the water."""
+
+
+class TemperatureConfig(Model):
+    """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
+
+    change: TemperatureChange
+    """From the temperature without stress; negative cools."""
+    blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    """Names of `blocks`."""
+
+
+class LoadsConfig(Model):
+    """Static loads; `gravity` is the acceleration that makes weight, for example [0, 0, -9.81].
+
+    `weight` acts before the joints are grouted (`staged`: they carry none of it) or on the finished dam.
+    """
+
+    gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
+    weight: Literal["monolithic", "staged"] = "monolithic"
+    hydrostatic: tuple[HydrostaticConfig, ...] = ()
+    temperature: tuple[TemperatureConfig, ...] = ()
+    pressure: tuple[PressureConfig, ...] = ()
+    force: tuple[ForceConfig, ...] = ()
+    initial_state: Literal["static", "undeformed"] = "static"
