@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from romdam.config.load import Job
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError, placed
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
-from romdam.records.processing.resampling import resample_motion
+from romdam.records.processing.resampling import cut_or_extended, resample_motion
 from romdam.timestepping.modal.runs import Case, Progress
 from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.simulate import integrate, integrate_cases
@@ -207,5 +205,4 @@ def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> 
     acc = resample_motion(motion, dt)
     if duration is None:
         return acc
-    samples = round(duration / dt) + 1
-    return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))
+    return cut_or_extended(acc, round(duration / dt) + 1)

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-from scipy.sparse import csr_matrix, vstack
-
 from romdam.core.scene import Scene
-from romdam.core.system import History, System
-from romdam.fem.stress import modal_stress, observed_stress
+from romdam.core.system import History
+from romdam.fem.stress import modal_stress
 from romdam.postprocess.stress import StressHistory, StressSummary, summarise
 from romdam.reduction.storage.staging import initial_stress
 from romdam.reduction.synthesis import ReducedModel
@@ -26,13 +23,6 @@ def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, Stres
         name: StressFields(sites.nodes, fields[name], offset[name], reduced.basis[name].columns)
         for name, sites in scene.stress.blocks.items()
     }
-
-
-def observing_stress(scene: Scene, system: System) -> System:
-    """A full-order system with the stress nodes' stress among what is observed."""
-    if scene.stress is None:
-        return system
-    return replace(system, observe=csr_matrix(vstack([system.observe, observed_stress(scene)])))
 
 
 def stress_of(
@@ -54,8 +44,7 @@ def stress_of(
 
 def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:
     assert scene.stress is not None
-    probes, counts = 3 * len(scene.probes), [6 * len(s.nodes) for s in scene.stress.blocks.values()]
-    parts = np.split(history.disp[:, probes:], np.cumsum(counts)[:-1], axis=1)
-    stress = dict(zip(scene.stress.blocks, parts, strict=True))
+    probes, nodes = 3 * len(scene.probes), {name: len(s.nodes) for name, s in scene.stress.blocks.items()}
+    stress = StressHistory.observed(history.disp[:, probes:], nodes, initial_stress(scene))
     motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
-    return replace(history, **motion), StressHistory({}, stress, initial_stress(scene))
+    return replace(history, **motion), stress

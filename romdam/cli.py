@@ -229,7 +229,7 @@ def verify(
 ) -> None:
     """Measure the reduced model's error against the unreduced mesh, on the first record of CONFIG."""
     from romdam.config.quantities import to_si
-    from romdam.pipelines.verification import verify as verify_job
+    from romdam.pipelines.verify import verify as verify_job
     from romdam.terminal import verification_lines
 
     try:
@@ -240,7 +240,7 @@ def verify(
         raise typer.BadParameter(f"must be longer than 0 s, got {duration}", param_hint="--duration")
     stages, say = _terminal(quiet, verbose)
     found = verify_job(romdam.load_config(config), out, seconds, reference, stages)
-    say(*verification_lines(found.statement), f"written: {found.path}", f"written: {found.figure}")
+    say(*verification_lines(found.statement.document), f"written: {found.path}", f"written: {found.figure}")
 
 
 @app.command(epilog=EXIT_CODES)
@@ -260,7 +260,8 @@ def certify(
 
     stages, say = _terminal(quiet, verbose)
     found = certify_result(result, config, passes, stages)
-    say(certificate_table(found.statement), found.statement["statement"], f"written: {found.path}")
+    statement = found.statement
+    say(certificate_table(statement.document), statement.sentence, f"written: {found.path}")
 
 
 @app.command(epilog=EXIT_CODES)
@@ -274,7 +275,7 @@ def study(
     verbose: Verbose = False,
 ) -> None:
     """Set speed against error: modes, integrators and steps of `study:`, on the first record of CONFIG."""
-    from romdam.pipelines.speed_error import study as study_job
+    from romdam.pipelines.study import study as study_job
 
     stages, say = _terminal(quiet, verbose)
     found = study_job(romdam.load_config(config), out, reference, stages)

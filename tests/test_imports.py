@@ -29,11 +29,11 @@ ALLOWED = {
     "fem": {"scene"},
     "timestepping": {"contact", "linalg"},
     "reduction": {"fem", "linalg", "scene"},
-    "error": {"contact", "linalg", "timestepping", "visual"},
     "results": {"postprocess", "records"},
+    "error": {"contact", "linalg", "results", "timestepping"},
     "visual": {"postprocess", "records", "results"},
     "pipelines": EVERY_ROOM,
-    "terminal": {"pipelines", "results"},
+    "terminal": {"error", "pipelines", "results"},
     "cli": {"pipelines", "records", "results", "surroundings", "terminal", "visual"},
     "__main__": {"cli"},
     "__init__": {"pipelines", "results"},
@@ -42,7 +42,7 @@ TYPES = {"romdam.reduction.storage.model_file": {"results"}}
 ANYWHERE = {"core", "config"}
 ONLY_IN = {
     "xarray": {"error", "pipelines", "postprocess", "results", "terminal", "visual"},
-    "matplotlib": {"error", "visual"},
+    "matplotlib": {"visual"},
     "obspy": {"records"},
     "yaml": {"config", "records"},
     "typer": {"cli"},

@@ -18,9 +18,9 @@ from romdam.core.files import check_file
 from romdam.core.fingerprint import file_digest, fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.sealed import changing
-from romdam.pipelines.suites.study import Run, Study, scaled
+from romdam.error.statement import ErrorStatement
+from romdam.pipelines.suites.tasks import Run, Study, scaled
 from romdam.postprocess.responses import PARAMETER
-from romdam.results.certificate import FOLDER
 from romdam.results.dataset import (
     Timing,
     build_dataset,
@@ -29,6 +29,7 @@ from romdam.results.dataset import (
     single_precision,
     write_dataset,
 )
+from romdam.results.stored_run import FOLDER
 from romdam.results.suite.rows import Kept, Row
 from romdam.results.variables import Case
 
@@ -45,7 +46,7 @@ def file_name(run: Run) -> str:
     return f"{run.name}-{run.key[:KEY_LETTERS]}.nc"
 
 
-def write_kept(study: Study, run: Run, case: Case, attributes: dict[str, object]) -> Kept:
+def write_kept(study: Study, run: Run, case: Case, estimate: ErrorStatement | None) -> Kept:
     """Write the result of a run.
 
     Raises
@@ -60,7 +61,9 @@ def write_kept(study: Study, run: Run, case: Case, attributes: dict[str, object]
     dataset = build_dataset(case, study.job, Timing({}, {}), study.files.get("model_file"))
     dataset.attrs.pop("solver_batch", None)  # how many runs marched together is not of this one
     labels = _labels(study, job_labels(study.job), run, case.motion)
-    dataset.attrs.update(attributes | study.files | labels | {RUN_KEY: run.key})
+    if estimate is not None:
+        estimate.write_to(dataset)
+    dataset.attrs.update(study.files | labels | {RUN_KEY: run.key})
     keep = study.suite.keep
     if isinstance(keep, KeepConfig) and keep.precision == "single":
         dataset = single_precision(dataset)

@@ -11,7 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import xarray as xr
 
 import romdam
@@ -27,13 +26,14 @@ from romdam.pipelines.run import Clock, settled
 from romdam.pipelines.shaking import check_interval
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
-from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
+from romdam.pipelines.suites.tasks import Run, Samples, Study, Task, sample_content
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.formats.tolerant import load_each
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import Row
-from romdam.results.suite.summary import SuiteRecord, intensity, summary_dataset, write_summary
+from romdam.results.suite.scaling import no_factors, scale_count, scale_factors
+from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 from romdam.scene.build import build_scene
 
 LAYOUT = "romdam-suite-2"
@@ -159,10 +159,9 @@ def read_records(job: Job) -> list[SuiteRecord]:
     suite = _suite(job)
     records = []
     for one in load_each(job.config.records, job.folder):
-        targets = suite.scales if suite.intensities is None else suite.intensities.values
-        factors, message = np.full(len(targets), np.nan), one.error
+        factors, message = no_factors(suite), one.error
         if one.motion is not None:
-            factors, message = _factors(suite, one.motion)
+            factors, message = scale_factors(suite, one.motion)
             message = message or _unusable(job, one.motion)
         records.append(SuiteRecord(one.name, None if message else one.motion, message, factors))
     if all(record.motion is None for record in records):
@@ -179,26 +178,9 @@ def _unusable(job: Job, motion: GroundMotion) -> str:
     return ""
 
 
-def _factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[np.ndarray, str]:
-    """What a record is multiplied by at each scale; or why it cannot be scaled."""
-    target = suite.intensities
-    if target is None:
-        return np.array(suite.scales), ""
-    nothing = np.full(len(target.values), np.nan)
-    has = intensity(motion, target.measure, target.period, target.damping)
-    if has <= 0.0:
-        return nothing, f"{motion.name}: cannot be scaled to {target.measure}, it does not move"
-    with np.errstate(over="ignore"):
-        factors = np.array(target.values) / has
-    if not np.isfinite(factors).all():
-        return nothing, f"{motion.name}: cannot be scaled to {target.measure}, it has {has:g} m/s2"
-    return factors, ""
-
-
 def _refuse_many(job: Job, records: int, samples: int) -> None:
     """Refuse more runs than any machine holds the summary of."""
-    suite = _suite(job)
-    scales = len(suite.scales if suite.intensities is None else suite.intensities.values)
+    scales = scale_count(_suite(job))
     count = records * scales * samples
     if count > MOST_RUNS:
         raise ConfigError(

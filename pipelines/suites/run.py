@@ -20,7 +20,7 @@ from romdam.pipelines.suites.cluster import Pool, open_pool
 from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
-from romdam.pipelines.suites.study import Study, Task
+from romdam.pipelines.suites.tasks import Study, Task
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
@@ -163,13 +163,13 @@ def _make_missing(
     left = missing
     with clock.stage("runs", f"{missing} runs") as progress:
         for number, found in pool.map(run_task, study, tasks):
-            rows |= {row.key: row for row in _land(tasks[number], found, folder)}
+            rows |= {row.key: row for row in _write_rows(tasks[number], found, folder)}
             left -= len(tasks[number].runs)
             progress(missing - left, missing)
     return rows, missing
 
 
-def _land(task: Task, found: list[Row] | Exception, folder: Path) -> list[Row]:
+def _write_rows(task: Task, found: list[Row] | Exception, folder: Path) -> list[Row]:
     """Write the rows of a task; those of one whose workers died are left to be made again."""
     if isinstance(found, Exception):
         message = f"its workers died, {found}; lower suite.batch, or give the workers more memory"

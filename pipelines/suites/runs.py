@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
+from numpy.linalg import LinAlgError
 from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
@@ -18,22 +18,21 @@ from romdam.config.parameters import Varied
 from romdam.core.errors import ConfigError, RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.system import History
+from romdam.core.system import History, System
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.estimate import estimate_error
+from romdam.pipelines.estimate import estimate_run
 from romdam.pipelines.run import Model
 from romdam.pipelines.shaking import shake_together
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.kept import write_kept
-from romdam.pipelines.suites.study import Run, Study, Task, sample_content, scaled
-from romdam.reduction.synthesis import ReducedModel
+from romdam.pipelines.suites.tasks import Run, Study, Task, sample_content, scaled
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
 from romdam.timestepping.modal.batch import with_parameters
 
-# what a run can meet that is its own misfortune: it becomes a row with a message, and the others go on
-MISFORTUNES = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
+# errors of one run: it becomes a row with a message, and the others go on
+RECOVERABLE = (RomdamError, ArithmeticError, LinAlgError, MemoryError)
 
 
 def sample_model(study: Study, number: int) -> Model:
@@ -54,15 +53,16 @@ def sample_model(study: Study, number: int) -> Model:
             f"on a worker; leave those in {job.folder} as they are, and run the same command again"
         )
     assert model.reduced is not None
-    reduced, finer = _with_sample(model.reduced, scene, varied), model.finer
+    system, finer = _with_sample(model.system, scene, varied), model.finer
     if finer is not None:
-        finer = replace(finer, model=_with_sample(finer.model, scene, varied))
-    return replace(model, scene=scene, system=reduced.system, reduced=reduced, finer=finer)
+        finer = replace(finer, system=_with_sample(finer.system, scene, varied))
+    reduced = replace(model.reduced, system=system)
+    return replace(model, scene=scene, system=system, reduced=reduced, finer=finer)
 
 
-def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> ReducedModel:
-    damping = modal_coefficients(varied.damping, reduced.system.K.diagonal())
-    return replace(reduced, system=with_parameters(reduced.system, gap_law(scene), damping))
+def _with_sample(system: System, scene: Scene, varied: Varied) -> System:
+    damping = modal_coefficients(varied.damping, system.K.diagonal())
+    return with_parameters(system, gap_law(scene), damping)
 
 
 def run_task(study: Study, task: Task) -> list[Row]:
@@ -97,7 +97,7 @@ def march(
     """The one place where a suite integrates: every history, or why there is none."""
     try:
         return shake_together(job, [model.system for model in models], motions)
-    except MISFORTUNES as error:
+    except RECOVERABLE as error:
         if len(motions) == 1:
             return [error]
     return [march(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]
@@ -119,15 +119,13 @@ def _row(
 ) -> Row:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
-    (motion, history), stated = made, dict[str, float]()
-    attributes: dict[str, object] = {}
-    if model.finer is not None and model.reduced is not None:
-        estimate = estimate_error(study.job, model.finer, model.reduced, motion, history)
-        stated["estimated_reduction_error"] = estimate.opening.l2
-        attributes = estimate.attributes
+    (motion, history), stated, estimate = made, dict[str, float](), None
+    if model.finer is not None:
+        estimate = estimate_run(study.job, model.finer, model.system, motion, history)
+        stated["estimated_reduction_error"] = estimate.errors["opening"].l2
     history, stress = stress_of(model.scene, model.stress, history)
     case = Case(model.scene, motion, history, stress)
     stated["wall_seconds"] = time.perf_counter() - wall
     stated["cpu_seconds"] = time.process_time() - cpu
-    kept = write_kept(study, run, case, attributes) if study.keeps_results else None
+    kept = write_kept(study, run, case, estimate) if study.keeps_results else None
     return Row(run.key, "", row_values(case, stated), kept)

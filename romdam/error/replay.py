@@ -1,4 +1,4 @@
-"""How far a reduced run is from the mesh it was reduced from.
+"""Replay of joint forces through linear models, and the run corrected by what that shows.
 
 The joint forces p of a reduced run, replayed through the *linear* full-order model, give the full-order
 motion for those forces. At the joints it differs from the reduced motion for the same forces by the defect
@@ -30,12 +30,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_matrix, spmatrix
 
-from romdam.contact.laws.point import SLIP, STICK
 from romdam.core.arrays import Floats
-from romdam.core.system import GapLaw, History, System
+from romdam.core.system import History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.equilibrium import rest_shift
-from romdam.timestepping.options import Start, TransientOptions
+from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.simulate import Progress, integrate
 
 _GAMMA = 1.0 - np.sqrt(0.5)
@@ -198,64 +197,3 @@ def corrected_run(
     steps, rows = np.arange(ground.shape[1]), np.arange(len(defect)) * options.stride
     shift = np.stack([np.interp(steps, rows, column) for column in defect.T], axis=1)
     return integrate(fine, ground, replace(options, shift=shift), progress)
-
-
-def start_at(history: History, law: GapLaw, row: int) -> Start:
-    """The state of a row of a reduced run, to go on from.
-
-    A bond counts as lost where a row so far, the unloaded start aside, shows its gap open or sliding.
-    """
-    assert history.q is not None and history.v is not None
-    weak = None
-    if law.laws:
-        depth = law.laws["shear_key"][:, 0] if "shear_key" in law.laws else np.full(len(law), np.inf)
-        lost = (history.state[1 : row + 1] != STICK).any(axis=0) | (law.gap > 0.0)
-        weak = np.stack([lost, history.state[row] == SLIP, history.jump[row, :, 0] > depth], axis=1)
-    return Start(history.q[row], history.v[row], history.jump[row], history.traction[row], weak)
-
-
-@dataclass(frozen=True)
-class Window:
-    """Rows [first, last] of a history in which the finer model was run from the history's own state.
-
-    Attributes
-    ----------
-    first, last : rows
-    run : the finer model's history of those rows
-    """
-
-    first: int
-    last: int
-    run: History
-
-
-def run_window(
-    fine: System,
-    embed: spmatrix,
-    history: History,
-    ground: Floats,
-    options: TransientOptions,
-    seconds: float,
-) -> Window:
-    """Run the finer reduced model over the seconds that lead to the largest opening.
-
-    Parameters
-    ----------
-    fine : the finer reduced model
-    embed : (fine, coarse), see `romdam.reduction.refinement.embedding`
-    history : of the reduced model
-    ground : (3, nt) ground acceleration at every base step [m/s2]
-    options : those of `history`
-    seconds : length of the window; a twelfth of it lies after the peak
-    """
-    interval, rows = options.dt * options.stride, len(history.time)
-    peak = int(history.jump[:, :, 0].max(axis=1).argmax())
-    length = min(max(2, round(seconds / interval)), rows - 1)
-    last = min(max(peak + length // 12, length), rows - 1)
-    first = last - length
-    assert history.q is not None and history.v is not None
-    start = replace(
-        start_at(history, fine.law, first), q=embed @ history.q[first], v=embed @ history.v[first]
-    )
-    part = ground[:, first * options.stride : last * options.stride + 1]
-    return Window(first, last, integrate(fine, part, replace(options, start=start)))

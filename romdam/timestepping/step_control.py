@@ -53,6 +53,11 @@ def refined_step(finest: float, coarse: float, every: float | None) -> tuple[flo
     return (2.0 * base, (2, *cuts)) if fits(2.0 * base) else (base, cuts)
 
 
+def dividing_step(interval: float, longest: float) -> float:
+    """The longest step up to `longest` that divides an interval [s]."""
+    return interval / math.ceil(interval / longest * (1.0 - 1e-9))
+
+
 def integrate_to(
     system: System,
     ground: Callable[[float], Floats],

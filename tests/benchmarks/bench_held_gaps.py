@@ -21,12 +21,12 @@ from pathlib import Path
 from statistics import median
 from unittest.mock import patch
 
-import numpy as np
 import yaml
 
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.system import History
+from romdam.error.metrics import largest_difference
 from romdam.pipelines.shaking import ground_at_steps, transient_options
 from romdam.records.record_set import load_motions
 from romdam.reduction.storage.model_file import BlockStore
@@ -75,7 +75,7 @@ def compare(scale: float, seconds: float, repeats: int, cache: Path) -> str:
     found = [(once(True), once(False)) for _ in range(repeats)]
     cpu = [median(pair[k].stats["loop_cpu_seconds"] for pair in found) for k in (0, 1)]
     held, free = found[-1]
-    apart = np.abs(held.jump - free.jump).max() / np.abs(free.jump).max()
+    apart = largest_difference(held.jump, free.jump)
     return (
         f"{scale:g} of the shaking: {held.stats['held_gaps']:.0f} gaps held on average, CPU {cpu[0]:.2f} s "
         f"against {cpu[1]:.2f} s ({cpu[0] / cpu[1]:.2f}), openings apart by {apart:.0e} of the largest"

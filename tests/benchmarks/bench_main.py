@@ -32,6 +32,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 from reference_run import ROOT, errors, job, march
 
 from romdam.core.system import History, System
+from romdam.error.metrics import relative_l2
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.timestepping.modal.propagator import modal_propagator
@@ -203,9 +204,7 @@ def _friction(rough: System, smooth: System, limit: History, setting: tuple[str,
         "integrator": integrator,
         "dt": dt,
         **{name: with_it[name] for name in names},
-        "time_error_L2": float(
-            np.linalg.norm(found - limit.jump[..., 0]) / np.linalg.norm(limit.jump[..., 0])
-        ),
+        "time_error_L2": relative_l2(found, limit.jump[..., 0]),
         "cost_against_frictionless": float(str(with_it["cpu_seconds"])) / float(str(without["cpu_seconds"])),
     }
 

@@ -17,6 +17,7 @@ import yaml
 from reference_run import CONFIG, RECORD
 
 from romdam.config.load import Job, parse_config
+from romdam.error.metrics import opening_peak, relative_l2
 from romdam.pipelines.certify import certify
 from romdam.pipelines.run import Clock, build_model, run, silent
 from romdam.pipelines.shaking import shake
@@ -103,7 +104,7 @@ def measure(record, scene, base):
     job = make_job(record, scene, base)
     out = folder() / f"{record}_{scene}_{base}"
     (path,) = run(job, out).paths
-    statement = certify(path).statement
+    statement = certify(path).statement.document
     with open_dataset(path) as dataset:
         own, attrs = dataset.opening.values, dict(dataset.attrs)
     true = true_openings(record, scene)
@@ -111,10 +112,10 @@ def measure(record, scene, base):
         record,
         scene,
         json.dumps(base),
-        float(np.linalg.norm(own - true) / np.linalg.norm(true)),
+        relative_l2(own, true),
         statement["error"]["opening"]["l2"],
         attrs["error_estimate_opening_l2"],
-        float(abs(own.max() - true.max()) / true.max()),
+        opening_peak(own, true),
         statement["error"]["opening"]["peak"],
         statement["defect_for_the_same_forces"]["opening"]["l2"],
         (

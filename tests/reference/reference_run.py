@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from romdam.config import load_config, parse_config
 from romdam.config.sections.job import Config
 from romdam.core.scene import Scene
+from romdam.error.metrics import relative_l2
 from romdam.scene.build import build_scene
 from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.simulate import integrate
@@ -76,4 +77,4 @@ def errors(scene, history):
     found, wanted = history.jump[:1001, gap_order(scene), 0], reference()[2][: len(history.time)]
     assert np.abs(history.time[: len(wanted)] - reference()[0][: len(wanted)]).max() < 1e-9
     peak = found.max() / wanted.max() - 1.0
-    return float(peak), float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
+    return float(peak), relative_l2(found, wanted)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference_run import job, shaking
 
-from romdam.error.replay import start_at
+from romdam.error.estimate import start_at
 from romdam.reduction.synthesis import reduce_scene
 from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.simulate import integrate

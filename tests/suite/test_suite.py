@@ -121,7 +121,7 @@ def test_second_call_makes_nothing_and_reduces_nothing(whole, monkeypatch):
     config, outcome = whole
     before = summary(outcome.path.parent)
     monkeypatch.setattr(synthesis, "_reduce", None)
-    monkeypatch.setattr(pipeline, "_land", None)
+    monkeypatch.setattr(pipeline, "_write_rows", None)
     again = made(config, outcome.path.parent)
     assert again.made == 0 and differing(before, summary(outcome.path.parent)) == []
 
@@ -142,7 +142,7 @@ def test_only_what_is_stale_is_made_again(whole, tmp_path):
 
 def test_interrupted_suite_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch):
     config, outcome = whole
-    real, landed = pipeline._land, []
+    real, landed = pipeline._write_rows, []
 
     def stop(task, found, folder):
         landed.append(real(task, found, folder))
@@ -150,7 +150,7 @@ def test_interrupted_suite_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch
             raise KeyboardInterrupt
         return landed[-1]
 
-    monkeypatch.setattr(pipeline, "_land", stop)
+    monkeypatch.setattr(pipeline, "_write_rows", stop)
     with pytest.raises(KeyboardInterrupt):
         made(config, tmp_path)
     monkeypatch.undo()

@@ -1,4 +1,4 @@
-"""What each setting of modes, corrections, integrator and step costs, and how far off it is."""
+"""The cost and the error of each setting of modes, corrections, integrator and step."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
 from romdam.config.load import Job
-from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
 from romdam.error.comparison import Openings, compare_openings, read_reference
-from romdam.error.study import CaseResult, study_dataset, study_figure, study_table
+from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Stage, silent
@@ -32,7 +30,7 @@ from romdam.results.dataset import write_dataset
 from romdam.scene.build import build_scene
 from romdam.timestepping.options import TransientOptions
 from romdam.timestepping.simulate import integrate
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.step_control import dividing_step, refined_step
 
 MOST_DENSE = 12_000  # free DOFs up to which all modes of the mesh are the reference
 FINER = 16  # the reference's step is this part of the finest one studied
@@ -41,7 +39,7 @@ PARTS = (4, 8, 16, 32)  # of the record's step, the steps that are studied unles
 
 @dataclass(frozen=True)
 class Study:
-    """What was found and where it is: study.nc, study.md and study.png."""
+    """Cost and error of all settings, and the files that hold them: study.nc, study.md and study.png."""
 
     dataset: xr.Dataset
     table: str
@@ -57,11 +55,6 @@ class _Setup:
     motion: GroundMotion
     steps: tuple[float, ...]
     every: float
-
-    @property
-    def position(self) -> Floats:
-        """(ng, 3) of the gaps [m]."""
-        return np.concatenate([joint.position for joint in self.scene.joints.values()])
 
     @property
     def duration(self) -> float:
@@ -124,7 +117,7 @@ def _refuse(job: Job) -> None:
 def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
     """The run that all are compared with: all modes of the mesh at a small step, or full order."""
     wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_dt
-    step = _divide(setup.every, dt or min(setup.steps) / FINER)
+    step = dividing_step(setup.every, dt or min(setup.steps) / FINER)
     unknowns = sum(int((~fixed).sum()) for fixed in setup.scene.fixed.values())
     dense = wanted == "all_modes" or (wanted == "auto" and unknowns <= MOST_DENSE)
     with clock.stage("reference_model", "building the reference"):
@@ -140,25 +133,15 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
     with clock.stage("reference", f"the reference, {ground.shape[1] - 1} steps") as progress:
         history = integrate(system, ground, options, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
-    return Openings(history.time, history.jump[..., 0], setup.position), f"{name} at dt {step:g} s"
-
-
-def _divide(every: float, step: float) -> float:
-    """The largest step up to `step` that divides `every`."""
-    return every / math.ceil(every / step * (1.0 - 1e-9))
-
-
-def _options(setup: _Setup, system: System) -> TransientOptions:
-    return transient_options(setup.job, system, setup.motion)
+    return Openings(history.time, history.jump[..., 0], setup.scene.gap_position), f"{name} at dt {step:g} s"
 
 
 @dataclass(frozen=True)
 class _Case:
-    """One setting: a reduced system and how to integrate it; `modes` as text."""
+    """A setting, the reduced system it is about, and how that is integrated."""
 
+    setting: Setting
     system: System
-    modes: str
-    corrections: int
     options: TransientOptions
 
 
@@ -169,11 +152,14 @@ def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
         with clock.stage("model", f"reducing to {count} modes a block, {corrections} corrections"):
             system = reduce_scene(setup.scene, choice, setup.job.config.damping).system
         for integrator, dt in itertools.product(wanted.integrators, setup.steps):
-            yield _Case(system, f"{count} modes", corrections, _stepped(setup, system, integrator, dt))
+            options = _stepped(setup, system, integrator, dt)
+            finest = options.dt / math.prod(options.cuts)
+            setting = Setting(integrator, finest, f"{count} modes", corrections, system.size)
+            yield _Case(setting, system, options)
 
 
 def _stepped(setup: _Setup, system: System, integrator: str, dt: float) -> TransientOptions:
-    options, step = _options(setup, system), _divide(setup.every, dt)
+    options, step = transient_options(setup.job, system, setup.motion), dividing_step(setup.every, dt)
     if integrator != "adaptive":
         return fixed_step(options, step, setup.every, integrator)
     base, cuts = refined_step(step, setup.motion.dt, setup.every)
@@ -181,46 +167,25 @@ def _stepped(setup: _Setup, system: System, integrator: str, dt: float) -> Trans
 
 
 def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
-    options = case.options
-    finest = options.dt / math.prod(options.cuts)
+    one, options = case.setting, case.options
     ground = ground_at_steps(setup.motion, options.dt, setup.duration)
-    text = f"{options.integrator}, {case.modes}, {case.corrections} corrections, finest step {finest:g} s"
+    text = f"{one.integrator}, {one.modes}, {one.corrections} corrections, finest step {one.finest_step:g} s"
     runs: list[History] = []
     try:
         with clock.stage("case", text) as progress:
             for _ in range(setup.job.config.study.repeats):
                 runs.append(integrate(case.system, ground, options, progress))
     except ConvergenceError as error:
-        failed = (math.nan,) * 5
-        return CaseResult(
-            options.integrator, finest, case.modes, case.corrections, case.system.size, *failed, 0, str(error)
-        )
-    return _result(setup, case, runs, reference)
-
-
-def _result(setup: _Setup, case: _Case, runs: list[History], reference: tuple[Openings, str]) -> CaseResult:
+        return failed_case(one, str(error))
     history = runs[0]
     rows = history.time <= setup.compared * (1.0 + 1e-9)
-    own = Openings(history.time[rows], history.jump[rows, :, 0], setup.position)
-    found = compare_openings(own, reference[0], ("the study", reference[1]))
-    cpu = np.array([run.stats["loop_cpu_seconds"] for run in runs])
-    return CaseResult(
-        integrator=case.options.integrator,
-        finest_step=history.stats["finest_step"],
-        modes=case.modes,
-        corrections=case.corrections,
-        unknowns=case.system.size,
-        peak_opening=found.peak,
-        peak_error=found.peak_error,
-        l2_error=found.l2_error,
-        cpu_seconds=float(np.median(cpu)),
-        cpu_spread=float((cpu.max() - cpu.min()) / np.median(cpu)),
-        steps=int(history.stats["steps"]),
-    )
+    own = Openings(history.time[rows], history.jump[rows, :, 0], setup.scene.gap_position)
+    return case_result(one, runs, compare_openings(own, reference[0], ("the study", reference[1])))
 
 
 def _write(folder: Path, dataset: xr.Dataset) -> Study:
     from romdam.visual.plots import save_figure
+    from romdam.visual.study_plots import study_figure
 
     table = study_table(dataset)
     paths = folder / "study.nc", folder / "study.md"
