@@ -348,7 +348,7 @@ def plot(
     quiet: Quiet = False,
 ) -> None:
     """Draw the figures of a result as PNG and write its table of maxima; fields in 3-D where asked."""
-    from romdam.pipelines.views import Wanted, plot_result
+    from romdam.pipelines.views import PlotOptions, plot_result
     from romdam.terminal import maxima_table
 
     for option, given in (("--frames", frames), ("--window", window)):
@@ -359,7 +359,7 @@ def plot(
             f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
         )
     stages, say = _terminal(quiet, verbose=False)
-    wanted = Wanted(fields, vtu, animation, frames or 40, window)
+    wanted = PlotOptions(fields, vtu, animation, frames or 40, window)
     with romdam.open_result(result) as opened:
         paths = plot_result(opened, out or result.parent, wanted, stages)
         say(maxima_table(opened.dataset), *(f"written: {path}" for path in paths))

@@ -128,7 +128,7 @@ class DaskPool:
                 future.release()
                 hand_out(1)
 
-    def _submit(self, where: Shared, work: bytes) -> Future:
+    def _submit(self, where: Shared, work: bytes) -> Future[Any]:
         sent = _sent("perform(expected, shared, work)", expected=self._expected, shared=where, work=work)
         return self._client.submit(eval, *sent, pure=False)
 
@@ -139,7 +139,7 @@ class DaskPool:
         except (OSError, AttributeError) as error:  # AttributeError: the client has closed itself
             raise WorkerError(f"{self._place}: the scheduler is lost ({_cause(error)}); {_KEPT}") from None
 
-    def _next(self, ready: SimpleQueue[Future]) -> tuple[Future, Any]:
+    def _next(self, ready: SimpleQueue[Future[Any]]) -> tuple[Future[Any], Any]:
         """The next task that is done, and what came of it."""
         seen = time.monotonic()
         while True:
@@ -155,7 +155,7 @@ class DaskPool:
             elif time.monotonic() - seen > _NO_WORKERS:
                 raise WorkerError(f"{self._place}: has had no workers for {_NO_WORKERS:g} s; {_KEPT}")
 
-    def _result(self, future: Future) -> Any:
+    def _result(self, future: Future[Any]) -> Any:
         """What the function has given; or the error that every worker died of which was at it."""
         from distributed import CancelledError
         from distributed.scheduler import KilledWorker

@@ -26,7 +26,7 @@ from romdam.pipelines.run import Clock, settled
 from romdam.pipelines.shaking import check_interval
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
-from romdam.pipelines.suites.tasks import Run, Samples, Study, Task, sample_content
+from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_content
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.formats.tolerant import load_each
 from romdam.results.suite.design import design_dataset, parameter_places
@@ -37,7 +37,7 @@ from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_sum
 from romdam.scene.build import build_scene
 
 LAYOUT = "romdam-suite-2"
-TASK_BYTES = 300e6  # of histories in memory, for the runs that march together
+TASK_BYTES = 300e6  # of histories in memory, for the runs that are integrated together
 MOST_TOGETHER = 32
 _COPIES = 3.0  # of a history while it is made, compared and written
 
@@ -240,7 +240,7 @@ def _model_key(job: Job, scene: Scene) -> str:
     return fingerprint((LAYOUT, romdam.__version__, asked, joints, rest))
 
 
-def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
+def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
     """Key -> row of the runs that are done: nothing they depend on has changed, and what they keep is there.
 
     Results that are kept get the names and labels of this design.
@@ -252,9 +252,9 @@ def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
     """
     known = read_rows(folder / JOURNAL)
     done = {key: known[key] for key in plan.first if key in known}
-    if not study.keeps_results:
+    if not suite.keeps_results:
         return done
-    results, found = KeptResults(study, plan.motions), dict[str, Row]()
+    results, found = KeptResults(suite, plan.motions), dict[str, Row]()
     for key, row in done.items():
         placed = results.placed(plan.first[key], row)
         if placed is None:
@@ -266,12 +266,12 @@ def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
     return found
 
 
-def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
-    """The tasks that are still to be made: runs that march together, the longest first.
+def tasks_of(suite: Suite, plan: Plan, done: dict[str, Row]) -> list[Task]:
+    """The tasks that are still to be made: runs that are integrated together, the longest first.
 
-    Those of one task have one time step and like lengths. Who marches with whom does not change a run's bits.
+    Those of one task have one time step and like lengths. Which run stands beside which changes no bits.
     """
-    motions, most = plan.motions, study.suite.batch or MOST_TOGETHER
+    motions, most = plan.motions, suite.config.batch or MOST_TOGETHER
     groups: list[list[Run]] = []
     room = 0.0
 
@@ -282,9 +282,9 @@ def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
     missing = [run for key, run in plan.first.items() if key not in done]
     for run in sorted(missing, key=order):
         motion = motions[run.record]
-        size = history_bytes(study, motion)
+        size = history_bytes(suite, motion)
         fresh = not groups or motions[groups[-1][0].record].dt != motion.dt
-        if fresh or len(groups[-1]) >= most or (study.suite.batch is None and size > room):
+        if fresh or len(groups[-1]) >= most or (suite.config.batch is None and size > room):
             groups.append([])
             room = TASK_BYTES
         groups[-1].append(run)
@@ -293,9 +293,9 @@ def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
     return [Task(tuple(group), {run.record: motions[run.record] for run in group}) for group in groups]
 
 
-def history_bytes(study: Study, motion: GroundMotion) -> float:
+def history_bytes(suite: Suite, motion: GroundMotion) -> float:
     """Memory of a run while it is made."""
-    return _COPIES * written_rows(study.job, motion) * row_bytes(study)
+    return _COPIES * written_rows(suite.job, motion) * row_bytes(suite)
 
 
 def written_rows(job: Job, motion: GroundMotion) -> int:
@@ -305,8 +305,8 @@ def written_rows(job: Job, motion: GroundMotion) -> int:
     return int(duration / (job.config.outputs.every or transient.dt or motion.dt)) + 1
 
 
-def row_bytes(study: Study) -> float:
+def row_bytes(suite: Suite) -> float:
     """Bytes of one written row of a result: gaps, observed nodes, coordinates."""
-    system = study.model.system
+    system = suite.model.system
     jumps = system.B.shape[0]
     return 8.0 * (3 * jumps + len(system.law) / 8 + 3 * system.observe.shape[0] + system.size + 12)

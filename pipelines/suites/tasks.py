@@ -1,4 +1,4 @@
-"""What the runs of a suite are and what they share.
+"""Runs of a suite, the tasks that make them, and what these share.
 
 A run's content is its record's samples, its factor, the sample's parameters and the model: its `key` names
 its row and its result. Where it stands in the suite (name of the record, numbers of scale and sample) is the
@@ -59,8 +59,8 @@ def sample_content(scene: Scene, varied: Varied) -> str:
 
 
 @dataclass(frozen=True)
-class Study:
-    """What every task of a suite needs.
+class Suite:
+    """A suite as its tasks need it, sent to every worker once.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Study:
     files: dict[str, str]
 
     @property
-    def suite(self) -> SuiteConfig:
+    def config(self) -> SuiteConfig:
         """The `suite:` part of the configuration."""
         assert self.job.config.suite is not None
         return self.job.config.suite
@@ -86,7 +86,7 @@ class Study:
     @property
     def keeps_results(self) -> bool:
         """Whether every run lands as a result file of its own."""
-        return self.suite.keep != "peaks"
+        return self.config.keep != "peaks"
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Task:
-    """Runs that march together, and the motions of their records."""
+    """Runs that are integrated together, and the motions of their records."""
 
     runs: tuple[Run, ...]
     motions: dict[str, GroundMotion]

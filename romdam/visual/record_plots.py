@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from romdam.core.arrays import Floats
 from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import PERIODS
@@ -63,7 +64,7 @@ def write_record_plots(pairs: Iterable[tuple[GroundMotion, GroundMotion | None]]
 
 
 def _histories(panels: Array, motion: GroundMotion, recorded: GroundMotion | None, axis: int) -> None:
-    quantities = (
+    quantities: tuple[tuple[str, Callable[[Floats, float], Floats]], ...] = (
         ("acceleration [m/s²]", lambda acc, dt: acc),
         ("velocity [m/s]", velocity),
         ("displacement [m]", displacement),
