@@ -22,6 +22,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -44,7 +45,7 @@ Row = dict[str, object]
 
 STEPS = (0.01, 0.005, 0.0025, 0.00125, 0.000625, 0.0003125, 0.00015625)
 FULL_STEPS = (0.0025, 0.000625)
-ROUGH = {"friction": 0.6, "shear_stiffness": 8e9}
+ROUGH: dict[str, Any] = {"friction": 0.6, "shear_stiffness": 8e9}
 REDUCED = ("reduced, adaptive", "reduced, modal", "reduced, modal, 60")
 COMPARED = (0.01, 0.004)  # L2 errors at which costs are compared
 RECORD_STEP = 0.01  # [s], and the interval of the rows
@@ -86,7 +87,7 @@ def repeat(repeats: int, system: System, dt: float, seconds: float | None = None
     return row(runs, dt, seconds)
 
 
-def at_finest(dt: float, **options: object) -> dict[str, object]:
+def at_finest(dt: float, **options: object) -> dict[str, Any]:
     """Options of a run whose finest step is dt: the adaptive one starts from the record's or half of it."""
     if options.get("integrator") != "adaptive":
         return {"dt": dt, **options}
