@@ -44,7 +44,7 @@ def certify(
     Parameters
     ----------
     result : a NetCDF file that `romdam run` wrote
-    config : its YAML file; found through the result if not given
+    config : its YAML file; the one that the result names if None
     passes : how often the defect is fed back; the change in the last of several is stated too
     show : told of every stage and its progress
 
@@ -64,11 +64,11 @@ def certify(
         full = assemble_full(model.scene, job.config.damping)
     options = options_at(job, model.system, motion, float(str(run.attributes["dt"])))
     case = _Certified(run, motion, _replayed(job, run, model, fine, full))
-    found = _correct(case, options, passes, clock)
-    statement = certificate(run, found, model.system.law.joints)
+    correction = _correct(case, options, passes, clock)
+    statement = certificate(run, correction, model.system.law.joints)
     cpu = {f"cpu_seconds_{name}": seconds for name, seconds in clock.cpu.items()}
     statement = replace(statement, details={**statement.details, **cpu})
-    return Certified(statement, write_certificate(run.path, statement), found.corrected)
+    return Certified(statement, write_certificate(run.path, statement), correction.corrected)
 
 
 def job_of(run: StoredRun, config: str | Path | None) -> Job:
@@ -138,15 +138,17 @@ def _correct(case: _Certified, options: TransientOptions, passes: int, clock: Cl
     """Feed the full order's defect back into the finer model, `passes` times."""
     run, end = case.run, float(case.run.time[-1])
     ground, fine = ground_at_steps(case.motion, options.dt, end), case.models[2].system
-    found: Correction | None = None
+    correction: Correction | None = None
     for number in range(1, passes + 1):
-        mean = run.mean if found is None else found.corrected.mean_traction
+        mean = run.mean if correction is None else correction.corrected.mean_traction
         forces = replay_forces(run, mean, partial(ground_at_steps, case.motion, duration=end))
         with clock.stage(f"replay_{number}", "replaying the joint forces through the full order") as progress:
             defect = measure_defect(case.models, forces, progress)
         with clock.stage(f"correction_{number}", "correcting the run") as progress:
             corrected = corrected_run(fine, ground, options, defect.jump_fine, progress)
-        first = defect if found is None else found.first
-        found = Correction(first, defect, corrected, run.jump if found is None else found.corrected.jump)
-    assert found is not None
-    return found
+        first = defect if correction is None else correction.first
+        correction = Correction(
+            first, defect, corrected, run.jump if correction is None else correction.corrected.jump
+        )
+    assert correction is not None
+    return correction

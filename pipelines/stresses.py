@@ -33,9 +33,9 @@ def stress_of(
         return history, None
     if history.q is not None:
         source = StressHistory(
-            fields={name: part.fields for name, part in fields.items()},
-            coordinates={name: history.q[:, part.columns] for name, part in fields.items()},
-            offset={name: part.offset for name, part in fields.items()},
+            fields={name: own.fields for name, own in fields.items()},
+            coordinates={name: history.q[:, own.columns] for name, own in fields.items()},
+            offset={name: own.offset for name, own in fields.items()},
         )
     else:
         history, source = _observed(scene, history)

@@ -48,7 +48,7 @@ class Study:
 
 @dataclass(frozen=True)
 class _Setup:
-    """What all cases share; `steps` are those studied, `every` the interval of the compared rows [s]."""
+    """Shared by all cases; `steps` are those studied, `every` the interval of the compared rows [s]."""
 
     job: Job
     scene: Scene
@@ -89,7 +89,7 @@ def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage 
     refuse_lengths(job, [motion])
     tell_doubts(job, [motion])
     scene = build_scene(job.config, job.folder, str(job.path))
-    steps = job.config.study.dt or tuple(motion.dt / part for part in PARTS)
+    steps = job.config.study.dt or tuple(motion.dt / count for count in PARTS)
     setup = _Setup(job, scene, motion, steps, job.config.outputs.every or motion.dt)
     if stored is None:
         stored, name = _reference(setup, clock)
@@ -190,6 +190,6 @@ def _write(folder: Path, dataset: xr.Dataset) -> Study:
     table = study_table(dataset)
     paths = folder / "study.nc", folder / "study.md"
     write_dataset(dataset, paths[0])
-    with replacing(paths[1]) as part:
-        part.write_text(table)
+    with replacing(paths[1]) as unfinished:
+        unfinished.write_text(table)
     return Study(dataset, table, (*paths, save_figure(study_figure(dataset), folder / "study.png")))

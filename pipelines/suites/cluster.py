@@ -1,4 +1,4 @@
-"""Where tasks run: in this process, in worker processes on this machine, or on an existing dask cluster."""
+"""Pools that run tasks: in this process, in worker processes on this machine, on an existing dask cluster."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ class DaskPool:
                 raise WorkerError(f"{self._place}: has had no workers for {_NO_WORKERS:g} s; {_KEPT}")
 
     def _result(self, future: Future[Any]) -> Any:
-        """What the function has given; or the error that every worker died of which was at it."""
+        """The result of the function; or the error that every worker died of which was at it."""
         from distributed import CancelledError
         from distributed.scheduler import KilledWorker
 
@@ -280,7 +280,7 @@ def _client(scheduler: str) -> Client:
 
 
 def _asked(address: str) -> str:
-    """What answers at an address; a `Client` that finds no scheduler would leave its threads behind.
+    """Ask what answers at an address; a `Client` that finds no scheduler would leave its threads behind.
 
     Asked in a thread, as this one may be in the event loop of a notebook.
     """

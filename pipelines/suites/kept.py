@@ -115,7 +115,7 @@ class KeptResults:
             (self._suite.folder / before.kept.file).unlink(missing_ok=True)
 
     def _is_whole(self, kept: Kept) -> bool:
-        """Whether a file's bytes are those that were written; HDF5 is not asked, damage can make it hang."""
+        """True where a file's bytes are as written; HDF5 is not asked, damage can make it hang."""
         path = self._suite.folder / kept.file
         if not path.exists():
             return False

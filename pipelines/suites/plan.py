@@ -69,7 +69,7 @@ class Plan:
 
     @property
     def keeps_results(self) -> bool:
-        """Whether every run lands as a result file of its own."""
+        """True where every run is kept as a result file of its own."""
         return _suite(self.job).keep != "peaks"
 
     @property
@@ -170,7 +170,7 @@ def read_records(job: Job) -> list[SuiteRecord]:
 
 
 def _unusable(job: Job, motion: GroundMotion) -> str:
-    """What of a record would be found when its result is written, or never; empty where nothing would."""
+    """Say why a record cannot be run, before a run would find it; empty where it can."""
     try:
         refuse_lengths(job, [motion])
     except ConfigError as error:

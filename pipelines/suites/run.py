@@ -42,7 +42,7 @@ _ROW = 4e3  # bytes of the objects of a row, beside its numbers
 
 @dataclass(frozen=True)
 class SuiteOptions:
-    """Where a suite computes.
+    """Places where a suite computes and keeps reduced blocks.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class SuiteOptions:
 
 @dataclass(frozen=True)
 class SuiteOutcome:
-    """What a suite has come to.
+    """The outcome of a suite.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ def _write_rows(task: Task, found: list[Row] | Exception, folder: Path) -> list[
 
 
 def _announcement(suite: Suite, plan: Plan, missing: int, folder: Path) -> str:
-    """What is going to be made."""
+    """Announce the runs that are going to be made, and their size."""
     gaps, joints, runs = len(suite.model.system.law), len(suite.model.scene.joints), plan.runs
     row = 8.0 * (8 * joints + 20 + 3 * len(suite.model.scene.probes))
     size, memory = len(runs) * (32.0 * gaps + 3.0 * row), len(runs) * (_ROW + 20.0 * gaps + 2.0 * row)

@@ -24,7 +24,7 @@ from romdam.scene.joints import with_properties
 
 @dataclass(frozen=True)
 class Samples:
-    """What the samples of a suite vary.
+    """Parameters that a suite varies, and their values.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Suite:
     job : the configuration
     model : scene, reduced once for all samples, with the joints of one sample
     samples : what they vary
-    folder : where results that are kept whole land
+    folder : where results that are kept whole are written
     files : what they share: attribute -> file name
     """
 
@@ -85,7 +85,7 @@ class Suite:
 
     @property
     def keeps_results(self) -> bool:
-        """Whether every run lands as a result file of its own."""
+        """True where every run is kept as a result file of its own."""
         return self.config.keep != "peaks"
 
 

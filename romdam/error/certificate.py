@@ -47,7 +47,7 @@ class Correction:
 
     @property
     def changed(self) -> float:
-        """How much the last pass still changed the openings, in L2."""
+        """Change of the openings in the last pass, in L2."""
         return relative_l2(self.before[..., 0], self.corrected.jump[..., 0])
 
 
@@ -87,26 +87,26 @@ def replayed_models(
     return full, replace(reduced, basis=basis), fine
 
 
-def certificate(run: StoredRun, found: Correction, joints: dict[str, slice]) -> ErrorStatement:
+def certificate(run: StoredRun, correction: Correction, joints: dict[str, slice]) -> ErrorStatement:
     """State the error of a run.
 
     Parameters
     ----------
     joints : name -> slice of its gaps
     """
-    corrected, opening = found.corrected, run.jump[..., 0]
+    corrected, opening = correction.corrected, run.jump[..., 0]
     better = corrected.jump[..., 0]
     errors = {
         "opening": opening_error(opening, better, joints),
-        "displacement": magnitude_error(run.disp, corrected.disp + found.last.disp_fine),
+        "displacement": magnitude_error(run.disp, corrected.disp + correction.last.disp_fine),
         "energy": magnitude_error(run.strain, corrected.energy["strain"]),
     }
-    linear = _linear_errors(found.first, run.jump.shape[2])
+    linear = _linear_errors(correction.first, run.jump.shape[2])
     details = {
         "record": run.attributes["record"],
         "result": run.path.name,
         "defect_for_the_same_forces": {name: error.plain for name, error in linear.items()},
-        "last_pass_changed": found.changed,
+        "last_pass_changed": correction.changed,
         "peak_opening": float(opening.max()),
         "peak_opening_corrected": float(better.max()),
         "configuration_sha256": run.attributes["configuration_sha256"],

@@ -85,8 +85,8 @@ def run_window(
         q=finer.embed @ history.q[first],
         v=finer.embed @ history.v[first],
     )
-    part = ground[:, first * options.stride : last * options.stride + 1]
-    return rows, integrate(finer.system, part, replace(options, start=start))
+    shaken = ground[:, first * options.stride : last * options.stride + 1]
+    return rows, integrate(finer.system, shaken, replace(options, start=start))
 
 
 def _window(history: History, intervals: float) -> slice:

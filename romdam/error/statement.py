@@ -52,7 +52,7 @@ _NAMES: dict[Kind, _Names] = {
 
 @dataclass(frozen=True)
 class ErrorStatement:
-    """How far a result is from what it stands for.
+    """Distance of a result from what it stands for.
 
     Attributes
     ----------
@@ -161,8 +161,8 @@ def _attributes(kind: Kind, document: dict[str, object]) -> dict[str, object]:
 
 
 def _write_json(path: Path, document: Mapping[str, object]) -> None:
-    with replacing(path) as part:
-        part.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    with replacing(path) as unfinished:
+        unfinished.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
 def _digest(path: Path) -> str:

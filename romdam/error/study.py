@@ -82,14 +82,14 @@ class Setting:
     unknowns: int
 
 
-def case_result(setting: Setting, runs: Sequence[History], found: Comparison) -> CaseResult:
+def case_result(setting: Setting, runs: Sequence[History], comparison: Comparison) -> CaseResult:
     """Error of a setting, and the CPU time of its repeated runs."""
     stats, cpu = runs[0].stats, [run.stats["loop_cpu_seconds"] for run in runs]
     return CaseResult(
         **asdict(setting) | {"finest_step": stats["finest_step"]},
-        peak_opening=found.peak,
-        peak_error=found.error.peak,
-        l2_error=found.error.l2,
+        peak_opening=comparison.peak,
+        peak_error=comparison.error.peak,
+        l2_error=comparison.error.l2,
         cpu_seconds=median(cpu),
         cpu_spread=(max(cpu) - min(cpu)) / median(cpu),
         steps=int(stats["steps"]),

@@ -15,7 +15,7 @@ from romdam.error.statement import ErrorStatement, percent
 
 REFINEMENT = 4  # the full order steps at the reduced model's finest step / 4, where its own error is about
 # 0.3 of the reduced model's,
-SAMPLE = 16  # but at no less than this part of the record's step, to end in minutes
+SAMPLE = 16  # but at no less than this part of the record's step, so that the longest record ends
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class VerifiedRun:
 
     @property
     def step(self) -> float:
-        """Where contact changes [s]."""
+        """Finest step, taken where contact changes [s]."""
         return self.history.stats["finest_step"]
 
 
@@ -60,21 +60,25 @@ def verification(
         where no joint moved.
     """
     names = ("the reduced model", "the full order")
-    found = compare_openings(reduced.openings, full.openings, names, joints)
-    details = found.plain | _stress(reduced, full) | _cost(reduced, full) | dict(about)
-    details["joints"] = _joint_peaks(found, reduced, full, joints)
+    comparison = compare_openings(reduced.openings, full.openings, names, joints)
+    details = comparison.plain | _stress(reduced, full) | _cost(reduced, full) | dict(about)
+    details["joints"] = _joint_peaks(comparison, reduced, full, joints)
     sentence = (
-        f"Against the unreduced mesh (generalised-alpha, dt {full.step:g} s), {found.seconds:g} s of "
-        f"{about['record']}: peak opening differs by {percent(found.error.peak)}, "
-        f"all openings by {percent(found.error.l2)} in L2."
+        f"Against the unreduced mesh (generalised-alpha, dt {full.step:g} s), {comparison.seconds:g} s of "
+        f"{about['record']}: peak opening differs by {percent(comparison.error.peak)}, "
+        f"all openings by {percent(comparison.error.l2)} in L2."
     )
-    return ErrorStatement("verification", sentence, {"opening": found.error}, details)
+    return ErrorStatement("verification", sentence, {"opening": comparison.error}, details)
 
 
 def against_reference(
     reduced: VerifiedRun, full: VerifiedRun, stored: Openings, name: str
 ) -> dict[str, object]:
-    """How far both runs are from a stored one that has a name for messages.
+    """Compare both runs with a stored one.
+
+    Parameters
+    ----------
+    stored, name : the openings of that run, and what messages call it
 
     Raises
     ------
@@ -88,21 +92,21 @@ def against_reference(
 
 
 def _joint_peaks(
-    found: Comparison, reduced: VerifiedRun, full: VerifiedRun, joints: Mapping[str, slice]
+    comparison: Comparison, reduced: VerifiedRun, full: VerifiedRun, joints: Mapping[str, slice]
 ) -> dict[str, dict[str, float]]:
     """Joint -> its peak opening in both runs [m], and the relative error."""
     return {
         name: {
             "peak": float(reduced.openings.opening[:, gaps].max()),
             "peak_full": float(full.openings.opening[:, gaps].max()),
-            "peak_error": found.error.joints[name].peak,
+            "peak_error": comparison.error.joints[name].peak,
         }
         for name, gaps in joints.items()
     }
 
 
 def _stress(reduced: VerifiedRun, full: VerifiedRun) -> dict[str, object]:
-    """How far the envelopes of the major principal stress are apart; empty where no stress is asked for."""
+    """Difference of the envelopes of the major principal stress; empty where no stress is asked for."""
     if reduced.stress is None or full.stress is None:
         return {}
     peak, peak_full = float(reduced.stress.max()), float(full.stress.max())

@@ -1,8 +1,5 @@
-"""The error measures, on numbers worked by hand, and where the statement lands."""
+"""Two runs side by side, on numbers worked by hand."""
 
-import json
-
-import h5py
 import numpy as np
 import pytest
 
@@ -12,9 +9,7 @@ from romdam.error.comparison import (
     compare_openings,
     read_reference,
 )
-from romdam.error.metrics import RelativeError, opening_peak
-from romdam.error.statement import ErrorStatement, read_verification, write_verification
-from romdam.results.dataset import build_dataset, write_dataset
+from romdam.error.metrics import opening_peak
 
 POSITION = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]])
 TIME = np.arange(5) * 0.1
@@ -72,22 +67,3 @@ def test_reference_with_positions_of_its_own_or_beside_it(tmp_path):
         read_reference(tmp_path / "bare.npz")
     np.savez(tmp_path / "model.npz", points=POSITION[::-1], pairs=np.array([[2, 0], [1, 0], [0, 0]]))
     np.testing.assert_array_equal(read_reference(tmp_path / "bare.npz").position, POSITION)
-
-
-def test_statement_lands_in_results_of_the_same_configuration_only(case, job, timing, tmp_path):
-    write_dataset(build_dataset(case, job, timing, None), tmp_path / "same.nc")
-    other = build_dataset(case, job, timing, None)
-    other.attrs["configuration_sha256"] = "other"
-    write_dataset(other, tmp_path / "other.nc")
-    about = {"configuration_sha256": job.digest, "l2_error": 0.001}
-    errors = {"opening": RelativeError(0.001, 0.002)}
-    write_verification(tmp_path, ErrorStatement("verification", "0.1 % off", errors, about))
-    with h5py.File(tmp_path / "same.nc") as file:
-        assert file.attrs["error_statement"] == "0.1 % off"
-        stated = json.loads(file.attrs["verification"])
-        assert stated["l2_error"] == stated["error"]["opening"]["l2"] == 0.001
-        assert file.attrs["verification_opening_peak"] == 0.002
-    with h5py.File(tmp_path / "other.nc") as file:
-        assert "error_statement" not in file.attrs
-    assert read_verification(tmp_path, job.digest)["error_statement"] == "0.1 % off"
-    assert read_verification(tmp_path, "other") == {}
