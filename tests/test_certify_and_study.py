@@ -45,6 +45,8 @@ def test_every_run_states_an_estimate(folder):
     with xr.open_dataset(folder / "out" / "pulse.nc", engine="h5netcdf") as dataset:
         assert dataset.attrs["error_estimate"].startswith("Leaving out modes changes the openings by about")
         assert 0.0 < dataset.attrs["error_estimate_opening_l2"] < 0.5
+        assert dataset.estimated_error_l2.values == [dataset.attrs["error_estimate_opening_l2"]]  # one joint
+        assert dataset.estimated_error_peak.dims == ("joint",)
 
 
 def test_estimate_can_be_left_out_and_is_absent_where_it_means_nothing(folder, tmp_path):

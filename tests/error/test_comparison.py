@@ -10,6 +10,7 @@ from romdam.error.comparison import (
     read_reference,
 )
 from romdam.error.metrics import opening_peak
+from romdam.error.verification import VerifiedRun, against_reference
 
 POSITION = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]])
 TIME = np.arange(5) * 0.1
@@ -67,3 +68,16 @@ def test_reference_with_positions_of_its_own_or_beside_it(tmp_path):
         read_reference(tmp_path / "bare.npz")
     np.savez(tmp_path / "model.npz", points=POSITION[::-1], pairs=np.array([[2, 0], [1, 0], [0, 0]]))
     np.testing.assert_array_equal(read_reference(tmp_path / "bare.npz").position, POSITION)
+
+
+def test_both_runs_are_compared_with_a_stored_one():
+    stored = openings(np.array([[0.0, 0.0, 0.0]] * 4 + [[3.0, 0.0, 4.0]]))
+    reduced, full = (
+        VerifiedRun(history=None, openings=openings(factor * stored.opening), stress=None)
+        for factor in (1.2, 1.1)
+    )
+    found = against_reference(reduced, full, stored, "stored.npz")
+    assert found["reduced_against_reference"] == pytest.approx(
+        {"peak": 4.8, "peak_reference": 4.0, "peak_error": 0.2, "l2_error": 0.2, "seconds": 0.4}
+    )
+    assert found["full_against_reference"]["l2_error"] == pytest.approx(0.1)
