@@ -47,7 +47,7 @@ docs: $(VENV)/.installed-dev
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy romdam
+	$(BIN)/mypy romdam $$(find tests -name '*.py' ! -name 'test_*' ! -name conftest.py ! -name __init__.py)
 
 clean:
 	rm -rf $(VENV) $(OUT) build dist docs/_build docs/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

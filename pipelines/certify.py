@@ -5,25 +5,17 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-
-import numpy as np
 
 import romdam
 from romdam.config.load import Job, load_config, parse_config
-from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ResultError, shown
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
-from romdam.error.comparison import peak_error
-from romdam.error.replay import (
-    Defect,
-    Forces,
-    Replayed,
-    corrected_run,
-    measure_defect,
-    replay_start,
-)
+from romdam.error.certificate import Correction, certificate, replay_forces, replayed_models
+from romdam.error.replay import Replayed, corrected_run, measure_defect
+from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
@@ -31,40 +23,29 @@ from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.records.record_set import load_motions
 from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
-from romdam.results.certificate import (
-    FOLDER,
-    Figures,
-    StoredRun,
-    as_plain,
-    figures,
-    read_run,
-    write_certificate,
-)
+from romdam.results.stored_run import FOLDER, StoredRun, read_run
+from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
-
-REPLAY_STEP = (
-    0.0025  # [s] longest step of the replay; at twice it the main job's defect doubles, the error stays
-)
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """What was found: `statement` as written to `path`, and the corrected run."""
+class Certified:
+    """The error of a result: `statement` as written to `path`, and the corrected run."""
 
-    statement: dict[str, object]
+    statement: ErrorStatement
     path: Path
     corrected: History
 
 
 def certify(
     result: str | Path, config: str | Path | None = None, passes: int = 1, show: Stage = silent
-) -> Certificate:
+) -> Certified:
     """State the reduction error of a result.
 
     Parameters
     ----------
     result : a NetCDF file that `romdam run` wrote
-    config : its YAML file; found through the result if not given
+    config : its YAML file; the one that the result names if None
     passes : how often the defect is fed back; the change in the last of several is stated too
     show : told of every stage and its progress
 
@@ -77,18 +58,18 @@ def certify(
     job, clock = job_of(run, config), Clock(show)
     motion = _motion(job, run)
     model = build_model(job, clock)
-    assert model.reduced is not None
-    _check_same(run, model)
+    run.refuse_other(model.scene.gap_position, model.system.size)
     with clock.stage("finer", "reducing a finer model"):
         fine = reduce_scene(model.scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling the full model"):
         full = assemble_full(model.scene, job.config.damping)
     settings = settings_for(job, model.prepared, motion, float(str(run.attributes["solver_finest_step"])))
-    ground = ground_at_steps(motion, settings.steps.base, float(run.time[-1]))
-    case = _Case(job, model, fine, full, motion)
-    found = _correct(case, run, (ground, settings), passes, clock)
-    statement = _statement(run, found) | {f"cpu_seconds_{name}": s for name, s in clock.cpu.items()}
-    return Certificate(statement, write_certificate(run.path, statement), found.corrected)
+    case = _Certified(run, motion, _replayed(job, run, model, fine, full), prepare(job, fine.system))
+    correction = _correct(case, settings, passes, clock)
+    statement = certificate(run, correction, model.system.law.joints)
+    cpu = {f"cpu_seconds_{name}": seconds for name, seconds in clock.cpu.items()}
+    statement = replace(statement, details={**statement.details, **cpu})
+    return Certified(statement, write_certificate(run.path, statement), correction.corrected)
 
 
 def job_of(run: StoredRun, config: str | Path | None) -> Job:
@@ -97,7 +78,7 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     Raises
     ------
     ConfigError
-        where the given configuration is another one.
+        where the named configuration is another one.
     """
     stored = parse_config(json.loads(str(run.attributes["configuration"])), f"{run.path}: configuration")
     folder = run.path.parent / str(run.attributes.get(FOLDER, "."))
@@ -112,159 +93,67 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
         )
     if config is None:
         return job
-    given = load_config(config)
-    if given.digest != job.digest:
+    named = load_config(config)
+    if named.digest != job.digest:
         raise ConfigError(
-            f"{config}: is not the configuration that {run.path} was made with (SHA-256 {given.digest[:12]}, "
+            f"{config}: is not the configuration that {run.path} was made with (SHA-256 {named.digest[:12]}, "
             f"there {job.digest[:12]}); give that one, or run this one again"
         )
-    return given
+    return named
 
 
 def _motion(job: Job, run: StoredRun) -> GroundMotion:
     name = run.attributes["record"]
     for motion in load_motions(job.config.records, job.folder):
         if motion.name == name:
-            peak, stored = (
-                float(np.abs(motion.acc).max()),
-                float(str(run.attributes["record_peak_acceleration"])),
-            )
-            if not math.isclose(peak, stored, rel_tol=1e-9):
+            stored = float(str(run.attributes["record_peak_acceleration"]))
+            if not math.isclose(motion.peak, stored, rel_tol=1e-9):
                 raise ResultError(
                     f"{run.path}: was made with another record {name!r} (peak {stored:.6g} m/s2, now "
-                    f"{peak:.6g} m/s2); run the configuration again"
+                    f"{motion.peak:.6g} m/s2); run the configuration again"
                 )
             return motion
     raise ResultError(f"{run.path}: its record {name!r} is not among those of {job.path}")
 
 
-def _check_same(run: StoredRun, model: Model) -> None:
-    position = np.concatenate([joint.position for joint in model.scene.joints.values()])
-    same = run.q.shape[1] == model.system.size and run.position.shape == position.shape
-    if not (same and np.allclose(run.position, position, atol=1e-9)):
-        raise ResultError(
-            f"{run.path}: its {len(run.position)} gaps and {run.q.shape[1]} reduced coordinates are not the "
-            f"{len(position)} and {model.system.size} of the scene as it is now; run it again"
-        )
-
-
 @dataclass(frozen=True)
-class _Case:
-    """The models of one certificate."""
+class _Certified:
+    """A run, its ground motion, the models that it is replayed through, and the one it is corrected in.
 
-    job: Job
-    model: Model
-    fine: ReducedModel
-    full: System
+    The models are the full, the reduced and the finer one; `finer` is the last, ready to be integrated.
+    """
+
+    run: StoredRun
     motion: GroundMotion
+    models: tuple[Replayed, Replayed, Replayed]
+    finer: Prepared
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Defect of the run's own forces, corrected histories, and what the last pass still changed."""
+def _replayed(
+    job: Job, run: StoredRun, model: Model, fine: ReducedModel, full: System
+) -> tuple[Replayed, Replayed, Replayed]:
+    assert model.reduced is not None
+    basis = basis_over_unknowns(model.scene, model.reduced.basis, model.system.size)
+    embed = embedding(model.scene, model.reduced, fine)
+    static = job.config.loads.initial_state == "static"
+    return replayed_models(run, (full, model.system, fine.system), basis, embed, static)
 
-    defect: Defect
-    corrected: History
-    jump: Floats
-    disp: Floats
-    changed: float
 
-
-def _correct(
-    case: _Case, run: StoredRun, shaking: tuple[Floats, Settings], passes: int, clock: Clock
-) -> _Found:
-    """Feed the full order's defect back into the finer model."""
-    (ground, settings), fine = shaking, prepare(case.job, case.fine.system)
-    mean, first, jump, changed = run.mean, None, run.jump, math.nan
+def _correct(case: _Certified, settings: Settings, passes: int, clock: Clock) -> Correction:
+    """Feed the full order's defect back into the finer model, `passes` times."""
+    run, end = case.run, float(case.run.time[-1])
+    ground = ground_at_steps(case.motion, settings.steps.base, end)
+    correction: Correction | None = None
     for number in range(1, passes + 1):
+        mean = run.mean if correction is None else correction.corrected.mean_traction
+        forces = replay_forces(run, mean, partial(ground_at_steps, case.motion, duration=end))
         with clock.stage(f"replay_{number}", "replaying the joint forces through the full order") as progress:
-            defect = measure_defect(_replayed(case, run), _forces(case, run, mean), progress)
+            defect = measure_defect(case.models, forces, progress)
         with clock.stage(f"correction_{number}", "correcting the run") as progress:
-            corrected = corrected_run(fine, ground, settings, defect.jump_fine, progress)
-        first = first or defect
-        changed = figures(jump[..., 0], corrected.jump[..., 0]).l2
-        jump, mean = corrected.jump, corrected.mean_traction
-    return _Found(first, corrected, jump, corrected.disp + defect.disp_fine, changed)  # type: ignore[arg-type]
-
-
-def _forces(case: _Case, run: StoredRun, mean: Floats) -> Forces:
-    interval = float(run.time[1] - run.time[0])
-    substeps = math.ceil(interval / REPLAY_STEP * (1.0 - 1e-9))
-    ground = ground_at_steps(case.motion, interval / substeps, float(run.time[-1]))
-    return Forces(ground, mean.reshape(len(mean), -1), interval, substeps)
-
-
-def _replayed(case: _Case, run: StoredRun) -> tuple[Replayed, Replayed, Replayed]:
-    assert case.model.reduced is not None
-    coarse, scene = case.model.reduced, case.model.scene
-    basis = basis_over_unknowns(scene, coarse.basis, coarse.system.size)
-    into = embedding(scene, coarse, case.fine)
-    static = case.job.config.loads.initial_state == "static"
-    q, force = run.q[0], run.traction[0].ravel()
-    guesses = (basis @ q, q, into @ q)
-    systems = (case.full, coarse.system, case.fine.system)
-    starts = [replay_start(s, g, force, static) for s, g in zip(systems, guesses, strict=True)]
-    full, reduced, fine = (Replayed(s, u) for s, u in zip(systems, starts, strict=True))
-    return full, replace(reduced, basis=basis), fine
-
-
-def _statement(run: StoredRun, found: _Found) -> dict[str, object]:
-    defect, corrected = found.defect, found.corrected
-    linear = {
-        "opening": _difference(defect.jump_full[:, _normals(run)], defect.jump[:, _normals(run)]),
-        "displacement": _difference(defect.disp_full, defect.disp),
-        "energy": _energy(defect),
-    }
-    error = {
-        "opening": figures(run.jump[..., 0], found.jump[..., 0]),
-        "displacement": figures(run.disp, found.disp),
-        "energy": figures(run.strain, corrected.energy["strain"]),
-    }
-    opening = run.jump[..., 0].max(), found.jump[..., 0].max()
-    error["opening"] = replace(error["opening"], peak=peak_error(run.jump[..., 0], found.jump[..., 0]))
-    return {
-        "statement": _sentence(run, error, linear),
-        "record": run.attributes["record"],
-        "result": run.path.name,
-        "error": as_plain(error),
-        "defect_for_the_same_forces": as_plain(linear),
-        "last_pass_changed": found.changed,
-        "peak_opening": float(opening[0]),
-        "peak_opening_corrected": float(opening[1]),
-        "configuration_sha256": run.attributes["configuration_sha256"],
-    }
-
-
-def _normals(run: StoredRun) -> slice:
-    return slice(None, None, run.jump.shape[2])
-
-
-def _difference(full: Floats, defect: Floats) -> Figures:
-    return figures(full - defect, full)
-
-
-def _energy(defect: Defect) -> Figures:
-    """Strain-energy norm of the difference relative to that of the full-order motion."""
-    whole = float(np.sqrt(defect.energy_full.sum()))
-    peak = float(np.sqrt(defect.energy_full.max(initial=0.0)))
-    if whole == 0.0:
-        return Figures(0.0, 0.0)
-    return Figures(
-        float(np.sqrt(defect.energy.sum())) / whole, float(np.sqrt(defect.energy.max(initial=0.0))) / peak
-    )
-
-
-def _sentence(run: StoredRun, error: dict[str, Figures], linear: dict[str, Figures]) -> str:
-    undamped = " Without damping histories part in time; the peak is what counts."
-    parting = undamped if run.attributes.get("integrator") == "conserving" else ""
-    return (
-        f"Certificate, {run.time[-1]:g} s of {run.attributes['record']}: leaving out modes changes "
-        f"the openings by {_percent(error['opening'].l2)} in L2 and {_percent(error['opening'].peak)} at "
-        f"the peak, displacements by {_percent(error['displacement'].l2)}, strain energy by "
-        f"{_percent(error['energy'].l2)}; for the same joint forces the openings differ by "
-        f"{_percent(linear['opening'].l2)}. The step's own error is not in it.{parting}"
-    )
-
-
-def _percent(value: float) -> str:
-    return f"{100.0 * value:.2g} %"
+            corrected = corrected_run(case.finer, ground, settings, defect.jump_fine, progress)
+        first = defect if correction is None else correction.first
+        correction = Correction(
+            first, defect, corrected, run.jump if correction is None else correction.corrected.jump
+        )
+    assert correction is not None
+    return correction

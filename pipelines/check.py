@@ -1,4 +1,4 @@
-"""What a job would compute and cost, without integrating anything."""
+"""The size and cost of a job, without integrating anything."""
 
 from __future__ import annotations
 
@@ -84,14 +84,14 @@ def _steps(motion: GroundMotion, steps: Steps, duration: float | None) -> int:
 
 def _block(model: Model, name: str) -> dict[str, object]:
     block = model.scene.blocks[name]
-    found: dict[str, object] = {
+    numbers: dict[str, object] = {
         "element": block.element,
         "nodes": len(block.points),
         "cells": len(block.cells),
         "free_dofs": int((~model.scene.fixed[name]).sum()),
     }
     report = model.reduced.report.get(name) if model.reduced else None
-    return found | (dict(report) if isinstance(report, dict) else {})
+    return numbers | (dict(report) if isinstance(report, dict) else {})
 
 
 def _joints(scene: Scene) -> dict[str, dict[str, object]]:
@@ -107,8 +107,7 @@ def _joints(scene: Scene) -> dict[str, dict[str, object]]:
 
 
 def _record(motion: GroundMotion, steps: int) -> dict[str, object]:
-    peak = float(abs(motion.acc).max())
-    return {"dt": motion.dt, "duration": motion.duration, "peak_acceleration": peak, "steps": steps}
+    return {"dt": motion.dt, "duration": motion.duration, "peak_acceleration": motion.peak, "steps": steps}
 
 
 def _seconds_per_step(model: Model) -> float:
@@ -135,6 +134,6 @@ def _row_bytes(model: Model) -> float:
 def _memory(model: Model, steps: int, stride: int) -> float:
     """The longest run, basis, operators, and the libraries."""
     libraries = 250e6
-    basis = sum(part.vectors.nbytes for part in model.reduced.basis.values()) if model.reduced else 0
+    basis = sum(own.vectors.nbytes for own in model.reduced.basis.values()) if model.reduced else 0
     operators = 8.0 * (model.system.B.nnz * 2 + float(model.system.B.shape[0]) ** 2 * 2)
     return libraries + run_bytes(model.system, steps, steps / stride + 1) + 2.0 * basis + operators

@@ -1,19 +1,17 @@
-"""What a careful reader would ask about a job, from its keys and its records; told, not refused."""
+"""Questions that a careful reader has about a job, from its keys and its records; told, not refused."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.core.motion import GroundMotion
+from romdam.records.measures import content_frequency
 
 _CONTENT = 0.9  # of the power of the acceleration lies below the frequency that the step is judged by
 _STEPS = 20.0  # of a period, for a step that follows it
-
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +33,7 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
     transient = job.config.transient
     dt, seconds = transient.finest_step, transient.duration
     if dt is not None:
-        content = _highest(motion)
+        content = content_frequency(motion.acc, motion.dt, _CONTENT)
         if dt > motion.dt * (1.0 + 1e-9):
             yield (
                 f"transient.finest_step of {dt:g} s is longer than the record's {motion.dt:g} s, "
@@ -50,13 +48,3 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
         yield f"transient.duration cuts the record at {seconds:g} s, it has {motion.duration:g} s"
     elif seconds is not None and seconds > 2.0 * motion.duration:
         yield f"transient.duration of {seconds:g} s goes on long after the record, {motion.duration:g} s"
-
-
-def _highest(motion: GroundMotion) -> float:
-    """Frequency below which most of the power of the acceleration lies [Hz]."""
-    power = (np.abs(np.fft.rfft(motion.acc, axis=1)) ** 2).sum(axis=0)
-    share = np.cumsum(power[1:])
-    if not share.size or share[-1] <= 0.0:
-        return 1.0 / motion.duration
-    place = int(np.searchsorted(share, _CONTENT * share[-1])) + 1
-    return place / (motion.acc.shape[1] * motion.dt)

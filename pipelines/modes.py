@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.pipelines.estimate import estimate_error, finer_model
+from romdam.pipelines.estimate import estimate_run, finer_model
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.synthesis import reduce_scene
 
@@ -42,7 +40,7 @@ def settle_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
     accuracy = job.config.transient.accuracy
     assert accuracy is not None  # the configuration asks for it
     free = min(int((~fixed).sum()) for fixed in scene.fixed.values())
-    motion = max(motions, key=lambda m: float(np.abs(m.acc).max()))
+    motion = max(motions, key=lambda m: m.peak)
     count = FIRST
     while count < free / 2:
         trial = with_modes(job, count)
@@ -55,7 +53,7 @@ def settle_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
             )
         prepared = prepare(trial, reduced.system)
         history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
-        if estimate_error(trial, finer, motion, history).opening.l2 <= accuracy:
+        if estimate_run(trial, finer, motion, history).errors["opening"].l2 <= accuracy:
             return trial
         count = math.ceil(GROWTH * count)
     return with_modes(job, "all")

@@ -29,8 +29,8 @@ _BESIDE = {"outputs", "suite", "pipeline", "title", "study"}  # what changes nei
 
 
 @dataclass(frozen=True)
-class Options:
-    """Choices of what a report is about.
+class ReportOptions:
+    """The subject of a report.
 
     Attributes
     ----------
@@ -45,14 +45,14 @@ class Options:
 
 
 def report(
-    folder: str | Path, options: Options | None = None, job: Job | None = None, show: Stage = silent
+    folder: str | Path, options: ReportOptions | None = None, job: Job | None = None, show: Stage = silent
 ) -> Path:
     """Write `report.html` beside the summary of a suite.
 
     Parameters
     ----------
     folder : that the suite was written to
-    options : what the report is to be about
+    options : its subject
     job : the suite's configuration, for the records' spectra and a picture of the scene; without it those
         that an earlier report left in the folder are shown, if there are any
     show : told of every stage
@@ -63,7 +63,7 @@ def report(
         where the folder holds no summary, for names that the suite does not have, thresholds that are no
         quantity, a configuration that is not the suite's, and where the folder refuses a file.
     """
-    folder, options, clock = Path(folder), options or Options(), Clock(show)
+    folder, options, clock = Path(folder), options or ReportOptions(), Clock(show)
     with _open_summary(folder) as summary:
         topic = _topic(summary, options, folder)
         if job is not None:
@@ -84,7 +84,7 @@ def _open_summary(folder: Path) -> xr.Dataset:
     return open_summary(folder)
 
 
-def _topic(summary: xr.Dataset, options: Options, folder: Path) -> Topic:
+def _topic(summary: xr.Dataset, options: ReportOptions, folder: Path) -> Topic:
     """The options in SI, and the command that asks for them again."""
     command = ["romdam", "report", folder.name]
     if options.response:

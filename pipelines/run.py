@@ -18,21 +18,23 @@ from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
-from romdam.error.comparison import read_statement
+from romdam.error.estimate import FinerModel
+from romdam.error.statement import read_verification
+from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
-from romdam.pipelines.estimate import Finer, estimate_error, finer_model
+from romdam.pipelines.estimate import estimate_run, finer_model
 from romdam.pipelines.modes import settle_modes
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
-from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
+from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.postprocess.concerns import concerns
 from romdam.records.record_set import check_names, load_records
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
-from romdam.results.certificate import FOLDER
 from romdam.results.dataset import Timing, build_dataset, write_dataset
 from romdam.results.fields import write_model
+from romdam.results.stored_run import FOLDER
 from romdam.results.stress.file import StressFields, write_stress
 from romdam.results.variables import Case
 from romdam.scene.build import build_scene
@@ -70,7 +72,7 @@ class Model:
     scene: Scene
     prepared: Prepared
     reduced: ReducedModel | None
-    finer: Finer | None = None
+    finer: FinerModel | None = None
     stress: dict[str, StressFields] = field(default_factory=dict)
 
     @property
@@ -208,10 +210,10 @@ def run_motion(
     folder, files = target
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
-    stated: dict[str, object] = {}
+    estimate = None
     if model.finer is not None:
         with clock.stage("estimate", "estimating the error"):
-            stated = estimate_error(job, model.finer, motion, history).attributes
+            estimate = estimate_run(job, model.finer, motion, history)
     with clock.stage("stress", "summing up the stress"):
         history, stress = stress_of(model.scene, model.stress, history)
     with clock.stage("output", "writing the result"):
@@ -221,7 +223,9 @@ def run_motion(
         )
         dataset.attrs.update(files)
         path = folder / f"{motion.name}.nc"
-        dataset.attrs.update(read_statement(folder, job.digest) | stated)
+        dataset.attrs.update(read_verification(folder, job.digest))
+        if estimate is not None:
+            estimate.write_to(dataset)
         dataset.attrs[FOLDER] = os.path.relpath(job.folder, folder)
         write_dataset(dataset, path)
     for concern in concerns(history.stats):

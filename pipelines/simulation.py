@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-import numpy as np
-
 from romdam.config.load import Job
 from romdam.core.arrays import Floats
 from romdam.core.errors import placed
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
-from romdam.records.processing.resampling import resample_motion
+from romdam.records.processing.resampling import cut_or_extended, resample_motion
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
 from romdam.timestepping.prepared import Prepared
@@ -158,5 +156,4 @@ def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> 
     acc = resample_motion(motion, dt)
     if duration is None:
         return acc
-    samples = round(duration / dt) + 1
-    return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))
+    return cut_or_extended(acc, round(duration / dt) + 1)

@@ -1,4 +1,4 @@
-"""How large a run is, told before it is made; what nobody can have meant is refused."""
+"""Sizes of a run before it is made; what nobody can have meant is refused."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.system import System
 from romdam.linalg.solvers import Solving
 
-MOST_STEPS = 10**8  # of a run: 300 s at 3 us, and a quarter of an hour at the quickest
+MOST_STEPS = 10**8  # of a run: a record of 300 s in steps of 3 us
 _STEP = 120.0  # bytes while a record is resampled: its three components, times, places and weights
 _SLACK = 1.0 + 1e-9
 

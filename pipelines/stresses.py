@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-from scipy.sparse import csr_matrix, vstack
-
 from romdam.core.scene import Scene
-from romdam.core.system import History, System
-from romdam.fem.stress import modal_stress, observed_stress
+from romdam.core.system import History
+from romdam.fem.stress import modal_stress
 from romdam.postprocess.stress import StressHistory, StressSummary, summarise
 from romdam.reduction.storage.staging import initial_stress
 from romdam.reduction.synthesis import ReducedModel
@@ -28,13 +25,6 @@ def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, Stres
     }
 
 
-def observing_stress(scene: Scene, system: System) -> System:
-    """A full-order system with the stress nodes' stress among what is observed."""
-    if scene.stress is None:
-        return system
-    return replace(system, observe=csr_matrix(vstack([system.observe, observed_stress(scene)])))
-
-
 def stress_of(
     scene: Scene, fields: Mapping[str, StressFields], history: History
 ) -> tuple[History, StressSummary | None]:
@@ -43,9 +33,9 @@ def stress_of(
         return history, None
     if history.q is not None:
         source = StressHistory(
-            fields={name: part.fields for name, part in fields.items()},
-            coordinates={name: history.q[:, part.columns] for name, part in fields.items()},
-            offset={name: part.offset for name, part in fields.items()},
+            fields={name: own.fields for name, own in fields.items()},
+            coordinates={name: history.q[:, own.columns] for name, own in fields.items()},
+            offset={name: own.offset for name, own in fields.items()},
         )
     else:
         history, source = _observed(scene, history)
@@ -54,8 +44,7 @@ def stress_of(
 
 def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:
     assert scene.stress is not None
-    probes, counts = 3 * len(scene.probes), [6 * len(s.nodes) for s in scene.stress.blocks.values()]
-    parts = np.split(history.disp[:, probes:], np.cumsum(counts)[:-1], axis=1)
-    stress = dict(zip(scene.stress.blocks, parts, strict=True))
+    probes, nodes = 3 * len(scene.probes), {name: len(s.nodes) for name, s in scene.stress.blocks.items()}
+    stress = StressHistory.observed(history.disp[:, probes:], nodes, initial_stress(scene))
     motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
-    return replace(history, **motion), StressHistory({}, stress, initial_stress(scene))
+    return replace(history, **motion), stress

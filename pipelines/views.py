@@ -13,8 +13,8 @@ from romdam.scene.build import build_scene
 
 
 @dataclass(frozen=True)
-class Pictures:
-    """Choices of what is drawn of a result besides the figures, and the frames of series.
+class PlotOptions:
+    """Drawings of a result besides its figures, and the frames of series.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ def show_scene(job: Job, out: str | Path, show: Stage = silent) -> Path:
         return draw_scene(scene, folder / f"{job.path.stem}-scene.png", job.config.title or job.path.stem)
 
 
-def plot_result(result: Result, out: str | Path, pictures: Pictures, show: Stage = silent) -> list[Path]:
+def plot_result(result: Result, out: str | Path, pictures: PlotOptions, show: Stage = silent) -> list[Path]:
     """Draw a result: its figures, and what else is asked for, into `out`.
 
     Raises

@@ -219,9 +219,11 @@ def _time_error(attrs: Mapping[str, object]) -> str:
 
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """Describe a result: its kind, its making, and its known error."""
+    from romdam.error.statement import sentences
+
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
-    cpu = float(attrs.get("solver_loop_cpu_seconds", float("nan")))
+    cpu, stated = float(attrs.get("solver_loop_cpu_seconds", float("nan"))), sentences(attrs)
     return [
         str(attrs["title"]),
         f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, "
@@ -234,8 +236,8 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"{cpu:.3g} s CPU in the time loop",
         f"time stepping  {_time_error(attrs)}",
         f"written        {attrs['date_created']} by {attrs['source']}",
-        f"error          {attrs.get('error_statement', _NOT_STATED)}",
-        *(str(attrs[key]) for key in ("certificate_statement", "error_estimate") if key in attrs),
+        f"error          {stated.pop('verification', _NOT_STATED)}",
+        *stated.values(),
         *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),
     ]
 

@@ -35,7 +35,8 @@ def simulated(
     **options: Any,
 ) -> History:
     """One history; `options` are the integrator's own, and those of `Settings`."""
-    names = {field.name for field in fields(integrator_class(integrator))}
+    chosen: Any = integrator_class(integrator)  # a frozen dataclass
+    names = {field.name for field in fields(chosen)}
     own = {name: value for name, value in options.items() if name in names}
     others = {name: value for name, value in options.items() if name not in names}
     settings = Settings(steps_for(integrator, dt, stride, cuts), **others)

@@ -11,6 +11,7 @@ from test_cli import SMALL, call
 
 from romdam.config import load_config
 from romdam.core.errors import ConvergenceError
+from romdam.error.metrics import relative_l2
 from romdam.error.study import pareto_front, study_table
 
 
@@ -44,6 +45,8 @@ def test_every_run_states_an_estimate(folder):
     with xr.open_dataset(folder / "out" / "pulse.nc", engine="h5netcdf") as dataset:
         assert dataset.attrs["error_estimate"].startswith("Leaving out modes changes the openings by about")
         assert 0.0 < dataset.attrs["error_estimate_opening_l2"] < 0.5
+        assert dataset.estimated_error_l2.values == [dataset.attrs["error_estimate_opening_l2"]]  # one joint
+        assert dataset.estimated_error_peak.dims == ("joint",)
 
 
 def test_estimate_can_be_left_out_and_is_absent_where_it_means_nothing(folder, tmp_path):
@@ -80,7 +83,7 @@ def test_certificate_and_estimate_are_within_a_factor_two_of_the_truth(result):
     with xr.open_dataset(result.parents[1] / "all" / "pulse.nc", engine="h5netcdf") as dataset:
         truth = dataset.opening.values
     with xr.open_dataset(result, engine="h5netcdf") as dataset:
-        true = np.linalg.norm(dataset.opening.values - truth) / np.linalg.norm(truth)
+        true = relative_l2(dataset.opening.values, truth)
         estimate = dataset.attrs["error_estimate_opening_l2"]
     call("certify", result)
     stated = json.loads(result.with_suffix(".certificate.json").read_text())["error"]["opening"]["l2"]
@@ -142,20 +145,20 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
 
 
 def test_study_against_full_order_and_a_failing_case(folder, tmp_path, monkeypatch):
-    from romdam.pipelines import speed_error
+    from romdam.pipelines import study as pipeline
 
-    real = speed_error.simulate_one
+    real = pipeline.simulate_one
 
     def fails(prepared, ground, settings, progress=None):
         if prepared.integrator.name == "adaptive":
             raise ConvergenceError("step 3: did not converge")
         return real(prepared, ground, settings, progress)
 
-    monkeypatch.setattr(speed_error, "simulate_one", fails)
+    monkeypatch.setattr(pipeline, "simulate_one", fails)
     config = folder / "full.yaml"
     study = STUDY | {"modes": [10], "residual_vectors": [0], "finest_steps": ["2.5 ms"], "reference": "full"}
     config.write_text(yaml.safe_dump(yaml.safe_load(SMALL) | {"study": study}))
-    found = speed_error.study(load_config(config), tmp_path)
+    found = pipeline.study(load_config(config), tmp_path)
     assert "full order" in found.dataset.attrs["compared"]
     assert np.isnan(found.dataset.l2_error.values[1]) and not found.dataset.on_front.values[1]
     assert "step 3: did not converge" in study_table(found.dataset)

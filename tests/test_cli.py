@@ -109,7 +109,7 @@ def test_run_then_info_then_plot(config, tmp_path):
 def test_quiet_prints_nothing_and_verbose_tells_the_stages(config, tmp_path):
     assert call("run", config, "--out", tmp_path / "a", "--quiet") == (0, "", "")
     _, _, stderr = call_alone("run", config, "--out", tmp_path / "a", "--verbose")
-    for stage in ("reducing the blocks", "shaking with pulse", "writing the result"):
+    for stage in ("reducing the blocks", "simulating pulse", "writing the result"):
         assert stage in stderr
 
 

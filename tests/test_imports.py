@@ -29,11 +29,11 @@ ALLOWED = {
     "fem": {"scene"},
     "timestepping": {"contact", "linalg"},
     "reduction": {"fem", "linalg", "scene"},
-    "error": {"contact", "linalg", "timestepping", "visual"},
     "results": {"postprocess"},
+    "error": {"contact", "linalg", "results", "timestepping"},
     "visual": {"postprocess", "results"},
     "pipelines": EVERY_ROOM,
-    "terminal": {"pipelines", "postprocess"},
+    "terminal": {"error", "pipelines", "postprocess"},
     "commands": {"pipelines", "records", "results", "terminal", "visual"},
     "cli": {"commands", "surroundings"},
     "__main__": {"cli"},
@@ -52,7 +52,7 @@ TYPES = {
 ANYWHERE = {"core", "config"}
 ONLY_IN = {
     "xarray": {"error", "pipelines", "postprocess", "results", "terminal", "visual"},
-    "matplotlib": {"error", "visual"},
+    "matplotlib": {"visual"},
     "obspy": {"records"},
     "h5py": {"core", "reduction", "results"},
     "h5netcdf": {"results"},
@@ -192,3 +192,33 @@ def test_every_room_is_packaged():
     expected = {".".join(folder.parts) for folder in folders}
     assert set(settings["packages"]) == expected, "a wheel would lack what is not listed"
     assert settings["package-dir"] == {"romdam.pipelines": "pipelines"}
+
+
+NUMERICAL = {"numpy", "scipy", "numba"}
+NO_NUMERICS = {"numpy.linalg.LinAlgError"}  # an error that a suite recovers from
+
+
+def numerics(path: Path) -> list[str]:
+    """Imports of numerical libraries and matrix products in a file."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = []
+        if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult):
+            found.append(f"{path.name}:{node.lineno}: {ast.unparse(node)}")
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        found += [f"{path.name}: {n}" for n in names if n.split(".")[0] in NUMERICAL and n not in NO_NUMERICS]
+    return found
+
+
+def test_pipelines_hold_no_numerics():
+    """They keep the order of the stages: an array is made, computed with and measured in a room."""
+    found = [line for path in (ROOT / "pipelines").rglob("*.py") for line in numerics(path)]
+    assert not found, "numerics belong into a room of romdam"
+
+
+def test_numerics_in_a_pipeline_would_be_told(tmp_path):
+    (tmp_path / "a.py").write_text("import numpy as np\nfrom scipy.sparse import vstack\nc = a @ b\n")
+    assert len(numerics(tmp_path / "a.py")) == 3

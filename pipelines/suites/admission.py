@@ -1,4 +1,4 @@
-"""What a dask worker proves before it computes: the same code and versions as here, and the same folder.
+"""Proof that a dask worker gives before it computes: the same code and versions as here, and the same folder.
 
 The text of this module is sent, and run by the worker: it may have another Python, another romdam or none.
 So this needs the standard library alone (and psutil, which comes with dask), and what computes is imported
@@ -52,7 +52,7 @@ def _code() -> str:
 
 
 def problem(expected: dict[str, str], path: str) -> str:
-    """Why this process may not compute; empty where it may.
+    """Say why this process may not compute; empty where it may.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def problem(expected: dict[str, str], path: str) -> str:
 
 
 def perform(expected: dict[str, str], shared: tuple[str, str], work: bytes) -> tuple[str, Any]:
-    """Why this worker may not do a task, or its result.
+    """Do a task: why this worker may not, or the result.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where tasks run: in this process, in worker processes on this machine, or on an existing dask cluster."""
+"""Pools that run tasks: in this process, in worker processes on this machine, on an existing dask cluster."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class DaskPool:
                 future.release()
                 hand_out(1)
 
-    def _submit(self, where: Shared, work: bytes) -> Future:
+    def _submit(self, where: Shared, work: bytes) -> Future[Any]:
         sent = _sent("perform(expected, shared, work)", expected=self._expected, shared=where, work=work)
         return self._client.submit(eval, *sent, pure=False)
 
@@ -139,7 +139,7 @@ class DaskPool:
         except (OSError, AttributeError) as error:  # AttributeError: the client has closed itself
             raise WorkerError(f"{self._place}: the scheduler is lost ({_cause(error)}); {_KEPT}") from None
 
-    def _next(self, ready: SimpleQueue[Future]) -> tuple[Future, Any]:
+    def _next(self, ready: SimpleQueue[Future[Any]]) -> tuple[Future[Any], Any]:
         """The next task that is done, and what came of it."""
         seen = time.monotonic()
         while True:
@@ -155,8 +155,8 @@ class DaskPool:
             elif time.monotonic() - seen > _NO_WORKERS:
                 raise WorkerError(f"{self._place}: has had no workers for {_NO_WORKERS:g} s; {_KEPT}")
 
-    def _result(self, future: Future) -> Any:
-        """What the function has given; or the error that every worker died of which was at it."""
+    def _result(self, future: Future[Any]) -> Any:
+        """The result of the function; or the error that every worker died of which was at it."""
         from distributed import CancelledError
         from distributed.scheduler import KilledWorker
 
@@ -280,7 +280,7 @@ def _client(scheduler: str) -> Client:
 
 
 def _asked(address: str) -> str:
-    """What answers at an address; a `Client` that finds no scheduler would leave its threads behind.
+    """Ask what answers at an address; a `Client` that finds no scheduler would leave its threads behind.
 
     Asked in a thread, as this one may be in the event loop of a notebook.
     """

@@ -81,7 +81,7 @@ if sys.platform != "win32":
 
 @dataclass(frozen=True)
 class Cleaned:
-    """What a suite's folder holds that is of no run of its design.
+    """Contents of a suite's folder that are of no run of its design.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ def leftovers(folder: Path, plan: Plan, rows: Mapping[str, Row]) -> tuple[Path, 
 
 
 def of_no_run(paths: Sequence[Path], config: Path, folder: Path) -> str:
-    """What to say of files that are of no run."""
+    """Tell of files that are of no run."""
     names = ", ".join(str(path.relative_to(folder)) for path in paths[:_SHOWN])
     more = f" and {len(paths) - _SHOWN} more" if len(paths) > _SHOWN else ""
     return (
@@ -179,7 +179,7 @@ def of_no_run(paths: Sequence[Path], config: Path, folder: Path) -> str:
 
 
 def _is_ours(path: Path, rows: dict[str, Row]) -> bool:
-    """Whether romdam wrote a file, as it is: by its name and by its bytes; HDF5 is not asked."""
+    """True where romdam wrote a file, as it is: by its name and by its bytes; HDF5 is not asked."""
     if not path.is_file() or path.is_symlink():
         return False
     with path.open("rb") as file:
@@ -196,6 +196,6 @@ def _is_ours(path: Path, rows: dict[str, Row]) -> bool:
 
 
 def _names_key(path: Path, key: str) -> bool:
-    """Whether a file says that it is of a run of a suite, whose key begins so."""
+    """True where a file says that it is of a run of a suite, whose key begins so."""
     content, whole = path.read_bytes(), rf"{key}[0-9a-f]{{{64 - len(key)}}}"
     return RUN_KEY.encode() in content and re.search(whole.encode(), content) is not None

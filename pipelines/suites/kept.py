@@ -18,9 +18,9 @@ from romdam.core.files import check_file
 from romdam.core.fingerprint import file_digest, fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.sealed import changing
-from romdam.pipelines.suites.study import Run, Study, scaled
+from romdam.error.statement import ErrorStatement
+from romdam.pipelines.suites.tasks import Run, Suite, scaled
 from romdam.postprocess.responses import PARAMETER
-from romdam.results.certificate import FOLDER
 from romdam.results.dataset import (
     Timing,
     build_dataset,
@@ -29,6 +29,7 @@ from romdam.results.dataset import (
     single_precision,
     write_dataset,
 )
+from romdam.results.stored_run import FOLDER
 from romdam.results.suite.rows import Kept, Row
 from romdam.results.variables import Case
 
@@ -45,7 +46,7 @@ def file_name(run: Run) -> str:
     return f"{run.name}-{run.key[:KEY_LETTERS]}.nc"
 
 
-def write_kept(study: Study, run: Run, case: Case, attributes: dict[str, object]) -> Kept:
+def write_kept(suite: Suite, run: Run, case: Case, estimate: ErrorStatement | None) -> Kept:
     """Write the result of a run.
 
     Raises
@@ -56,36 +57,38 @@ def write_kept(study: Study, run: Run, case: Case, attributes: dict[str, object]
     """
     parent = parent_process()
     if parent is not None and not parent.is_alive():
-        raise ResultError(f"{study.folder}: nothing more is written, the suite of this worker was killed")
-    dataset = build_dataset(case, study.job, Timing({}, {}), study.files.get("model_file"))
+        raise ResultError(f"{suite.folder}: nothing more is written, the suite of this worker was killed")
+    dataset = build_dataset(case, suite.job, Timing({}, {}), suite.files.get("model_file"))
     dataset.attrs.pop("solver_batch", None)  # how many runs were integrated together is not of this one
-    labels = _labels(study, job_labels(study.job), run, case.motion)
-    dataset.attrs.update(attributes | study.files | labels | {RUN_KEY: run.key})
-    keep = study.suite.keep
+    labels = _labels(suite, job_labels(suite.job), run, case.motion)
+    if estimate is not None:
+        estimate.write_to(dataset)
+    dataset.attrs.update(suite.files | labels | {RUN_KEY: run.key})
+    keep = suite.config.keep
     if isinstance(keep, KeepConfig) and keep.precision == "single":
         dataset = single_precision(dataset)
-    path = study.folder / file_name(run)
+    path = suite.folder / file_name(run)
     write_dataset(dataset, path)
-    return Kept(path.name, file_digest(path), fingerprint(labels), study.files)
+    return Kept(path.name, file_digest(path), fingerprint(labels), suite.files)
 
 
-def _labels(study: Study, of_job: Labels, run: Run, motion: GroundMotion) -> Labels:
+def _labels(suite: Suite, of_job: Labels, run: Run, motion: GroundMotion) -> Labels:
     """Attributes of a result that follow from the design and the configuration, not from its content."""
-    values = study.samples.values[run.place[2]]
+    values = suite.samples.values[run.place[2]]
     return (
         of_job
         | record_labels(motion)
         | {PARAMETER + name: value for name, value in values.items()}
-        | {FOLDER: os.path.relpath(study.job.folder, study.folder)}
+        | {FOLDER: os.path.relpath(suite.job.folder, suite.folder)}
     )
 
 
 class KeptResults:
     """The kept results of a suite that are there already, brought to what its design calls them now."""
 
-    def __init__(self, study: Study, motions: dict[str, GroundMotion]) -> None:
-        self._study, self._motions = study, motions
-        self._of_job = job_labels(study.job)
+    def __init__(self, suite: Suite, motions: dict[str, GroundMotion]) -> None:
+        self._suite, self._motions = suite, motions
+        self._of_job = job_labels(suite.job)
 
     def placed(self, run: Run, row: Row) -> Row | None:
         """The row of a run with its result under the name and labels of this design.
@@ -100,20 +103,20 @@ class KeptResults:
         if row.message:
             return row
         kept = row.kept
-        if kept is None or kept.shared != self._study.files or not self._is_whole(kept):
+        if kept is None or kept.shared != self._suite.files or not self._is_whole(kept):
             return None
-        labels = _labels(self._study, self._of_job, run, scaled(self._motions[run.record], run))
+        labels = _labels(self._suite, self._of_job, run, scaled(self._motions[run.record], run))
         wanted = replace(kept, file=file_name(run), labels=fingerprint(labels))
         return row if wanted == kept else replace(row, kept=self._relabelled(kept, wanted, labels))
 
     def remove_former(self, before: Row, now: Row) -> None:
         """Remove a result whose row names another file by now."""
         if before.kept is not None and now.kept is not None and before.kept.file != now.kept.file:
-            (self._study.folder / before.kept.file).unlink(missing_ok=True)
+            (self._suite.folder / before.kept.file).unlink(missing_ok=True)
 
     def _is_whole(self, kept: Kept) -> bool:
-        """Whether a file's bytes are those that were written; HDF5 is not asked, damage can make it hang."""
-        path = self._study.folder / kept.file
+        """True where a file's bytes are as written; HDF5 is not asked, damage can make it hang."""
+        path = self._suite.folder / kept.file
         if not path.exists():
             return False
         try:
@@ -126,7 +129,7 @@ class KeptResults:
         return False
 
     def _relabelled(self, kept: Kept, wanted: Kept, labels: Labels) -> Kept:
-        source, target = self._study.folder / kept.file, self._study.folder / wanted.file
+        source, target = self._suite.folder / kept.file, self._suite.folder / wanted.file
         with changing(source, target) as file:
             for name in [n for n in file.attrs if n.startswith(PARAMETER)]:
                 del file.attrs[name]

@@ -13,7 +13,6 @@ from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import xarray as xr
 
 import romdam
@@ -28,13 +27,13 @@ from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, settled
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
-from romdam.pipelines.suites.study import Run, Samples, Study, Task, sample_content
-from romdam.postprocess.record_measures import intensity
+from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_content
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import usable_apart
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import SOURCE, Row
+from romdam.results.suite.scaling import no_factors, scale_count, scale_factors
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 from romdam.scene.build import build_scene
 
@@ -73,7 +72,7 @@ class Plan:
 
     @property
     def keeps_results(self) -> bool:
-        """Whether every run lands as a result file of its own."""
+        """True where every run is kept as a result file of its own."""
         return _suite(self.job).keep != "peaks"
 
     @property
@@ -161,10 +160,9 @@ def read_records(job: Job) -> list[SuiteRecord]:
     suite = _suite(job)
     records = []
     for one in usable_apart(job.config.records, job.folder):
-        targets = suite.scales if suite.intensities is None else suite.intensities.values
-        factors, message = np.full(len(targets), np.nan), str(one.error or "")
+        factors, message = no_factors(suite), str(one.error or "")
         if one.motion is not None:
-            factors, message = _factors(suite, one.motion)
+            factors, message = scale_factors(suite, one.motion)
             message = message or _unusable(job, one.motion)
         records.append(SuiteRecord(one.name, None if message else one.motion, message, factors))
     if all(record.motion is None for record in records):
@@ -173,7 +171,7 @@ def read_records(job: Job) -> list[SuiteRecord]:
 
 
 def _unusable(job: Job, motion: GroundMotion) -> str:
-    """What of a record would be found when its result is written, or never; empty where nothing would."""
+    """Say why a record cannot be run, before a run would find it; empty where it can."""
     try:
         refuse_lengths(job, [motion])
     except ConfigError as error:
@@ -181,26 +179,9 @@ def _unusable(job: Job, motion: GroundMotion) -> str:
     return ""
 
 
-def _factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[np.ndarray, str]:
-    """What a record is multiplied by at each scale; or why it cannot be scaled."""
-    target = suite.intensities
-    if target is None:
-        return np.array(suite.scales), ""
-    nothing = np.full(len(target.values), np.nan)
-    has = intensity(motion, target.measure, target.period, target.damping)
-    if has <= 0.0:
-        return nothing, f"{motion.name}: cannot be scaled to {target.measure}, it does not move"
-    with np.errstate(over="ignore"):
-        factors = np.array(target.values) / has
-    if not np.isfinite(factors).all():
-        return nothing, f"{motion.name}: cannot be scaled to {target.measure}, it has {has:g} m/s2"
-    return factors, ""
-
-
 def _refuse_many(job: Job, records: int, samples: int) -> None:
     """Refuse more runs than any machine holds the summary of."""
-    suite = _suite(job)
-    scales = len(suite.scales if suite.intensities is None else suite.intensities.values)
+    scales = scale_count(_suite(job))
     count = records * scales * samples
     if count > MOST_RUNS:
         raise ConfigError(
@@ -260,7 +241,7 @@ def _model_key(job: Job, scene: Scene) -> str:
     return fingerprint((LAYOUT, romdam.__version__, asked, joints, rest))
 
 
-def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
+def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
     """Key -> row of the runs that are done: nothing they depend on has changed, and what they keep is there.
 
     Results that are kept get the names and labels of this design.
@@ -273,9 +254,9 @@ def finished(study: Study, folder: Path, plan: Plan) -> dict[str, Row]:
     known = read_rows(folder / JOURNAL)
     _warn_of_versions(known, folder / JOURNAL)
     done = {key: known[key] for key in plan.first if key in known}
-    if not study.keeps_results:
+    if not suite.keeps_results:
         return done
-    results, found = KeptResults(study, plan.motions), dict[str, Row]()
+    results, found = KeptResults(suite, plan.motions), dict[str, Row]()
     for key, row in done.items():
         placed = results.placed(plan.first[key], row)
         if placed is None:
@@ -297,12 +278,12 @@ def _warn_of_versions(rows: Mapping[str, Row], path: Path) -> None:
         )  # fmt: skip
 
 
-def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
+def tasks_of(suite: Suite, plan: Plan, done: dict[str, Row]) -> list[Task]:
     """The tasks that are still to be made: runs that are integrated together, the longest first.
 
     Those of one task have one time step and like lengths. Which run goes with which changes no bit of it.
     """
-    motions, most = plan.motions, study.suite.batch or MOST_TOGETHER
+    motions, most = plan.motions, suite.config.batch or MOST_TOGETHER
     groups: list[list[Run]] = []
     room = 0.0
 
@@ -313,9 +294,9 @@ def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
     missing = [run for key, run in plan.first.items() if key not in done]
     for run in sorted(missing, key=order):
         motion = motions[run.record]
-        size = history_bytes(study, motion)
+        size = history_bytes(suite, motion)
         fresh = not groups or motions[groups[-1][0].record].dt != motion.dt
-        if fresh or len(groups[-1]) >= most or (study.suite.batch is None and size > room):
+        if fresh or len(groups[-1]) >= most or (suite.config.batch is None and size > room):
             groups.append([])
             room = TASK_BYTES
         groups[-1].append(run)
@@ -324,9 +305,9 @@ def tasks_of(study: Study, plan: Plan, done: dict[str, Row]) -> list[Task]:
     return [Task(tuple(group), {run.record: motions[run.record] for run in group}) for group in groups]
 
 
-def history_bytes(study: Study, motion: GroundMotion) -> float:
+def history_bytes(suite: Suite, motion: GroundMotion) -> float:
     """Memory of a run while it is made."""
-    return _COPIES * written_rows(study.job, motion) * row_bytes(study)
+    return _COPIES * written_rows(suite.job, motion) * row_bytes(suite)
 
 
 def written_rows(job: Job, motion: GroundMotion) -> int:
@@ -336,8 +317,8 @@ def written_rows(job: Job, motion: GroundMotion) -> int:
     return int(duration / (job.config.outputs.output_interval or transient.finest_step or motion.dt)) + 1
 
 
-def row_bytes(study: Study) -> float:
+def row_bytes(suite: Suite) -> float:
     """Bytes of one written row of a result: gaps, observed nodes, coordinates."""
-    system = study.model.system
+    system = suite.model.system
     jumps = system.B.shape[0]
     return 8.0 * (3 * jumps + len(system.law) / 8 + 3 * system.observe.shape[0] + system.size + 12)

@@ -21,7 +21,7 @@ from romdam.pipelines.suites.cluster import Pool, open_pool
 from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
-from romdam.pipelines.suites.study import Study, Task
+from romdam.pipelines.suites.tasks import Suite, Task
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
@@ -43,7 +43,7 @@ _ROW = 4e3  # bytes of the objects of a row, beside its numbers
 
 @dataclass(frozen=True)
 class SuiteOptions:
-    """Where a suite computes.
+    """Places where a suite computes and keeps reduced blocks.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class SuiteOptions:
 
 @dataclass(frozen=True)
 class SuiteOutcome:
-    """What a suite has come to.
+    """The outcome of a suite.
 
     Attributes
     ----------
@@ -108,8 +108,8 @@ def run_suite(
     workers = open_pool(options.workers, options.scheduler, run_task.__module__, folder)
     with suite_lock(folder), one_thread, workers as pool:
         plan = make_plan(job, clock)
-        study = build_study(plan, folder, options.cache, clock)
-        rows, made = _make_missing(study, plan, folder, (pool, clock, tell))
+        suite = build_suite(plan, folder, options.cache, clock)
+        rows, made = _make_missing(suite, plan, folder, (pool, clock, tell))
         with clock.stage("summary", "writing the summary"):
             found = {run.place: rows[run.key] for run in plan.runs if run.key in rows}
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
@@ -133,7 +133,7 @@ def _refuse_folders(folder: Path) -> None:
             )
 
 
-def build_study(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Study:
+def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Suite:
     """The reduced model, once for all samples."""
     job, scene = plan.job, plan.scene
     own = job.config.suite.cache if job.config.suite else None
@@ -143,27 +143,27 @@ def build_study(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     model = with_finer(job, Model(scene, prepare(job, reduced.system), reduced), clock, store)
     model = replace(model, stress=stress_fields(scene, reduced))
     job = replace(job, path=job.path.absolute())  # a worker of a cluster has a working folder of its own
-    study = Study(job, model, plan.samples, folder / RUNS_FOLDER, {})
-    if study.keeps_results:
-        study = replace(study, files=write_shared(prepare_folder(study.folder), model))
-    return study
+    suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
+    if suite.keeps_results:
+        suite = replace(suite, files=write_shared(prepare_folder(suite.folder), model))
+    return suite
 
 
 def _make_missing(
-    study: Study, plan: Plan, folder: Path, means: tuple[Pool, Clock, Callable[[str], None]]
+    suite: Suite, plan: Plan, folder: Path, using: tuple[Pool, Clock, Callable[[str], None]]
 ) -> tuple[dict[str, Row], int]:
     """Key -> row of all runs, and how many had to be made."""
-    pool, clock, tell = means
+    pool, clock, tell = using
     sweep_parts(folder)
-    sweep_parts(study.folder)
+    sweep_parts(suite.folder)
     with clock.stage("plan", "looking for finished runs"):
-        rows = finished(study, folder, plan)
-        tasks = tasks_of(study, plan, rows)
+        rows = finished(suite, folder, plan)
+        tasks = tasks_of(suite, plan, rows)
     missing = sum(len(task.runs) for task in tasks)
-    tell(_announcement(study, plan, missing, folder))
+    tell(_announcement(suite, plan, missing, folder))
     left = missing
     with clock.stage("runs", f"{missing} runs") as progress:
-        for number, found in pool.map(run_task, study, tasks):
+        for number, found in pool.map(run_task, suite, tasks):
             rows |= {row.key: row for row in _write_rows(tasks[number], found, folder)}
             left -= len(tasks[number].runs)
             progress(missing - left, missing)
@@ -179,16 +179,16 @@ def _write_rows(task: Task, found: list[Row] | Exception, folder: Path) -> list[
     return found
 
 
-def _announcement(study: Study, plan: Plan, missing: int, folder: Path) -> str:
-    """What is going to be made."""
-    gaps, joints, runs = len(study.model.system.law), len(study.model.scene.joints), plan.runs
-    row = 8.0 * (8 * joints + 20 + 3 * len(study.model.scene.probes))
+def _announcement(suite: Suite, plan: Plan, missing: int, folder: Path) -> str:
+    """Announce the runs that are going to be made, and their size."""
+    gaps, joints, runs = len(suite.model.system.law), len(suite.model.scene.joints), plan.runs
+    row = 8.0 * (8 * joints + 20 + 3 * len(suite.model.scene.probes))
     size, memory = len(runs) * (32.0 * gaps + 3.0 * row), len(runs) * (_ROW + 20.0 * gaps + 2.0 * row)
-    if study.keeps_results:
-        single = isinstance(study.suite.keep, KeepConfig) and study.suite.keep.precision == "single"
+    if suite.keeps_results:
+        single = isinstance(suite.config.keep, KeepConfig) and suite.config.keep.precision == "single"
         motions = plan.motions
-        rows = sum(written_rows(study.job, motions[run.record]) for run in runs)
-        size += rows * row_bytes(study) * (0.5 if single else 1.0)
+        rows = sum(written_rows(suite.job, motions[run.record]) for run in runs)
+        size += rows * row_bytes(suite) * (0.5 if single else 1.0)
     before = f", {len(runs) - missing} of them there already" if missing < len(runs) else ""
     return (
         f"{len(runs)} runs{before}; up to {max(1.0, size / 1e6):.0f} MB in {folder}, "

@@ -1,6 +1,6 @@
-"""What a worker does for a suite: march the runs of one task and make their rows.
+"""The work of a suite's worker: integrate the runs of one task and make their rows.
 
-The study (scene, reduced model, samples) travels to every worker once; a task brings its ground motions.
+The suite (scene, reduced model, samples) travels to every worker once; a task brings its ground motions.
 A worker writes nothing but the results that are kept whole, into the suite's own folder.
 """
 
@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
+from numpy.linalg import LinAlgError
 from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
@@ -18,24 +18,23 @@ from romdam.config.parameters import Varied
 from romdam.core.errors import ConfigError, RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.system import History, with_parameters
+from romdam.core.system import History, System, with_parameters
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.estimate import estimate_error
+from romdam.pipelines.estimate import estimate_run
 from romdam.pipelines.run import Model
 from romdam.pipelines.simulation import prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.kept import write_kept
-from romdam.pipelines.suites.study import Run, Study, Task, sample_content, scaled
-from romdam.reduction.synthesis import ReducedModel
+from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
 
-# what a run can meet that is its own misfortune: it becomes a row with a message, and the others go on
-RECOVERABLE = (RomdamError, ArithmeticError, np.linalg.LinAlgError, MemoryError)
+# errors of one run: it becomes a row with a message, and the others go on
+RECOVERABLE = (RomdamError, ArithmeticError, LinAlgError, MemoryError)
 
 
-def sample_model(study: Study, number: int) -> Model:
+def sample_model(suite: Suite, number: int) -> Model:
     """The model with the joints and the damping of one sample; nothing is reduced.
 
     Raises
@@ -43,37 +42,36 @@ def sample_model(study: Study, number: int) -> Model:
     ConfigError
         for values that do not fit together, and joints that are not those of the plan.
     """
-    if not study.samples.places:
-        return study.model
-    job, model = study.job, study.model
-    scene, varied = study.samples.scene(job, model.scene, number)
-    if sample_content(scene, varied) != study.samples.contents[number]:
+    if not suite.samples.places:
+        return suite.model
+    job, model = suite.job, suite.model
+    scene, varied = suite.samples.scene(job, model.scene, number)
+    if sample_content(scene, varied) != suite.samples.contents[number]:
         raise ConfigError(
             f"{job.path}: joints: their gap tables have changed since the suite was started, or are others "
             f"on a worker; leave those in {job.folder} as they are, and run the same command again"
         )
     assert model.reduced is not None
-    reduced, finer = _with_sample(model.reduced, scene, varied), model.finer
+    system, finer = _with_sample(model.system, scene, varied), model.finer
     if finer is not None:
-        varied_finer = _with_sample(finer.model, scene, varied)
-        finer = replace(finer, model=varied_finer, prepared=prepare(job, varied_finer.system))
-    prepared = prepare(job, reduced.system)
-    return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
+        finer = replace(finer, prepared=prepare(job, _with_sample(finer.prepared.system, scene, varied)))
+    reduced = replace(model.reduced, system=system)
+    return replace(model, scene=scene, prepared=prepare(job, system), reduced=reduced, finer=finer)
 
 
-def _with_sample(reduced: ReducedModel, scene: Scene, varied: Varied) -> ReducedModel:
-    damping = modal_coefficients(varied.damping, reduced.system.K.diagonal())
-    return replace(reduced, system=with_parameters(reduced.system, gap_law(scene), damping))
+def _with_sample(system: System, scene: Scene, varied: Varied) -> System:
+    damping = modal_coefficients(varied.damping, system.K.diagonal())
+    return with_parameters(system, gap_law(scene), damping)
 
 
-def run_task(study: Study, task: Task) -> list[Row]:
-    """March the runs of a task together; their rows in its order, those that failed with a message."""
+def run_task(suite: Suite, task: Task) -> list[Row]:
+    """Integrate the runs of a task together; their rows in its order, those that failed with a message."""
     wall, cpu = time.perf_counter(), time.process_time()
     samples = dict.fromkeys(run.place[2] for run in task.runs)
     with threadpool_limits(limits=1):  # the bits of a result must not depend on the number of cores
-        models = {number: sample_model(study, number) for number in samples}
+        models = {number: sample_model(suite, number) for number in samples}
         motions = [scaled(task.motions[run.record], run) for run in task.runs]
-        outcomes = march(study.job, [models[run.place[2]] for run in task.runs], motions)
+        outcomes = integrate_runs(suite.job, [models[run.place[2]] for run in task.runs], motions)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)
     rows = []
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):
@@ -81,7 +79,7 @@ def run_task(study: Study, task: Task) -> list[Row]:
             rows.append(_failed(run, outcome))
         else:
             clock = (share * spent[0], share * spent[1])
-            rows.append(_row(study, models[run.place[2]], run, (motion, outcome), clock))
+            rows.append(_row(suite, models[run.place[2]], run, (motion, outcome), clock))
     return rows
 
 
@@ -92,7 +90,7 @@ def _failed(run: Run, error: Exception) -> Row:
     return Row(run.key, message.replace(f"record {run.name}", "its record"), lasts=lasts)
 
 
-def march(
+def integrate_runs(
     job: Job, models: Sequence[Model], motions: Sequence[GroundMotion]
 ) -> Sequence[History | Exception]:
     """The one place where a suite integrates: every history, or why there is none."""
@@ -102,7 +100,7 @@ def march(
     except RECOVERABLE as error:
         if len(motions) == 1:
             return [error]
-    return [march(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]
+    return [integrate_runs(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]
 
 
 def _shares(outcomes: Sequence[History | Exception]) -> list[float]:
@@ -117,19 +115,17 @@ def _shares(outcomes: Sequence[History | Exception]) -> list[float]:
 
 
 def _row(
-    study: Study, model: Model, run: Run, made: tuple[GroundMotion, History], clock: tuple[float, float]
+    suite: Suite, model: Model, run: Run, made: tuple[GroundMotion, History], clock: tuple[float, float]
 ) -> Row:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
-    (motion, history), stated = made, dict[str, float]()
-    attributes: dict[str, object] = {}
+    (motion, history), stated, estimate = made, dict[str, float](), None
     if model.finer is not None:
-        estimate = estimate_error(study.job, model.finer, motion, history)
-        stated["estimated_reduction_error"] = estimate.opening.l2
-        attributes = estimate.attributes
+        estimate = estimate_run(suite.job, model.finer, motion, history)
+        stated["estimated_reduction_error"] = estimate.errors["opening"].l2
     history, stress = stress_of(model.scene, model.stress, history)
     case = Case(model.scene, motion, history, stress)
     stated["wall_seconds"] = time.perf_counter() - wall
     stated["cpu_seconds"] = time.process_time() - cpu
-    kept = write_kept(study, run, case, attributes) if study.keeps_results else None
+    kept = write_kept(suite, run, case, estimate) if suite.keeps_results else None
     return Row(run.key, "", row_values(case, stated), kept)

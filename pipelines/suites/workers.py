@@ -132,7 +132,7 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def serve(fd: int, module: str) -> None:
-    """What the nursery does: load a module, fork workers, and hand on what they give."""
+    """Serve as the nursery: load a module, fork workers, and hand on what they give."""
     caller = Connection(fd)
     import_module(module)
     with suppress(EOFError, ConnectionError):  # the caller is gone
@@ -220,7 +220,7 @@ def _work(
     function: Function,
     data: tuple[object, Sequence[Any]],
 ) -> None:
-    """What a worker does until nobody asks any more."""
+    """Serve as a worker until nobody asks any more."""
     for one in others:  # or nobody would see the nursery die
         one.close()
     shared, tasks = data

@@ -23,7 +23,7 @@ def verify(
 ) -> None:
     """Measure the reduced model's error against the unreduced mesh, on the first record of CONFIG."""
     from romdam.config.quantities import to_si
-    from romdam.pipelines.verification import verify as verify_job
+    from romdam.pipelines.verify import verify as verify_job
     from romdam.terminal import open_terminal, verification_lines
 
     try:
@@ -34,7 +34,7 @@ def verify(
         raise typer.BadParameter(f"must be longer than 0 s, got {duration}", param_hint="--duration")
     stages, say = open_terminal(quiet, verbose)
     found = verify_job(romdam.load_config(config), out, seconds, reference, stages)
-    say(*verification_lines(found.statement), f"written: {found.path}", f"written: {found.figure}")
+    say(*verification_lines(found.statement.document), f"written: {found.path}", f"written: {found.figure}")
 
 
 def certify(
@@ -53,7 +53,8 @@ def certify(
 
     stages, say = open_terminal(quiet, verbose)
     found = certify_result(result, config, passes, stages)
-    say(certificate_table(found.statement), found.statement["statement"], f"written: {found.path}")
+    statement = found.statement
+    say(certificate_table(statement.document), statement.sentence, f"written: {found.path}")
 
 
 def study(
@@ -66,7 +67,7 @@ def study(
     verbose: Verbose = False,
 ) -> None:
     """Set speed against error: modes, integrators and steps of `study:`, on the first record of CONFIG."""
-    from romdam.pipelines.speed_error import study as study_job
+    from romdam.pipelines.study import study as study_job
     from romdam.terminal import open_terminal
 
     stages, say = open_terminal(quiet, verbose)

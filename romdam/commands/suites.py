@@ -62,13 +62,13 @@ def report(
     verbose: Verbose = False,
 ) -> None:
     """Write DIR/report.html, a page of a suite's summary that needs no network."""
-    from romdam.pipelines.report import Options
+    from romdam.pipelines.report import ReportOptions
     from romdam.pipelines.report import report as write
     from romdam.terminal import open_terminal
 
     stages, say = open_terminal(quiet, verbose)
     job = romdam.load_config(config) if config else None
-    say(f"written: {write(folder, Options(response, intensity, tuple(threshold or ())), job, stages)}")
+    say(f"written: {write(folder, ReportOptions(response, intensity, tuple(threshold or ())), job, stages)}")
 
 
 def clean(

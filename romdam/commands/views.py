@@ -76,7 +76,7 @@ def plot(
     quiet: Quiet = False,
 ) -> None:
     """Draw the figures of a result as PNG and write its table of maxima; fields in 3-D where asked."""
-    from romdam.pipelines.views import Pictures, plot_result
+    from romdam.pipelines.views import PlotOptions, plot_result
     from romdam.terminal import maxima_table, open_terminal
 
     for option, value in (("--frames", frames), ("--window", window)):
@@ -87,7 +87,7 @@ def plot(
             f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
         )
     stages, say = open_terminal(quiet, verbose=False)
-    pictures = Pictures(fields, vtu, animation, frames or 40, window)
+    pictures = PlotOptions(fields, vtu, animation, frames or 40, window)
     with romdam.open_result(result) as opened:
         paths = plot_result(opened, out or result.parent, pictures, stages)
         say(maxima_table(opened.dataset), *(f"written: {path}" for path in paths))

@@ -47,7 +47,7 @@ _EXAMPLES = {"": "0.05 or 5 %", "delta_degC": "-4 K", "1/K": "1e-5 1/K", "byte":
 
 
 @cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> pint.UnitRegistry[Any]:
     import pint  # here, not above: it costs 0.2 s that `import romdam` need not pay
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)

@@ -49,7 +49,8 @@ class _Loader(yaml.SafeLoader):
         self.composed += 1
         if self.composed > MOST_VALUES:
             problem = f"more than {MOST_VALUES} values; is this the file that was meant?"
-            raise yaml.MarkedYAMLError(problem=problem, problem_mark=self.peek_event().start_mark)
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
         return super().compose_node(parent, index)
 
 

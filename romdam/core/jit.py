@@ -160,7 +160,7 @@ def _type_at(context: Any) -> Callable[[Any, Any], Any]:
     return lambda many, index: _type_of_view(context, many, index)
 
 
-@lower_builtin(at, types.Any, types.Any)
+@lower_builtin(at, types.Any, types.Any)  # type: ignore[untyped-decorator]
 def _lower_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
     """Code of `at`, in place: functions cannot return records, and where numba inlines an `overload` it takes
     what is written to the views for dead code.

@@ -38,3 +38,8 @@ class GroundMotion:
     def duration(self) -> float:
         """Time of the last sample [s]."""
         return (self.acc.shape[1] - 1) * self.dt
+
+    @property
+    def peak(self) -> float:
+        """Largest acceleration of a component [m/s2]."""
+        return float(np.abs(self.acc).max())

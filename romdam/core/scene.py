@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Self
 
+import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
@@ -269,3 +270,8 @@ class Scene:
     radiating: frozenset[str] = frozenset()
     staged_weight: bool = False
     reservoir: Reservoir | None = None
+
+    @property
+    def gap_position(self) -> Floats:
+        """(ng, 3) of all gaps, joint after joint [m]."""
+        return np.concatenate([joint.position for joint in self.joints.values()])

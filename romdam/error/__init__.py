@@ -1,1 +1,1 @@
-"""How far results are from what they stand for."""
+"""Distance of results from what they stand for."""

@@ -1,11 +1,10 @@
-"""How far one computation's joint openings are from another's, and where a reader finds that stated."""
+"""Two runs side by side: their gaps matched by position and their rows by time, then compared."""
 
 from __future__ import annotations
 
-import json
-import logging
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,14 +14,9 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
-from romdam.core.files import check_file, replacing
-from romdam.core.fingerprint import fingerprint
-from romdam.core.sealed import changing, reading, text_of
+from romdam.core.files import check_file
+from romdam.error.metrics import RelativeError, opening_error
 
-log = logging.getLogger(__name__)
-
-STATEMENT_FILE = "verification.json"
-_SELF = "content_sha256"  # of everything else in that file
 _MOST = 4e9  # bytes of a file that is read whole
 _UNREADABLE = (
     OSError, KeyError, ValueError, TypeError, IndexError, AttributeError, EOFError, MemoryError, RuntimeError,
@@ -40,53 +34,64 @@ class Openings:
 
 
 @dataclass(frozen=True)
-class Difference:
-    """Peak openings [m], error of the peak (`peak_error`), relative L2 error of all openings, seconds."""
+class Comparison:
+    """Openings of one run against those of another, at the times and gaps that both have.
+
+    Attributes
+    ----------
+    peak, peak_reference : largest openings [m]
+    error : relative to the reference, joint by joint where the joints are known
+    seconds : last time compared [s]
+    """
 
     peak: float
     peak_reference: float
-    peak_error: float
-    l2_error: float
+    error: RelativeError
     seconds: float
 
+    @property
+    def plain(self) -> dict[str, object]:
+        """Plain values, for JSON."""
+        return {
+            "peak": self.peak,
+            "peak_reference": self.peak_reference,
+            "peak_error": self.error.peak,
+            "l2_error": self.error.l2,
+            "seconds": self.seconds,
+        }
 
-def compare_openings(computed: Openings, reference: Openings, names: tuple[str, str]) -> Difference:
-    """Compare at the times that both have, gap by gap.
 
-    L2 is sqrt(sum (g - g_ref)^2) / sqrt(sum g_ref^2) over those times and all gaps.
+def compare_openings(
+    computed: Openings,
+    reference: Openings,
+    names: tuple[str, str],
+    joints: Mapping[str, slice] | None = None,
+) -> Comparison:
+    """Compare two runs gap by gap at the times that both have.
+
+    Parameters
+    ----------
+    names : of the two, for a message
+    joints : name -> slice of its gaps in `computed`
 
     Raises
     ------
     ResultError
-        where the gaps or the times do not match.
+        where the gaps or the times do not match, or nothing moved in the reference.
     """
     pair = _match(computed.position, reference.position, names)
     rows, rows_reference = _common_times(computed.time, reference.time, names)
-    g, g_ref = computed.opening[rows], reference.opening[rows_reference][:, pair]
-    scale = float(np.sqrt((g_ref**2).sum()))
-    if scale == 0.0:
+    opening, better = computed.opening[rows], reference.opening[rows_reference][:, pair]
+    if not better.any():
         raise ResultError(
             f"{names[1]}: no joint moved, there is nothing to compare with; verify a stronger record"
         )
-    return Difference(
-        peak=float(g.max()),
-        peak_reference=float(g_ref.max()),
-        peak_error=peak_error(g, g_ref),
-        l2_error=float(np.sqrt(((g - g_ref) ** 2).sum())) / scale,
+    return Comparison(
+        peak=float(opening.max()),
+        peak_reference=float(better.max()),
+        error=opening_error(opening, better, joints),
         seconds=float(computed.time[rows[-1]]),
     )
-
-
-def peak_error(opening: Floats, better: Floats) -> float:
-    """Relative error of the largest opening; relative to the largest closure where no gap opens.
-
-    Parameters
-    ----------
-    opening, better : (nt, ng) [m]
-    """
-    peak = float(better.max())
-    size = peak if peak > 0.0 else float(np.abs(better).max())
-    return abs(float(opening.max()) - peak) / size if size > 0.0 else 0.0
 
 
 def _match(position: Floats, reference: Floats, names: tuple[str, str]) -> NDArray[np.int64]:
@@ -127,19 +132,17 @@ def read_reference(path: Path) -> Openings:
         raise ResultError(
             f"{path}: is no reference ({error}); it needs `time`, `gap`, and `position` or a model.npz"
         ) from error
-    found = Openings(*(np.asarray(array, dtype=float) for array in (time, gap, position)))
-    fitting = found.opening.shape == (*found.time.shape, len(found.position)) and found.position.shape[
-        1:
-    ] == (3,)
-    if not (fitting and found.time.ndim == 1):
+    openings = Openings(*(np.asarray(array, dtype=float) for array in (time, gap, position)))
+    time, gap, position = openings.time, openings.opening, openings.position
+    if time.ndim != 1 or position.shape[1:] != (3,) or gap.shape != (len(time), len(position)):
         raise ResultError(
-            f"{path}: time {found.time.shape}, gap {found.opening.shape} and position {found.position.shape} "
-            "do not fit; (nt,), (nt, gaps) and (gaps, 3) do"
+            f"{path}: time {time.shape}, gap {gap.shape} and position {position.shape} do not fit; "
+            "(nt,), (nt, gaps) and (gaps, 3) do"
         )
-    for name, array in (("time", found.time), ("gap", found.opening), ("position", found.position)):
+    for name, array in (("time", time), ("gap", gap), ("position", position)):
         if not np.isfinite(array).all():
             raise ResultError(f"{path}: {name} has values that are no numbers")
-    return found
+    return openings
 
 
 def _arrays(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -150,53 +153,3 @@ def _arrays(path: Path) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         with np.load(path.with_name("model.npz"), allow_pickle=False) as model:
             position = model["points"][model["pairs"][:, 0]]
     return time, gap, position
-
-
-def write_statement(folder: Path, statement: dict[str, object]) -> Path:
-    """Write the error statement, and put it into every result here that has the same configuration."""
-    path = folder / STATEMENT_FILE
-    stated = statement | {_SELF: fingerprint(json.dumps(statement))}
-    with replacing(path) as part:
-        part.write_text(json.dumps(stated, indent=2) + "\n", encoding="utf-8")
-    for result in sorted(folder.glob("*.nc")):
-        if _digest(result) == statement["configuration_sha256"]:
-            _attach(result, statement_attributes(statement))
-    return path
-
-
-def read_statement(folder: Path, digest: str) -> dict[str, object]:
-    """Attributes for a result of the configuration `digest`, from a statement made earlier; else none."""
-    path = folder / STATEMENT_FILE
-    if not path.exists():
-        return {}
-    try:
-        check_file(path, _MOST, ResultError)
-        statement = json.loads(path.read_text(encoding="utf-8"))
-        own = statement.pop(_SELF, None)
-    except (OSError, ValueError, RecursionError, AttributeError, TypeError, ResultError) as error:
-        log.warning("%s: cannot be read (%s); `romdam verify` writes it again", path, error)
-        return {}
-    if own != fingerprint(json.dumps(statement)):
-        log.warning("%s: is not as it was written; `romdam verify` writes it again", path)
-        return {}
-    return statement_attributes(statement) if statement.get("configuration_sha256") == digest else {}
-
-
-def statement_attributes(statement: dict[str, object]) -> dict[str, object]:
-    """What a result file says about its error: a sentence, and the numbers as JSON."""
-    return {"error_statement": statement["statement"], "verification": json.dumps(statement)}
-
-
-def _digest(path: Path) -> str:
-    """The configuration's digest that a result states; a file that is damaged is left as it is."""
-    try:
-        with reading(path) as file:
-            return text_of(file, "configuration_sha256")
-    except ResultError as error:
-        log.warning("%s; it gets no statement of its error", error)
-        return ""
-
-
-def _attach(path: Path, attributes: dict[str, object]) -> None:
-    with changing(path) as file:
-        file.attrs.update(attributes)

@@ -1,4 +1,4 @@
-"""How far a reduced run is from the mesh it was reduced from.
+"""Replay of joint forces through linear models, and the run corrected by what that shows.
 
 The joint forces p of a reduced run, replayed through the *linear* full-order model, give the full-order
 motion for those forces. At the joints it differs from the reduced motion for the same forces by the defect
@@ -30,16 +30,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_matrix, spmatrix
 
-from romdam.contact.cone import SLIP, STICK
-from romdam.contact.laws.law import Law, Past
-from romdam.contact.problem import law_memory
 from romdam.core.arrays import Floats
-from romdam.core.system import GapLaw, History, System
+from romdam.core.system import History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.equilibrium import rest_shift
 from romdam.timestepping.integrators.protocol import Progress
 from romdam.timestepping.prepared import Prepared
-from romdam.timestepping.settings import Settings, Start
+from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
 
 _GAMMA = 1.0 - np.sqrt(0.5)
@@ -202,77 +199,3 @@ def corrected_run(
     steps, rows = np.arange(ground.shape[1]), np.arange(len(defect)) * settings.steps.stride
     shift = np.stack([np.interp(steps, rows, column) for column in defect.T], axis=1)
     return simulate_one(fine, ground, replace(settings, shift=shift), progress)
-
-
-def start_at(history: History, law: GapLaw, row: int) -> Start:
-    """The state of a row of a reduced run, to go on from.
-
-    A bond counts as lost where a row so far, the unloaded start aside, shows its gap open or sliding.
-    """
-    assert history.q is not None and history.v is not None
-    memory = None
-    if law.laws:
-        has_moved = (history.state[1 : row + 1] != STICK).any(axis=0)
-        rate = _slip_rate(history, row)
-
-        def resumed(each: type[Law], values: Floats, i: int) -> tuple[float, ...]:
-            sliding, opening = bool(history.state[row, i] == SLIP), float(history.jump[row, i, 0])
-            return each.resumed(values, Past(law.gap[i], opening, sliding, bool(has_moved[i]), rate[i]))
-
-        memory = law_memory(law, resumed)
-    return Start(history.q[row], history.v[row], history.jump[row], history.traction[row], memory)
-
-
-def _slip_rate(history: History, row: int) -> Floats:
-    """Mean speed of slip (ng,) over the interval that ends at a row, zero at the first [m/s]."""
-    if row == 0:
-        return np.zeros(history.jump.shape[1])
-    slip = history.jump[row, :, 1:] - history.jump[row - 1, :, 1:]
-    return np.sqrt((slip**2).sum(axis=1)) / (history.time[row] - history.time[row - 1])
-
-
-@dataclass(frozen=True)
-class Window:
-    """Rows [first, last] of a history in which the finer model was run from the history's own state.
-
-    Attributes
-    ----------
-    first, last : rows
-    run : the finer model's history of those rows
-    """
-
-    first: int
-    last: int
-    run: History
-
-
-def run_window(
-    fine: Prepared,
-    embed: spmatrix,
-    history: History,
-    ground: Floats,
-    settings: Settings,
-    seconds: float,
-) -> Window:
-    """Run the finer reduced model over the seconds that lead to the largest opening.
-
-    Parameters
-    ----------
-    fine : the finer reduced model
-    embed : (fine, coarse), see `romdam.reduction.refinement.embedding`
-    history : of the reduced model
-    ground : (3, nt) ground acceleration at every base step [m/s2]
-    settings : those of `history`
-    seconds : length of the window; a twelfth of it lies after the peak
-    """
-    interval, stride, rows = settings.steps.interval, settings.steps.stride, len(history.time)
-    peak = int(history.jump[:, :, 0].max(axis=1).argmax())
-    length = min(max(2, round(seconds / interval)), rows - 1)
-    last = min(max(peak + length // 12, length), rows - 1)
-    first = last - length
-    assert history.q is not None and history.v is not None
-    start = replace(
-        start_at(history, fine.system.law, first), q=embed @ history.q[first], v=embed @ history.v[first]
-    )
-    part = ground[:, first * stride : last * stride + 1]
-    return Window(first, last, simulate_one(fine, part, replace(settings, start=start)))

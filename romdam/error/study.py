@@ -1,28 +1,27 @@
-"""Speed against error of many settings: their table, their Dataset, and their picture."""
+"""Speed against error of many settings: their table and their Dataset."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from statistics import median
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 import romdam
 from romdam.config.load import Job
 from romdam.core.arrays import Bools
-from romdam.visual.style import COLOURS, GREY, STYLE
+from romdam.core.system import History
+from romdam.error.comparison import Comparison
 
-_MARKERS = "osD^vP*X<>"
 _COLUMNS = (  # variable, heading, format, factor
     ("integrator", "integrator", "{}", None),
     ("finest_step", "finest step s", "{:.6g}", 1.0),
@@ -63,13 +62,43 @@ class CaseResult:
     modes: str
     corrections: int
     unknowns: int
-    peak_opening: float
-    peak_error: float
-    l2_error: float
-    cpu_seconds: float
-    cpu_spread: float
-    steps: int
+    peak_opening: float = math.nan
+    peak_error: float = math.nan
+    l2_error: float = math.nan
+    cpu_seconds: float = math.nan
+    cpu_spread: float = math.nan
+    steps: int = 0
     failure: str = ""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Integrator and finest step [s], modes of a block as text, corrections, unknowns of the model."""
+
+    integrator: str
+    finest_step: float
+    modes: str
+    corrections: int
+    unknowns: int
+
+
+def case_result(setting: Setting, runs: Sequence[History], comparison: Comparison) -> CaseResult:
+    """Error of a setting, and the CPU time of its repeated runs."""
+    stats, cpu = runs[0].stats, [run.stats["loop_cpu_seconds"] for run in runs]
+    return CaseResult(
+        **asdict(setting) | {"finest_step": stats["finest_step"]},
+        peak_opening=comparison.peak,
+        peak_error=comparison.error.peak,
+        l2_error=comparison.error.l2,
+        cpu_seconds=median(cpu),
+        cpu_spread=(max(cpu) - min(cpu)) / median(cpu),
+        steps=int(stats["steps"]),
+    )
+
+
+def failed_case(setting: Setting, failure: str) -> CaseResult:
+    """A setting that has no numbers."""
+    return CaseResult(**asdict(setting), failure=failure)
 
 
 def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -> xr.Dataset:
@@ -138,55 +167,3 @@ def _cells(dataset: xr.Dataset, i: int) -> list[str]:
         else:
             cells.append(form.format(value if factor is None else factor * value))
     return cells
-
-
-def study_figure(dataset: xr.Dataset) -> Figure:
-    """CPU time against L2 error, one line for each integrator and basis, the Pareto front marked."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 6.0), layout="constrained")
-        ax = figure.subplots()
-        _lines(ax, dataset)
-        _front(ax, dataset)
-        ax.set_xlabel("CPU time of the time loop [s]")
-        ax.set_ylabel("L2 error of all openings [%]")
-        for axis, name in ((ax.xaxis, "x"), (ax.yaxis, "y")):
-            ax.set(**{f"{name}scale": "log"})
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_minor_locator(NullLocator())
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.margins(x=0.14, y=0.08)
-        ax.set_title(f"{dataset.attrs['title']}\n{dataset.attrs['compared']}", loc="left")
-        figure.legend(loc="outside lower center", ncols=2)
-        return figure
-
-
-def _lines(ax: Axes, dataset: xr.Dataset) -> None:
-    """One line for each integrator (dash and marker) and basis (colour), through its steps."""
-    added = (f", {c} corrections" if c else "" for c in dataset.corrections.values)
-    bases = np.array([f"{modes}{more}" for modes, more in zip(dataset.modes.values, added, strict=True)])
-    for k, integrator in enumerate(dict.fromkeys(dataset.integrator.values)):
-        for b, base in enumerate(dict.fromkeys(bases)):
-            rows = np.flatnonzero((bases == base) & (dataset.integrator.values == integrator))
-            ax.plot(
-                dataset.cpu_seconds.values[rows],
-                100.0 * dataset.l2_error.values[rows],
-                color=COLOURS[b % len(COLOURS)],
-                ls=("-", "--", ":", "-.")[k % 4],
-                marker=_MARKERS[k % len(_MARKERS)],
-                ms=4,
-                lw=0.9,
-                label=f"{integrator}: {base}",
-            )
-
-
-def _front(ax: Axes, dataset: xr.Dataset) -> None:
-    """The Pareto front as a band, with the finest step at its points where there is room."""
-    rows = np.flatnonzero(dataset.on_front.values)
-    rows = rows[np.argsort(dataset.cpu_seconds.values[rows])]
-    cpu, error = dataset.cpu_seconds.values[rows], 100.0 * dataset.l2_error.values[rows]
-    ax.plot(cpu, error, color=GREY, lw=6, alpha=0.4, zorder=0, solid_capstyle="round", label="Pareto front")
-    last = np.inf
-    for x, y, step in zip(cpu, error, dataset.finest_step.values[rows], strict=True):
-        if y < 0.8 * last:
-            text, last = f"{1e3 * step:.4g} ms", y
-            ax.annotate(text, (x, y), xytext=(-7, -3), textcoords="offset points", ha="right", fontsize=7.5)

@@ -19,6 +19,7 @@ ch. 14.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -26,6 +27,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Ints, Material, Scene
+from romdam.core.system import System
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
@@ -88,6 +90,13 @@ def observed_stress(scene: Scene) -> csr_matrix:
         for name, part in sites.items()
     ]
     return csr_matrix(vstack([csr_matrix((0, size)), *rows]))
+
+
+def observing_stress(scene: Scene, system: System) -> System:
+    """A full-order system with the stress of the scene's stress nodes among what is observed."""
+    if scene.stress is None:
+        return system
+    return replace(system, observe=csr_matrix(vstack([system.observe, observed_stress(scene)])))
 
 
 def thermal_stress(scene: Scene) -> dict[str, Floats]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,19 @@ class StressHistory:
     fields: Mapping[str, Floats]
     coordinates: Mapping[str, Floats]
     offset: Mapping[str, Floats] = field(default_factory=dict)
+
+    @classmethod
+    def observed(cls, stress: Floats, nodes: Mapping[str, int], offset: Mapping[str, Floats]) -> Self:
+        """Of stress that was observed itself.
+
+        Parameters
+        ----------
+        stress : (nt, 6 k) block after block [Pa]
+        nodes : block -> how many of the k nodes are its own
+        offset : see the class
+        """
+        stops = np.cumsum([6 * count for count in nodes.values()])[:-1]
+        return cls({}, dict(zip(nodes, np.split(stress, stops, axis=1), strict=True)), offset)
 
     def at(self, block: str, rows: slice, times: slice = slice(None)) -> Floats:
         """Stress (nt, rows, 6) [Pa], tension positive, components xx yy zz xy yz xz."""

@@ -58,6 +58,16 @@ def fourier_amplitude(acc: Array, dt: float) -> tuple[Array, Array]:
     return freq, np.abs(np.fft.rfft(acc, axis=-1)) * dt
 
 
+def content_frequency(acc: Array, dt: float, share: float) -> float:
+    """Frequency below which a share of the power of the acceleration (k, nt) lies, its mean aside [Hz]."""
+    power = (np.abs(np.fft.rfft(acc, axis=1)) ** 2).sum(axis=0)
+    below = np.cumsum(power[1:])
+    duration = acc.shape[1] * dt
+    if not below.size or below[-1] <= 0.0:
+        return 1.0 / (duration - dt)
+    return (int(np.searchsorted(below, share * below[-1])) + 1) / duration
+
+
 def measure(acc: Array, dt: float) -> dict[str, Array]:
     """All scalar measures of each component.
 

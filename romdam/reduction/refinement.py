@@ -1,4 +1,4 @@
-"""A finer reduced model beside a reduced one: what the error statement compares with.
+"""A finer reduced model beside a reduced one: what an estimate and a certificate compare with.
 
 On the two-cantilever model three times the modes leave 2 to 10 % of the coarser model's error, and almost
 nothing of it once the full order's defect is fed back (see `romdam.error.replay`).

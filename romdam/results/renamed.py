@@ -13,6 +13,9 @@ import xarray as xr
 RENAMED = {
     "dt": "solver_finest_step",
     "solver_held_gaps": "solver_condensed_contacts",
+    "solver_state_modes": "solver_dynamic_modes",
+    "solver_flexible_modes": "solver_quasi_static_modes",
+    "solver_marched_gaps": "solver_integrated_gaps",
 }
 
 

@@ -29,9 +29,11 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
+from romdam.error.metrics import relative_l2
+from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
-from romdam.pipelines.stresses import observing_stress, stress_fields, stress_of
+from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
@@ -106,7 +108,7 @@ def reduced(
 def row(found: Outcome, whole: Outcome) -> dict[str, float]:
     """Errors in percent, and the ratio of times."""
     return {
-        "l2": 100 * float(np.linalg.norm(found.opening - whole.opening) / np.linalg.norm(whole.opening)),
+        "l2": 100 * relative_l2(found.opening, whole.opening),
         "peak": 100 * float(np.abs(found.peaks / whole.peaks - 1).max()),
         "stress": 100 * float(abs(found.stress.max() / whole.stress.max() - 1)),
         "cpu": found.cpu,

@@ -30,7 +30,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Probe, Scene
 from romdam.fem.parts import unknowns
-from romdam.pipelines.simulation import simulate_motion
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
@@ -86,7 +86,7 @@ def measure(mesh: str, seconds: float) -> dict[str, float]:
     crest, normals = at_the_crest(scene)
     scene = replace(scene, probes=(*scene.probes, *crest))
     model = reduce_scene(scene, asked.config.model, asked.config.damping)
-    history = simulate_motion(asked, model.prepared, motion, seconds)
+    history = simulate_motion(asked, prepare(asked, model.system), motion, seconds)
     history, stress = stress_of(scene, stress_fields(scene, model), history)
     assert stress is not None
     crown, *sides = np.moveaxis(history.disp.reshape(len(history.time), -1, 3), 1, 0)

@@ -19,14 +19,16 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
+from typing import Any
 from unittest.mock import patch
 
-import numpy as np
 import yaml
 
 from romdam.config import parse_config
 from romdam.config.load import Job
+from romdam.contact.solvers.state import FrictionalState, SolverState
 from romdam.core.system import History
+from romdam.error.metrics import largest_difference
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.records.record_set import load_motions
 from romdam.reduction.storage.model_file import BlockStore
@@ -48,9 +50,10 @@ def scaled(scale: float) -> Job:
     return Job(parse_config(raw, CONFIG.name), CONFIG)
 
 
-def never_condensing(*arguments: object) -> object:
+def never_condensing(*arguments: Any) -> SolverState:
     """Solver state of runs in which no contact ever counts as long stuck."""
-    solver = solver_state(*arguments)  # type: ignore[arg-type]
+    solver = solver_state(*arguments)
+    assert isinstance(solver, FrictionalState)
     solver.sticking.wait[:] = NEVER
     return solver
 
@@ -77,7 +80,7 @@ def compare(scale: float, seconds: float, repeats: int, cache: Path) -> str:
     found = [(once(True), once(False)) for _ in range(repeats)]
     cpu = [median(pair[k].stats["loop_cpu_seconds"] for pair in found) for k in (0, 1)]
     condensed, free = found[-1]
-    apart = np.abs(condensed.jump - free.jump).max() / np.abs(free.jump).max()
+    apart = largest_difference(condensed.jump, free.jump)
     return (
         f"{scale:g} of the shaking: {condensed.stats['condensed_contacts']:.0f} contacts condensed, "
         f"CPU {cpu[0]:.2f} s against {cpu[1]:.2f} s ({cpu[0] / cpu[1]:.2f}), "

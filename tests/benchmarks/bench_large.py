@@ -19,8 +19,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from romdam.core.scene import Block
 
 SIZE = (20.0, 20.0, 80.0)
 CUTOFF = 60.0
@@ -39,13 +45,13 @@ GAPS_MESH = (16, 2, 32)  # a face with room for 2,000 gaps
 SOLVERS_OF_GAPS = ("pardiso", "pardiso_single", "multigrid")
 
 
-def block_of(divisions: tuple[int, ...]):
+def block_of(divisions: tuple[int, ...]) -> Block:
     from romdam.config.sections.job import BoxConfig
     from romdam.core.scene import Material
     from romdam.scene.boxes import box_block
 
-    edges = tuple(s / n for s, n in zip(SIZE, divisions, strict=True))
-    box = BoxConfig(origin=(0.0, 0.0, 0.0), size=SIZE, element_size=edges, element="tet10")
+    x, y, z = (s / n for s, n in zip(SIZE, divisions, strict=True))
+    box = BoxConfig(origin=(0.0, 0.0, 0.0), size=SIZE, element_size=(x, y, z), element="tet10")
     return box_block("b", box, Material(30e9, 0.2, 2400.0), "bench")
 
 
@@ -94,13 +100,14 @@ def distance(divisions: tuple[int, ...], one: Path, other: Path) -> dict[str, fl
     from romdam.reduction.storage.model_file import read_block_file
 
     M = assemble(block_of(divisions))[1]
-    X, Y = (read_block_file(path).vectors.rows() for path in (one, other))
+    bases = [read_block_file(path) for path in (one, other)]
+    X, Y = (basis.vectors.rows() for basis in bases)
     off = 0.0
     for first in range(0, X.shape[1], 64):
         x = np.ascontiguousarray(X[:, first : first + 64])
         rest = x - Y @ (Y.T @ (M @ x))
         off = max(off, float(np.sqrt((rest * (M @ rest)).sum(axis=0).max())))
-    return {"basis": off, "omega2": float(np.abs(X.omega2 / Y.omega2 - 1.0).max())}
+    return {"basis": off, "omega2": float(np.abs(bases[0].omega2 / bases[1].omega2 - 1.0).max())}
 
 
 def in_a_process(case: tuple[int | str, ...], folder: Path) -> dict[str, object]:
@@ -147,7 +154,7 @@ def draw(grown: dict[str, list[dict[str, object]]], dam: dict[str, object] | Non
     figure.savefig(path, dpi=110)
 
 
-def plain_ticks(ax) -> None:
+def plain_ticks(ax: Axes) -> None:
     """Numbers as they are written; room for the legend above the lines."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -175,7 +182,9 @@ def cases(only: str, most: int) -> list[list[tuple[int | str, ...]]]:
 def compared(divisions: tuple[int, ...], rows: list[dict[str, object]]) -> None:
     """Put the distance from the direct solution into the rows of the other solvers."""
     direct = next((row for row in reversed(rows) if row["solver"] in ("pardiso", "superlu")), None)
-    for row in rows[rows.index(direct) + 1 :] if direct else ():
+    if direct is None:
+        return
+    for row in rows[rows.index(direct) + 1 :]:
         row |= distance(divisions, Path(str(row["file"])), Path(str(direct["file"])))
         print(f"{row['solver']:>14} from {direct['solver']}: basis {row['basis']:.1e}, "
               f"omega2 {row['omega2']:.1e}", flush=True)  # fmt: skip

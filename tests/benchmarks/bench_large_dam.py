@@ -49,7 +49,8 @@ def one(mesh: str, solver: str, memory: float, folder: Path) -> dict[str, object
     meshed, mesh_cpu = time.perf_counter(), time.process_time()
     store = BlockStore(folder / mesh)
     model = reduce_scene(scene, config.model, config.damping, store)
-    system, report = model.system, dict(next(iter(model.report.values())))
+    system, report = model.system, next(iter(model.report.values()))
+    assert isinstance(report, dict)
     return {
         "mesh": mesh, "unknowns": 3 * sum(len(b.points) for b in scene.blocks.values()),
         "gaps": sum(len(j.area) for j in scene.joints.values()), "size": system.size,

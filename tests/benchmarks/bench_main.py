@@ -22,6 +22,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -33,6 +34,7 @@ from reference_run import ROOT, errors, job, march
 
 from romdam.core.integrators import INTEGRATORS
 from romdam.core.system import History, System
+from romdam.error.metrics import relative_l2
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.timestepping.modal.propagator import modal_propagator
@@ -43,7 +45,7 @@ Row = dict[str, object]
 
 STEPS = (0.01, 0.005, 0.0025, 0.00125, 0.000625, 0.0003125, 0.00015625)
 FULL_STEPS = (0.0025, 0.000625)
-ROUGH = {"friction": 0.6, "shear_stiffness": 8e9}
+ROUGH: dict[str, Any] = {"friction": 0.6, "shear_stiffness": 8e9}
 REDUCED = ("reduced, adaptive", "reduced, modal", "reduced, modal, 60")
 COMPARED = (0.01, 0.004)  # L2 errors at which costs are compared
 RECORD_STEP = 0.01  # [s], and the interval of the rows
@@ -85,7 +87,7 @@ def repeat(repeats: int, system: System, dt: float, seconds: float | None = None
     return row(runs, dt, seconds)
 
 
-def at_finest(dt: float, **options: object) -> dict[str, object]:
+def at_finest(dt: float, **options: object) -> dict[str, Any]:
     """Options of a run whose finest step is dt: the adaptive one starts from the record's or half of it."""
     if options.get("integrator") != "adaptive":
         return {"dt": dt, **options}
@@ -203,9 +205,7 @@ def _friction(rough: System, smooth: System, limit: History, setting: tuple[str,
         "integrator": integrator,
         "dt": dt,
         **{name: with_it[name] for name in names},
-        "time_error_L2": float(
-            np.linalg.norm(found - limit.jump[..., 0]) / np.linalg.norm(limit.jump[..., 0])
-        ),
+        "time_error_L2": relative_l2(found, limit.jump[..., 0]),
         "cost_against_frictionless": float(str(with_it["cpu_seconds"])) / float(str(without["cpu_seconds"])),
     }
 

@@ -29,6 +29,7 @@ from campaign import CASES, CONFIG, ROOT, Row, case_config, case_system, motions
 from romdam.config import parse_config
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
+from romdam.error.metrics import relative_l2
 from romdam.records.processing.resampling import resample_motion
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
@@ -103,7 +104,7 @@ def _row(h: History, limit: History, scheme: str, dt: float) -> Row:
     return {
         "scheme": scheme,
         "dt": dt,
-        "L2_error": float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted)),
+        "L2_error": relative_l2(found, wanted),
         "peak_error": float(h.peaks["opening"].max() / limit.peaks["opening"].max() - 1.0),
         "compression_error": float(h.peaks["compression"].max() / limit.peaks["compression"].max() - 1.0),
         "cpu_seconds": h.stats["loop_cpu_seconds"],

@@ -26,7 +26,7 @@ import yaml
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Joint, Scene
-from romdam.pipelines.simulation import simulate_motion
+from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
@@ -80,13 +80,14 @@ def main() -> None:
         for name, scene in (("coarse", coarse), ("fine", replace(fine, joints=joints)))
     }
     motion = load_motions(job.config.records, job.folder)[0]
-    for _, model in models.values():  # compiles, and warms up
-        simulate_motion(job, model.prepared, motion, 0.1)
+    prepared = {name: prepare(job, model.system) for name, (_, model) in models.items()}
+    for one in prepared.values():  # compiles, and warms up
+        simulate_motion(job, one, motion, 0.1)
     seconds: dict[str, list[float]] = {name: [] for name in models}
     for _ in range(asked.repeats):
-        for name, (_, model) in models.items():
+        for name, one in prepared.items():
             start = time.process_time()
-            simulate_motion(job, model.prepared, motion, asked.seconds)
+            simulate_motion(job, one, motion, asked.seconds)
             seconds[name].append(time.process_time() - start)
     dt = job.config.transient.finest_step
     assert dt is not None

@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
@@ -124,7 +125,10 @@ def _arguments() -> argparse.Namespace:
 def main() -> int:
     """Run, print and write."""
     options = _arguments()
-    made = {"p695": p695, "samples": lambda: samples(options.samples)}
+    made: dict[str, Callable[[], dict[str, object]]] = {
+        "p695": p695,
+        "samples": lambda: samples(options.samples),
+    }
     report: dict[str, Row] = {}
     with tempfile.TemporaryDirectory() as scratch:
         cache = Path(scratch) / "cache"

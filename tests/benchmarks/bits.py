@@ -20,6 +20,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "hard"))
 
 from bench_arch_cutoff import coarse_job
+from numpy.typing import NDArray
 from reference_run import job, march
 from test_hard_configs import LONG, SOUND
 from test_hard_configs import march as march_hard
@@ -108,7 +110,7 @@ def main() -> None:
     parser.add_argument("--against", type=Path)
     asked = parser.parse_args()
     before = dict(np.load(asked.against)) if asked.against else {}
-    kept = {}
+    kept: dict[str, NDArray[Any]] = {}
     for name, history in histories():
         found = numbers(history) | {"cpu": np.array(history.stats["loop_cpu_seconds"])}
         kept |= {f"{name}/{kind}": values for kind, values in found.items()}
@@ -118,7 +120,7 @@ def main() -> None:
             ratio = kept[f"{name}/cpu"] / before[f"{name}/cpu"]
             line += f", {ratio:5.2f} times; {differences(found, other) or 'the same bits'}"
         print(line, flush=True)
-    np.savez(asked.out, **kept)
+    np.savez(asked.out, **kept)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -76,10 +76,11 @@ def raw_config() -> dict[str, dict[str, object]]:
 def case_config(case: str, transient: Row) -> dict[str, object]:
     """The configuration of one case, for one way of stepping."""
     mu, stiffness = case.split("/")
-    joint = {"between": ["left", "right"], "normal_stiffness": STIFFNESS[stiffness]}
+    joint: dict[str, object] = {"between": ["left", "right"], "normal_stiffness": STIFFNESS[stiffness]}
     if float(mu) > 0.0:
         joint |= {"friction": float(mu), "shear_stiffness": 8e9}
-    return raw_config() | {"joints": {"contraction": joint}, "transient": transient, "outputs": {}}
+    changed = {"joints": {"contraction": joint}, "transient": transient, "outputs": {}}
+    return {**raw_config(), **changed}
 
 
 @cache

@@ -3,22 +3,25 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from romdam.contact.laws import Bond, ShearKey, StaticFriction, VelocityFriction
 from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.law import Law
 from romdam.contact.problem import every_law
-from romdam.core.system import LawRows
+from romdam.core.arrays import Bools, Floats
+from romdam.core.system import GapLaw, LawRows
 
 
 def with_laws(
-    law,
-    tensile_strength=0.0,
-    cohesion=0.0,
-    friction_static=None,
-    shear_key=None,
-    viscosity=0.0,
-    velocity=None,
-):
+    law: GapLaw,
+    tensile_strength: ArrayLike = 0.0,
+    cohesion: ArrayLike = 0.0,
+    friction_static: ArrayLike | None = None,
+    shear_key: ArrayLike | None = None,
+    viscosity: ArrayLike = 0.0,
+    velocity: ArrayLike | None = None,
+) -> GapLaw:
     """The same gaps with further laws.
 
     Parameters
@@ -28,8 +31,11 @@ def with_laws(
     shear_key : of each gap (n, 3): depth [m], whether it holds along j and along k
     velocity : mu_s, mu_d, v_c [m/s] of every gap
     """
-    n, rows = len(law), []
-    full = lambda values: np.broadcast_to(np.asarray(values, dtype=float), (n,))  # noqa: E731
+    n, rows = len(law), list[tuple[type[Law], Floats, bool]]()
+
+    def full(values: ArrayLike) -> Floats:
+        return np.broadcast_to(np.asarray(values, dtype=float), (n,))
+
     if friction_static is not None:
         static = np.asarray(friction_static, dtype=float)
         rows.append((StaticFriction, np.hstack([static, law.mu]), bool(static.any())))
@@ -39,11 +45,13 @@ def with_laws(
         rows.append((Bond, np.column_stack([full(tensile_strength), full(cohesion)]), bool(np.any(cohesion))))
     if shear_key is not None:
         rows.append((ShearKey, np.asarray(shear_key, dtype=float), True))
-    laws = tuple(LawRows(source_of(one), values, values.any(axis=1), shear) for one, values, shear in rows)
+    laws = tuple(
+        LawRows(source_of(one), values, (values != 0.0).any(axis=1), shear) for one, values, shear in rows
+    )
     return replace(law, laws=laws, viscosity=full(viscosity) + 0.0 if np.any(viscosity) else np.zeros(0))
 
 
-def lost(law, memory):
+def lost(law: GapLaw, memory: Floats) -> Bools:
     """Whether the bond is lost, the gap slides, the key is out, of every gap, (n, 3)."""
     names = [rows.law.name for rows in every_law(law)]
     flags = np.zeros((len(law), 3), dtype=bool)

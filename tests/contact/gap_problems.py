@@ -1,13 +1,17 @@
 """Random gap-space problems, and a check of a solution that shares no code with the solver."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from further_laws import with_laws
+from numpy.typing import NDArray
 from point_law import Gap, Past, strong
 
-from romdam.contact.problem import gap_memory, gap_problem
+from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
 from romdam.contact.step import commit_gaps, solve_gaps
+from romdam.core.arrays import Floats
 from romdam.core.system import GapLaw
 
 TOLERANCE = 1e-8
@@ -18,29 +22,32 @@ STEP = 1e-3  # [s], what the dashpots are taken over
 class Case:
     """One step: w = w_free + H p with the law's parameters; d is 1 or 3."""
 
-    H: np.ndarray
-    stiffness: tuple[np.ndarray, np.ndarray, np.ndarray]
-    mu: np.ndarray
-    gap: np.ndarray
-    anchor: np.ndarray
-    w_free: np.ndarray
-    laws: dict[str, np.ndarray] = field(default_factory=dict)
+    H: Floats
+    stiffness: tuple[Floats, Floats, Floats]
+    mu: Floats
+    gap: Floats
+    anchor: Floats
+    w_free: Floats
+    laws: dict[str, Floats] = field(default_factory=dict)
 
     @property
-    def problem(self):
+    def problem(self) -> GapProblem:
         return gap_problem(self.H, self.law, (STEP, False))
 
     @property
-    def law(self):
+    def law(self) -> GapLaw:
         return with_laws(GapLaw(*self.stiffness, self.mu, self.gap, {}), **self.laws)
 
-    def parameters(self, i):
+    def parameters(self, i: int) -> Gap:
         """One gap's, for the point laws."""
-        laws = {name: values[i] for name, values in self.laws.items()}
+        laws: dict[str, Any] = {name: values[i] for name, values in self.laws.items()}
+        K_n, K_nz, K_s = (float(K[i]) for K in self.stiffness)
         key = laws.get("shear_key", (0.0, 0.0, 0.0))
         return Gap(
-            *(float(K[i]) for K in self.stiffness),
-            tuple(self.mu[i]),
+            K_n,
+            K_nz,
+            K_s,
+            (float(self.mu[i, 0]), float(self.mu[i, 1])),
             tension=float(laws.get("tensile_strength", 0.0)),
             cohesion=float(laws.get("cohesion", 0.0)),
             mu_static=tuple(laws.get("friction_static", (0.0, 0.0))),
@@ -50,7 +57,16 @@ class Case:
         )
 
 
-def random_case(seed, n, mu=(0.0, 0.0), K_n=1e9, K_nz=0.0, K_s=5e8, coupling=1.0, floor=1e-3):
+def random_case(
+    seed: int,
+    n: int,
+    mu: tuple[float, float] = (0.0, 0.0),
+    K_n: float = 1e9,
+    K_nz: float = 0.0,
+    K_s: float = 5e8,
+    coupling: float = 1.0,
+    floor: float = 1e-3,
+) -> Case:
     """H is a Gram matrix of about 1e-9 m/N; `coupling` scales its off-diagonal part, `floor` is added.
 
     Free jumps are as often closed as open, initial gaps lie around zero (penetration included).
@@ -71,7 +87,7 @@ def random_case(seed, n, mu=(0.0, 0.0), K_n=1e9, K_nz=0.0, K_s=5e8, coupling=1.0
     )
 
 
-def solve_step(problem, memory, w_free):
+def solve_step(problem: GapProblem, memory: GapMemory, w_free: Floats) -> tuple[Floats, float]:
     """(y, residual) of one step, started from the gaps that carry force; `w_free` is left as it was."""
     y = np.empty(len(w_free))
     closed = memory.force[:: max(len(w_free) // max(len(problem.gap), 1), 1)] > 0.0
@@ -79,7 +95,9 @@ def solve_step(problem, memory, w_free):
     return y, residual
 
 
-def solve(case, memory=None, problem=None):
+def solve(
+    case: Case, memory: GapMemory | None = None, problem: GapProblem | None = None
+) -> tuple[Floats, Floats, NDArray[np.uint8], GapMemory, float, float]:
     """Solve and commit one step; (jump, force, state, memory, stored, friction)."""
     problem = case.problem if problem is None else problem
     if memory is None:
@@ -93,7 +111,13 @@ def solve(case, memory=None, problem=None):
     return jump, force, state, memory, stored, friction
 
 
-def check(case, jump, force, state, before=None):
+def check(
+    case: Case,
+    jump: Floats,
+    force: Floats,
+    state: NDArray[np.uint8],
+    before: Sequence[Past] | None = None,
+) -> None:
     """The solution satisfies w = w_free + H p, and every gap its own law.
 
     `before` is what the gaps have left in the step, without the anchors; no more must be lost.
@@ -117,7 +141,7 @@ def check(case, jump, force, state, before=None):
         j[:d] = jump[i]
         past = Past() if before is None else before[i]
         past = past._replace(anchor=tuple(case.anchor[i]) if d == 3 else (0.0, 0.0))
-        law, wanted, now = strong(tuple(j), past, case.parameters(i))
+        law, wanted, now = strong((j[0], j[1], j[2]), past, case.parameters(i))
         # the solver's tolerance is on the force; the law sees the jump, W times that, through its stiffness
         gain = max(K_n[i], K_s[i] if d == 3 else 0.0) * np.abs(case.H).max()
         slack = 5.0 * TOLERANCE * (1.0 + gain) * p_scale + 1e-12 * gain * w_scale / np.abs(case.H).max()
@@ -127,7 +151,7 @@ def check(case, jump, force, state, before=None):
         assert now.broken == past.broken
 
 
-def _check_rigid(case, i, jump, force, p_scale, w_scale):
+def _check_rigid(case: Case, i: int, jump: Floats, force: Floats, p_scale: float, w_scale: float) -> None:
     K_nz, K_s, mu = case.stiffness[1][i], case.stiffness[2][i], case.mu[i]
     p_n = force[0] + K_nz * jump[0]  # less the linear tension
     assert p_n >= -1e-9 * p_scale

@@ -83,7 +83,7 @@ def _answer(call: Callable[[], object], pipe: int) -> None:
 
 def _read_all(pipe: int, until: float) -> tuple[bytes, bool]:
     """Everything that comes through a pipe, and whether the time was up before its end."""
-    found = []
+    found: list[bytes] = []
     with os.fdopen(pipe, "rb", buffering=0) as file:
         while True:
             ready, _, _ = select.select([file], [], [], max(0.0, until - time.perf_counter()))

@@ -313,8 +313,9 @@ def mutated(number: int) -> str:
 
 
 def _change(raw: dict[str, Any], place: Place, rng: Rng) -> None:
-    *parents, last = place
-    owner = value_at(raw, tuple(parents))
+    *parents, name = place
+    owner: Any = value_at(raw, tuple(parents))
+    last: Any = name  # of a dict or a list
     if not isinstance(owner, dict | list):
         return
     old = value_at(raw, place)

@@ -282,7 +282,7 @@ HAND = {
     "hanging nodes": ("a.msh", msh(CUBES[:8] + FINE, [HEX[0], *FINE_HEX]), "coincide"),
     "hanging nodes that share": (
         "a.msh",
-        msh(moved(CUBES[:8], (0, 0, 2e-4)) + FINE, [HEX[0], *FINE_HEX]),
+        msh([*moved(CUBES[:8], (0, 0, 2e-4)), *FINE], [HEX[0], *FINE_HEX]),
         "an element across them",
     ),
     "overlapping": (

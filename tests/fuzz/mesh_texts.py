@@ -2,31 +2,39 @@
 
 import base64
 import struct
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
-CUBES = [(x, y, z) for z in (0, 1, 2) for y in (0, 1) for x in (0, 1)]
+Point = Sequence[float]
+Cells = Sequence[Sequence[int]]
+Array = Callable[[str, str, Sequence[Any], str, int], str]
+
+CUBES: list[tuple[float, float, float]] = [(x, y, z) for z in (0, 1, 2) for y in (0, 1) for x in (0, 1)]
 HEX = [[1, 2, 4, 3, 5, 6, 8, 7], [5, 6, 8, 7, 9, 10, 12, 11]]
 TETS = [[1, 2, 4, 8], [1, 2, 8, 6], [1, 4, 3, 8], [1, 3, 7, 8], [1, 7, 5, 8], [1, 5, 6, 8]]
 SLAB = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
 
 
-def grids(points=CUBES, form="GRID,{0},,{1},{2},{3}", first=1):
+def grids(points: Sequence[Point] = CUBES, form: str = "GRID,{0},,{1},{2},{3}", first: int = 1) -> list[str]:
     return [form.format(k, *(float(x) for x in p)) for k, p in enumerate(points, start=first)]
 
 
-def chexa(cells=HEX, pid=1, form="CHEXA,{0},{1},{2},+\n+,{3}", first=1):
+def chexa(
+    cells: Cells = HEX, pid: int = 1, form: str = "CHEXA,{0},{1},{2},+\n+,{3}", first: int = 1
+) -> list[str]:
     return [
         form.format(k, pid, ",".join(map(str, c[:6])), ",".join(map(str, c[6:])))
         for k, c in enumerate(cells, first)
     ]
 
 
-def bdf(*lines):
+def bdf(*lines: str | list[str]) -> str:
     return "\n".join(
         [*(x for part in lines for x in ([part] if isinstance(part, str) else part)), "ENDDATA", ""]
     )
 
 
-def small(points=CUBES, cells=HEX, mark=("", "")):
+def small(points: Sequence[Point] = CUBES, cells: Cells = HEX, mark: tuple[str, str] = ("", "")) -> str:
     lines = [f"GRID    {k:<8}{'':8}{x:<8.4f}{y:<8.4f}{z:<8.4f}" for k, (x, y, z) in enumerate(points, 1)]
     for k, c in enumerate(cells, 1):
         words = "".join(f"{n:<8}" for n in (k, 1, *c[:6]))
@@ -34,7 +42,16 @@ def small(points=CUBES, cells=HEX, mark=("", "")):
     return bdf(lines)
 
 
-def msh(points=CUBES, cells=HEX, kind=5, tags="2 1 1", numbers=None, ids=None, head="2.2 0 8", extra=""):
+def msh(
+    points: Sequence[Point] = CUBES,
+    cells: Cells = HEX,
+    kind: int = 5,
+    tags: str = "2 1 1",
+    numbers: Iterable[int] | None = None,
+    ids: Iterable[int] | None = None,
+    head: str = "2.2 0 8",
+    extra: str = "",
+) -> str:
     numbers, ids = numbers or range(1, len(points) + 1), ids or range(1, len(cells) + 1)
     nodes = "\n".join(f"{n} {' '.join(map(str, p))}" for n, p in zip(numbers, points, strict=True))
     rows = "\n".join(f"{i} {kind} {tags} {' '.join(map(str, c))}" for i, c in zip(ids, cells, strict=True))
@@ -44,7 +61,7 @@ def msh(points=CUBES, cells=HEX, kind=5, tags="2 1 1", numbers=None, ids=None, h
     )
 
 
-def msh4(nodes, elements, entities="", extra=""):
+def msh4(nodes: str, elements: str, entities: str = "", extra: str = "") -> str:
     part = f"$Entities\n{entities}\n$EndEntities\n" if entities else ""
     return (
         f"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n{extra}{part}$Nodes\n{nodes}\n$EndNodes\n"
@@ -61,17 +78,33 @@ NODES4 = (
 CELLS4 = "1 2 1 2\n3 1 5 2\n" + "\n".join(f"{k} {' '.join(map(str, c))}" for k, c in enumerate(HEX, 1))
 
 
-def inp(points=CUBES, cells=HEX, kind="C3D8", more="", node="*NODE", numbers=None):
+def inp(
+    points: Sequence[Point] = CUBES,
+    cells: Cells = HEX,
+    kind: str = "C3D8",
+    more: str = "",
+    node: str = "*NODE",
+    numbers: Iterable[int] | None = None,
+) -> str:
     numbers = numbers or range(1, len(points) + 1)
     nodes = "\n".join(f"{n}, {x}, {y}, {z}" for n, (x, y, z) in zip(numbers, points, strict=True))
     rows = "\n".join(f"{k}, {', '.join(map(str, c))}" for k, c in enumerate(cells, 1))
     return f"*HEADING\n{node}\n{nodes}\n*ELEMENT, TYPE={kind}\n{rows}\n{more}"
 
 
-def vtu(points=CUBES, cells=HEX, kind=12, count=None, array=None, attributes="", pieces=1, offsets=None):
+def vtu(
+    points: Sequence[Point] = CUBES,
+    cells: Cells = HEX,
+    kind: int = 12,
+    count: int | None = None,
+    array: Array | None = None,
+    attributes: str = "",
+    pieces: int = 1,
+    offsets: list[int] | None = None,
+) -> str:
     """Text, or arrays as `array` writes them."""
 
-    def data(name, kind, values, code, width=1):
+    def data(name: str, kind: str, values: Sequence[Any], code: str, width: int = 1) -> str:
         if array is not None:
             return array(name, kind, values, code, width)
         numbers = " ".join(map(str, values))
@@ -94,10 +127,10 @@ def vtu(points=CUBES, cells=HEX, kind=12, count=None, array=None, attributes="",
     )
 
 
-def packed(size):
+def packed(size: int) -> Array:
     """Arrays in base64; the header is coded by itself where `size` is 8."""
 
-    def array(name, kind, values, code, width):
+    def array(name: str, kind: str, values: Sequence[Any], code: str, width: int) -> str:
         raw = struct.pack(f"<{len(values)}{code}", *values)
         head = struct.pack("<Q" if size == 8 else "<I", len(raw))
         text = base64.b64encode(head) + base64.b64encode(raw) if size == 8 else base64.b64encode(head + raw)
@@ -109,10 +142,10 @@ def packed(size):
     return array
 
 
-def moved(points, by, which=None):
+def moved(points: Sequence[Point], by: Point, which: Iterable[int] | None = None) -> list[Point]:
     return [tuple(a + b for a, b in zip(p, by, strict=True)) if which is None or k in which else p
             for k, p in enumerate(points)]  # fmt: skip
 
 
-def stretched(points, factor):
+def stretched(points: Sequence[Point], factor: float) -> list[Point]:
     return [tuple(factor * x for x in p) for p in points]

@@ -9,8 +9,9 @@ import itertools
 import re
 import sys
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ class Trap:
     source: str
     edit: Edit
     end: str
-    entry: dict[str, object] = field(default_factory=dict)
+    entry: Mapping[str, object] = field(default_factory=dict)
 
 
 def honest(folder: Path) -> dict[str, bytes]:
@@ -99,7 +100,7 @@ def _dressed() -> Iterator[Trap]:
             yield Trap(f"dress: {name}", source, edit, READ)
     for old, new in (("E-", "D-"), ("E+", "D+"), ("E", "e")):
         for source in ("AT2", "COSMOS"):
-            yield Trap(f"dress: exponent {new}", source, lambda d, o=old, n=new: _last_lines(d, o, n), READ)
+            yield Trap(f"dress: exponent {new}", source, partial(_last_lines, old=old, new=new), READ)
     yield Trap(
         "dress: touching numbers", "AT2", rows(lambda r: r[:4] + [x.replace(" -", "-") for x in r[4:]]), READ
     )
@@ -141,7 +142,7 @@ def _foreign() -> Iterator[Trap]:
         for name, edit in packages.items():
             yield Trap(f"foreign: {name}", source, edit, REFUSED)
         for mark in ("-999", "9999.999", "1e30") if source != "KNET" else ():  # whose values are counts
-            yield Trap(f"foreign: mark {mark}", source, lambda d, m=mark: _inside(d, m), REFUSED)
+            yield Trap(f"foreign: mark {mark}", source, partial(_inside, word=mark), REFUSED)
 
 
 def _zipped(data: bytes) -> bytes:

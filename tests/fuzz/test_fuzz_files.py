@@ -17,11 +17,17 @@ from file_damage import damage_bytes, displace, put_back, rewrite
 from romdam import open_result
 from romdam.core.errors import ResultError
 from romdam.core.sealed import is_sealed, seal
-from romdam.error.comparison import STATEMENT_FILE, read_statement, write_statement
+from romdam.error.metrics import RelativeError
+from romdam.error.statement import (
+    VERIFICATION_FILE,
+    ErrorStatement,
+    read_verification,
+    write_verification,
+)
 from romdam.postprocess.maxima import maxima
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.results.certificate import read_run
 from romdam.results.model_info import model_lines
+from romdam.results.stored_run import read_run
 from romdam.terminal import info_lines, peaks_table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -169,18 +175,23 @@ def parts(store: BlockStore, key: str) -> list[bytes] | None:
 
 
 def test_statements_that_changed_are_left_out(tmp_path, cases):
-    statement = {"statement": "off by 1 %", "configuration_sha256": "abc", "peak_error": 0.01, "cpu": [1, 2]}
-    path = write_statement(tmp_path, statement)
-    whole, expected = path.read_bytes(), read_statement(tmp_path, "abc")
-    assert json.loads(str(expected["verification"])) == statement and read_statement(tmp_path, "abd") == {}
+    about = {"configuration_sha256": "abc", "peak_error": 0.01, "cpu": [1, 2]}
+    errors = {"opening": RelativeError(0.1, 0.01, {"gap": RelativeError(0.2, 0.02)})}
+    statement = ErrorStatement("verification", "off by 1 %", errors, about)
+    path = write_verification(tmp_path, statement)
+    whole, expected = path.read_bytes(), read_verification(tmp_path, "abc")
+    assert (
+        json.loads(str(expected["verification"])) == statement.document
+        and read_verification(tmp_path, "abd") == {}
+    )
     for case in range(cases(100, 1000)):
         damage_bytes(path, [path], np.random.default_rng([5, case]))
-        found = read_statement(tmp_path, "abc")
+        found = read_verification(tmp_path, "abc")
         assert found in ({}, expected), f"case {case}: {found}"
         path.write_bytes(whole)
     for foreign in ("null", "[]", '{"configuration_sha256": "abc"}', "[" * 100_000, '{"a": NaN}'):
-        (tmp_path / STATEMENT_FILE).write_text(foreign)
-        assert read_statement(tmp_path, "abc") == {}
+        (tmp_path / VERIFICATION_FILE).write_text(foreign)
+        assert read_verification(tmp_path, "abc") == {}
 
 
 @pytest.mark.parametrize("size", [0, 7, 8, 9, 48, 51, 52, 79, 96])

@@ -2,13 +2,16 @@
 
 import numpy as np
 
+from romdam.core.arrays import Floats
+from romdam.core.system import GapLaw, History
+
 CLOSED = 1e-6  # ledger residual that counts as closed, relative to the energy at hand
 GAIN = 1e-9  # what a dissipation may fall by in an interval, relative to the same energy
 FRICTION_GAIN = 2e-8  # the same with friction, whose forces are found to 1e-8 only
 LAW = 1e-6  # by how much a force may miss its law, relative to the largest force or jump
 
 
-def soundness(law, history):
+def soundness(law: GapLaw, history: History) -> dict[str, float]:
     """Figures of one run, energies relative to the largest of input, kinetic, strain and stored energy.
 
     Parameters
@@ -22,7 +25,7 @@ def soundness(law, history):
     """
     energy, p, g = history.energy, history.traction, history.jump[..., 0]
     names = ("input", "kinetic", "strain", "joint_stored")
-    size = max([float(np.abs(energy[name]).max()) for name in names] + [1e-300])
+    size = max(1e-300, *(float(np.abs(energy[name]).max()) for name in names))
     residual = energy["residual"]
     arrays = (p, g, history.mean_traction, history.disp, history.vel, history.acc, *energy.values())
     return {
@@ -38,11 +41,11 @@ def soundness(law, history):
     }
 
 
-def _least(work):
+def _least(work: Floats) -> float:
     return float(np.diff(work).min(initial=0.0))
 
 
-def _law_misses(law, p, g, motion):
+def _law_misses(law: GapLaw, p: Floats, g: Floats, motion: float) -> dict[str, float]:
     """By how much forces miss their laws, the first row apart: an undeformed start carries no force yet."""
     p, g = p[1:], g[1:]
     force = max(float(p[..., 0].max(initial=0.0)), 1e-300)
@@ -58,7 +61,7 @@ def _law_misses(law, p, g, motion):
     }
 
 
-def _shear_above(mu, p):
+def _shear_above(mu: Floats, p: Floats) -> float:
     """Largest shear beyond its limit [N]; equal coefficients bound the resultant."""
     limit = mu * p[..., :1]
     equal = np.hypot(p[..., 1], p[..., 2]) - limit[..., 0]
@@ -66,7 +69,7 @@ def _shear_above(mu, p):
     return float(np.where(mu[:, 0] == mu[:, 1], equal, single).max(initial=0.0))
 
 
-def assert_sound(law, history):
+def assert_sound(law: GapLaw, history: History) -> dict[str, float]:
     """Every invariant of `soundness`; returns the figures."""
     found = soundness(law, history)
     gain = FRICTION_GAIN if law.directions == 3 else GAIN

@@ -1,6 +1,7 @@
 """Small scenes of two cantilevers, turned, renumbered or scaled, with all their matrices."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -8,15 +9,18 @@ from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfig
+from romdam.core.arrays import Floats
+from romdam.core.scene import Scene
+from romdam.core.system import History, System
 from romdam.fem.unreduced import assemble_full
-from romdam.reduction.synthesis import reduce_scene
+from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
 
 E = 30e9
 DAMPING = DampingConfig(rayleigh=RayleighConfig(frequencies=(5.0, 60.0), ratio=0.05))
 
 
-def raw(height=8.0, size=2.0, **joint):
+def raw(height: float = 8.0, size: float = 2.0, **joint: Any) -> dict[str, Any]:
     """Two cantilevers of 4 x 4 and 4 x 6 m, `height` high, pressed together by 0.1 MPa, shaken in x, y, z."""
     joint = {"normal_stiffness": E, "shear_stiffness": 0.5 * E} | joint
     return {
@@ -48,14 +52,14 @@ def raw(height=8.0, size=2.0, **joint):
     }
 
 
-def scene(config):
+def scene(config: dict[str, Any]) -> Scene:
     """Build without touching the disk."""
     from pathlib import Path
 
     return build_scene(parse_config(config, "s.yaml"), Path(), "s.yaml")
 
 
-def shaking(dt, duration=2.0, amplitude=8.0):
+def shaking(dt: float, duration: float = 2.0, amplitude: float = 8.0) -> Floats:
     """(3, nt) broad-band ground motion, linear between corners every 0.01 s."""
     corners = amplitude * np.random.default_rng(7).standard_normal((3, round(duration / 0.01) + 1))
     corners *= np.array([[0.4], [1.0], [0.3]])
@@ -63,23 +67,23 @@ def shaking(dt, duration=2.0, amplitude=8.0):
     return np.array([np.interp(t, 0.01 * np.arange(corners.shape[1]), row) for row in corners])
 
 
-def reduced(built, damping=DAMPING, **model):
+def reduced(built: Scene, damping: DampingConfig = DAMPING, **model: Any) -> ReducedModel:
     """The reduced model; all modes unless asked otherwise."""
     return reduce_scene(built, ModelConfig(**(model or {"modes": "all"})), damping)
 
 
-def march(system, dt=0.0025, ground=None, **options):
+def march(system: System, dt: float = 0.0025, ground: Floats | None = None, **options: Any) -> History:
     """Integrate, from the undeformed state unless asked otherwise."""
     ground = shaking(dt) if ground is None else ground
     return simulated(system, ground, dt, **({"initial_state": "undeformed"} | options))
 
 
-def full(built, damping=DAMPING):
+def full(built: Scene, damping: DampingConfig = DAMPING) -> System:
     """The unreduced system."""
     return assemble_full(built, damping)
 
 
-def turned(built, R):
+def turned(built: Scene, R: Floats) -> Scene:
     """The same scene with everything turned by R (3, 3)."""
     blocks = {n: dataclasses.replace(b, points=b.points @ R.T) for n, b in built.blocks.items()}
     joints = {
@@ -89,7 +93,7 @@ def turned(built, R):
     return dataclasses.replace(built, blocks=blocks, joints=joints, gravity=R @ built.gravity)
 
 
-def renumbered(built, seed=0):
+def renumbered(built: Scene, seed: int = 0) -> Scene:
     """The same scene with the nodes of every block in another order."""
     rng = np.random.default_rng(seed)
     new = {n: rng.permutation(len(b.points)) for n, b in built.blocks.items()}
@@ -102,9 +106,7 @@ def renumbered(built, seed=0):
         faces = {name: new[n][facets] for name, facets in b.faces.items()}
         blocks[n] = dataclasses.replace(b, points=points, cells=new[n][b.cells], faces=faces)
     joints = {
-        n: dataclasses.replace(
-            j, nodes=tuple(new[b][nodes] for b, nodes in zip(j.blocks, j.nodes, strict=True))
-        )
+        n: dataclasses.replace(j, nodes=(new[j.blocks[0]][j.nodes[0]], new[j.blocks[1]][j.nodes[1]]))
         for n, j in built.joints.items()
     }
     return dataclasses.replace(
@@ -117,7 +119,7 @@ def renumbered(built, seed=0):
     )
 
 
-def swapped(built):
+def swapped(built: Scene) -> Scene:
     """I and J exchanged: normal and one tangent reversed, weights as they were."""
     joints = {
         n: dataclasses.replace(
@@ -131,7 +133,7 @@ def swapped(built):
     return dataclasses.replace(built, joints=joints)
 
 
-def scaled(built, factor):
+def scaled(built: Scene, factor: float) -> Scene:
     """Stiffness, mass, load and gap stiffness times a factor."""
     blocks = {
         n: dataclasses.replace(
@@ -147,6 +149,6 @@ def scaled(built, factor):
     return dataclasses.replace(built, blocks=blocks, joints=joints, pressures=pressures)
 
 
-def dense(system):
+def dense(system: System) -> tuple[Floats, ...]:
     """M, C, K, B as arrays."""
     return tuple(csr_matrix(part).toarray() for part in (system.M, system.C, system.K, system.B))

@@ -11,12 +11,15 @@ import tempfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
 from reference_run import CONFIG, RECORD
 
 from romdam.config.load import Job, parse_config
+from romdam.core.arrays import Floats
+from romdam.error.metrics import opening_peak, relative_l2
 from romdam.pipelines.certify import certify
 from romdam.pipelines.run import Clock, build_model, run, silent
 from romdam.pipelines.simulation import simulate_motion
@@ -24,18 +27,24 @@ from romdam.records.record_set import load_motions
 from romdam.results.dataset import open_dataset
 
 SECONDS = 10.0
-SCENES = {
+SCENES: dict[str, dict[str, Any]] = {
     "penalty": {},
     "rigid": {"normal_stiffness": "rigid"},
     "friction": {"shear_stiffness": "8 GPa/m", "friction": 0.6},
 }
-RECORDS = {
+RECORDS: dict[str, tuple[str, tuple[int, str]] | None] = {
     "mul009": None,
     "farfield_01b": ("farfield", (1, "b")),
     "farfield_09a": ("farfield", (9, "a")),
     "nearfield_05a": ("nearfield_pulse", (5, "a")),
 }
-BASES = ({"modes": 20}, {"modes": 40}, {"modes": 60}, {"cutoff": 60.0}, {"cutoff": 100.0})
+BASES: tuple[dict[str, float], ...] = (
+    {"modes": 20},
+    {"modes": 40},
+    {"modes": 60},
+    {"cutoff": 60.0},
+    {"cutoff": 100.0},
+)
 CASES = [(record, "penalty", base) for record in RECORDS for base in BASES]
 CASES += [("mul009", scene, base) for scene in ("rigid", "friction") for base in BASES]
 
@@ -56,18 +65,18 @@ class Row:
     seconds: tuple[float, float, float]
 
 
-_KEPT = []
+_KEPT: list[tempfile.TemporaryDirectory[str]] = []
 
 
 @cache
-def folder():
+def folder() -> Path:
     """A folder that lives as long as the process."""
     _KEPT.append(tempfile.TemporaryDirectory())
     return Path(_KEPT[0].name)
 
 
 @cache
-def record_entry(name):
+def record_entry(name: str) -> dict[str, Any]:
     source = RECORDS[name]
     if source is None:
         return {"name": name, "file": str(RECORD), "unit": "9.81 m/s2", "dt": 0.01, "components": {"y": 1}}
@@ -79,7 +88,7 @@ def record_entry(name):
     return {"name": name, "file": str(path), "unit": "g", "dt": float(row.DT), "components": {"y": 1}}
 
 
-def make_job(record, scene, base):
+def make_job(record: str, scene: str, base: dict[str, Any]) -> Job:
     raw = yaml.safe_load(CONFIG.read_text())
     raw["joints"]["contraction"].update(SCENES[scene])
     raw["records"] = [record_entry(record)]
@@ -90,7 +99,7 @@ def make_job(record, scene, base):
 
 
 @cache
-def true_openings(record, scene):
+def true_openings(record: str, scene: str) -> Floats:
     """(nt, 100) with all modes of the mesh."""
     job = make_job(record, scene, {"modes": "all"})
     model = build_model(job, Clock(silent))
@@ -99,12 +108,12 @@ def true_openings(record, scene):
     return history.jump[..., 0]
 
 
-def measure(record, scene, base):
+def measure(record: str, scene: str, base: dict[str, Any]) -> Row:
     """Run, estimate and certify one case."""
     job = make_job(record, scene, base)
     out = folder() / f"{record}_{scene}_{base}"
     (path,) = run(job, out).paths
-    statement = certify(path).statement
+    statement: dict[str, Any] = certify(path).statement.document
     with open_dataset(path) as dataset:
         own, attrs = dataset.opening.values, dict(dataset.attrs)
     true = true_openings(record, scene)
@@ -112,10 +121,10 @@ def measure(record, scene, base):
         record,
         scene,
         json.dumps(base),
-        float(np.linalg.norm(own - true) / np.linalg.norm(true)),
+        relative_l2(own, true),
         statement["error"]["opening"]["l2"],
         attrs["error_estimate_opening_l2"],
-        float(abs(own.max() - true.max()) / true.max()),
+        opening_peak(own, true),
         statement["error"]["opening"]["peak"],
         statement["defect_for_the_same_forces"]["opening"]["l2"],
         (
@@ -126,7 +135,7 @@ def measure(record, scene, base):
     )
 
 
-def line(row):
+def line(row: Row) -> str:
     return (
         f"{row.record:14s} {row.scene:8s} {row.base:17s} true {row.true:.4f}  "
         f"certificate {row.certified:.4f} ({row.certified / row.true:.2f})  "

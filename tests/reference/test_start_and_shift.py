@@ -9,7 +9,7 @@ import pytest
 from reference_run import job, shaking
 from simulating import simulated
 
-from romdam.error.replay import start_at
+from romdam.error.estimate import start_at
 from romdam.reduction.synthesis import reduce_scene
 
 sys.path.append(str(Path(__file__).parents[1] / "contact"))

@@ -40,6 +40,8 @@ def test_result_has_the_names_of_now_and_one_warning(old, caplog):
     with romdam.open_result(old / "run" / "r0.nc") as result:
         attrs = result.dataset.attrs
         assert attrs["solver_finest_step"] == 0.005 and attrs["solver_condensed_contacts"] == 0.0
+        counts = ("dynamic_modes", "quasi_static_modes", "integrated_gaps")
+        assert [attrs[f"solver_{name}"] for name in counts] == [32.0, 0.0, 4.0]
         assert not set(RENAMED) & {*attrs, *result.dataset.variables}
         assert float(result.dataset.peak_opening.max()) > 0.0
         assert result.displacement("left", nodes=0).shape == (30, 1, 3)
@@ -47,6 +49,7 @@ def test_result_has_the_names_of_now_and_one_warning(old, caplog):
     (said,) = caplog.messages
     assert str(old / "run" / "r0.nc") in said and "romdam 0.1.0" in said
     assert "solver_held_gaps as solver_condensed_contacts" in said
+    assert "solver_marched_gaps as solver_integrated_gaps" in said
 
 
 def test_result_is_told_and_drawn(old, invoke):

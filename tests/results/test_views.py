@@ -15,7 +15,7 @@ from romdam import open_result
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
-from romdam.pipelines.views import Pictures, plot_result, show_scene
+from romdam.pipelines.views import PlotOptions, plot_result, show_scene
 from romdam.postprocess.maxima import HEAD, maxima
 from romdam.results.dataset import build_dataset, write_dataset
 from romdam.results.export import write_series
@@ -110,7 +110,7 @@ def test_scene_without_water_has_no_water_line(drawable, tmp_path, monkeypatch):
 def test_plot_makes_figures_fields_series_and_animation(drawable, result, tmp_path, monkeypatch):
     monkeypatch.setattr(rendering, "SIZE", (240, 200))
     monkeypatch.setattr(field_views, "_FRAME_SIZE", (160, 120))
-    wanted = Pictures(fields=True, vtu=True, animation=True, frames=3, window=(0.5, 1.5))
+    wanted = PlotOptions(fields=True, vtu=True, animation=True, frames=3, window=(0.5, 1.5))
     paths = plot_result(result, tmp_path / "out", wanted)
     names = {p.name.removeprefix("quake") for p in paths}
     assert {f"-field_{n}.png" for n in ("displacement", "principal_stress", "vertical_stress")} <= names

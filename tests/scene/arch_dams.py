@@ -1,5 +1,7 @@
 """Small arch dams for the tests, as dictionaries."""
 
+from typing import Any
+
 CONCRETE = {"E": 28e9, "nu": 0.2, "rho": 2400.0, "expansion": 1e-5}
 ROCKS = {
     "rock_a": {"E": 45e9, "nu": 0.20, "rho": 2620.0},
@@ -22,9 +24,9 @@ ROCK = {
 JOINTS = {"normal_stiffness": 24e9, "shear_stiffness": 12e9, "friction": 0.6, "gaps": "corners"}
 
 
-def arch_dam(ground=True, **keys):
+def arch_dam(ground: bool = True, **keys: Any) -> dict[str, Any]:
     """A job of a dam 100 m high with four cantilevers; `keys` go into arch_dam."""
-    dam = {
+    dam: dict[str, Any] = {
         "crest": 100.0,
         "crown": {"upstream": [[0, 0], [40, -9], [100, -2]], "thickness": [[0, 24], [50, 17], [100, 7]]},
         "arcs": {

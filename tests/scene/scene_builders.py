@@ -1,13 +1,18 @@
 """Small dictionaries of boxes for the tests of this folder."""
 
+from collections.abc import Sequence
+from typing import Any
 
-def box(origin, size, element_size=1.0, element="hex8"):
+
+def box(
+    origin: Sequence[float], size: Sequence[float], element_size: object = 1.0, element: str = "hex8"
+) -> dict[str, Any]:
     """A block of concrete."""
     sizes = {"origin": origin, "size": size, "element_size": element_size, "element": element}
     return {"material": "concrete", "box": sizes}
 
 
-def two_boxes(element="hex8", **joint):
+def two_boxes(element: str = "hex8", **joint: Any) -> dict[str, Any]:
     """Two boxes of 2 x 2 x 2 m that touch at y = 2, both held at z = 0."""
     return {
         "blocks": {

@@ -16,7 +16,7 @@ from romdam.cli import app
 from romdam.config.load import load_config
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.motion import GroundMotion
-from romdam.pipelines.report import Options, report
+from romdam.pipelines.report import ReportOptions, report
 from romdam.records.spectra import pseudo_acceleration
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, report_data
@@ -216,7 +216,7 @@ def test_files_and_thresholds_that_do_not_fit_are_refused(tmp_path):
         report(tmp_path)
     write_dataset(suite_summary(), tmp_path / "summary.nc")
     with pytest.raises(ResultError, match="threshold 2 kg: "):
-        report(tmp_path, Options(thresholds=("2 kg",)))
+        report(tmp_path, ReportOptions(thresholds=("2 kg",)))
     job, other = (load_config(f"configs/{name}.yaml") for name in ("two_cantilevers", "arch_dam"))
     with pytest.raises(ConfigError, match=r"summary.nc: configuration: materials is missing"):
         report(tmp_path, job=job)

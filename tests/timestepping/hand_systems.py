@@ -1,16 +1,26 @@
 """Systems of a few unknowns, written down by hand, as sparse and as diagonal (modal) `System`."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, diags_array, eye_array
 from simulating import simulated
 
-from romdam.core.system import GapLaw, System
+from romdam.core.arrays import Floats
+from romdam.core.system import GapLaw, History, System
 
 
-def gap_law(n, K_n=np.inf, K_nz=0.0, K_s=np.inf, mu=0.0, gap=0.0):
+def gap_law(
+    n: int,
+    K_n: float | Floats = np.inf,
+    K_nz: float | Floats = 0.0,
+    K_s: float | Floats = np.inf,
+    mu: ArrayLike = 0.0,
+    gap: float | Floats = 0.0,
+) -> GapLaw:
     """The same gap n times, in one joint."""
     full = np.ones(n)
     pair = np.broadcast_to(np.asarray(mu, dtype=float), (2,)) if np.ndim(mu) else np.array([mu, mu])
@@ -19,7 +29,16 @@ def gap_law(n, K_n=np.inf, K_nz=0.0, K_s=np.inf, mu=0.0, gap=0.0):
     )
 
 
-def sparse_system(M, K, B, law, C=None, force=None, load=None, floating=False):
+def sparse_system(
+    M: ArrayLike,
+    K: ArrayLike,
+    B: ArrayLike,
+    law: GapLaw,
+    C: ArrayLike | None = None,
+    force: ArrayLike | None = None,
+    load: ArrayLike | None = None,
+    floating: bool = False,
+) -> System:
     """A system in physical unknowns; `load` is M r along x, the other components are zero."""
     M, K = np.atleast_2d(np.asarray(M, dtype=float)), np.atleast_2d(np.asarray(K, dtype=float))
     n = len(M)
@@ -41,7 +60,7 @@ def sparse_system(M, K, B, law, C=None, force=None, load=None, floating=False):
     )
 
 
-def modal_twin(system):
+def modal_twin(system: System) -> System:
     """The same system in its open-joint modes (C must be diagonal in them); disp stays physical."""
     k, V = eigh(system.K.toarray(), system.M.toarray())
     k = np.where(np.abs(k) < 1e-12 * max(k.max(), 1.0), 0.0, k)
@@ -60,13 +79,13 @@ def modal_twin(system):
     )
 
 
-def ground(acc):
+def ground(acc: ArrayLike) -> Floats:
     """Ground acceleration along x."""
-    acc = np.asarray(acc, dtype=float)
-    return np.stack([acc, 0 * acc, 0 * acc])
+    x = np.asarray(acc, dtype=float)
+    return np.stack([x, 0 * x, 0 * x])
 
 
-def run(system, acc, dt, **options):
+def run(system: System, acc: ArrayLike, dt: float, **options: Any) -> History:
     """Integrate from rest (undeformed unless asked otherwise)."""
     options = {"initial_state": "undeformed"} | options
     if not system.diagonal:
@@ -74,19 +93,19 @@ def run(system, acc, dt, **options):
     return simulated(system, ground(acc), dt, **options)
 
 
-def still(duration, dt):
+def still(duration: float, dt: float) -> Floats:
     """No ground motion."""
     return np.zeros(round(duration / dt) + 1)
 
 
-def pulse(velocity, duration, steps, dt):
+def pulse(velocity: float, duration: float, steps: int, dt: float) -> Floats:
     """A triangular pulse that leaves the base with -velocity, so that all loose matter moves by +velocity."""
     acc = still(duration, dt)
     acc[: 2 * steps + 1] = np.concatenate([np.arange(steps), steps - np.arange(steps + 1)])
     return -velocity * acc / (steps**2 * dt)
 
 
-def assert_ledger(history, relative=1e-9):
+def assert_ledger(history: History, relative: float = 1e-9) -> None:
     """The exact scheme's ledger closes; contact and friction only ever take energy."""
     energy = history.energy
     size = max(np.abs(energy["input"]).max(), energy["kinetic"].max(), energy["strain"].max(), 1e-300)

@@ -104,3 +104,8 @@ def _low_pass(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray
     edge = np.clip((freq / nyquist - 0.8) / 0.2, 0.0, 1.0)
     gain = 0.5 * (1.0 + np.cos(np.pi * edge))
     return np.fft.irfft(np.fft.rfft(acc, n, axis=-1) * gain, n, axis=-1)[..., : acc.shape[-1]]
+
+
+def cut_or_extended(acc: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+    """The first samples of acceleration (3, nt), followed by rest where there are not as many."""
+    return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))

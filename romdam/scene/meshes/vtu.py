@@ -145,7 +145,7 @@ def _count(piece: ElementTree.Element, name: str) -> int:
     return int(word)
 
 
-def _array(grid: _Grid, tag: ElementTree.Element, rows: int | None, width: int = 1) -> NDArray:
+def _array(grid: _Grid, tag: ElementTree.Element, rows: int | None, width: int = 1) -> NDArray[Any]:
     """The values of a DataArray, (rows, width) or (rows,); any number of rows if None."""
     kind, name = tag.get("type", ""), tag.get("Name", "array")
     if kind not in _NUMBERS:

@@ -1,25 +1,22 @@
-"""What each setting of modes, corrections, integrator and step costs, and how far off it is."""
+"""The cost and the error of each setting of modes, corrections, integrator and step."""
 
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
 from romdam.config.load import Job
-from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.error.comparison import Openings, compare_openings, read_reference
-from romdam.error.study import CaseResult, study_dataset, study_figure, study_table
+from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Stage, silent
@@ -43,7 +40,7 @@ PARTS = (4, 8, 16, 32)  # of the record's step, the steps that are studied unles
 
 @dataclass(frozen=True)
 class Study:
-    """What was found and where it is: study.nc, study.md and study.png."""
+    """Cost and error of all settings, and the files that hold them: study.nc, study.md and study.png."""
 
     dataset: xr.Dataset
     table: str
@@ -52,18 +49,13 @@ class Study:
 
 @dataclass(frozen=True)
 class _Setup:
-    """What all cases share; `steps` are those studied, `every` the interval of the compared rows [s]."""
+    """Shared by all cases; `steps` are those studied, `every` the interval of the compared rows [s]."""
 
     job: Job
     scene: Scene
     motion: GroundMotion
     steps: tuple[float, ...]
     every: float
-
-    @property
-    def position(self) -> Floats:
-        """(ng, 3) of the gaps [m]."""
-        return np.concatenate([joint.position for joint in self.scene.joints.values()])
 
     @property
     def duration(self) -> float:
@@ -141,18 +133,16 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
     with clock.stage("reference", f"the reference, {ground.shape[1] - 1} steps") as progress:
         history = simulate_one(prepared, ground, settings, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
-    return Openings(
-        history.time, history.jump[..., 0], setup.position
-    ), f"{name} at dt {settings.steps.finest:g} s"
+    name = f"{name} at dt {settings.steps.finest:g} s"
+    return Openings(history.time, history.jump[..., 0], setup.scene.gap_position), name
 
 
 @dataclass(frozen=True)
 class _Case:
-    """One setting: a prepared reduced system and how to integrate it; `modes` as text."""
+    """A setting, the reduced system it is about, ready for its integrator, and how that is integrated."""
 
+    setting: Setting
     prepared: Prepared
-    modes: str
-    corrections: int
     settings: Settings
 
 
@@ -166,7 +156,9 @@ def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
             prepared = prepare(setup.job, system, integrator)
             for step in setup.steps:
                 settings = _settings(setup, prepared, step)
-                yield _Case(prepared, f"{count} modes", corrections, settings)
+                finest = settings.steps.finest
+                setting = Setting(integrator, finest, f"{count} modes", corrections, system.size)
+                yield _Case(setting, prepared, settings)
 
 
 def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
@@ -177,47 +169,29 @@ def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
 
 
 def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
-    name, steps, size = case.prepared.integrator.name, case.settings.steps, case.prepared.system.size
-    ground = ground_at_steps(setup.motion, steps.base, setup.duration)
-    text = f"{name}, {case.modes}, {case.corrections} corrections, finest step {steps.finest:g} s"
+    one = case.setting
+    ground = ground_at_steps(setup.motion, case.settings.steps.base, setup.duration)
+    text = f"{one.integrator}, {one.modes}, {one.corrections} corrections, finest step {one.finest_step:g} s"
     runs: list[History] = []
     try:
         with clock.stage("case", text) as progress:
             for _ in range(setup.job.config.study.repeats):
                 runs.append(simulate_one(case.prepared, ground, case.settings, progress))
     except ConvergenceError as error:
-        failed = (math.nan,) * 5
-        return CaseResult(name, steps.finest, case.modes, case.corrections, size, *failed, 0, str(error))
-    return _result(setup, case, runs, reference)
-
-
-def _result(setup: _Setup, case: _Case, runs: list[History], reference: tuple[Openings, str]) -> CaseResult:
+        return failed_case(one, str(error))
     history = runs[0]
     rows = history.time <= setup.compared * (1.0 + 1e-9)
-    own = Openings(history.time[rows], history.jump[rows, :, 0], setup.position)
-    found = compare_openings(own, reference[0], ("the study", reference[1]))
-    cpu = np.array([run.stats["loop_cpu_seconds"] for run in runs])
-    return CaseResult(
-        integrator=case.prepared.integrator.name,
-        finest_step=history.stats["finest_step"],
-        modes=case.modes,
-        corrections=case.corrections,
-        unknowns=case.prepared.system.size,
-        peak_opening=found.peak,
-        peak_error=found.peak_error,
-        l2_error=found.l2_error,
-        cpu_seconds=float(np.median(cpu)),
-        cpu_spread=float((cpu.max() - cpu.min()) / np.median(cpu)),
-        steps=int(history.stats["steps"]),
-    )
+    own = Openings(history.time[rows], history.jump[rows, :, 0], setup.scene.gap_position)
+    return case_result(one, runs, compare_openings(own, reference[0], ("the study", reference[1])))
 
 
 def _write(folder: Path, dataset: xr.Dataset) -> Study:
     from romdam.visual.plots import save_figure
+    from romdam.visual.study_plots import study_figure
 
     table = study_table(dataset)
     paths = folder / "study.nc", folder / "study.md"
     write_dataset(dataset, paths[0])
-    with replacing(paths[1]) as part:
-        part.write_text(table)
+    with replacing(paths[1]) as unfinished:
+        unfinished.write_text(table)
     return Study(dataset, table, (*paths, save_figure(study_figure(dataset), folder / "study.png")))

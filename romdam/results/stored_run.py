@@ -1,9 +1,8 @@
-"""Read of a result file what a certificate needs, and write what the certificate says."""
+"""A reduced run read back from its file, with what a replay of its joint forces needs."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,6 @@ import xarray as xr
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
-from romdam.core.files import replacing
-from romdam.core.sealed import changing
 from romdam.results.dataset import open_run
 
 FOLDER = "configuration_folder"  # attribute: from the result's folder to the configuration's
@@ -44,6 +41,26 @@ class StoredRun:
     disp: Floats
     strain: Floats
     position: Floats
+
+    def refuse_other(self, position: Floats, unknowns: int) -> None:
+        """Refuse a scene or a model that is not the one of this run.
+
+        Parameters
+        ----------
+        position : (ng, 3) of the scene's gaps [m]
+        unknowns : of the reduced model
+
+        Raises
+        ------
+        ResultError
+            with both sizes.
+        """
+        same = self.q.shape[1] == unknowns and self.position.shape == position.shape
+        if not (same and np.allclose(self.position, position, atol=1e-9)):
+            raise ResultError(
+                f"{self.path}: its {len(self.position)} gaps and {self.q.shape[1]} reduced coordinates are "
+                f"not the {len(position)} and {unknowns} of the scene as it is now; run it again"
+            )
 
 
 def read_run(path: Path) -> StoredRun:
@@ -92,42 +109,3 @@ def _gap_vector(dataset: xr.Dataset, normal: str, tangential: str, sign: float) 
     if tangential in dataset:
         parts.append(dataset[tangential].values)
     return np.concatenate(parts, axis=2)
-
-
-@dataclass(frozen=True)
-class Figures:
-    """Relative difference of two histories: in L2 over all times and places, and of their peaks."""
-
-    l2: float
-    peak: float
-
-
-def figures(values: Floats, better: Floats) -> Figures:
-    """Compare a history with a better one of the same shape; zero where the better one is zero."""
-    size, peak = float(np.linalg.norm(better)), float(np.abs(better).max(initial=0.0))
-    if size == 0.0:
-        return Figures(0.0, 0.0)
-    largest = float(np.abs(values).max(initial=0.0))
-    return Figures(float(np.linalg.norm(values - better)) / size, abs(largest - peak) / peak)
-
-
-def write_certificate(path: Path, statement: dict[str, object]) -> Path:
-    """Write <result>.certificate.json beside a result, and put the statement into the result itself.
-
-    Raises
-    ------
-    ResultError
-        where the folder or the disk refuses it.
-    """
-    target = path.with_suffix(".certificate.json")
-    with replacing(target) as part:
-        part.write_text(json.dumps(statement, indent=2) + "\n")
-    with changing(path) as file:
-        file.attrs["certificate"] = json.dumps(statement)
-        file.attrs["certificate_statement"] = statement["statement"]
-    return target
-
-
-def as_plain(named: dict[str, Figures]) -> dict[str, dict[str, float]]:
-    """Figures as plain numbers."""
-    return {name: asdict(value) for name, value in named.items()}

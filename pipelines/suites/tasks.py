@@ -1,4 +1,4 @@
-"""What the runs of a suite are and what they share.
+"""Runs of a suite, the tasks that make them, and what these share.
 
 A run's content is its record's samples, its factor, the sample's parameters and the model: its `key` names
 its row and its result. Where it stands in the suite (name of the record, numbers of scale and sample) is the
@@ -24,7 +24,7 @@ from romdam.scene.joints import with_properties
 
 @dataclass(frozen=True)
 class Samples:
-    """What the samples of a suite vary.
+    """Parameters that a suite varies, and their values.
 
     Attributes
     ----------
@@ -59,15 +59,15 @@ def sample_content(scene: Scene, varied: Varied) -> str:
 
 
 @dataclass(frozen=True)
-class Study:
-    """What every task of a suite needs.
+class Suite:
+    """A suite as its tasks need it, sent to every worker once.
 
     Attributes
     ----------
     job : the configuration
     model : scene, reduced once for all samples, with the joints of one sample
     samples : what they vary
-    folder : where results that are kept whole land
+    folder : where results that are kept whole are written
     files : what they share: attribute -> file name
     """
 
@@ -78,15 +78,15 @@ class Study:
     files: dict[str, str]
 
     @property
-    def suite(self) -> SuiteConfig:
+    def config(self) -> SuiteConfig:
         """The `suite:` part of the configuration."""
         assert self.job.config.suite is not None
         return self.job.config.suite
 
     @property
     def keeps_results(self) -> bool:
-        """Whether every run lands as a result file of its own."""
-        return self.suite.keep != "peaks"
+        """True where every run is kept as a result file of its own."""
+        return self.config.keep != "peaks"
 
 
 @dataclass(frozen=True)

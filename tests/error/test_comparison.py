@@ -1,8 +1,5 @@
-"""The error measures, on numbers worked by hand, and where the statement lands."""
+"""Two runs side by side, on numbers worked by hand."""
 
-import json
-
-import h5py
 import numpy as np
 import pytest
 
@@ -10,12 +7,10 @@ from romdam.core.errors import ResultError
 from romdam.error.comparison import (
     Openings,
     compare_openings,
-    peak_error,
     read_reference,
-    read_statement,
-    write_statement,
 )
-from romdam.results.dataset import build_dataset, write_dataset
+from romdam.error.metrics import opening_peak
+from romdam.error.verification import VerifiedRun, against_reference
 
 POSITION = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]])
 TIME = np.arange(5) * 0.1
@@ -33,26 +28,26 @@ def test_errors_by_hand():
     computed[2, 2] = 4.4
     computed[3, 1] = 0.3
     found = compare_openings(openings(computed), openings(reference), NAMES)
-    assert found.peak_error == pytest.approx(0.1)
-    assert found.l2_error == pytest.approx(np.hypot(0.4, 0.3) / 5.0)
+    assert found.error.peak == pytest.approx(0.1)
+    assert found.error.l2 == pytest.approx(np.hypot(0.4, 0.3) / 5.0)
     assert found.seconds == pytest.approx(0.4)
 
 
 def test_peaks_of_joints_that_do_not_open_are_compared_by_their_closure():
     """No division by the zero of a joint that begins at rest and only closes, and no nan."""
     better = np.array([[0.0, 0.0], [-4.0, -2.0]])
-    assert peak_error(better - 0.1, better) == pytest.approx(0.1 / 4.0)
-    assert peak_error(better + 0.1, better) == pytest.approx(0.1 / 4.0)
-    assert peak_error(np.zeros((2, 2)), np.zeros((2, 2))) == 0.0
+    assert opening_peak(better - 0.1, better) == pytest.approx(0.1 / 4.0)
+    assert opening_peak(better + 0.1, better) == pytest.approx(0.1 / 4.0)
+    assert opening_peak(np.zeros((2, 2)), np.zeros((2, 2))) == 0.0
     found = compare_openings(openings(-np.ones((5, 3))), openings(-2.0 * np.ones((5, 3))), NAMES)
-    assert found.peak_error == pytest.approx(0.5) and found.l2_error == pytest.approx(0.5)
+    assert found.error.peak == pytest.approx(0.5) and found.error.l2 == pytest.approx(0.5)
 
 
 def test_gaps_are_matched_by_position_and_times_by_value():
     reference = np.random.default_rng(0).normal(size=(5, 3))
     order = [2, 0, 1]
     shuffled = openings(reference[::2][:, order], TIME[::2], POSITION[order])
-    assert compare_openings(openings(reference), shuffled, NAMES).l2_error < 1e-15
+    assert compare_openings(openings(reference), shuffled, NAMES).error.l2 < 1e-15
 
 
 def test_gaps_or_times_that_do_not_match_are_refused():
@@ -75,18 +70,14 @@ def test_reference_with_positions_of_its_own_or_beside_it(tmp_path):
     np.testing.assert_array_equal(read_reference(tmp_path / "bare.npz").position, POSITION)
 
 
-def test_statement_lands_in_results_of_the_same_configuration_only(case, job, timing, tmp_path):
-    write_dataset(build_dataset(case, job, timing, None), tmp_path / "same.nc")
-    other = build_dataset(case, job, timing, None)
-    other.attrs["configuration_sha256"] = "other"
-    write_dataset(other, tmp_path / "other.nc")
-    write_statement(
-        tmp_path, {"statement": "0.1 % off", "configuration_sha256": job.digest, "l2_error": 0.001}
+def test_both_runs_are_compared_with_a_stored_one():
+    stored = openings(np.array([[0.0, 0.0, 0.0]] * 4 + [[3.0, 0.0, 4.0]]))
+    reduced, full = (
+        VerifiedRun(history=None, openings=openings(factor * stored.opening), stress=None)
+        for factor in (1.2, 1.1)
     )
-    with h5py.File(tmp_path / "same.nc") as file:
-        assert file.attrs["error_statement"] == "0.1 % off"
-        assert json.loads(file.attrs["verification"])["l2_error"] == 0.001
-    with h5py.File(tmp_path / "other.nc") as file:
-        assert "error_statement" not in file.attrs
-    assert read_statement(tmp_path, job.digest)["error_statement"] == "0.1 % off"
-    assert read_statement(tmp_path, "other") == {}
+    found = against_reference(reduced, full, stored, "stored.npz")
+    assert found["reduced_against_reference"] == pytest.approx(
+        {"peak": 4.8, "peak_reference": 4.0, "peak_error": 0.2, "l2_error": 0.2, "seconds": 0.4}
+    )
+    assert found["full_against_reference"]["l2_error"] == pytest.approx(0.1)

@@ -1,0 +1,137 @@
+"""The reduced model against the unreduced one: both run, in one go, on the same record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from romdam.config.load import Job
+from romdam.core.errors import ConfigError
+from romdam.core.files import prepare_folder
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.system import History
+from romdam.error.comparison import Openings, read_reference
+from romdam.error.statement import ErrorStatement, write_verification
+from romdam.error.verification import VerifiedRun, against_reference, full_order_step, verification
+from romdam.fem.stress import observing_stress
+from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
+from romdam.pipelines.sizes import refuse_lengths
+from romdam.pipelines.stresses import stress_fields, stress_of
+from romdam.records.record_set import load_motions
+from romdam.results.stress.file import StressFields
+from romdam.timestepping.integrators.registry import FULL_ORDER
+from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.steps import whole_steps
+
+
+@dataclass(frozen=True)
+class Verified:
+    """The error of the reduced model.
+
+    Attributes
+    ----------
+    statement : as written to verification.json
+    path : that file
+    figure : both opening histories
+    """
+
+    statement: ErrorStatement
+    path: Path
+    figure: Path
+
+
+def verify(
+    job: Job, out: str | Path, duration: float = 10.0, reference: Path | None = None, show: Stage = silent
+) -> Verified:
+    """Run the configured reduced model and the full order on the first record, and state the difference.
+
+    Parameters
+    ----------
+    job : a configuration with model.order reduced
+    out : folder for verification.json and the figure; results there get the statement too
+    duration : seconds of the record [s]
+    reference : an .npz to compare with as well, see `romdam.error.comparison.read_reference`
+    show : told of every stage and its progress
+
+    Raises
+    ------
+    RomdamError
+        for bad input, a scene without joints, and steps that do not converge.
+    """
+    _refuse_what_cannot_be_verified(job)
+    folder, clock = prepare_folder(Path(out)), Clock(show)
+    stored = read_reference(reference) if reference else None
+    motions = load_motions(job.config.records, job.folder)
+    seconds = min(duration, motions[0].duration)
+    refuse_lengths(job, motions[:1], seconds)
+    tell_doubts(job, motions[:1])
+    motion, job = motions[0], settled(job, motions, clock)
+    model = build_model(job, clock)
+    reduced = _reduced(job, model, motion, seconds, clock)
+    full = _full(job, model, (motion, seconds, reduced), clock)
+    about: dict[str, object] = {
+        "record": motion.name,
+        "configuration_file": job.path.name,
+        "configuration_sha256": job.digest,
+        "cpu_seconds_reduction": clock.cpu["model"],
+    }
+    if stored is not None:
+        about |= against_reference(reduced, full, stored, str(reference))
+    statement = verification(reduced, full, model.system.law.joints, about)
+    figure = _draw(folder, motion, reduced, full)
+    return Verified(statement, write_verification(folder, statement), figure)
+
+
+def _refuse_what_cannot_be_verified(job: Job) -> None:
+    if job.config.model.order == "full":
+        raise ConfigError(
+            f"{job.path}: model.order is full, there is no reduced model to verify; set it to reduced"
+        )
+    if not job.config.every_joint:
+        raise ConfigError(
+            f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
+        )
+
+
+def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock: Clock) -> VerifiedRun:
+    warm = max(10.0 * motion.dt, job.config.transient.finest_step or 0.0)
+    simulate_motion(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
+    with clock.stage("reduced", "reduced model") as progress:
+        history = simulate_motion(job, model.prepared, motion, seconds, progress)
+    return _verified(model.scene, history, stress_fields(model.scene, model.reduced))
+
+
+def _full(
+    job: Job, model: Model, beside: tuple[GroundMotion, float, VerifiedRun], clock: Clock
+) -> VerifiedRun:
+    motion, seconds, reduced = beside
+    every = float(reduced.history.time[1])
+    steps = whole_steps(every, full_order_step(reduced, motion.dt))
+    settings = replace(settings_for(job, model.prepared, motion), steps=steps)
+    system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
+    full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds)
+    with clock.stage("full", f"full order, {ground.shape[1] - 1} steps") as progress:
+        history = simulate_one(full, ground, settings, progress)
+    return _verified(model.scene, history, {})
+
+
+def _verified(scene: Scene, history: History, fields: dict[str, StressFields]) -> VerifiedRun:
+    history, stress = stress_of(scene, fields, history)
+    openings = Openings(history.time, history.jump[:, :, 0], scene.gap_position)
+    return VerifiedRun(history, openings, None if stress is None else stress.largest["principal"])
+
+
+def _draw(folder: Path, motion: GroundMotion, reduced: VerifiedRun, full: VerifiedRun) -> Path:
+    from romdam.visual.plots import opening_comparison, save_figure
+
+    labels = (f"reduced, dt {reduced.step:g} s", f"full order, dt {full.step:g} s")
+    histories = {
+        label: (run.openings.time, run.openings.opening)
+        for label, run in zip(labels, (reduced, full), strict=True)
+    }
+    figure = opening_comparison(histories, f"Reduced model against the unreduced mesh  ·  {motion.name}")
+    return save_figure(figure, folder / "verification.png")

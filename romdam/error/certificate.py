@@ -1,0 +1,136 @@
+"""The certificate: the error of a result from its own joint forces and the full-order linear model.
+
+The order of the stages stands in `romdam.pipelines.certify`, the reasons in `romdam.error.replay`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Floats
+from romdam.core.system import History, System
+from romdam.error.metrics import (
+    RelativeError,
+    energy_error,
+    magnitude_error,
+    opening_error,
+    relative_l2,
+)
+from romdam.error.replay import Defect, Forces, Replayed, replay_start
+from romdam.error.statement import ErrorStatement, percent
+from romdam.results.stored_run import StoredRun
+
+REPLAY_STEP = (
+    0.0025  # [s] longest step of the replay; at twice it the main job's defect doubles, the error stays
+)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A run fed with the full order's defect, once or again.
+
+    Attributes
+    ----------
+    first, last : defect of the run's own forces, and of those of the pass before the last
+    corrected : the finer model's history with the last defect
+    before : (nt, ng, d) jumps that the last pass has corrected [m]
+    """
+
+    first: Defect
+    last: Defect
+    corrected: History
+    before: Floats
+
+    @property
+    def changed(self) -> float:
+        """Change of the openings in the last pass, in L2."""
+        return relative_l2(self.before[..., 0], self.corrected.jump[..., 0])
+
+
+def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Floats]) -> Forces:
+    """Joint forces of a run for its replay.
+
+    Parameters
+    ----------
+    mean : (nt, ng, d) mean force over the interval that ends at each row [N]
+    ground_at : step -> (3, nt) ground acceleration at every step of the run [m/s2]
+    """
+    interval = float(run.time[1] - run.time[0])
+    substeps = math.ceil(interval / REPLAY_STEP * (1.0 - 1e-9))
+    return Forces(ground_at(interval / substeps), mean.reshape(len(mean), -1), interval, substeps)
+
+
+def replayed_models(
+    run: StoredRun,
+    systems: tuple[System, System, System],
+    basis: Floats,
+    embed: csr_matrix,
+    static: bool,
+) -> tuple[Replayed, Replayed, Replayed]:
+    """The full, the reduced and the finer model, each with the displacement that its replay starts from.
+
+    Parameters
+    ----------
+    systems : of full order, reduced, finer
+    basis : (full, reduced), of the reduced model
+    embed : (finer, reduced), see `romdam.reduction.refinement.embedding`
+    static : whether the run started in equilibrium
+    """
+    q, force = run.q[0], run.traction[0].ravel()
+    guesses = (basis @ q, q, embed @ q)
+    starts = [replay_start(s, g, force, static) for s, g in zip(systems, guesses, strict=True)]
+    full, reduced, fine = (Replayed(s, u) for s, u in zip(systems, starts, strict=True))
+    return full, replace(reduced, basis=basis), fine
+
+
+def certificate(run: StoredRun, correction: Correction, joints: dict[str, slice]) -> ErrorStatement:
+    """State the error of a run.
+
+    Parameters
+    ----------
+    joints : name -> slice of its gaps
+    """
+    corrected, opening = correction.corrected, run.jump[..., 0]
+    better = corrected.jump[..., 0]
+    errors = {
+        "opening": opening_error(opening, better, joints),
+        "displacement": magnitude_error(run.disp, corrected.disp + correction.last.disp_fine),
+        "energy": magnitude_error(run.strain, corrected.energy["strain"]),
+    }
+    linear = _linear_errors(correction.first, run.jump.shape[2])
+    details = {
+        "record": run.attributes["record"],
+        "result": run.path.name,
+        "defect_for_the_same_forces": {name: error.plain for name, error in linear.items()},
+        "last_pass_changed": correction.changed,
+        "peak_opening": float(opening.max()),
+        "peak_opening_corrected": float(better.max()),
+        "configuration_sha256": run.attributes["configuration_sha256"],
+    }
+    return ErrorStatement("certificate", _sentence(run, errors, linear), errors, details)
+
+
+def _linear_errors(defect: Defect, directions: int) -> dict[str, RelativeError]:
+    """Errors of the reduced model where the joint forces are the same."""
+    jump, off = defect.jump_full[:, ::directions], defect.jump[:, ::directions]
+    return {
+        "opening": magnitude_error(jump - off, jump),
+        "displacement": magnitude_error(defect.disp_full - defect.disp, defect.disp_full),
+        "energy": energy_error(defect.energy, defect.energy_full),
+    }
+
+
+def _sentence(run: StoredRun, errors: dict[str, RelativeError], linear: dict[str, RelativeError]) -> str:
+    undamped = " Without damping histories part in time; the peak is what counts."
+    parting = undamped if run.attributes.get("integrator") == "conserving" else ""
+    return (
+        f"Certificate, {run.time[-1]:g} s of {run.attributes['record']}: leaving out modes changes "
+        f"the openings by {percent(errors['opening'].l2)} in L2 and {percent(errors['opening'].peak)} at "
+        f"the peak, displacements by {percent(errors['displacement'].l2)}, strain energy by "
+        f"{percent(errors['energy'].l2)}; for the same joint forces the openings differ by "
+        f"{percent(linear['opening'].l2)}. The step's own error is not in it.{parting}"
+    )

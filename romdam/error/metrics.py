@@ -1,0 +1,104 @@
+"""The measures of error: one L2 and one peak, over all places and joint by joint.
+
+x(t, i) is the history that is judged and y(t, i) the better one, at the same equally spaced times t and the
+same places i (gaps, or components of displacement). Both measures are relative to y, without unit:
+
+    L2          sqrt(sum_ti (x - y)^2) / sqrt(sum_ti y^2)
+    peak        |max_ti |x| - max_ti |y|| / max_ti |y|
+    peak of     |max_ti x - max_ti y| / max_ti y, of openings, since how far a joint opens is what is asked;
+    openings    over max_ti |y| where no gap opens
+
+Each is 0 where y is 0 throughout. A joint's error is measured on its own gaps alone and relative to its own
+history: of a joint that hardly moves it may be large and matter little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from romdam.core.arrays import Floats
+
+
+@dataclass(frozen=True)
+class RelativeError:
+    """Error of one quantity relative to a better history of it, see the module.
+
+    Attributes
+    ----------
+    l2, peak : over all times and places [1]
+    joints : name -> error of the joint's own gaps; empty for what belongs to no joint
+    """
+
+    l2: float
+    peak: float
+    joints: Mapping[str, RelativeError] = field(default_factory=dict)
+
+    def over(self, share: float) -> RelativeError:
+        """The error of which this one is a share."""
+        joints = {name: error.over(share) for name, error in self.joints.items()}
+        return RelativeError(self.l2 / share, self.peak / share, joints)
+
+    @property
+    def plain(self) -> dict[str, object]:
+        """Plain values, for JSON."""
+        joints = {name: error.plain for name, error in self.joints.items()}
+        return {"l2": self.l2, "peak": self.peak} | ({"joints": joints} if joints else {})
+
+
+def relative_l2(values: Floats, better: Floats) -> float:
+    """L2 of two histories (nt, ...) of one unit, see the module."""
+    size = float(np.linalg.norm(better))
+    return float(np.linalg.norm(values - better)) / size if size > 0.0 else 0.0
+
+
+def opening_peak(opening: Floats, better: Floats) -> float:
+    """Peak of openings (nt, ng) [m], see the module."""
+    peak = float(better.max())
+    return _over(float(opening.max()) - peak, peak if peak > 0.0 else float(np.abs(better).max()))
+
+
+def largest_difference(values: Floats, better: Floats) -> float:
+    """max |x - y| / max |y|, wherever each is found."""
+    return _over(float(np.abs(values - better).max(initial=0.0)), float(np.abs(better).max(initial=0.0)))
+
+
+def opening_error(
+    opening: Floats, better: Floats, joints: Mapping[str, slice] | None = None
+) -> RelativeError:
+    """Compare openings.
+
+    Parameters
+    ----------
+    opening, better : (nt, ng) [m]
+    joints : name -> slice of its gaps
+    """
+    each = {n: opening_error(opening[:, own], better[:, own]) for n, own in (joints or {}).items()}
+    return RelativeError(relative_l2(opening, better), opening_peak(opening, better), each)
+
+
+def magnitude_error(values: Floats, better: Floats) -> RelativeError:
+    """Compare histories (nt, ...) whose sign says only where to."""
+    largest, peak = (float(np.abs(one).max(initial=0.0)) for one in (values, better))
+    return RelativeError(relative_l2(values, better), _over(largest - peak, peak))
+
+
+def energy_error(difference: Floats, better: Floats) -> RelativeError:
+    """Error in the norm of an energy.
+
+    Parameters
+    ----------
+    difference : (nt,) energy of the difference of two motions [J]; `peak` is that of its largest
+    better : (nt,) energy of the better motion [J]
+    """
+    whole, largest = float(better.sum()), float(better.max(initial=0.0))
+    if whole == 0.0:
+        return RelativeError(0.0, 0.0)
+    l2, peak = difference.sum(), difference.max(initial=0.0)
+    return RelativeError(float(np.sqrt(l2) / np.sqrt(whole)), float(np.sqrt(peak) / np.sqrt(largest)))
+
+
+def _over(difference: float, size: float) -> float:
+    return abs(difference) / size if size > 0.0 else 0.0

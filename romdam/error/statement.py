@@ -1,0 +1,180 @@
+"""A statement of error, and the one place where it is written and read: result files, JSON, terminal.
+
+Three kinds state how far a reduced run is from the mesh it was reduced from. They share their words and their
+measures (`romdam.error.metrics`) and differ in what they compare with:
+
+    estimate      a slightly finer reduced model, in the seconds before the peak; made with every run
+    certificate   the run corrected by the full order's own answer to its joint forces; `romdam certify`
+    verification  a run of the full order; `romdam verify`
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from romdam.core.errors import ResultError
+from romdam.core.files import check_file, replacing
+from romdam.core.fingerprint import fingerprint
+from romdam.core.sealed import changing, reading, text_of
+from romdam.error.metrics import RelativeError
+
+log = logging.getLogger(__name__)
+
+Kind = Literal["estimate", "certificate", "verification"]
+
+VERIFICATION_FILE = "verification.json"
+_SELF = "content_sha256"  # of everything else in that file
+_MOST = 4e9  # bytes of a file that is read whole
+
+
+class _Names(NamedTuple):
+    """Attributes of a result: the sentence, what its numbers begin with, and all of it as JSON."""
+
+    sentence: str
+    numbers: str
+    document: str | None
+
+
+_NAMES: dict[Kind, _Names] = {
+    "verification": _Names("error_statement", "verification", "verification"),
+    "certificate": _Names("certificate_statement", "certificate", "certificate"),
+    "estimate": _Names("error_estimate", "error_estimate", None),
+}
+
+
+@dataclass(frozen=True)
+class ErrorStatement:
+    """Distance of a result from what it stands for.
+
+    Attributes
+    ----------
+    kind : what it was compared with
+    sentence : for a reader
+    errors : quantity ("opening", "displacement", "energy") -> its relative error
+    details : further plain values, name -> value
+    """
+
+    kind: Kind
+    sentence: str
+    errors: Mapping[str, RelativeError]
+    details: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def document(self) -> dict[str, object]:
+        """All of it as plain values, for JSON."""
+        errors = {name: error.plain for name, error in self.errors.items()}
+        return {"statement": self.sentence, "error": errors, **self.details}
+
+    @property
+    def attributes(self) -> dict[str, object]:
+        """Attributes of a result file: the sentence, each error as a number, and all of it as JSON."""
+        return _attributes(self.kind, self.document)
+
+    def write_to(self, dataset: xr.Dataset) -> None:
+        """State it in a dataset with dimension `joint`; an estimate is stated for each joint too."""
+        dataset.attrs.update(self.attributes)
+        joints = self.errors["opening"].joints
+        if self.kind != "estimate" or not joints:
+            return
+        for measure, what in (("l2", "of the openings in L2"), ("peak", "of the largest opening")):
+            values = np.array([getattr(joints[str(name)], measure) for name in dataset.joint.values])
+            about = {"long_name": f"estimated relative error {what}, from leaving out modes", "units": "1"}
+            dataset[f"estimated_error_{measure}"] = ("joint", values, about)
+
+
+def percent(value: float) -> str:
+    """An error as text."""
+    return f"{100.0 * value:.2g} %"
+
+
+def sentences(attributes: Mapping[str, object]) -> dict[Kind, str]:
+    """The sentences that a result states of its error."""
+    return {kind: str(attributes[n.sentence]) for kind, n in _NAMES.items() if n.sentence in attributes}
+
+
+def write_certificate(path: Path, statement: ErrorStatement) -> Path:
+    """Write <result>.certificate.json beside a result, and put the statement into the result itself.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses it.
+    """
+    target = path.with_suffix(".certificate.json")
+    _write_json(target, statement.document)
+    _attach(path, statement.attributes)
+    return target
+
+
+def write_verification(folder: Path, statement: ErrorStatement) -> Path:
+    """Write verification.json, and put the statement into every result there of the same configuration.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses it.
+    """
+    path, document = folder / VERIFICATION_FILE, statement.document
+    _write_json(path, document | {_SELF: fingerprint(json.dumps(document))})
+    for result in sorted(folder.glob("*.nc")):
+        if _digest(result) == document["configuration_sha256"]:
+            _attach(result, statement.attributes)
+    return path
+
+
+def read_verification(folder: Path, digest: str) -> dict[str, object]:
+    """Attributes for a result of the configuration `digest` from a verification made earlier; else none."""
+    path = folder / VERIFICATION_FILE
+    if not path.exists():
+        return {}
+    try:
+        check_file(path, _MOST, ResultError)
+        document = json.loads(path.read_text(encoding="utf-8"))
+        own = document.pop(_SELF, None)
+    except (OSError, ValueError, RecursionError, AttributeError, TypeError, ResultError) as error:
+        log.warning("%s: cannot be read (%s); `romdam verify` writes it again", path, error)
+        return {}
+    if own != fingerprint(json.dumps(document)):
+        log.warning("%s: is not as it was written; `romdam verify` writes it again", path)
+        return {}
+    return _attributes("verification", document) if document.get("configuration_sha256") == digest else {}
+
+
+def _attributes(kind: Kind, document: dict[str, object]) -> dict[str, object]:
+    names, errors = _NAMES[kind], document.get("error", {})
+    stated: dict[str, object] = {names.sentence: document["statement"]}
+    if isinstance(errors, dict):
+        for quantity, error in errors.items():
+            stated |= {f"{names.numbers}_{quantity}_{one}": error[one] for one in ("l2", "peak")}
+    if names.document is not None:
+        return stated | {names.document: json.dumps(document)}
+    rest = {name: value for name, value in document.items() if name not in ("statement", "error")}
+    return stated | {f"{names.numbers}_{name}": value for name, value in rest.items()}
+
+
+def _write_json(path: Path, document: Mapping[str, object]) -> None:
+    with replacing(path) as unfinished:
+        unfinished.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+
+
+def _digest(path: Path) -> str:
+    """The configuration's digest that a result states; a file that is damaged is left as it is."""
+    try:
+        with reading(path) as file:
+            return text_of(file, "configuration_sha256")
+    except ResultError as error:
+        log.warning("%s; it gets no statement of its error", error)
+        return ""
+
+
+def _attach(path: Path, attributes: dict[str, object]) -> None:
+    with changing(path) as file:
+        file.attrs.update(attributes)

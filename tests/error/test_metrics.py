@@ -1,0 +1,87 @@
+"""The measures of error on numbers worked by hand, and how a statement of them is written."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from romdam.error.metrics import (
+    RelativeError,
+    energy_error,
+    largest_difference,
+    magnitude_error,
+    opening_error,
+    relative_l2,
+)
+from romdam.error.statement import ErrorStatement, sentences
+
+BETTER = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, -1.0], [0.0, 4.0, -2.0]])  # norm of the first two gaps 5
+JOINTS = {"left": slice(0, 2), "right": slice(2, 3)}
+
+
+def test_each_joint_is_measured_on_its_own_gaps_and_by_its_own_size():
+    opening = BETTER + np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.1], [0.0, 0.4, 0.2]])
+    error = opening_error(opening, BETTER, JOINTS)
+    assert error.joints["left"].l2 == pytest.approx(0.5 / 5.0)
+    assert error.joints["left"].peak == pytest.approx(0.4 / 4.0)
+    assert error.joints["right"].l2 == pytest.approx(np.hypot(0.1, 0.2) / np.hypot(1.0, 2.0))
+    assert error.joints["right"].peak == 0.0, "neither opens: both peaks are the start's zero"
+    assert error.l2 == pytest.approx(np.sqrt(0.25 + 0.05) / np.sqrt(30.0))
+    assert error.peak == pytest.approx(0.1)
+    assert opening_error(opening, BETTER).joints == {}
+
+
+def test_sign_counts_in_openings_and_not_in_displacements():
+    values, better = np.array([[1.0], [-3.0]]), np.array([[1.0], [-2.0]])
+    assert opening_error(values, better).peak == 0.0
+    assert magnitude_error(values, better).peak == pytest.approx(0.5)
+    assert magnitude_error(values, better).l2 == pytest.approx(1.0 / np.sqrt(5.0))
+    assert largest_difference(values, better) == pytest.approx(0.5)
+
+
+def test_energy_is_compared_in_its_norm():
+    error = energy_error(np.array([0.0, 4.0, 5.0]), np.array([0.0, 36.0, 45.0]))
+    assert error.l2 == pytest.approx(1.0 / 3.0) and error.peak == pytest.approx(1.0 / 3.0)
+
+
+def test_nothing_against_nothing_is_no_error():
+    still, nowhere = np.zeros((3, 2)), np.zeros((3, 0))
+    assert relative_l2(still, still) == largest_difference(still, still) == 0.0
+    assert opening_error(still, still) == magnitude_error(nowhere, nowhere) == RelativeError(0.0, 0.0)
+    assert energy_error(still[:, 0], still[:, 0]) == RelativeError(0.0, 0.0)
+
+
+def test_error_of_which_a_share_is_seen():
+    seen = RelativeError(0.2, 0.1, {"left": RelativeError(0.4, 0.3)})
+    assert seen.over(0.5) == RelativeError(0.4, 0.2, {"left": RelativeError(0.8, 0.6)})
+
+
+def test_estimate_is_stated_for_each_joint_in_the_order_of_the_result():
+    error = RelativeError(0.2, 0.1, {"left": RelativeError(0.4, 0.3), "right": RelativeError(0.6, 0.5)})
+    dataset = xr.Dataset(coords={"joint": ["right", "left"]})
+    ErrorStatement("estimate", "about 20 %", {"opening": error}, {"cpu_seconds": 1.5}).write_to(dataset)
+    assert dataset.estimated_error_l2.values.tolist() == [0.6, 0.4]
+    assert dataset.estimated_error_peak.values.tolist() == [0.5, 0.3]
+    assert dataset.attrs == {
+        "error_estimate": "about 20 %",
+        "error_estimate_opening_l2": 0.2,
+        "error_estimate_opening_peak": 0.1,
+        "error_estimate_cpu_seconds": 1.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence", "numbers"),
+    [
+        ("certificate", "certificate_statement", "certificate"),
+        ("verification", "error_statement", "verification"),
+    ],
+)
+def test_every_kind_is_written_by_the_same_rule(kind, sentence, numbers):
+    statement = ErrorStatement(kind, "far off", {"opening": RelativeError(0.2, 0.1)}, {"record": "a"})
+    stated = statement.attributes
+    assert stated[sentence] == "far off" and stated[f"{numbers}_opening_l2"] == 0.2
+    document = {"statement": "far off", "error": {"opening": {"l2": 0.2, "peak": 0.1}}, "record": "a"}
+    assert json.loads(stated[numbers]) == document == statement.document
+    assert sentences(stated) == {kind: "far off"}
