@@ -93,15 +93,15 @@ def test_compiled_functions_on_a_full_disk_are_not_kept(tmp_path):
 
 STUCK = """
 import numpy as np
-from romdam.contact.solvers.condensation import is_stuck
+from romdam.contact.solvers.condensation import sticks
 from romdam.contact.problem import Limits
 limits = Limits(np.zeros((1, 2)), np.full((1, 2), 0.6), np.zeros(1))
-print(is_stuck(limits, np.array([1.0, 0.1, 0.0]), 0), sum(is_stuck.stats.cache_hits.values()))
+print(sticks(limits, np.array([1.0, 0.1, 0.0]), 0), sum(sticks.stats.cache_hits.values()))
 """
 
 
 def test_a_function_is_compiled_again_when_what_it_calls_has_changed(tmp_path):
-    """`is_stuck` calls `slides`, in another file: numba alone would go on with the old one."""
+    """`sticks` calls `slides`, in another file: numba alone would go on with the old one."""
     shutil.copytree(Path(romdam.__file__).parent, tmp_path / "romdam", ignore=shutil.ignore_patterns("__*__"))
     shutil.copy(romdam.__file__, tmp_path / "romdam")
 
@@ -112,7 +112,7 @@ def test_a_function_is_compiled_again_when_what_it_calls_has_changed(tmp_path):
         return done.stdout.split()
 
     assert stuck() == ["True", "0"] and stuck() == ["True", "1"]
-    laws = tmp_path / "romdam" / "contact" / "laws" / "point.py"
+    laws = tmp_path / "romdam" / "contact" / "cone.py"
     start = "near_j, near_k = "
     assert laws.read_text().count(start) == 1
     laws.write_text(laws.read_text().replace(start, f"return True\n    {start}"))

@@ -113,6 +113,9 @@ def _arch() -> dict[str, Any]:
     raw["arch_dam"]["crown"]["upstream"] = {"polynomial": [0.0, -0.1]}
     light = {"material": "rock_b", "mass": False, "weight": False}
     left = {**light, "x": [-1000, 0], "y": [-1000, 1000], "z": [-1000, 1000]}
+    friction = {"velocity_friction": {"mu_s": 0.6, "mu_d": 0.4, "v_c": "10 mm/s"}}
+    joints = {key: value for key, value in raw["arch_dam"]["joints"].items() if "friction" not in key}
+    raw["arch_dam"]["joints"] = joints | {"shear_stiffness": "8 GPa/m"} | friction
     raw["arch_dam"]["rock"] = {**ROCK, "zones": {"left": left, "rest": light}}
     return raw | {
         "loads": {

@@ -44,17 +44,17 @@ def flexibility(system):
 
 
 @pytest.mark.parametrize("solver", ["superlu", "multigrid", "pardiso"])
-@pytest.mark.parametrize("free, corrections", [(False, 0), (True, 0), (False, 6)])
+@pytest.mark.parametrize("free, residual_vectors", [(False, 0), (True, 0), (False, 6)])
 def test_a_basis_from_the_disk_is_the_one_from_memory(
-    solver, free, corrections, monkeypatch, through_the_disk, tmp_path
+    solver, free, residual_vectors, monkeypatch, through_the_disk, tmp_path
 ):
     pytest.importorskip({"superlu": "scipy", "multigrid": "pyamg", "pardiso": "pypardiso"}[solver])
     where = built()
     if free:  # nothing but the gaps holds the right block
         where = dataclasses.replace(where, fixed=where.fixed | {"right": np.zeros_like(where.fixed["right"])})
-    made = reduced(where, BlockStore(tmp_path), solver=solver, corrections=corrections)
+    made = reduced(where, BlockStore(tmp_path), solver=solver, residual_vectors=residual_vectors)
     monkeypatch.setattr(large, "LARGE", 1e12)
-    known = reduced(where, solver="superlu", corrections=corrections)
+    known = reduced(where, solver="superlu", residual_vectors=residual_vectors)
     assert isinstance(made.basis["left"].vectors, Mapped)
     assert made.system.size == known.system.size
     off = np.abs(made.system.K.diagonal() - known.system.K.diagonal())

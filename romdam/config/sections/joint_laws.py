@@ -28,14 +28,20 @@ def _both(value: object) -> object:
     return (value, value) if not isinstance(value, list | tuple) else value
 
 
-def annotation(parameter: Parameter, per_gap: bool = False) -> Any:
-    """Type of a parameter in a configuration, with unit and bounds; `per_gap`: of its value at a gap."""
+@cache
+def _per_gap(unit: str) -> type[Model]:
+    """A stiffness of each gap, whatever its tributary area."""
+    stiffness: Any = Annotated[in_unit(unit), Field(ge=0.0)]
+    return create_model("PerGap", __base__=Model, per_gap=(stiffness, ...))
+
+
+def annotation(parameter: Parameter) -> Any:
+    """Type of a parameter in a configuration, with unit and bounds."""
     if parameter.unit == "axes":
         return Annotated[tuple[Literal["j", "k"], ...], Field(min_length=1)]
-    unit = parameter.per_gap if per_gap else parameter.unit
     least, most = parameter.least, parameter.most
     bounds: Any = Field(gt=least, le=most) if parameter.above else Field(ge=least, le=most)
-    number: Any = Annotated[in_unit(unit), bounds]
+    number: Any = Annotated[in_unit(parameter.unit), bounds]
     return Annotated[tuple[number, number], BeforeValidator(_both)] if parameter.both else number
 
 
@@ -43,10 +49,7 @@ def _type(parameter: Parameter) -> Any:
     """As `annotation`, with {per_gap: value} and the word "rigid" where these are allowed."""
     if not parameter.per_gap:
         return annotation(parameter)
-    number, mapping = (
-        annotation(parameter),
-        create_model("PerGap", __base__=Model, per_gap=(annotation(parameter, per_gap=True), ...)),
-    )
+    number, mapping = annotation(parameter), _per_gap(parameter.per_gap)
     numbers: Any = Annotated[number, Tag("number")] | Annotated[mapping, Tag("mapping")]
     if not parameter.rigid:
         return Annotated[numbers, by_shape(_STIFFNESS.format(", or", ""))]
