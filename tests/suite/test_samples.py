@@ -68,7 +68,7 @@ def test_records_that_cannot_be_written_are_told_before_the_first_run(tmp_path):
           (("a", "joints.gap.friction"), ("b", "joints.gap.gap"))}}, {}, "1 scales of 9.998e+07 samples"),
         ({"parameters": {"a": {"path": "joints.gap.friction", "low": 0.1, "high": 0.2, "count": 999_999}},
           "scales": [1, 2]}, {}, "2 scales of 999999 samples are 2e+06 runs"),
-        ({"keep": {"every": "7 ms"}}, {}, "whole multiple of transient.finest_step"),
+        ({"keep": {"output_interval": "7 ms"}}, {}, "whole multiple of transient.finest_step"),
         ({"parameters": {"m": {"path": "joints.gap.frictoin", "values": [0.1]}}}, {}, "frictoin"),
         ({"parameters": {"m": {"path": "joints..friction", "values": [0.1]}}}, {}, "no joint ''"),
     ],
