@@ -48,7 +48,7 @@ Stage = Callable[[str], AbstractContextManager[Progress]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run wrote, and which records failed.
+    """Files that a run wrote, and the records that failed.
 
     Attributes
     ----------

@@ -144,7 +144,7 @@ def _steps(
 
 
 def _needs_coordinates(job: Job) -> bool:
-    """Whether anything is made of the histories' coordinates; of a suite that keeps peaks, often not."""
+    """Tell whether anything is made of the histories' coordinates; of a suite that keeps peaks, often not."""
     outputs, suite = job.config.outputs, job.config.suite
     peaks = job.config.pipeline == "suite" and suite is not None and suite.keep == "peaks"
     return not peaks or outputs.error_estimate or outputs.stress is not None

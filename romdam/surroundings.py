@@ -1,4 +1,4 @@
-"""What surrounds the command: signals, standard streams, the environment, the working folder."""
+"""Surroundings of the command: signals, standard streams, the environment, the working folder."""
 
 from __future__ import annotations
 

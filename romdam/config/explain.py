@@ -71,7 +71,7 @@ def explain(error: ValidationError, source: str, root: type[BaseModel]) -> str:
 
 
 def _follows_from_another(item: Mapping[str, Any], items: list[dict[str, Any]]) -> bool:
-    """Whether the real mistake is told elsewhere.
+    """Tell whether the real mistake is told elsewhere.
 
     A sequence is called too short when an entry is wrong; one number for both directions fails twice.
     """
@@ -161,7 +161,7 @@ def _walk(loc: Location, root: type[BaseModel]) -> tuple[Location, type[BaseMode
 
 
 def _could_be_key(types: list[Any], part: int | str) -> bool:
-    """Whether the last part of a location is an unknown key, not the name of a union's branch."""
+    """Tell an unknown key at the end of a location from the name of a union's branch."""
     return isinstance(part, str) and any(_is_model(t) for t in types) and not _is_branch(part, types)
 
 

@@ -16,12 +16,12 @@ _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt"
 
 
 def same_file(name: str) -> str:
-    """What two names have in common that are one file's to some file systems."""
+    """Return what two names have in common that are one file's to some file systems."""
     return unicodedata.normalize("NFC", name).casefold()
 
 
 def misnamed(name: str) -> str:
-    """What is wrong with a name, and the remedy; empty where nothing is."""
+    """Say what is wrong with a name, and the remedy; empty where nothing is."""
     if not name.strip() or name != name.strip():
         return "is empty or begins or ends with a blank; remove it"
     size = len(name.encode("utf-8", "replace"))
@@ -37,7 +37,7 @@ def misnamed(name: str) -> str:
 
 
 def misnamed_file(name: str) -> str:
-    """What is wrong with the name of a record, after which its results are called; empty where nothing is."""
+    """Say what is wrong with a record's name, which its results bear; empty where nothing is."""
     stem = same_file(name)
     if stem in _WRITTEN or stem.startswith(("model-", "stress-")):
         return "is that of a file that romdam writes itself; choose another"

@@ -132,7 +132,7 @@ def _adapter(place: Place) -> TypeAdapter[Any]:
 
 
 def _annotation(place: Place) -> Any:
-    """What the place's key takes."""
+    """Type of what the place's key takes."""
     if place.parameter is not None:
         return annotation(place.parameter)
     owner = RayleighConfig if place.keys[0] == "rayleigh" else DampingConfig

@@ -1,4 +1,4 @@
-"""What a configuration may say and hardly can mean: it is told, not refused."""
+"""Values that a configuration may have and hardly can mean: they are told, not refused."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
 
 
 def doubts(config: Config) -> tuple[str, ...]:
-    """What is unusual in a configuration, a line for each with key, value and what is usual."""
+    """Tell what is unusual in a configuration, a line for each with key, value and what is usual."""
     return (*_unusual(config, ""), *_gravity(config), *_units(config), *_water(config), *_unused(config))
 
 

@@ -125,7 +125,7 @@ def _roots(unit: str) -> str:
 
 
 def _angular(given: str) -> str:
-    """What turns are not: a frequency in Hz, or a ratio such as a coefficient of friction."""
+    """Remedy for an angle or its rate in place of a frequency in Hz or a ratio."""
     return "; an angle, or what turns in a second, is to be converted by hand" if "radian" in given else ""
 
 

@@ -101,7 +101,7 @@ def parse_yaml(text: str, source: str) -> object:
 
 
 def _foreign(call: Callable[[], Value], source: str) -> Value:
-    """What the YAML library returns, its errors as one line."""
+    """Return what the YAML library does, its errors as one line."""
     try:
         return call()
     except yaml.MarkedYAMLError as error:
@@ -118,7 +118,7 @@ def _wrong(mark: yaml.Mark | None, problem: str, source: str) -> ConfigError:
 
 
 def _measure(node: yaml.Node, known: dict[int, tuple[int, int]], source: str) -> tuple[int, int]:
-    """How many values and levels a node stands for, with its anchors written out; its parts are checked."""
+    """Count the values and levels that a node stands for, its anchors written out; its parts are checked."""
     if id(node) not in known:
         known[id(node)] = (1, MOST_LEVELS + 1)  # what holds itself has no end
         _refuse(node, source)

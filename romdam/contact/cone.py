@@ -29,7 +29,7 @@ def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tup
 
 @njit(cache=True)
 def slides(limit_j: float, limit_k: float, t_j: float, t_k: float) -> bool:
-    """Whether a shear is on its limit (to round-off), never without one."""
+    """Tell whether a shear is on its limit (to round-off), never without one."""
     near_j, near_k = (1.0 - 1e-9) * limit_j, (1.0 - 1e-9) * limit_k
     if limit_j == limit_k:
         return near_j > 0.0 and t_j**2 + t_k**2 >= near_j**2

@@ -54,14 +54,14 @@ _HALF_WAY = (
 
 
 class Laws(NamedTuple):
-    """What a step needs of the gaps' further laws, L of them.
+    """The gaps' further laws, L of them, as a step needs them.
 
     Attributes
     ----------
     parameters : (L, n, p) as the laws' functions get them, filled up with zeros
     on : (L, n) which gaps have which
     start : (L, n, s) memory of the unloaded gaps
-    dash : (n,) share of a normal dashpot in the closed gap's stiffness over the step
+    dashpot_share : (n,) share of a normal dashpot in the closed gap's stiffness over the step
     per_second : (1,) 1 over the step, 0 in statics [1/s]
     functions : of the laws
     """
@@ -69,7 +69,7 @@ class Laws(NamedTuple):
     parameters: Floats
     on: Bools
     start: Floats
-    dash: Floats
+    dashpot_share: Floats
     per_second: Floats
     functions: Functions
 
@@ -178,7 +178,7 @@ def gap_problem(
     with np.errstate(invalid="ignore"):
         whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
     laws = _laws(law, unilateral, dt) if law.has_memory else None
-    compliance = _compliance(unilateral, law.K_s, None if laws is None else laws.dash, d)
+    compliance = _compliance(unilateral, law.K_s, None if laws is None else laws.dashpot_share, d)
     transform, W = _with_tension(H, K_nz)
     own = W.diagonal() if own is None or len(transform) else own
     ratio = np.minimum(_theta_ratio(own.reshape(n, d), compliance), most_ratio if laws is None else 0.0)
@@ -199,12 +199,12 @@ def gap_problem(
     )
 
 
-def _compliance(unilateral: Floats, K_s: Floats, dash: Floats | None, d: int) -> Floats:
+def _compliance(unilateral: Floats, K_s: Floats, dashpot_share: Floats | None, d: int) -> Floats:
     """Compliance of the gaps' springs where the force follows them at the step's end, (n, d) [m/N]."""
     compliance = np.zeros((len(unilateral), d))
     compliance[:, NORMAL] = 1.0 / unilateral
-    if dash is not None:
-        compliance[:, NORMAL] *= 1.0 - dash
+    if dashpot_share is not None:
+        compliance[:, NORMAL] *= 1.0 - dashpot_share
     if d == 3:
         with np.errstate(divide="ignore"):
             compliance[:, SHEAR_J:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
@@ -254,7 +254,7 @@ def every_law(law: GapLaw) -> tuple[LawRows, ...]:
 
 
 def law_memory(law: GapLaw, memory_of: Callable[[type[Law], Floats, int], Sequence[float]]) -> Floats:
-    """What the further laws keep of each gap, (L, n, s); `memory_of` gives it for law, parameters and gap."""
+    """Make the memory of the further laws, (L, n, s); `memory_of` gives it for law, parameters and gap."""
     rows = every_law(law)
     laws = [find_law(one.law) for one in rows]
     memory = np.zeros((len(laws), len(law), max((len(each.memory) for each in laws), default=0)))

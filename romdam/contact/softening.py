@@ -22,9 +22,9 @@ def begin_step(laws: Laws | None, memory: GapMemory, w_free: Floats) -> None:
     if laws is None:
         return
     copy(memory.history.ravel(), memory.trial.ravel())
-    d = len(w_free) // max(len(laws.dash), 1)
-    for i in range(len(laws.dash)):
-        w_free[d * i] -= laws.dash[i] * memory.spring[d * i]
+    d = len(w_free) // max(len(laws.dashpot_share), 1)
+    for i in range(len(laws.dashpot_share)):
+        w_free[d * i] -= laws.dashpot_share[i] * memory.spring[d * i]
 
 
 @njit(cache=True)
@@ -74,7 +74,7 @@ def release(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: Floats
             limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
             limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
             sliding = slides(limit_j, limit_k, memory.force[b + SHEAR_J], memory.force[b + SHEAR_K])
-        opening = y[b] - problem.compliance[b] * memory.force[b] + laws.dash[i] * memory.spring[b]
+        opening = y[b] - problem.compliance[b] * memory.force[b] + laws.dashpot_share[i] * memory.spring[b]
         pulled = p <= 0.0 and y[b] > 0.0
         for k in range(len(laws.on)):
             if laws.on[k, i] and laws.functions.release[k](

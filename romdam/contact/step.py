@@ -103,15 +103,17 @@ def _compiled_solve(
 
 
 @njit(cache=True)
-def _energies(problem: GapProblem, dash: Floats, jump: Floats, force: Floats) -> Floats:
+def _energies(problem: GapProblem, dashpot_share: Floats, jump: Floats, force: Floats) -> Floats:
     """Energy in the springs of every gap, where some have strength [J]; force is the whole joint force."""
     n, d = jump.shape
     energy = np.zeros(n)
     for i in range(n):
         p_c, k = force[i, NORMAL] + problem.tension[i] * jump[i, NORMAL], problem.compliance[d * i]
         energy[i] = 0.5 * problem.tension[i] * jump[i, NORMAL] ** 2 + 0.5 * k * p_c**2
-        if dash[i] > 0.0:  # the dashpot's share of the force is no energy
-            energy[i] += 0.5 * (1.0 - dash[i]) / k * min(jump[i, NORMAL], 0.0) ** 2 - 0.5 * k * p_c**2
+        if dashpot_share[i] > 0.0:  # the dashpot's share of the force is no energy
+            energy[i] += (
+                0.5 * (1.0 - dashpot_share[i]) / k * min(jump[i, NORMAL], 0.0) ** 2 - 0.5 * k * p_c**2
+            )
         for a in range(1, d):
             energy[i] += 0.5 * problem.compliance[d * i + a] * force[i, a] ** 2
     return energy
@@ -158,11 +160,11 @@ def _commit(
     if laws is None:
         return _move(problem, memory, y, jump, force, state)
     n = len(problem.gap)
-    before, old = _energies(problem, laws.dash, jump, force), jump.copy()
+    before, old = _energies(problem, laws.dashpot_share, jump, force), jump.copy()
     for i in range(n):
-        y[len(y) // n * i] += laws.dash[i] * memory.spring[len(y) // n * i]
+        y[len(y) // n * i] += laws.dashpot_share[i] * memory.spring[len(y) // n * i]
     lost = _move(problem, memory, y, jump, force, state)[1]
-    after = _energies(problem, laws.dash, jump, force)
+    after = _energies(problem, laws.dashpot_share, jump, force)
     for i in range(n):
         p, slid, slip = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0, (0.0, 0.0)
         state[i] = OPEN if p <= 0.0 else max(state[i], STICK)
@@ -170,7 +172,10 @@ def _commit(
             slid -= force[i, a] * y[3 * i + a]
         if len(y) == 3 * n:
             slip = (y[3 * i + SHEAR_J], y[3 * i + SHEAR_K])
-        if commit_laws(laws, memory, i, jump[i, NORMAL], state[i] == SLIP, slip) or laws.dash[i] > 0.0:
+        if (
+            commit_laws(laws, memory, i, jump[i, NORMAL], state[i] == SLIP, slip)
+            or laws.dashpot_share[i] > 0.0
+        ):
             lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
     return after.sum(), lost
 

@@ -1,4 +1,4 @@
-"""What a reduced block passes on: the vectors that its displacement is a sum of."""
+"""The vectors that a reduced block's displacement is a sum of."""
 
 from __future__ import annotations
 

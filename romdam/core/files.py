@@ -88,7 +88,7 @@ def hold(path: Path) -> int | None:
 
 
 def _lock(descriptor: int, waiting: bool = False) -> bool | None:
-    """Whether a lock that ends with its process has been taken; None where there are no locks."""
+    """Take a lock that ends with its process; whether it could be had, None where there are no locks."""
     if fcntl is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""What the machine has: how much memory a model may take."""
+"""Memory of the machine, and how much of it a model may take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scene is once it has been built: blocks, joints, supports, loads, in plain arrays."""
+"""A scene that has been built: blocks, joints, supports, loads, in plain arrays."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Joint:
 
     @property
     def has_friction(self) -> bool:
-        """Whether the tangential directions carry force."""
+        """Tell whether the tangential directions carry force."""
         return bool(self.mu.max(initial=0.0) > 0.0)
 
 
@@ -216,7 +216,7 @@ class StressFace:
 
 @dataclass(frozen=True)
 class StressSites:
-    """Where stress is written.
+    """Nodes and faces where stress is written.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ FAILURES = (  # HDF5's own of a file that it cannot read, and ours of one that h
 
 @dataclass(frozen=True)
 class Opened:
-    """What is known of a file before it is opened.
+    """A file's state before it is opened.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def examine(path: Path) -> Opened:
 
 
 def is_sealed(path: Path) -> bool:
-    """Whether a file carries a digest, and matches it; False for a whole HDF5 file that carries none.
+    """Check the digest that a file carries; False for a whole HDF5 file that carries none.
 
     Raises
     ------

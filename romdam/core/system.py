@@ -14,7 +14,7 @@ from romdam.core.errors import ConfigError
 
 @dataclass(frozen=True)
 class LawSource:
-    """Where a law is from.
+    """Source of a law.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class GapLaw:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the gaps' forces follow from more than stiffness and friction."""
+        """Tell whether the gaps' forces follow from more than stiffness and friction."""
         return bool(self.laws) or bool(self.viscosity.any())
 
     def place(self, gap: int) -> str:
@@ -158,7 +158,7 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
 
 @dataclass(frozen=True)
 class History:
-    """What an integration returns, at the times that were asked for; d is `GapLaw.directions`.
+    """Result of an integration, at the times that were asked for; d is `GapLaw.directions`.
 
     Attributes
     ----------

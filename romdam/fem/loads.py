@@ -32,7 +32,7 @@ def static_force(scene: Scene, block: str) -> Floats:
 
 
 def weight_acts(scene: Scene, block: str) -> bool:
-    """Whether a block's weight acts with the joints as they are, not before they were grouted."""
+    """Tell whether a block's weight acts with the joints as they are, not before they were grouted."""
     return not scene.staged_weight and block not in scene.settled
 
 

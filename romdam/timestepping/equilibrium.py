@@ -40,7 +40,7 @@ class GapState:
     force : (n, d) compression and shear on side J [N]
     state : (n,) open, stick or slip
     p_c : (N,) the solver's force, its warm start [N]
-    anchor : (n, 2) slip anchors [m]; empty without friction
+    accumulated_slip : (n, 2) [m]; empty without friction
     stored : energy in the gaps [J]
     history : (L, n, s) see `romdam.contact.problem.GapMemory`; empty where it is that of unloaded gaps
     """
@@ -49,7 +49,7 @@ class GapState:
     force: Floats
     state: NDArray[np.uint8]
     p_c: Floats
-    anchor: Floats
+    accumulated_slip: Floats
     stored: float
     history: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
@@ -63,11 +63,11 @@ def system_gap_problem(
 
 def take_over(memory: GapMemory, gaps: GapState) -> None:
     """Give a solver's memory the gaps of a state to start from."""
-    memory.force[:], memory.accumulated_slip[:] = gaps.p_c, gaps.anchor
+    memory.force[:], memory.accumulated_slip[:] = gaps.p_c, gaps.accumulated_slip
     spring = memory.spring.reshape(gaps.jump.shape)
     spring[:, NORMAL] = np.minimum(gaps.jump[:, NORMAL], 0.0)
-    if len(gaps.anchor):
-        spring[:, 1:] = gaps.jump[:, 1:] - gaps.anchor
+    if len(gaps.accumulated_slip):
+        spring[:, 1:] = gaps.jump[:, 1:] - gaps.accumulated_slip
     if len(gaps.history):
         memory.history[:] = gaps.history
 
@@ -102,7 +102,7 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
         force=np.zeros((n, d)),
         state=np.zeros(n, dtype=np.uint8),
         p_c=np.zeros(n * d),
-        anchor=np.zeros((n if d == 3 else 0, 2)),
+        accumulated_slip=np.zeros((n if d == 3 else 0, 2)),
         stored=float((0.5 * stiffness * law.gap**2).sum()),
     )
     return np.zeros(system.size), empty
@@ -124,10 +124,10 @@ def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapSt
 
 
 def resumed(system: System, start: Start) -> GapState:
-    """The gaps of a state to go on from; each slip anchor follows from its shear force."""
+    """The gaps of a state to go on from; the accumulated slip follows from its shear force."""
     law, d = system.law, system.law.directions
     tension = law.K_nz * start.jump[:, NORMAL]
-    p_c, anchor = start.traction.copy(), np.zeros((0, 2))
+    p_c, slip = start.traction.copy(), np.zeros((0, 2))
     history = np.zeros((0, 0, 0)) if start.memory is None else start.memory
     problem = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d)))
     memory = gap_memory(problem)
@@ -138,16 +138,16 @@ def resumed(system: System, start: Start) -> GapState:
     p_c[:, NORMAL] = np.where(bonded, p_c[:, NORMAL], np.maximum(p_c[:, NORMAL] + tension, 0.0))
     compliance = problem.compliance.reshape(-1, d)
     if d == 3:
-        anchor = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
+        slip = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
     stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, NORMAL]).sum()
     closed = (p_c[:, NORMAL] > 0.0).astype(np.uint8)
     return GapState(
-        start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), anchor, float(stored), history
+        start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), slip, float(stored), history
     )
 
 
 def rest_shift(system: System) -> float:
-    """What times M is added to K so that it can be factored; 0 where supports hold every block [1/s2]."""
+    """Share of M that is added to K so that it can be factored; 0 where supports hold every block [1/s2]."""
     return _SHIFT if system.floating else 0.0
 
 
@@ -200,5 +200,5 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)
-    p_c, anchor, history = memory.force.copy(), memory.accumulated_slip.copy(), memory.history.copy()
-    return GapState(jump, force, state, p_c, anchor, stored, history)
+    p_c, slip, history = memory.force.copy(), memory.accumulated_slip.copy(), memory.history.copy()
+    return GapState(jump, force, state, p_c, slip, stored, history)

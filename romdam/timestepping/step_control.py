@@ -86,7 +86,7 @@ def simulate_to(
 
 
 def _first_halvings(system: System, coarse: float, accuracy: float) -> int:
-    """How often the coarse step is halved in the first run; the impacts' times scale with the period."""
+    """Halvings of the coarse step in the first run; the impacts' times scale with the period."""
     k = system.K.diagonal() if system.diagonal else np.zeros(1)
     elastic = k[k > 1e-9 * k.max(initial=0.0)]
     if len(elastic) == 0:
@@ -122,13 +122,13 @@ class _Motions:
         return list(zip(list(trials), made, strict=True))
 
     def compared(self, number: int, history: History) -> Floats:
-        """What a run of one of them is compared by with its next."""
+        """Values by which a run of one of them is compared with its next."""
         return self.prepared[number].integrator.compared(history)
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """What is known of a motion after its last run.
+    """Knowledge of a motion after its last run.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class _Trial:
     rows: int | None = None
 
     def after(self, history: History, measured: Floats) -> _Trial:
-        """What is known after one more run."""
+        """Knowledge after one more run."""
         cpu = self.cpu + history.stats["loop_cpu_seconds"]
         known = replace(self, history=history, measured=measured, runs=self.runs + 1, cpu=cpu, rows=None)
         if self.measured is None:
@@ -159,11 +159,11 @@ class _Trial:
         return replace(known, difference=difference, estimate=float(difference * shrink / (1.0 - shrink)))
 
     def unchecked(self) -> _Trial:
-        """What is known after a run of twice the step that did not converge: nothing more."""
+        """Knowledge after a run of twice the step that did not converge: nothing more."""
         return replace(self, runs=self.runs + 1, rows=None)
 
     def checked(self, check: History, measured: Floats) -> _Trial:
-        """What is known after a run of twice the step."""
+        """Knowledge after a run of twice the step."""
         assert self.measured is not None
         compared, late = self.measured, 1.0
         if self.rows is not None:

@@ -16,6 +16,7 @@ from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.compiled import compiled
 from romdam.core.errors import ConfigError
 from romdam.pipelines.run import run
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 RATE = '''
@@ -45,6 +46,7 @@ class RateFriction(Law):
     def commit(parameters, memory, opening, sliding, rate_j, rate_k):
         memory[0] = math.sqrt(rate_j**2 + rate_k**2) if sliding else 0.0
 '''
+VARIED = "joints.contraction.rate_v_c"
 KEYS = {"law": "own_laws.RateFriction", "rate_mu_s": 0.6, "rate_mu_d": 0.4, "rate_v_c": "10 mm/s"}
 
 
@@ -143,3 +145,15 @@ def test_a_function_that_does_not_compile_is_named(tmp_path):
     law = find_law(next(iter(job.config.joints["contraction"].law)).source)
     with pytest.raises(ConfigError, match=r"own_laws.py: RateFriction.limit cannot be compiled"):
         compiled([law])
+
+
+def test_workers_of_a_suite_know_a_users_law(tmp_path):
+    path = written(tmp_path, KEYS)
+    raw = yaml.safe_load(path.read_text())
+    raw |= {"pipeline": "suite", "suite": {"parameters": {"v": {"path": VARIED, "values": [0.005, 0.02]}}}}
+    path.write_text(yaml.safe_dump(raw))
+    alone, together = (
+        run_suite(load_config(path), tmp_path / f"out{n}", SuiteOptions(workers=n)).summary for n in (1, 2)
+    )
+    assert np.array_equal(alone.peak_slip, together.peak_slip)
+    assert len(np.unique(alone.peak_slip)) == alone.peak_slip.size > 1

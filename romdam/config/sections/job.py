@@ -163,7 +163,7 @@ class DampingConfig(Model):
 
     @property
     def acts(self) -> bool:
-        """Whether anything is damped."""
+        """Tell whether anything is damped."""
         ratios = self.modal if isinstance(self.modal, tuple) else (self.modal,)
         r = self.rayleigh
         return any(ratios) or (r is not None and bool(r.ratio or r.alpha or r.beta))
@@ -203,7 +203,7 @@ class ModelConfig(Model):
 
 
 class OutputsConfig(Model):
-    """What is written: histories at named nodes, every gap, at the interval `output_interval`.
+    """Histories that are written: at named nodes and every gap, at the interval `output_interval`.
 
     `error_estimate` adds to every result how far the modes left out have moved it.
     """
@@ -217,7 +217,7 @@ class OutputsConfig(Model):
 
 
 class StudyConfig(Model):
-    """What `romdam study` sweeps, and what it compares with.
+    """Settings that `romdam study` sweeps, and what it compares with.
 
     Every combination of `modes` (a block), `residual_vectors`, `integrators` and `finest_steps` (1/4 to 1/32
     of the record's step if not given) is timed over the whole record and compared over `duration`, with all

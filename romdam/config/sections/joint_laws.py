@@ -1,4 +1,4 @@
-"""What the laws of a joint add to its keys; their parameters say all of it."""
+"""Keys that the laws of a joint add to it; their parameters say all of it."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class UserLaw(Model):
 
     @property
     def source(self) -> LawSource:
-        """Where it is from."""
+        """Source of the class."""
         return LawSource(self.name, self.file, self.sha256)
 
     @property

@@ -36,7 +36,7 @@ NormalRule = Annotated[
 
 
 class JointProperties(JointLaws):
-    """What gap elements do, wherever they stand.
+    """Properties of gap elements, wherever they stand.
 
     The keys of its laws are theirs (`romdam.contact.laws`), `law` adds those of a user's file. `gaps` stand
     at every face node, or at the corners of quadratic facets only.

@@ -265,7 +265,7 @@ _ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "component
 
 
 def is_manifest(path: Path) -> bool:
-    """Whether a CSV or YAML file lists records, where a job's YAML file is a mapping of keys."""
+    """Tell a file that lists records from a job's YAML file, which is a mapping of keys."""
     if path.suffix.lower() == ".csv":
         return True
     try:

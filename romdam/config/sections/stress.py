@@ -1,4 +1,4 @@
-"""Where stress is wanted, and the strength it is compared with."""
+"""Nodes and faces where stress is wanted, and the strength it is compared with."""
 
 from __future__ import annotations
 

@@ -90,12 +90,12 @@ class KeepConfig(Model):
 
 
 class SuiteConfig(Model):
-    """What a suite varies and what it keeps; a run is one record at one scale with one sample.
+    """Variations of a suite, and what it keeps; a run is one record at one scale with one sample.
 
     `scales` are factors on the records, `intensities` target values instead. `parameters` and `design` make
     the samples: the full grid of values, a Latin hypercube, or a table. `keep` says what lands beside the
     summary: nothing (`peaks`), whole results (`full`), or results at an interval. `period` is that of the
-    spectral acceleration among the records' measures, `batch` the number of runs marched together (from the
+    spectral acceleration among the records' measures, `batch` that of runs integrated together (from the
     memory if not given), `cache` the folder of reduced blocks (OUT/cache if not given).
     """
 

@@ -1,4 +1,4 @@
-"""What one gap answers: joint laws, one file each."""
+"""Joint laws, one file each: the answer of one gap."""
 
 from romdam.contact.laws.bond import Bond
 from romdam.contact.laws.coulomb import Coulomb

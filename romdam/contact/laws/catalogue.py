@@ -23,14 +23,14 @@ _LOADED: dict[LawSource, type[Law]] = {}
 
 
 def source_of(law: type[Law]) -> LawSource:
-    """Where a law of romdam, or one that `user_law` has loaded, is from."""
+    """Find the source of a law of romdam, or of one that `user_law` has loaded."""
     if law in LAWS:
         return LawSource(law.__name__)
     return next(source for source, loaded in _LOADED.items() if loaded is law)
 
 
 def law_order(law: type[Law]) -> tuple[int, str]:
-    """Where a law stands in the order in which they apply: a user's own come last, by name."""
+    """Key of the order in which laws apply: a user's own come last, by name."""
     return LAWS.index(law) if law in LAWS else len(LAWS), source_of(law).name
 
 
@@ -54,7 +54,7 @@ def find_law(source: LawSource) -> type[Law]:
 
 
 def loaded_law(name: str, sha256: str) -> LawSource:
-    """Where a user's law is from that has been loaded in this process.
+    """Find the source of a user's law that has been loaded in this process.
 
     Raises
     ------

@@ -119,7 +119,7 @@ class Law:
 
     @classmethod
     def is_on(cls, joint: Mapping[str, Any]) -> bool:
-        """Whether a joint has the law: its section is there, or one of its keys is not zero."""
+        """Tell whether a joint has the law: its section is there, or one of its keys is not zero."""
         values = cls.values(joint)
         if cls.section:
             return bool(values)
@@ -127,12 +127,12 @@ class Law:
 
     @classmethod
     def needs_shear(cls, joint: Mapping[str, Any]) -> bool:
-        """Whether a joint that has the law needs the tangential directions."""
+        """Tell whether a joint that has the law needs the tangential directions."""
         return cls.shear
 
     @classmethod
     def wrong(cls, joint: Mapping[str, Any]) -> str | None:
-        """What does not fit together in a joint that has the law, and the remedy; None if all does.
+        """Say what does not fit together in a joint that has the law, and the remedy; None if all does.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class Law:
 
     @classmethod
     def row(cls, joint: Mapping[str, Any], area: float) -> tuple[float, ...]:
-        """What the functions get as `parameters`, for a gap of this tributary area [m2]."""
+        """Row that the functions get as `parameters`, for a gap of this tributary area [m2]."""
         values = cls.values(joint)
         return tuple(entry for p in cls.parameters for entry in p.entries(values[p.name], area))
 
@@ -158,7 +158,7 @@ class Law:
 
 
 class Past(NamedTuple):
-    """What is known of a gap where a run goes on from a stored row.
+    """A gap where a run goes on from a stored row, as far as the row knows it.
 
     Attributes
     ----------

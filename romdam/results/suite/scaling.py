@@ -11,7 +11,7 @@ from romdam.postprocess.record_measures import intensity
 
 
 def scale_count(suite: SuiteConfig) -> int:
-    """How many scales each record is run at."""
+    """Number of scales that each record is run at."""
     return len(suite.scales if suite.intensities is None else suite.intensities.values)
 
 

@@ -60,7 +60,7 @@ def scheme(rho_inf: float) -> Scheme:
 
 @dataclass(frozen=True)
 class _Stepper:
-    """What never changes: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
+    """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
 
     system: System
     scheme: Scheme
@@ -144,7 +144,7 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
 
 
 def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, ground: Floats) -> float:
-    """What the scheme takes from the motion over a step, besides the work of damping [J].
+    """Energy that the scheme takes from the motion over a step, besides the work of damping [J].
 
     The balance of a step times its displacement du, less the changes of the energies and the work of the
     mean ground acceleration g. With d = 1/2 - a_f and k = beta - gamma/2, the balance holds

@@ -1,4 +1,4 @@
-"""What an integrator is: an object that owns its options, its choice of steps and its step."""
+"""The protocol of an integrator, which owns its options, its choice of steps and its step."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Integrator(Protocol):
         ...
 
     def compared(self, history: History) -> Floats:
-        """What two runs at different steps are compared by: (nt, n) histories, or (n,) peaks."""
+        """Values that two runs at different steps are compared by: (nt, n) histories, or (n,) peaks."""
         ...
 
     def advance(

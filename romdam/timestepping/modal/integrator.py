@@ -1,4 +1,4 @@
-"""What the integrators that propagate uncoupled modes exactly share."""
+"""Common ground of the integrators that propagate uncoupled modes exactly."""
 
 from __future__ import annotations
 

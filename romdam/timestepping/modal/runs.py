@@ -150,7 +150,7 @@ def _constant(
     settings: Settings,
     active: Ints,
 ) -> tuple[ModalModel, StepHierarchy, Ints]:
-    """What the loop reads and does not change, cached where there is one system without added jumps."""
+    """Arrays that the loop reads only, cached where there is one system without added jumps."""
     prepared, steps, shift = variants[0], settings.steps, settings.shift
 
     def compute() -> tuple[ModalModel, StepHierarchy, Ints]:

@@ -41,7 +41,7 @@ _EXACT = 1e-6  # of the largest jump, what may be left out
 
 @dataclass(frozen=True)
 class Symmetry:
-    """How a system with fewer gaps and modes stands for a whole one.
+    """Relation of a system with fewer gaps and modes to the whole one that it stands for.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def merge_equivalent_contacts(system: System, active: Ints) -> Symmetry | None:
 
 
 def _spread(gaps: Ints, signs: Floats) -> csr_matrix:
-    """What the groups' jumps are at every gap, (d ng, d groups)."""
+    """Jumps of the groups at every gap, (d ng, d groups)."""
     d = signs.shape[1]
     rows, columns = np.arange(signs.size), (d * gaps[:, None] + np.arange(d)).ravel()
     return csr_matrix((signs.ravel(), (rows, columns)), shape=(signs.size, d * (gaps.max() + 1)))
