@@ -153,6 +153,8 @@ def vary(config: Config, places: Mapping[str, Place], values: Mapping[str, float
         for values that do not fit together.
     """
     raw = {name: joint.model_dump(mode="json") for name, joint in config.every_joint.items()}
+    for name, joint in config.every_joint.items():
+        raw[name]["law"] = joint.law  # with their files, which are no part of what a configuration says
     damping = config.damping.model_dump(mode="json", exclude_none=True)
     for name, place in places.items():
         value = "rigid" if values[name] == float("inf") else float(values[name])

@@ -26,6 +26,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,14 +36,16 @@ from bench_arch_cutoff import coarse_job
 from reference_run import ROOT, job
 
 from romdam.core.system import History, System
-from romdam.pipelines.shaking import ground_at_steps
+from romdam.pipelines.simulation import ground_at_steps
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.timestepping.options import TransientOptions
-from romdam.timestepping.simulate import integrate
-from romdam.timestepping.step_control import refined_step
+from romdam.timestepping.integrators.adaptive import Adaptive
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.steps import Steps, cut_steps
 
 FINEST, LIMIT, EVERY, SECONDS = 1.25e-3, 3.90625e-5, 0.01, 10.0
 JOINTS: dict[str, dict[str, object]] = {
@@ -55,7 +58,7 @@ GAUSS_SEIDEL = "romdam.contact.solvers.gauss_seidel"
 CONDENSATION = "romdam.contact.solvers.condensation"
 VARIED: dict[str, tuple[object, ...]] = {
     "force_change": (0.001, 0.003, 0.01, 0.03),
-    "flexible_ratio": (0.35, 0.5, 0.7, 1.0, 1e9),
+    "quasi_static_ratio": (0.35, 0.5, 0.7, 1.0, 1e9),
     "cuts": ((2, 2, 2), (4, 2), (8,)),
     "tolerance": (1e-6, 1e-8, 1e-10),
     "romdam.contact.problem:_HALF_WAY": (20.0, 40.0, 70.0, 150.0, 1e9),
@@ -65,7 +68,7 @@ VARIED: dict[str, tuple[object, ...]] = {
     f"{GAUSS_SEIDEL}:_SINGLE": (1e-5, 1e-3),
     f"{GAUSS_SEIDEL}:_IDLE": (0.05, 1.0),
     f"{GAUSS_SEIDEL}:_FEW": (0.0, 1.0),
-    f"{GAUSS_SEIDEL}:_REST": (0.01, 1.0),
+    f"{GAUSS_SEIDEL}:_TIGHTER": (0.01, 1.0),
     f"{CONDENSATION}:_WORTH": (4, 16),
 }
 COMPILED = ("loop", "gauss_seidel", "condensation")
@@ -75,9 +78,9 @@ COMPILED = ("loop", "gauss_seidel", "condensation")
 def system(joints: str) -> System:
     """The reduced two cantilevers, or the arch dam of 8,122 unknowns."""
     if joints == "arch dam":
-        one = coarse_job()
-        scene = build_scene(one.config, one.folder, str(one.path))
-        return reduce_scene(scene, ModeChoice(cutoff=25.0), one.config.damping).system
+        dam = coarse_job()
+        scene = build_scene(dam.config, dam.folder, str(dam.path))
+        return reduce_scene(scene, ModeChoice(cutoff=25.0), dam.config.damping).system
     one = job.__wrapped__(**JOINTS[joints])
     return reduce_scene(one.scene, one.config.model, one.config.damping).system
 
@@ -99,31 +102,34 @@ def ground(record: str, dt: float, scale: float = 1.0) -> np.ndarray:
 RECORDS = ("northridge_mul009_g_dt0.01.txt", "northridge_mul279_g_dt0.01.txt")
 
 
-def march(joints: str, record: str, finest: float, **changes: object) -> History:
+def one_run(joints: str, record: str, finest: float, **changes: object) -> History:
     """One run with rows every 0.01 s."""
-    base, cuts = refined_step(finest, 0.01, EVERY)
-    settings: dict[str, object] = {"cuts": cuts, "initial_state": "from_start", "integrator": "adaptive"}
+    steps, is_dam = cut_steps(finest, 0.01, EVERY), joints == "arch dam"
     if "cuts" in changes:
-        parts = changes["cuts"]
-        base = finest * float(np.prod(parts))  # type: ignore[arg-type]
-    if joints == "arch dam":
-        settings["initial_state"] = "static"
-    options = TransientOptions(dt=base, stride=round(EVERY / base), **settings | changes)  # type: ignore[arg-type]
-    scale = 0.1 if joints == "arch dam" else 1.0
-    return integrate(system(joints), ground(record, base, scale), options)
+        cuts: Any = changes.pop("cuts")
+        steps = Steps(base := finest * float(np.prod(cuts)), round(EVERY / base), cuts)
+    tolerance: Any = changes.pop("tolerance", 1e-8)
+    options: Any = changes
+    settings = Settings(steps, tolerance, "static" if is_dam else "undeformed")
+    motion = ground(record, steps.base, 0.1 if is_dam else 1.0)
+    return simulate_one(Prepared(system(joints), Adaptive(**options)), motion, settings)
 
 
 def scheme(changes: Mapping[str, object], limits: Mapping[str, History]) -> dict[str, dict[str, float]]:
     """Errors [%], steps and CPU seconds for every kind of joint."""
     results = {}
     for joints in JOINTS:
-        errors, steps, cpu = [], 0, 0.0
+        errors: list[tuple[float, float]] = []
+        steps, cpu = 0, 0.0
         for record in RECORDS:
-            history, limit = march(joints, record, FINEST, **changes), limits[f"{joints}/{record}"]
+            history, limit = one_run(joints, record, FINEST, **changes), limits[f"{joints}/{record}"]
             opening, wanted = history.jump[..., 0], limit.jump[..., 0]
             largest = [float(one.peaks["compression"].max()) for one in (history, limit)]
             errors.append(
-                (np.linalg.norm(opening - wanted) / np.linalg.norm(wanted), largest[0] / largest[1] - 1.0)
+                (
+                    float(np.linalg.norm(opening - wanted) / np.linalg.norm(wanted)),
+                    largest[0] / largest[1] - 1.0,
+                )
             )
             steps += int(history.stats["steps"])
             cpu += history.stats["loop_cpu_seconds"]
@@ -137,14 +143,14 @@ def solver(before: Path | None) -> dict[str, dict[str, float]]:
     results, kept = {}, {}
     old = None if before is None or not before.exists() else np.load(before)
     for name, joints, record in (("friction", "friction", RECORDS[0]), ("arch dam", "arch dam", "arch dam")):
-        march(joints, record, 0.01)  # compiled, not timed
-        history = march(joints, record, FINEST)
+        one_run(joints, record, 0.01)  # compiled, not timed
+        history = one_run(joints, record, FINEST)
         kept[name] = history.jump
         counts = {key: float(value) for key, value in history.stats.items()}
         moved = 0.0 if old is None else np.abs(history.jump - old[name]).max() / np.abs(old[name]).max()
         results[name] = counts | {"moved": float(moved)}
     if before is not None and old is None:
-        np.savez(before, **kept)
+        np.savez(before, allow_pickle=False, **kept)
     return results
 
 
@@ -155,7 +161,7 @@ def child(name: str, value: object, before: Path) -> dict[str, dict[str, float]]
         done = subprocess.run(
             command, env={**os.environ, "NUMBA_CACHE_DIR": folder}, capture_output=True, text=True, check=True
         )
-    return json.loads(done.stdout.splitlines()[-1])  # type: ignore[no-any-return]
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def set_constant(name: str, value: object) -> object:
@@ -183,7 +189,7 @@ def main() -> None:
     results = json.loads(asked.out.read_text()) if asked.out.exists() else {}
     limits = {}
     if any(name.split(":")[0].split(".")[-1] not in COMPILED for name in asked.only):
-        limits = {f"{j}/{r}": march(j, r, LIMIT) for j in JOINTS for r in RECORDS}
+        limits = {f"{j}/{r}": one_run(j, r, LIMIT) for j in JOINTS for r in RECORDS}
     before = asked.out.with_suffix(".npz")
     for name in asked.only:
         compiled = name.split(":")[0].split(".")[-1] in COMPILED
