@@ -23,7 +23,7 @@ def with_modes(job: Job, modes: int | str) -> Job:
     return replace(job, config=job.config.model_copy(update={"model": model}))
 
 
-def settle_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
+def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
     """The job with the fewest modes of those tried whose estimated reduction error meets `accuracy`.
 
     Every count is run on the record of the largest acceleration and judged by the estimate that every run

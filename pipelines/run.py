@@ -24,7 +24,7 @@ from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.estimate import estimate_run, finer_model
-from romdam.pipelines.modes import settle_modes
+from romdam.pipelines.modes import choose_modes
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
@@ -126,7 +126,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
         motions, failures = read_motions(job)
     refuse_lengths(job, motions)
     tell_doubts(job, motions)
-    job = settled(job, motions, clock)
+    job = with_modes_chosen(job, motions, clock)
     store = None if cache is None else BlockStore(cache)
     model = with_finer(job, build_model(job, clock, store), clock, store)
     with clock.stage("stress_fields", "stress of the modes"):
@@ -154,12 +154,12 @@ def write_shared(folder: Path, model: Model) -> dict[str, str]:
     return files
 
 
-def settled(job: Job, motions: list[GroundMotion], clock: Clock) -> Job:
+def with_modes_chosen(job: Job, motions: list[GroundMotion], clock: Clock) -> Job:
     """The job with the number of modes that `model.modes: auto` comes to on these motions."""
     if job.config.model.modes != "auto":
         return job
     with clock.stage("modes", "choosing the number of modes"):
-        return settle_modes(job, build_scene(job.config, job.folder, str(job.path)), motions)
+        return choose_modes(job, build_scene(job.config, job.folder, str(job.path)), motions)
 
 
 def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:

@@ -1,4 +1,4 @@
-"""The cost and the error of each setting of modes, corrections, integrator and step."""
+"""The cost and the error of each setting of modes, residual vectors, integrator and step."""
 
 from __future__ import annotations
 
@@ -148,16 +148,16 @@ class _Case:
 
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
     wanted = setup.job.config.study
-    for count, corrections in itertools.product(wanted.modes, wanted.residual_vectors):
-        choice = ModeChoice(count=count, residual_vectors=corrections, capped=True)
-        with clock.stage("model", f"reducing to {count} modes a block, {corrections} corrections"):
+    for count, residual_vectors in itertools.product(wanted.modes, wanted.residual_vectors):
+        choice = ModeChoice(count=count, residual_vectors=residual_vectors, capped=True)
+        with clock.stage("model", f"reducing to {count} modes a block, {residual_vectors} residual vectors"):
             system = reduce_scene(setup.scene, choice, setup.job.config.damping).system
         for integrator in wanted.integrators:
             prepared = prepare(setup.job, system, integrator)
             for step in setup.steps:
                 settings = _settings(setup, prepared, step)
                 finest = settings.steps.finest
-                setting = Setting(integrator, finest, f"{count} modes", corrections, system.size)
+                setting = Setting(integrator, finest, f"{count} modes", residual_vectors, system.size)
                 yield _Case(setting, prepared, settings)
 
 
@@ -171,7 +171,8 @@ def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
 def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
     one = case.setting
     ground = ground_at_steps(setup.motion, case.settings.steps.base, setup.duration)
-    text = f"{one.integrator}, {one.modes}, {one.corrections} corrections, finest step {one.finest_step:g} s"
+    model = f"{one.modes}, {one.residual_vectors} residual vectors"
+    text = f"{one.integrator}, {model}, finest step {one.finest_step:g} s"
     runs: list[History] = []
     try:
         with clock.stage("case", text) as progress:

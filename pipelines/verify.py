@@ -17,7 +17,7 @@ from romdam.error.verification import VerifiedRun, against_reference, full_order
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
-from romdam.pipelines.run import Clock, Model, Stage, build_model, settled, silent
+from romdam.pipelines.run import Clock, Model, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
@@ -69,7 +69,7 @@ def verify(
     seconds = min(duration, motions[0].duration)
     refuse_lengths(job, motions[:1], seconds)
     tell_doubts(job, motions[:1])
-    motion, job = motions[0], settled(job, motions, clock)
+    motion, job = motions[0], with_modes_chosen(job, motions, clock)
     model = build_model(job, clock)
     reduced = _reduced(job, model, motion, seconds, clock)
     full = _full(job, model, (motion, seconds, reduced), clock)

@@ -135,7 +135,7 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
         assert dataset.attrs["machine"] and "all " in dataset.attrs["compared"]
         error = dataset.l2_error.values
         assert np.isfinite(error).all() and dataset.on_front.values.any()
-        best = (dataset.modes == "10 modes") & (dataset.corrections == 5) & (dataset.finest_step < 0.002)
+        best = (dataset.modes == "10 modes") & (dataset.residual_vectors == 5) & (dataset.finest_step < 0.002)
         assert error[best.values].max() < 0.5 * error.max()
         for name in dataset.variables:
             assert name == "case" or dataset[name].attrs["long_name"]

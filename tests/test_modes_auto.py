@@ -10,7 +10,7 @@ import romdam
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
-from romdam.pipelines.modes import FIRST, settle_modes
+from romdam.pipelines.modes import FIRST, choose_modes
 from romdam.pipelines.run import read_motions
 from romdam.scene.build import build_scene
 
@@ -26,13 +26,13 @@ def job(accuracy, **changes):
     return Job(parse_config(raw | changes, EXAMPLE.name), EXAMPLE)
 
 
-def settled(one):
+def chosen_modes(one):
     scene = build_scene(one.config, one.folder, str(one.path))
-    return settle_modes(one, scene, read_motions(one)[0]).config.model.modes
+    return choose_modes(one, scene, read_motions(one)[0]).config.model.modes
 
 
 def test_a_smaller_error_asks_for_more_modes():
-    rough, fine = settled(job("20 %")), settled(job("2 %"))
+    rough, fine = chosen_modes(job("20 %")), chosen_modes(job("2 %"))
     assert rough == FIRST
     assert fine == "all" or fine > rough
 
@@ -48,7 +48,7 @@ def test_the_result_says_how_many_and_states_an_error_below_the_accuracy(tmp_pat
 
 def test_without_damping_no_error_is_estimated_and_none_can_be_met():
     with pytest.raises(ConfigError, match=r"modes: auto needs joints, damping.*60 is a good start"):
-        settled(job("2 %", damping={}))
+        chosen_modes(job("2 %", damping={}))
 
 
 def test_a_step_alone_gives_no_measure_for_the_modes():

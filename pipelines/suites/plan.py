@@ -24,7 +24,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.doubts import tell_doubts
-from romdam.pipelines.run import Clock, settled
+from romdam.pipelines.run import Clock, with_modes_chosen
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_content
@@ -98,7 +98,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     _refuse_many(job, len(records), design.sizes["sample"])
     motions = [record.motion for record in records if record.motion is not None]
     tell_doubts(job, ())  # of the records there may be hundreds
-    job = settled(job, motions, clock)
+    job = with_modes_chosen(job, motions, clock)
     columns = {name: design[PARAMETER + name].values for name in places}
     samples = Samples(
         places,

@@ -249,7 +249,7 @@ class Scene:
     water : hydrostatic loads
     warmed : block name -> uniform change of temperature [K]
     reservoir : water that moves with the dam, or None
-    settled : blocks whose weight has acted before, so that gravity leaves it out
+    excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
     radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
         send out: the ground's acceleration does not act on it
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
@@ -266,7 +266,7 @@ class Scene:
     ties: tuple[Tie, ...] = ()
     water: tuple[Hydrostatic, ...] = ()
     warmed: dict[str, float] = field(default_factory=dict)
-    settled: frozenset[str] = frozenset()
+    excluded_from_gravity: frozenset[str] = frozenset()
     radiating: frozenset[str] = frozenset()
     staged_weight: bool = False
     reservoir: Reservoir | None = None

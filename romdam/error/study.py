@@ -26,7 +26,7 @@ _COLUMNS = (  # variable, heading, format, factor
     ("integrator", "integrator", "{}", None),
     ("finest_step", "finest step s", "{:.6g}", 1.0),
     ("modes", "modes a block", "{}", None),
-    ("corrections", "corrections", "{:d}", 1),
+    ("residual_vectors", "residual", "{:d}", 1),
     ("unknowns", "unknowns", "{:d}", 1),
     ("peak_opening", "peak opening mm", "{:.3f}", 1e3),
     ("peak_error", "peak error %", "{:.2g}", 1e2),
@@ -40,7 +40,7 @@ _LONG_NAMES = {
     "integrator": "time integrator",
     "finest_step": "smallest step taken",
     "modes": "fixed-interface modes of each block, or their cut-off",
-    "corrections": "corrected open-joint modes of each block",
+    "residual_vectors": "of each block, one for each of its lowest modes with the joints open",
     "unknowns": "unknowns of the model",
     "peak_opening": "largest opening within the compared seconds",
     "peak_error": "relative error of the largest opening",
@@ -60,7 +60,7 @@ class CaseResult:
     integrator: str
     finest_step: float
     modes: str
-    corrections: int
+    residual_vectors: int
     unknowns: int
     peak_opening: float = math.nan
     peak_error: float = math.nan
@@ -73,12 +73,12 @@ class CaseResult:
 
 @dataclass(frozen=True)
 class Setting:
-    """Integrator and finest step [s], modes of a block as text, corrections, unknowns of the model."""
+    """Integrator and finest step [s], modes of a block as text, residual vectors, unknowns of the model."""
 
     integrator: str
     finest_step: float
     modes: str
-    corrections: int
+    residual_vectors: int
     unknowns: int
 
 

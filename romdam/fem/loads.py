@@ -33,13 +33,13 @@ def static_force(scene: Scene, block: str) -> Floats:
 
 def weight_acts(scene: Scene, block: str) -> bool:
     """Tell whether a block's weight acts with the joints as they are, not before they were grouted."""
-    return not scene.staged_weight and block not in scene.settled
+    return not scene.staged_weight and block not in scene.excluded_from_gravity
 
 
 def weight_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
-    """Nodal force of a block's weight, (n, 3) [N]; zero where it has settled before."""
+    """Nodal force of a block's weight, (n, 3) [N]; zero where it has acted before."""
     points = scene.blocks[block].points
-    if block in scene.settled:
+    if block in scene.excluded_from_gravity:
         return np.zeros_like(points)
     return np.asarray(M @ np.tile(scene.gravity, len(points))).reshape(-1, 3)
 

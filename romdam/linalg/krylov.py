@@ -94,7 +94,7 @@ def krylov_modes(
         start = np.random.default_rng(width).standard_normal((len(moving), min(width, len(moving))))
         for ritz in _grown(own, on_moving, start):
             count = _among(ritz.mu, wanted, limit)
-            if _settled(ritz, count, len(moving)):
+            if _converged(ritz, count, len(moving)):
                 break
         X, mu = ritz.first(count), ritz.mu[:count]
         lowest = limit if wanted.count is None else float(mu[-1]) * (1.0 + 1e-6)
@@ -115,7 +115,7 @@ def _among(mu: Floats, wanted: Wanted, limit: float) -> int:
     return min(wanted.count, len(mu)) if wanted.count is not None else int((mu >= limit).sum())
 
 
-def _settled(ritz: _Ritz, count: int, size: int) -> bool:
+def _converged(ritz: _Ritz, count: int, size: int) -> bool:
     """True where the first `count` are modes, and the next ones so near that none can join them."""
     if len(ritz.mu) == size:
         return True

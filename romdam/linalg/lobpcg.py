@@ -134,7 +134,7 @@ def _iterate(
             omega2, X = _ritz(pencil, np.hstack([X, _beside(pencil.M, X, fresh)]))
             P = np.zeros_like(X)
             continue
-        if not open_[:count].any() and (wanted.count is not None or _settled(R, inertia, count)):
+        if not open_[:count].any() and (wanted.count is not None or _converged(R, inertia, count)):
             return omega2, X
         R = R[:, open_]  # here and below: no block of vectors is kept longer than it is needed
         R = pencil.inverse(R)
@@ -149,7 +149,7 @@ def _iterate(
     )
 
 
-def _settled(R: Floats, inertia: Floats, count: int) -> bool:
+def _converged(R: Floats, inertia: Floats, count: int) -> bool:
     """True where the first guards are near modes too, so that none of them can still come below the limit."""
     near = slice(count, count + 2)
     return bool((np.linalg.norm(R[:, near], axis=0) <= 1e-2 * inertia[near]).all())

@@ -83,8 +83,8 @@ def response_spectra(
     for d, damping in enumerate(dampings):
         for group, substeps, coefficients in _groups(periods, dt, float(damping)):
             for row in range(rows.shape[0]):
-                marched = _march(rows[row], substeps, coefficients, True)
-                peaks = _refine(rows[row], substeps, coefficients, *marched)
+                responses = _integrate(rows[row], substeps, coefficients, True)
+                peaks = _refine(rows[row], substeps, coefficients, *responses)
                 sd[row, d, group], sv[row, d, group], sa[row, d, group] = peaks
     return Spectra(periods, dampings, sd, sv, sa)
 
@@ -96,8 +96,8 @@ def pseudo_acceleration(acc: Array, dt: float, periods: Array, damping: float = 
     peaks = np.zeros((rows.shape[0], periods.size))
     for group, substeps, coefficients in _groups(periods, dt, float(damping)):
         for row in range(rows.shape[0]):
-            marched = _march(rows[row], substeps, coefficients, False)
-            peaks[row, group] = _refine(rows[row], substeps, coefficients, *marched)[0]
+            responses = _integrate(rows[row], substeps, coefficients, False)
+            peaks[row, group] = _refine(rows[row], substeps, coefficients, *responses)[0]
     return peaks * (2.0 * np.pi / periods) ** 2
 
 
@@ -182,7 +182,7 @@ def _recursion(omega: Array, xi: float, h: float) -> Array:
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _march(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, Array]:
+def _integrate(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, Array]:
     """Run all oscillators; of each chunk: the state at its start, the largest |u|, |v|, |u'' + ag|."""
     a11, a12, b11, b12, a21, a22, b21, b22, w2, cw = (
         c[0],

@@ -202,7 +202,7 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
     if model.modes == "all":
         return ALL_MODES
     if model.modes == "auto":
-        raise ReductionError("model.modes is auto, and no motion has settled it yet; give a number or all")
+        raise ReductionError("model.modes is auto, and none has been chosen yet; give a number or all")
     solving = Solving(model.solver, model.memory)
     return ModeChoice(model.modes, model.cutoff, model.residual_vectors, solving=solving)
 

@@ -11,6 +11,7 @@ from collections.abc import Hashable, Iterable
 import xarray as xr
 
 RENAMED = {
+    "corrections": "residual_vectors",
     "dt": "solver_finest_step",
     "solver_held_gaps": "solver_condensed_contacts",
     "solver_state_modes": "solver_dynamic_modes",

@@ -65,7 +65,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         ties=ties,
         water=_water(config, blocks, source),
         warmed=_warmed(config, blocks, source),
-        settled=dam.settled | {name for name, block in config.blocks.items() if not block.weight},
+        excluded_from_gravity=dam.excluded_from_gravity
+        | {name for name, block in config.blocks.items() if not block.weight},
         radiating=dam.radiating,
         staged_weight=config.loads.weight == "staged",
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),

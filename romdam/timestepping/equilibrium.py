@@ -27,7 +27,7 @@ from romdam.timestepping.settings import Settings, Start
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _MAX_ITERATIONS = 2000
 _REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
-_TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can come to rest
+_TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can converge
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     Raises
     ------
     ConvergenceError
-        where there is no equilibrium (a block that the joints cannot hold), or the gaps do not settle.
+        where there is no equilibrium (a block that the joints cannot hold), or the gaps do not converge.
     """
     shift = rest_shift(system)
     factor = Factor(system.K + shift * system.M)

@@ -36,7 +36,7 @@ def study_figure(dataset: xr.Dataset) -> Figure:
 
 def _lines(ax: Axes, dataset: xr.Dataset) -> None:
     """One line for each integrator (dash and marker) and basis (colour), through its steps."""
-    added = (f", {c} corrections" if c else "" for c in dataset.corrections.values)
+    added = (f", {c} residual vectors" if c else "" for c in dataset.residual_vectors.values)
     bases = np.array([f"{modes}{more}" for modes, more in zip(dataset.modes.values, added, strict=True)])
     for k, integrator in enumerate(dict.fromkeys(dataset.integrator.values)):
         for b, base in enumerate(dict.fromkeys(bases)):

@@ -184,7 +184,7 @@ def test_staged_stress_carries_the_weight():
     assert weight @ stress[middle][order, 2] == pytest.approx(-2400 * 9.81 * 3.0, rel=1e-2)
 
 
-def test_settled_rock_has_no_weight():
+def test_rock_excluded_from_gravity_has_no_weight():
     """Only the pillars' weight arrives at the base."""
     system = assemble_full(build(pillars("monolithic")), DampingConfig())
     whole = 2400 * 9.81 * (2 * 2 * 6 + 2 * 2 * 4)

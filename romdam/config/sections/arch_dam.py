@@ -70,7 +70,7 @@ class PerimeterConfig(Model):
 class ZoneConfig(Model):
     """Rock of one material: the cells whose centre lies in these ranges and in no zone with more of them.
 
-    Its `weight` has settled before the dam is built, so that gravity leaves it out unless told otherwise.
+    Its `weight` has acted before the dam is built, so that gravity leaves it out unless told otherwise.
     """
 
     material: str
@@ -154,7 +154,7 @@ class DivisionsConfig(Model):
 class ArchDamConfig(Model):
     """A double-curvature arch dam; x runs from the left to the right bank, y downstream, z up.
 
-    It makes the blocks C1, C2, ... from left to right, `perimeter` and `rock_<zone>`, grown together along
+    It makes the blocks C1, C2, ... from left to right, `perimeter` and `rock_<zone>`, tied along
     their contacts, the joints J1, J2, ... between the cantilevers (`tied`: none), and holds its rock
     (the base, and the sides normal to themselves) or, without rock, the contact.
 

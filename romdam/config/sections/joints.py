@@ -108,7 +108,7 @@ class JointConfig(JointProperties):
 
 
 class TieConfig(Model):
-    """Two blocks whose coinciding faces are one: their meshes grow together there."""
+    """Two blocks whose coinciding faces are one: a merged interface."""
 
     between: tuple[str, str]
     tolerance: Tolerance = 1e-3

@@ -109,7 +109,7 @@ class Substructure:
         return {
             "retained_dofs": self.retained,
             "fixed_interface_modes": self.fixed_interface,
-            "corrections": self.residual_vectors,
+            "residual_vectors": self.residual_vectors,
             "highest_fixed_interface_hz": self.highest,
             "frequencies_hz": [float(f) for f in np.sqrt(self.omega2[:10]) / (2.0 * np.pi)],
             "orthonormality_error": self.orthonormality,

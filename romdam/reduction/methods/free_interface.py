@@ -164,7 +164,7 @@ def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats)
     K, M, inertia = part_matrices(part, scene.blocks)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
     shaken = [name for name in part.blocks if name not in scene.radiating]
-    heavy = [name for name in part.blocks if name not in scene.settled]
+    heavy = [name for name in part.blocks if name not in scene.excluded_from_gravity]
     loads = [
         _sum(part, inertia, shaken),
         static[:, None],

@@ -37,7 +37,7 @@ def part_keys(
          scene.blocks[name].cells, part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
         for name in part.blocks
     ]  # fmt: skip
-    kinds = [sorted(names & set(part.blocks)) for names in (scene.settled, scene.radiating)]
+    kinds = [sorted(names & set(part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)]
     whole = _key(of_blocks, kinds, operator, static, choice.stored)
     return {name: fingerprint((whole, name)) for name in part.blocks}
 

@@ -38,14 +38,14 @@ class ArchDam:
     blocks : cantilevers, perimeter, rock
     ties : contacts (and joints, where they are tied)
     held : block -> (n, 3) True where the ground holds a component
-    settled : blocks whose weight has acted before the dam is built
+    excluded_from_gravity : blocks whose weight has acted before the dam is built
     radiating : rock within a viscous boundary
     """
 
     blocks: dict[str, Block]
     ties: tuple[Tie, ...]
     held: dict[str, Bools]
-    settled: frozenset[str]
+    excluded_from_gravity: frozenset[str]
     radiating: frozenset[str]
 
 
@@ -96,10 +96,10 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
         blocks[name] = replace(block, faces=faces, absorbing=_absorbing(config, faces))
         refuse_bad_cells(blocks[name], place)
     zones = config.rock.zones if config.rock else {}
-    settled = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
+    excluded = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
     viscous = config.rock is not None and config.rock.boundary == "viscous"
     radiating = frozenset(f"{ROCK}_{zone}" for zone in zones if viscous)
-    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), settled, radiating)
+    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), excluded, radiating)
 
 
 def _dam_points(shape: ArchShape) -> Floats:
