@@ -41,7 +41,7 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
                 laws.functions.limit[k](laws.parameters[k, i], memory.trial[k, i], limit)
         limits.tension[i] = limit[TENSION] / whole[i]
         for a in range(2):
-            limits.mu[i, a] = limit[MU_J + a] * whole[i]
+            limits.mu[i, a] = max(limit[MU_J + a], 0.0) * whole[i]
             limits.cohesion[i, a] = max(limit[COHESION_J + a] - limits.mu[i, a] * limits.tension[i], 0.0)
 
 

@@ -64,7 +64,7 @@ def solve_gaps(
         w_free[b] += problem.theta_ratio[b] * memory.spring[b]
     begin_step(problem.laws, memory, w_free)
     tolerance, steady = control
-    while True:  # once, unless gaps lose strength
+    for _ in range(memory.trial.size + 1):  # once, unless gaps give something up, each entry once at most
         set_limits(problem.laws, problem.whole, memory)
         bond_forces(problem.laws, problem, memory, w_free, 1.0)
         residual = _solve(problem, memory, closed, w_free, y, control)
@@ -73,6 +73,7 @@ def solve_gaps(
             return residual
         if steady:
             return np.inf
+    return np.inf
 
 
 def _solve(

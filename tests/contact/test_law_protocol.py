@@ -14,7 +14,7 @@ from romdam.config.parameters import find_place, si_value
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.compiled import compiled
-from romdam.core.errors import ConfigError
+from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.pipelines.run import run
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 
@@ -128,6 +128,12 @@ MISTAKES = [
     ({}, RATE.replace('"m/s"', '"furlong"'), "unit 'furlong' is not known"),
     ({}, RATE.replace("def limit", "def bound"), "without the function `limit`"),
     ({"shear_stiffness": 0.0}, RATE, "needs `shear_stiffness`"),
+    ({}, RATE.replace("    shear = True\n", ""), "bounds the shear, which no gap carries"),
+    (
+        {},
+        RATE.replace("memory[0] / parameters[2]", "memory[1] / parameters[2]"),
+        "limit cannot be called: IndexError",
+    ),
 ]
 
 
@@ -140,7 +146,7 @@ def test_what_a_users_law_gets_wrong_is_one_clear_error(tmp_path, joint, source,
 
 
 def test_a_function_that_does_not_compile_is_named(tmp_path):
-    source = RATE.replace("mu = parameters[1]", "mu = open('x')")
+    source = RATE.replace("mu = parameters[1]", "mu = parameters.tolist()[1]")
     job = load_config(written(tmp_path, KEYS, source))
     law = find_law(next(iter(job.config.joints["contraction"].law)).source)
     with pytest.raises(ConfigError, match=r"own_laws.py: RateFriction.limit cannot be compiled"):
@@ -155,5 +161,20 @@ def test_workers_of_a_suite_know_a_users_law(tmp_path):
     alone, together = (
         run_suite(load_config(path), tmp_path / f"out{n}", SuiteOptions(workers=n)).summary for n in (1, 2)
     )
-    assert np.array_equal(alone.peak_slip, together.peak_slip)
+    assert np.allclose(alone.peak_slip, together.peak_slip, rtol=1e-9)
     assert len(np.unique(alone.peak_slip)) == alone.peak_slip.size > 1
+
+
+ENDLESS = (
+    RATE
+    + """
+    @staticmethod
+    def release(parameters, memory, opening, pulled, sliding):
+        return True
+"""
+)
+
+
+def test_a_law_that_never_ends_giving_up_does_not_hang(tmp_path):
+    with pytest.raises(ConvergenceError, match="gap 0 of joint contraction"):
+        run(load_config(written(tmp_path, KEYS, ENDLESS)), tmp_path / "out")

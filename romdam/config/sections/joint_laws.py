@@ -59,14 +59,21 @@ def _type(parameter: Parameter) -> Any:
     ]
 
 
-def fields(law: type[Law]) -> dict[str, Any]:
-    """The keys that a law adds to a joint, as pydantic's create_model takes them."""
+def fields(law: type[Law], optional: bool = True) -> dict[str, Any]:
+    """The keys that a law adds to a joint, as pydantic's create_model takes them.
+
+    Parameters
+    ----------
+    optional : whether a joint may leave out what has no default, and then has not got the law
+    """
     keys = {}
     for p in law.parameters:
         if p.default is not None:
             keys[p.name] = _type(p), p.default
         else:
-            keys[p.name] = (_type(p), ...) if law.section or p.required else (_type(p) | None, None)
+            keys[p.name] = (
+                (_type(p), ...) if law.section or p.required or not optional else (_type(p) | None, None)
+            )
     if not law.section:
         return keys
     options: dict[str, Any] = {"__base__": LawSection, "__doc__": law.__doc__, **keys}
@@ -140,7 +147,7 @@ def _user_law(asked: Any, keys: dict[str, Any], folder: Path | None) -> UserLaw:
 @cache
 def _model(source: LawSource) -> type[Model]:
     law = find_law(source)
-    return create_model(law.__name__, __base__=Model, **fields(law))
+    return create_model(law.__name__, __base__=Model, **fields(law, optional=False))
 
 
 def _file_of(asked: Any, folder: Path | None) -> tuple[str, Path]:

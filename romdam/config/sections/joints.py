@@ -79,7 +79,7 @@ class JointProperties(JointLaws):
     def every_law(self) -> tuple[type[Law], ...]:
         """The laws that the joint has, in the order in which they apply."""
         keys = self.law_keys
-        return tuple(law for law in (*LAWS, *(user.law for user in self.law)) if law.is_on(keys))
+        return (*(law for law in LAWS if law.is_on(keys)), *(user.law for user in self.law))
 
 
 def _without_shear_stiffness(law: type[Law], keys: Mapping[str, Any]) -> str | None:

@@ -5,20 +5,21 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import keyword
+import math
 import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
 from romdam.contact.laws import LAWS
-from romdam.contact.laws.law import Law, Parameter
+from romdam.contact.laws.law import AXES, COHESION_J, Law, Parameter
 from romdam.core.errors import ConfigError, listed, shown
 from romdam.core.system import GapLaw, LawSource
 
 _OWN = {law.__name__: law for law in LAWS}
 _UNITS = ("", "axes", "m", "s", "m/s", "Pa", "N", "N/m", "N/m^3", "N*s/m^3", "1/s", "Hz")
 _RESERVED = {"between", "law", "gap", "gaps", "normal", "tolerance"}  # keys of a joint that no law may add
-
-
 _LOADED: dict[LawSource, type[Law]] = {}
 
 
@@ -89,7 +90,7 @@ def user_law(name: str, file: Path) -> LawSource:
         raise ConfigError(f"law {shown(name)}: cannot read {file}: {error.strerror}") from None
     source = LawSource(name, str(file.absolute()), hashlib.sha256(content).hexdigest())
     if source not in _LOADED:
-        law = getattr(_module(file, source.sha256), name.rpartition(".")[2], None)
+        law = getattr(_module(source), name.rpartition(".")[2], None)
         if not (isinstance(law, type) and issubclass(law, Law) and law is not Law):
             raise ConfigError(
                 f"law {shown(name)}: {file} has no class of that name that is a romdam.contact.Law"
@@ -99,8 +100,10 @@ def user_law(name: str, file: Path) -> LawSource:
     return source
 
 
-def _module(file: Path, sha256: str) -> ModuleType:
-    name = f"romdam_law_{file.stem}_{sha256[:12]}"
+def _module(source: LawSource) -> ModuleType:
+    """Run a user's file, once for each place and content: a class has one source."""
+    file = Path(source.file)
+    name = f"romdam_law_{file.stem}_{hashlib.sha256(f'{file} {source.sha256}'.encode()).hexdigest()[:12]}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, file)
@@ -140,3 +143,33 @@ def _check(law: type[Law], place: str) -> None:
         raise ConfigError(f"{place}: a law without the function `limit` does nothing; define it")
     if law.release is not None and not law.memory:
         raise ConfigError(f"{place}.release has no `memory` to note in what was given up; name what it keeps")
+    _try(law, place)
+
+
+def _try(law: type[Law], place: str) -> None:
+    """Call the functions once: what they raise, and shear that no direction would carry, is told now."""
+    values = {p.name: AXES if p.unit == "axes" else _sample(p) for p in law.parameters}
+    joint = {law.section: values} if law.section else values
+    limit, name = np.zeros(5), "row"
+    try:
+        parameters = np.array(law.row(joint, 1.0), dtype=float)
+        memory = np.array(law.initial(parameters, 0.0), dtype=float)
+        for name, rest in (
+            ("limit", (limit,)),
+            ("release", (0.0, True, True)),
+            ("commit", (0.0, True, 0.1, 0.1)),
+        ):
+            function = getattr(law, name)
+            if function is not None:
+                function(parameters, memory, *rest)
+    except Exception as error:  # whatever a user's function raises
+        raise ConfigError(f"{place}.{name} cannot be called: {type(error).__name__}: {error}") from error
+    if len(memory) != len(law.memory):
+        raise ConfigError(f"{place}.initial gives {len(memory)} numbers for {len(law.memory)} of `memory`")
+    if limit[COHESION_J:].any() and not law.shear:
+        raise ConfigError(f"{place}.limit bounds the shear, which no gap carries; set `shear = True`")
+
+
+def _sample(parameter: Parameter) -> float | tuple[float, float]:
+    value = min(parameter.least + 0.5, math.inf if parameter.most is None else parameter.most)
+    return (value, value) if parameter.both else value

@@ -87,8 +87,10 @@ class Law:
 
     The functions of one gap take arrays: `parameters` as `row` makes them, `memory` in the order above:
 
-    limit(parameters, memory, limit) : put entries TENSION, COHESION_J, COHESION_K, MU_J, MU_K of `limit`
-    release(parameters, memory, opening, pulled, sliding) : whether something was given up, noted in `memory`;
+    limit(parameters, memory, limit) : put entries TENSION, COHESION_J, COHESION_K, MU_J, MU_K of `limit`;
+        bounds below zero count as zero
+    release(parameters, memory, opening, pulled, sliding) : whether something was given up, noted in `memory`
+        (a step that gives up more often than the memory has entries does not converge);
         `opening` with the initial gap [m], `pulled` where the gap opens against all its tension, `sliding`
         where it is on its shear limit
     commit(parameters, memory, opening, sliding, rate_j, rate_k) : move the memory; rates of slip over the
