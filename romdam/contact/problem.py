@@ -42,7 +42,7 @@ from romdam.contact.components import NORMAL, SHEAR_J
 from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.compiled import Functions, compiled
 from romdam.contact.laws.coulomb import Coulomb
-from romdam.contact.laws.law import Law
+from romdam.contact.laws.law import MU_J, Law
 from romdam.contact.solvers.state import solver_state
 from romdam.core.arrays import Bools, Floats, Record, record, record_type
 from romdam.core.errors import ConfigError
@@ -192,7 +192,7 @@ def gap_problem(
         compliance=compliance.ravel(),
         theta_ratio=ratio.ravel(),
         self_flexibility=np.ascontiguousarray(own),
-        mu=np.ascontiguousarray(law.mu * whole[:, None]),
+        mu=np.ascontiguousarray(_friction(law.mu) * whole[:, None]),
         whole=whole,
         gap=np.ascontiguousarray(law.gap, dtype=float),
         laws=laws,
@@ -262,6 +262,15 @@ def law_memory(law: GapLaw, memory_of: Callable[[type[Law], Floats, int], Sequen
         for i in np.flatnonzero(one.on):
             memory[k, i, : len(each.memory)] = memory_of(each, one.values[i], int(i))
     return memory
+
+
+def _friction(mu: Floats) -> Floats:
+    """Friction as its law puts it, (n, 2), once for all steps where no further law changes it."""
+    rows, which = np.unique(mu, axis=0, return_inverse=True)
+    limits = np.zeros((len(rows), 5))
+    for row, limit in zip(rows, limits, strict=True):
+        Coulomb.limit(row, np.zeros(0), limit)
+    return limits[which.reshape(-1), MU_J:]
 
 
 def _dashpot_share(law: GapLaw, stiffness: Floats, dt: float) -> Floats:

@@ -14,7 +14,11 @@ from romdam.config.parameters import find_place, si_value
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.compiled import compiled
+from romdam.contact.laws.coulomb import Coulomb
+from romdam.contact.laws.law import MU_J, MU_K
+from romdam.contact.problem import gap_problem
 from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.system import GapLaw
 from romdam.pipelines.run import run
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 
@@ -123,6 +127,7 @@ MISTAKES = [
     ({"rate_mu": 0.1}, RATE, "rate_mu is not a known key"),
     ({"rate_v_c": None}, RATE.replace("", ""), "rate_v_c"),
     ({}, RATE + "\nraise KeyError('x')\n", "cannot be run: KeyError"),
+    ({}, RATE + "\nraise SystemExit\n", "cannot be run: SystemExit"),
     ({}, RATE + "\nsyntax error\n", "cannot be run: SyntaxError"),
     ({}, RATE.replace('"rate_mu_s"', '"friction"'), "is a key of joints already"),
     ({}, RATE.replace('"m/s"', '"furlong"'), "unit 'furlong' is not known"),
@@ -178,3 +183,16 @@ ENDLESS = (
 def test_a_law_that_never_ends_giving_up_does_not_hang(tmp_path):
     with pytest.raises(ConvergenceError, match="gap 0 of joint contraction"):
         run(load_config(written(tmp_path, KEYS, ENDLESS)), tmp_path / "out")
+
+
+def test_friction_alone_is_what_its_law_puts(monkeypatch):
+    """The step of a scene with friction only knows no law, but takes its limit from one."""
+    ones, mu = np.ones(3), np.array([[0.6, 0.6], [0.3, 0.5], [0.6, 0.6]])
+    law = GapLaw(1e9 * ones, 0 * ones, 1e9 * ones, mu, 0 * ones, {})
+    assert (gap_problem(1e-9 * np.eye(9), law).mu == mu).all()
+
+    def half(parameters, memory, limit):
+        limit[MU_J], limit[MU_K] = 0.5 * parameters[0], 0.5 * parameters[1]
+
+    monkeypatch.setattr(Coulomb, "limit", staticmethod(half))
+    assert (gap_problem(1e-9 * np.eye(9), law).mu == 0.5 * mu).all()

@@ -112,7 +112,7 @@ def _module(source: LawSource) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever a user's file raises
+    except (Exception, SystemExit) as error:  # whatever a user's file raises
         raise ConfigError(f"{file}: cannot be run: {type(error).__name__}: {error}") from error
     sys.modules[name] = module
     return module

@@ -96,7 +96,7 @@ def _groups(simulations: Sequence[Simulation], step: float) -> Iterable[list[int
         integrator = prepared.integrator
         assert isinstance(integrator, ModalIntegrator)
         merged = b"" if symmetry is None else symmetry.gaps.tobytes()
-        laws = law.has_memory, tuple(one.law for one in law.laws), bool(law.laws and law.mu.any())
+        laws = law.has_memory, tuple(one.law for one in law.laws), bool(law.has_memory and law.mu.any())
         gaps = (law.directions, *laws, bool(law.K_nz.any()), merged)
         groups.setdefault((integrator.split(prepared, step).dynamic.tobytes(), *gaps), []).append(i)
     return groups.values()
