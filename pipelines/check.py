@@ -99,7 +99,7 @@ def _joints(scene: Scene) -> dict[str, dict[str, object]]:
         name: {
             "between": " - ".join(joint.blocks),
             "gaps": len(joint.area),
-            "area": float(joint.area.sum()),
+            "area": float(joint.whole_area.sum()),
             "friction": float(joint.mu.max(initial=0.0)),
         }
         for name, joint in scene.joints.items()

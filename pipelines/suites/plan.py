@@ -235,7 +235,8 @@ def _model_key(job: Job, scene: Scene) -> str:
         "directions": gap_law(scene).directions,
     }
     joints = {
-        name: (j.blocks, j.nodes, j.position, j.area, j.axes, j.weights) for name, j in scene.joints.items()
+        name: (j.blocks, j.nodes, j.position, j.area, j.share, j.axes, j.weights, j.at_point)
+        for name, j in scene.joints.items()
     }
     rest = {name: value for name, value in vars(scene).items() if name != "joints"}
     return fingerprint((LAYOUT, romdam.__version__, asked, joints, rest))

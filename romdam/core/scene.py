@@ -66,27 +66,31 @@ class Block:
 
 @dataclass(frozen=True)
 class Joint:
-    """Gap elements between the node pairs (nodes[0][k], nodes[1][k]) of two blocks' coinciding faces.
+    """Gap elements between the faces I and J of two blocks.
 
-    The jump of gap m is w_m = axes[m] @ sum_k weights[m, k] (u_J[nodes[1][k]] - u_I[nodes[0][k]]):
-    opening along i, slip along j and k. On faces with linear shape functions there is a gap on every pair and
-    `weights` is the identity; on quadratic faces it is the mean of the face displacement around the gap's
-    node, so that uniform pressure stays uniform, and gaps may stand at the corner nodes only.
+    The jump of gap m is w_m = axes[m] @ (sum_k weights[1][m, k] u_J[nodes[1][k]] - sum_k weights[0][m, k]
+    u_I[nodes[0][k]]): opening along i, slip along j and k; force and jump are conjugate in work. On linear
+    faces whose nodes coincide there is a gap on every pair and the weights are the identity. Elsewhere it is
+    a mean of the jump around the gap's position, so that uniform pressure stays uniform; the jump at the very
+    position then follows from `at_point`.
 
     Attributes
     ----------
     name : unique in the scene
     blocks : names of the blocks I and J
-    nodes : two (k,) arrays of node numbers, in block I and in block J
+    nodes : node numbers in block I and in block J, those that gaps see
     position : (n, 3) of the gaps [m]
-    area : (n,) tributary areas, all positive [m2]
+    area : (n,) tributary areas, all positive, which stiffness and strength follow from [m2]
+    share : (n,) area of nodes nearby that cannot open, held or tied on both sides: it bears nothing, and is
+        part of the joint [m2]
     axes : (n, 3, 3) rows i (normal, from I to J), j, k
-    weights : (n, k) sparse, rows sum to 1 (less the weight of nodes that supports hold, where left out)
+    weights : (n, nodes) sparse, of either side; rows sum to 1
     gap : (n,) initial gap [m]; negative is initial penetration
     K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
     mu : (n, 2) friction coefficients along j and k
     viscosity : (n,) normal dashpot of each gap [N s/m]
     laws : further laws that the joint has
+    at_point : as `weights`, of the jump at the gaps' very positions; None where it is the same
     """
 
     name: str
@@ -94,8 +98,9 @@ class Joint:
     nodes: tuple[Ints, Ints]
     position: Floats
     area: Floats
+    share: Floats
     axes: Floats
-    weights: csr_matrix
+    weights: tuple[csr_matrix, csr_matrix]
     gap: Floats
     K_n: Floats
     K_nz: Floats
@@ -103,6 +108,12 @@ class Joint:
     mu: Floats
     viscosity: Floats
     laws: tuple[LawRows, ...] = ()
+    at_point: tuple[csr_matrix, csr_matrix] | None = None
+
+    @property
+    def whole_area(self) -> Floats:
+        """(n,) the joint's area that each gap stands for; they sum to all of it [m2]."""
+        return self.area + self.share
 
     @property
     def has_friction(self) -> bool:

@@ -105,6 +105,8 @@ class System:
     load : (n, 3) M r for unit ground acceleration along x, y, z
     force : (n,) static force
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
+    at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
+        conjugate to the joint force; None where it is the same
     law : the gaps
     parts : name -> slice of the unknowns that belong to it alone, in order (one per block)
     diagonal : whether M is the identity and C, K are diagonal
@@ -124,6 +126,7 @@ class System:
     diagonal: bool
     floating: bool
     reduced: bool = False
+    at_point: csr_matrix | None = None
 
     @property
     def size(self) -> int:
@@ -151,9 +154,11 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
             "joints: the system was reduced without the gaps' tangential directions, so a run on it can have "
             "no friction, cohesion or shear key; reduce it with friction"
         )
-    B = system.B if law.directions == reduced else csr_matrix(system.B[::reduced])
+    B, more = system.B, system.at_point
+    if law.directions != reduced:
+        B, more = csr_matrix(B[::reduced]), None if more is None else csr_matrix(more[::reduced])
     C = system.C if damping is None else csr_matrix(diags_array(np.asarray(damping, dtype=float)))
-    return replace(system, law=law, B=B, C=C)
+    return replace(system, law=law, B=B, C=C, at_point=more)
 
 
 @dataclass(frozen=True)
@@ -163,7 +168,7 @@ class History:
     Attributes
     ----------
     time : (nt,) [s]
-    jump : (nt, ng, d) opening (with the initial gap) and slip of every gap [m]
+    jump : (nt, ng, d) opening (with the initial gap) and slip of every gap, at its very position [m]
     traction : (nt, ng, d) joint force on side J, compression positive, shear along j and k [N]
     mean_traction : (nt, ng, d) its mean over the interval that ends at each time; zero at the first [N]
     state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)

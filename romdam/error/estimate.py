@@ -82,7 +82,7 @@ def run_window(
     assert history.q is not None and history.v is not None
     first, last, stride = rows.start, rows.stop - 1, settings.steps.stride
     start = replace(
-        start_at(history, finer.prepared.system.law, first),
+        start_at(history, finer.prepared.system.law, first, _jump_of_forces(history, finer, first)),
         q=finer.embed @ history.q[first],
         v=finer.embed @ history.v[first],
     )
@@ -98,8 +98,15 @@ def _window(history: History, intervals: float) -> slice:
     return slice(last - length, last + 1)
 
 
-def start_at(history: History, law: GapLaw, row: int) -> Start:
-    """The state of a row of a reduced run, to go on from.
+def _jump_of_forces(history: History, finer: FinerModel, row: int) -> Floats:
+    """The jumps (ng, d) of a row that joint forces see."""
+    more, jump = finer.prepared.system.at_point, history.jump[row]
+    assert history.q is not None
+    return jump if more is None else jump - (more @ (finer.embed @ history.q[row])).reshape(jump.shape)
+
+
+def start_at(history: History, law: GapLaw, row: int, jump: Floats) -> Start:
+    """The state of a row of a reduced run, to go on from, its jumps those that joint forces see.
 
     A bond counts as lost where a row so far, the unloaded start aside, shows its gap open or sliding.
     """
@@ -110,11 +117,11 @@ def start_at(history: History, law: GapLaw, row: int) -> Start:
         rate = _slip_rate(history, row)
 
         def resumed(each: type[Law], values: Floats, i: int) -> tuple[float, ...]:
-            sliding, opening = bool(history.state[row, i] == SLIP), float(history.jump[row, i, 0])
+            sliding, opening = bool(history.state[row, i] == SLIP), float(jump[i, 0])
             return each.resumed(values, Past(law.gap[i], opening, sliding, bool(has_moved[i]), rate[i]))
 
         memory = law_memory(law, resumed)
-    return Start(history.q[row], history.v[row], history.jump[row], history.traction[row], memory)
+    return Start(history.q[row], history.v[row], jump, history.traction[row], memory)
 
 
 def _slip_rate(history: History, row: int) -> Floats:

@@ -51,7 +51,7 @@ def _law(joints: list[Joint], law: LawSource) -> LawRows:
 
 
 def gap_operators(scene: Scene, directions: int) -> dict[str, csr_matrix]:
-    """Jump of every gap from each block's displacement, without the initial gap.
+    """Jump of every gap, as joint forces see it, from each block's displacement, without the initial gap.
 
     Parameters
     ----------
@@ -63,22 +63,47 @@ def gap_operators(scene: Scene, directions: int) -> dict[str, csr_matrix]:
     dict of block name -> (directions * ng, 3 * nodes) sparse; the jump is the sum over the blocks,
     rows of gap m are directions*m + direction
     """
+    weights = {name: joint.weights for name, joint in scene.joints.items()}
+    return _operators(scene, weights, directions)
+
+
+def point_operators(scene: Scene, directions: int) -> dict[str, csr_matrix] | None:
+    """As `gap_operators`, of what the jump at the gaps' positions is more; None where it is the same."""
+    joints = scene.joints.values()
+    if all(joint.at_point is None for joint in joints):
+        return None
+    return _operators(scene, {joint.name: _more_at_point(joint) for joint in joints}, directions)
+
+
+def _more_at_point(joint: Joint) -> tuple[csr_matrix, csr_matrix]:
+    I, J = (csr_matrix(p - w) for p, w in zip(joint.at_point or joint.weights, joint.weights, strict=True))
+    return I, J
+
+
+def _operators(
+    scene: Scene, weights: dict[str, tuple[csr_matrix, csr_matrix]], directions: int
+) -> dict[str, csr_matrix]:
     operators = {}
     for name, block in scene.blocks.items():
-        parts = [_one_side(joint, name, len(block.points), directions) for joint in scene.joints.values()]
+        parts = [
+            _one_side(joint, weights[joint.name], name, len(block.points), directions)
+            for joint in scene.joints.values()
+        ]
         empty = csr_matrix((0, 3 * len(block.points)))
         operators[name] = csr_matrix(vstack([empty, *parts]))
     return operators
 
 
-def _one_side(joint: Joint, block: str, nodes: int, directions: int) -> csr_matrix:
+def _one_side(
+    joint: Joint, both: tuple[csr_matrix, csr_matrix], block: str, nodes: int, directions: int
+) -> csr_matrix:
     rows = directions * len(joint.gap)
     total = csr_matrix((rows, 3 * nodes))
     axes = block_diag([frame[:directions] for frame in joint.axes], format="csr")
-    weights = csr_matrix(joint.weights).tocoo()
     for side, sign in ((0, -1.0), (1, 1.0)):
         if joint.blocks[side] != block:
             continue
+        weights = csr_matrix(both[side]).tocoo()
         columns = joint.nodes[side][weights.col]
         entries = (
             np.tile(sign * weights.data, 3),

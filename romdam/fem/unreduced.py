@@ -12,7 +12,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.damping import rayleigh_coefficients
-from romdam.fem.gaps import gap_law, gap_operators
+from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, assemble_part, part_inertia, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
@@ -42,13 +42,15 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         )
     law, numbered, parts = gap_law(scene), unknowns(scene), scene_parts(scene)
     operators = gap_operators(scene, law.directions)
-    K, M, B, load = [], [], [], []
+    more = point_operators(scene, law.directions)
+    K, M, B, load, at_point = [], [], [], [], []
     for name, part in parts.items():
         free = numbered.free[name]
         stiffness, mass = assemble_part(part, scene.blocks)
         K.append(stiffness[free][:, free])
         M.append(mass[free][:, free])
         B.append(part_operator(part, operators)[:, free])
+        at_point += [] if more is None else [part_operator(part, more)[:, free]]
         load.append(part_inertia(part, scene, mass)[free])
     held = [
         has_no_rigid_body_mode(part.mesh(scene.blocks), part.fixed(scene.fixed)) for part in parts.values()
@@ -70,6 +72,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         parts=numbered.parts,
         diagonal=False,
         floating=not all(held),
+        at_point=csr_matrix(hstack(at_point)) if at_point else None,
     )
 
 

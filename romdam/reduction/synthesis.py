@@ -23,7 +23,7 @@ from romdam.core.system import GapLaw, System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
-from romdam.fem.gaps import gap_law, gap_operators
+from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.water import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
@@ -114,6 +114,7 @@ def _system(
     """The parts side by side, with their joints open."""
     size = max(part.stop for part in parts.values())
     omega2, load, force, B = _reduced_matrices(scene, basis, acting, size)
+    more = point_operators(scene, law.directions)
     return System(
         M=csr_matrix(eye_array(size)),
         C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
@@ -127,7 +128,16 @@ def _system(
         diagonal=True,
         floating=bool((omega2 == 0.0).any()),
         reduced=True,
+        at_point=None if more is None else csr_matrix(_over_coordinates(more, basis, size)),
     )
+
+
+def _over_coordinates(operators: dict[str, csr_matrix], basis: dict[str, BlockBasis], size: int) -> Floats:
+    """Operators of blocks over the coordinates."""
+    total = np.zeros((next(iter(operators.values())).shape[0], size))
+    for name, block in basis.items():
+        total[:, block.columns] += block.vectors.under(operators[name])
+    return total
 
 
 def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -> System:
@@ -187,14 +197,12 @@ def _reduced_matrices(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """omega^2, load, force and gap operator over the coordinates; blocks of a part add to the same ones."""
     omega2, load, force = np.zeros(size), np.zeros((size, 3)), np.zeros(size)
-    B = np.zeros((next(iter(acting.operators.values())).shape[0], size))
     for name, block in basis.items():
         omega2[block.columns] = block.omega2
         if name not in scene.radiating:
             load[block.columns] += block.participation
         force[block.columns] += _static_force(scene, name, block, acting.forces[name])
-        B[:, block.columns] += block.vectors.under(acting.operators[name])
-    return omega2, load, force, B
+    return omega2, load, force, _over_coordinates(acting.operators, basis, size)
 
 
 def mode_choice(model: ModelConfig) -> ModeChoice:

@@ -74,7 +74,7 @@ def with_water(
     omega2, V = _wet_modes(k[wet], B[:, wet], water)
     change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
     omega2 = np.concatenate([without_roundoff(omega2), k[change.dry]])
-    load = system.load.copy()
+    load, more = system.load.copy(), system.at_point
     load[wet] += B[:, wet].T @ water.ground
     turned = replace(
         system,
@@ -85,6 +85,7 @@ def with_water(
         load=change.columns(load.T).T,
         force=change.columns(system.force[None])[0],
         observe=csr_matrix(change.columns(system.observe.toarray())),
+        at_point=None if more is None else csr_matrix(change.columns(more.toarray())),
         parts=change.parts(system.parts),
     )
     return turned, {name: _changed(part, change, omega2) for name, part in basis.items()}

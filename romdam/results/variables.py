@@ -119,7 +119,11 @@ COORDINATES: dict[str, Variable] = {
         _has_joints,
     ),
     "gap_area": Variable(
-        ("gap",), "m2", "tributary area of the gap", lambda c: c.of_gaps("area"), _has_joints
+        ("gap",),
+        "m2",
+        "area of the joint that the gap stands for",
+        lambda c: c.of_gaps("whole_area"),
+        _has_joints,
     ),
     "initial_gap": Variable(
         ("gap",), "m", "initial gap, open positive", lambda c: c.of_gaps("gap"), _has_joints

@@ -1,4 +1,4 @@
-"""Joints: gap elements between the coinciding faces of two blocks, with their local axes and areas."""
+"""Joints: gap elements between the faces of two blocks, with their local axes, areas and laws."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix, eye_array
+from scipy.spatial import cKDTree
 
 from romdam.config.sections.joints import GapTable, JointConfig
 from romdam.contact.laws import LAWS
@@ -16,17 +18,20 @@ from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import Law
 from romdam.core.arrays import Bools, Ints
-from romdam.core.errors import ConfigError
+from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Joint
 from romdam.core.system import LawRows
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import gap_weights, node_normals
 from romdam.scene.gap_table import table_gap
+from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
+from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.ties import Part
 
 _log = logging.getLogger(__name__)
 
+_PARTLY = 0.999  # share of both faces that is covered, below which it is said
 _NOTHING = 1e-12  # weights and cosines below it are rounding
 _STEEP = np.cos(np.pi / 4) + 1e-6  # above rounding, so that a flat face at 45 degrees gets one rule
 
@@ -40,7 +45,7 @@ def build_joint(
     source: str,
     parts: Collection[Part] = (),
 ) -> Joint:
-    """Find the coinciding faces of two blocks and put a gap on every node pair.
+    """Find the faces of two blocks that lie on each other and put gaps between them.
 
     Parameters
     ----------
@@ -60,27 +65,75 @@ def build_joint(
     whole = _all_gaps(name, joint, blocks, folder, place)
     merged = any(set(whole.blocks) <= set(part.blocks) for part in parts)
     by = "supports or ties" if merged else "supports"
-    return _without_held_gaps(whole, _free_components(whole, fixed, parts), by, place)
+    return _without_held_gaps(whole, fixed, parts, by, place)
 
 
 def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: Path, place: str) -> Joint:
     block_I, block_J = (blocks[b] for b in joint.between)
-    facets, partner = coincident_facets(block_I, block_J, joint.tolerance, place)
-    nodes, area, weights = gap_weights(block_I.points, facets, joint.gaps == "corners")
-    at = nodes if len(area) == len(nodes) else np.unique(facets[:, : facet_element(facets).corners])
-    position = block_I.points[at]
-    outward = node_normals(block_I.points, facets)[at]
-    normal = _normals(joint, position, block_J.points[partner[at]], outward, place)
+    face = _face_gaps(joint, block_I, block_J, place)
+    normal = _normals(joint, face.position, face.opposite, face.normal, place)
     return Joint(
         name=name,
         blocks=joint.between,
-        nodes=(nodes, partner[nodes]),
-        position=position,
-        area=area,
+        nodes=face.nodes,
+        position=face.position,
+        area=face.area,
+        share=np.zeros(len(face.area)),
         axes=local_axes(normal),
-        weights=weights,
-        **_properties(joint, area, position, folder, place),
+        weights=face.weights,
+        at_point=face.at_point,
+        **_properties(joint, face.area, face.position, folder, place),
     )
+
+
+def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> FaceGaps:
+    """Put gaps between two blocks as the joint's `discretization` has it."""
+    if joint.discretization == "mortar":
+        return _mortar(joint, block_I, block_J, place)
+    try:
+        facets, partner = coincident_facets(block_I, block_J, joint.tolerance, place)
+    except (ConfigError, MeshError):
+        if joint.discretization == "node_to_node":
+            raise
+        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", place)
+        return _mortar(joint, block_I, block_J, place)
+    if joint.discretization == "auto" and joint.gaps == "nodes" and facet_element(facets).quadratic:
+        _log.info("%s: the faces are quadratic; discretization: mortar", place)
+        return _mortar(joint, block_I, block_J, place)
+    return _node_to_node(joint, (block_I, block_J), facets, partner)
+
+
+def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints, partner: Ints) -> FaceGaps:
+    points_I, points_J = (block.points for block in blocks)
+    nodes, area, weights = gap_weights(points_I, facets, joint.gaps == "corners")
+    at = nodes if len(area) == len(nodes) else np.unique(facets[:, : facet_element(facets).corners])
+    point = csr_matrix(eye_array(len(nodes)))[np.searchsorted(nodes, at)]
+    return FaceGaps(
+        nodes=(nodes, partner[nodes]),
+        position=points_I[at],
+        opposite=points_J[partner[at]],
+        normal=node_normals(points_I, facets)[at],
+        area=area,
+        weights=(weights, weights),
+        at_point=(point, point) if facet_element(facets).quadratic else None,
+    )
+
+
+def _mortar(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> FaceGaps:
+    interface = mortar_interface(block_I, block_J, joint.tolerance, joint.overlap, place)
+    gaps = mortar_gaps(interface)
+    slave, master = interface.slave, interface.master
+    area, faces = float(gaps.area.sum()), (float(slave.areas.sum()), float(master.areas.sum()))
+    _log.info(
+        "%s: mortar, %d gaps at the corners of %r against %r over %.6g m2, at most %.3g m apart",
+        place, len(gaps.area), slave.block, master.block, area, interface.apart,
+    )  # fmt: skip
+    if area < _PARTLY * max(faces):
+        _log.info(
+            "%s: the faces lie on each other over %.6g m2, of facets of %.6g m2 of %r and %.6g m2 of %r",
+            place, area, faces[0], slave.block, faces[1], master.block,
+        )  # fmt: skip
+    return gaps
 
 
 def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str) -> Joint:
@@ -175,25 +228,15 @@ def _initial_gap(joint: JointConfig, position: Floats, folder: Path, place: str)
     return np.full(len(position), joint.gap)
 
 
-def _free_components(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bools:
-    """(2, k, 3) components that can change the jump at each node pair, on either side.
+def _without_held_gaps(
+    joint: Joint, fixed: dict[str, Bools], parts: Collection[Part], by: str, place: str
+) -> Joint:
+    """Drop the gaps that cannot open, since supports or ties keep what they see of both sides together.
 
-    Supports hold some; a pair that ties make one node has no jump at all.
+    The nearest gap that can has their share of the joint's area: a gap that cannot open bears no load
+    that moves anything.
     """
-    free = np.stack([~fixed[block][nodes] for block, nodes in zip(joint.blocks, joint.nodes, strict=True)])
-    for part in parts:
-        if set(joint.blocks) <= set(part.blocks):
-            I, J = (part.number[b][nodes] for b, nodes in zip(joint.blocks, joint.nodes, strict=True))
-            free[:, I == J] = False
-    return free
-
-
-def _without_held_gaps(joint: Joint, free: Bools, by: str, place: str) -> Joint:
-    """Drop the gaps whose opening supports or ties keep at zero.
-
-    Gaps that stay may see nodes that do not move: their weight is left out.
-    """
-    keep = _moves(joint, free[0]) | _moves(joint, free[1])
+    keep = _moves(joint, fixed, parts)
     if not keep.any():
         raise ConfigError(
             f"{place}: {by} hold all {len(keep)} gaps on both sides, so the joint can do nothing; "
@@ -203,33 +246,46 @@ def _without_held_gaps(joint: Joint, free: Bools, by: str, place: str) -> Joint:
         _log.info(
             "%s: %d of %d gaps are held by %s on both sides and dropped", place, (~keep).sum(), len(keep), by
         )
-    return _select(joint, np.flatnonzero(keep))
+    nearest = cKDTree(joint.position[keep]).query(joint.position[~keep])[1]
+    share = np.zeros(int(keep.sum()))
+    np.add.at(share, nearest, joint.area[~keep])
+    return replace(_select(joint, np.flatnonzero(keep)), share=share)
 
 
-def _moves(joint: Joint, free: Bools) -> Bools:
-    """Gaps whose normal sees a free component of a node with weight on this side."""
-    seen = abs(joint.weights) @ free.astype(float) > _NOTHING
-    return (seen & (np.abs(joint.axes[:, 0]) > _NOTHING)).any(axis=1)
+def _moves(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bools:
+    """Gaps whose normal jump a free component of some node changes; nodes that ties make one are one."""
+    together = next((part for part in parts if set(joint.blocks) <= set(part.blocks)), None)
+    sides = [*zip(joint.blocks, joint.nodes, joint.weights, strict=True)]
+    numbers = [nodes if together is None else together.number[block][nodes] for block, nodes, _ in sides]
+    if together is None:
+        numbers[1] = numbers[1] + numbers[0].max() + 1
+    size, moves = max(int(each.max()) for each in numbers) + 1, np.zeros(len(joint.area), dtype=bool)
+    for axis in range(3):
+        seen = csr_matrix((len(joint.area), size))
+        for sign, number, (block, nodes, weights) in zip((-1.0, 1.0), numbers, sides, strict=True):
+            free = (~fixed[block][nodes, axis]).astype(float)
+            onto = csr_matrix((free, (np.arange(len(nodes)), number)), shape=(len(nodes), size))
+            seen = seen + sign * (weights @ onto)
+        changes = np.asarray(abs(seen).max(axis=1).todense()).ravel() > _NOTHING
+        moves |= changes & (np.abs(joint.axes[:, 0, axis]) > _NOTHING)
+    return moves
 
 
 def _select(joint: Joint, keep: Ints) -> Joint:
-    """The joint with some of its gaps; where every node pair has one, with their node pairs only."""
+    """The joint with some of its gaps, and with the nodes that these see."""
     if len(keep) == len(joint.area):
         return joint
-    pairs = keep if len(joint.nodes[0]) == len(joint.area) else np.arange(len(joint.nodes[0]))
-    return Joint(
-        name=joint.name,
-        blocks=joint.blocks,
-        nodes=(joint.nodes[0][pairs], joint.nodes[1][pairs]),
-        position=joint.position[keep],
-        area=joint.area[keep],
-        axes=joint.axes[keep],
-        weights=joint.weights[keep][:, pairs],
-        gap=joint.gap[keep],
-        K_n=joint.K_n[keep],
-        K_nz=joint.K_nz[keep],
-        K_s=joint.K_s[keep],
-        mu=joint.mu[keep],
-        viscosity=joint.viscosity[keep],
-        laws=tuple(replace(rows, values=rows.values[keep], on=rows.on[keep]) for rows in joint.laws),
+    both = [joint.weights, *([] if joint.at_point is None else [joint.at_point])]
+    rows = [[csr_matrix(side[keep]) for side in weights] for weights in both]
+    seen = [np.unique(np.concatenate([side.indices for side in sides])) for sides in zip(*rows, strict=True)]
+    cut = [tuple(side[:, s] for side, s in zip(sides, seen, strict=True)) for sides in rows]
+    laws = tuple(replace(each, values=each.values[keep], on=each.on[keep]) for each in joint.laws)
+    of_gaps = ("position", "area", "share", "axes", "gap", "K_n", "K_nz", "K_s", "mu", "viscosity")
+    return replace(
+        joint,
+        nodes=(joint.nodes[0][seen[0]], joint.nodes[1][seen[1]]),
+        weights=cut[0],
+        at_point=None if joint.at_point is None else cut[1],
+        laws=laws,
+        **{name: getattr(joint, name)[keep] for name in of_gaps},
     )

@@ -39,7 +39,7 @@ def coincident_facets(block_I: Block, block_J: Block, tolerance: float, place: s
     matched = _matched_facets(sides[0], sides[1], partner)
     _refuse_nonconforming(sides, matched, partner, tolerance, place)
     if not matched[0].any():
-        raise ConfigError(_do_not_touch(sides, tolerance, place))
+        raise ConfigError(do_not_touch(block_I, block_J, tolerance, place))
     return sides[0].facets[matched[0]], partner
 
 
@@ -113,7 +113,8 @@ def _does_not_conform(
     return (
         f"{place}: the meshes of {names[0]!r} and {names[1]!r} do not conform{elements}: nodes on the common "
         f"face without a partner within {tolerance:g} m: {counts}; {_positions(where)}; mesh both blocks "
-        f"with the same nodes on the common face, or raise its `tolerance` if they are the same"
+        f"with the same nodes on the common face, raise its `tolerance` if they are the same, or couple the "
+        f"faces by discretization: mortar"
     )
 
 
@@ -124,7 +125,9 @@ def _positions(points: Floats) -> str:
     return f"at {shown}{', ...' if len(points) > _SHOWN else ''} (within {extent} m)"
 
 
-def _do_not_touch(sides: list[_Side], tolerance: float, place: str) -> str:
+def do_not_touch(block_I: Block, block_J: Block, tolerance: float, place: str) -> str:
+    """Say how far from each other two blocks are."""
+    sides = [_Side(block) for block in (block_I, block_J)]
     points_I, points_J = (side.points[side.nodes] for side in sides)
     distance, forth = cKDTree(points_J).query(points_I)
     nearest = int(np.argmin(distance))

@@ -49,10 +49,11 @@ def refuse_free_blocks(
     pairs: list[Joint | Tie] = [*joints.values(), *ties]
     for joint in pairs:
         I, J = (
-            _placed(blocks[b], nodes, columns[b], width)
+            _placed(blocks[b], nodes, columns[b], width).reshape(len(nodes), -1)
             for b, nodes in zip(joint.blocks, joint.nodes, strict=True)
         )
-        rows.append(_triangle((J - I).reshape(-1, width)))
+        jump = joint.weights[1] @ J - joint.weights[0] @ I if isinstance(joint, Joint) else J - I
+        rows.append(_triangle(jump.reshape(-1, width)))
     free = _null_space(_triangle(np.vstack(rows)))
     if free.shape[1]:
         raise ConfigError(_explain(bodies, free, bool(joints), source))

@@ -26,6 +26,32 @@ def raise_peaks(peaks: Record, now: Record, time: float) -> None:
         peaks[name] = np.maximum(peaks[name], now[name])
 
 
+def peaks_at_points(peaks: dict[str, Floats], jump: Floats, at_points: Floats) -> dict[str, Floats]:
+    """Peaks of the jumps at the gaps' positions: written ones, and what is reached between written rows.
+
+    Parameters
+    ----------
+    peaks : of `jump` over every step
+    jump, at_points : (nt, ng, d) written jumps that joint forces see, and at the positions [m]
+    """
+    if jump is at_points:
+        return peaks
+    return peaks | {
+        name: size(at_points).max(axis=0) + peaks[name] - size(jump).max(axis=0)
+        for name, size in (("opening", _opening), ("slip", _slip))
+    }
+
+
+def _opening(jump: Floats) -> Floats:
+    return jump[..., NORMAL]
+
+
+def _slip(jump: Floats) -> Floats:
+    if jump.shape[2] == 1:
+        return np.zeros(jump.shape[:2])
+    return np.asarray(np.hypot(jump[..., SHEAR_J], jump[..., SHEAR_K]))
+
+
 def named_peaks(peaks: Record) -> dict[str, Floats]:
     """Peaks by name, an array each."""
     return {name: peaks[name].copy() for name in PEAKS.names or ()}

@@ -53,7 +53,7 @@ def with_gaps_of(fine: Joint, coarse: Joint) -> Joint:
     same = apart.argmin(axis=1)
     if apart.min(axis=1).max() > 1e-6:
         raise SystemExit(f"{fine.name}: the meshes' gaps are up to {apart.min(axis=1).max():g} m apart")
-    return replace(coarse, nodes=fine.nodes, weights=fine.weights[same])
+    return replace(coarse, nodes=fine.nodes, weights=tuple(side[same] for side in fine.weights))
 
 
 def table(models: dict[str, tuple[Scene, ReducedModel]], seconds: dict[str, list[float]], steps: int) -> str:

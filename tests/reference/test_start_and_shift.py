@@ -34,7 +34,7 @@ def test_run_from_a_written_state_goes_on_as_if_never_stopped(pounding):
     system, ground = pounding
     whole = simulated(system, ground, 0.0025, **OPTIONS)
     row = 400
-    start = start_at(whole, system.law, row)
+    start = start_at(whole, system.law, row, whole.jump[row])
     rest = simulated(system, ground[:, row:], 0.0025, start=start, **OPTIONS)
     assert whole.jump[..., 0].max() > 0.005, "nothing opened"
     assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-7 * np.abs(whole.jump).max()
@@ -50,7 +50,7 @@ def test_a_start_knows_what_the_gaps_have_lost(pounding):
         laws["shear_key"] = np.tile([0.004, 1.0, 0.0], (n, 1))
     system = replace(system, law=with_laws(system.law, **laws))
     whole, row = simulated(system, ground, 0.0025, **OPTIONS), 400
-    start = start_at(whole, system.law, row)
+    start = start_at(whole, system.law, row, whole.jump[row])
     rest = simulated(system, ground[:, row:], 0.0025, start=start, **OPTIONS)
     assert 0 < lost(system.law, start.memory)[:, 0].sum() < n
     assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-6 * np.abs(whole.jump).max()

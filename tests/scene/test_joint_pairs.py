@@ -27,20 +27,25 @@ def test_area_is_that_of_the_face(element, make):
     assert joint.area.sum() == pytest.approx(4.0, rel=1e-13)
     assert joint.area.min() > 0
     assert np.allclose(joint.axes, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
-    assert np.abs(joint.weights.sum(axis=1) - 1).max() < 1e-12
+    assert np.abs(joint.weights[0].sum(axis=1) - 1).max() < 1e-12
 
 
 @pytest.mark.parametrize("element", SOLIDS)
 def test_gaps_that_supports_hold_are_dropped(element, make):
-    """On linear faces the held bottom row goes; on quadratic faces its areas still see free nodes."""
-    scene = make(two_boxes(element))
+    """On linear faces the held bottom row goes; on quadratic faces its areas still see free nodes.
+
+    The area of what goes stays the joint's.
+    """
+    scene = make(two_boxes(element, discretization="node_to_node"))
     joint = scene.joints["c"]
     free = ~scene.fixed["left"][joint.nodes[0]].all(axis=1)
     if not SOLIDS[element].quadratic:
         assert free.all() and len(joint.area) == 6
     else:
         assert len(joint.area) == {"hex20": 21, "hex27": 25, "tet10": 25}[element]
-        assert (joint.weights @ free.astype(float) > 0).all()
+        assert (joint.weights[0] @ free.astype(float) > 0).all()
+    assert joint.whole_area.sum() == pytest.approx(4.0, rel=1e-13)
+    assert (joint.share[joint.position[:, 2] > 1.5] == 0.0).all()
 
 
 def test_gaps_held_along_the_normal_alone_are_dropped(make):
@@ -62,15 +67,18 @@ def test_swapping_the_blocks_mirrors_the_joint(make):
     raw = two_boxes("tet10", gap=1e-3, shear_stiffness=5e8, friction=[0.5, 0.7])
     one = make(raw).joints["c"]
     two = make(raw | {"joints": {"c": raw["joints"]["c"] | {"between": ["right", "left"]}}}).joints["c"]
-    order = np.array([np.flatnonzero(two.nodes[1] == n)[0] for n in one.nodes[0]])
-    assert np.array_equal(two.nodes[0][order], one.nodes[1])
+    order = np.array([np.flatnonzero((two.position == x).all(axis=1))[0] for x in one.position])
     for name in ("area", "gap", "K_n", "K_s", "mu"):
         assert np.allclose(getattr(two, name)[order], getattr(one, name), rtol=1e-12)
     assert np.allclose(two.axes[order], one.axes * [[-1], [-1], [1]], atol=1e-12)
-    assert abs(two.weights[order][:, order] - one.weights).max() < 1e-12
+    for mirrored, weights in ((two.weights, one.weights), (two.at_point, one.at_point)):
+        for a, b, nodes_a, nodes_b in zip(mirrored[::-1], weights, two.nodes[::-1], one.nodes, strict=True):
+            assert np.array_equal(nodes_a, nodes_b)
+            assert abs(a[order] - b).max() < 1e-12
 
 
-def test_renumbering_nodes_changes_nothing(make):
+@pytest.mark.parametrize("discretization", ["node_to_node", "mortar"])
+def test_renumbering_nodes_changes_nothing(make, discretization):
     scene = make(two_boxes("hex20"))
     left = scene.blocks["left"]
     new = np.random.default_rng(5).permutation(len(left.points))
@@ -78,13 +86,14 @@ def test_renumbering_nodes_changes_nothing(make):
     points[new] = left.points
     blocks = scene.blocks | {"left": dataclasses.replace(left, points=points, cells=new[left.cells])}
     fixed = {name: np.zeros((len(b.points), 3), dtype=bool) for name, b in blocks.items()}
-    config = JointConfig(between=("left", "right"), normal_stiffness=1e9)
+    config = JointConfig(between=("left", "right"), normal_stiffness=1e9, discretization=discretization)
     one = build_joint("c", config, scene.blocks, fixed, None, "s.yaml")
     two = build_joint("c", config, blocks, fixed, None, "s.yaml")
-    order = np.array([np.flatnonzero(two.nodes[0] == new[n])[0] for n in one.nodes[0]])
-    assert np.array_equal(two.nodes[1][order], one.nodes[1])
+    order = np.array([np.flatnonzero((two.position == x).all(axis=1))[0] for x in one.position])
+    seen = np.argsort(two.nodes[0])[np.searchsorted(np.sort(two.nodes[0]), new[one.nodes[0]])]
+    assert np.array_equal(two.nodes[0][seen], new[one.nodes[0]])
     assert np.allclose(two.area[order], one.area, rtol=1e-12)
-    assert abs(two.weights[order][:, order] - one.weights).max() < 1e-12
+    assert abs(two.weights[0][order][:, seen] - one.weights[0]).max() < 1e-12
 
 
 def test_four_blocks_on_one_line(make):
@@ -233,7 +242,7 @@ def test_blocks_that_do_not_touch(make):
 
 
 def test_meshes_that_do_not_conform(make):
-    raw = two_boxes()
+    raw = two_boxes(discretization="node_to_node")
     raw["blocks"]["right"]["box"]["element_size"] = [1.0, 1.0, 0.5]
     error = error_of(make, raw)
     assert isinstance(error, MeshError)
@@ -241,12 +250,12 @@ def test_meshes_that_do_not_conform(make):
         "s.yaml: joints.c: the meshes of 'left' and 'right' do not conform: nodes on the common face "
         "without a partner within 0.001 m: 6 of block 'right'; at (0, 2, 0.5), (1, 2, 0.5), (2, 2, 0.5), ... "
         "(within x 0..2, y 2..2, z 0.5..1.5 m); mesh both blocks with the same nodes on the common face, "
-        "or raise its `tolerance` if they are the same"
+        "raise its `tolerance` if they are the same, or couple the faces by discretization: mortar"
     )
 
 
 def test_shifted_meshes_do_not_conform(make):
-    raw = two_boxes()
+    raw = two_boxes(discretization="node_to_node")
     raw["blocks"]["right"]["box"]["origin"] = [0.3, 2, 0]
     assert "9 of block 'left' and 9 of block 'right'" in str(error_of(make, raw))
 
@@ -255,7 +264,7 @@ def test_shifted_meshes_do_not_conform(make):
     ("element", "kinds"), [("tet4", "tet4 against hex8"), ("hex20", "hex20 against hex8")]
 )
 def test_different_elements_do_not_conform(element, kinds, make):
-    raw = two_boxes()
+    raw = two_boxes(discretization="node_to_node")
     raw["blocks"]["left"]["box"]["element"] = element
     error = str(error_of(make, raw))
     assert f"do not conform ({kinds})" in error

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Tag, ValidationError, ValidationInfo, model_validator
+from pydantic import Field, Tag, ValidationError, ValidationInfo, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.explain import explain
@@ -17,6 +17,8 @@ from romdam.contact.laws import LAWS
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import Law
 from romdam.core.errors import ConfigError
+
+Discretization = Literal["auto", "node_to_node", "mortar"]
 
 
 class GapTable(Model):
@@ -39,7 +41,7 @@ class JointProperties(JointLaws):
     """Properties of gap elements, wherever they stand.
 
     The keys of its laws are theirs (`romdam.contact.laws`), `law` adds those of a user's file. `gaps` stand
-    at every face node, or at the corners of quadratic facets only.
+    at every node of coinciding faces, or at the corners of quadratic facets only, node to node.
     """
 
     law: tuple[UserLaw, ...] = ()
@@ -47,6 +49,11 @@ class JointProperties(JointLaws):
     gaps: Literal["nodes", "corners"] = "nodes"
     normal: NormalRule = "face"
     tolerance: Tolerance = 1e-3
+    discretization: Discretization = "auto"
+    """Gaps between coinciding nodes, or at corners of faces coupled by mortar, which need not match; auto:
+    node to node where nodes of linear faces coincide or `gaps: corners` asks for it, else mortar."""
+    overlap: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    """Least share of either face that lies on the other, of the facets that meet; for mortar."""
 
     @model_validator(mode="before")
     @classmethod
@@ -67,6 +74,15 @@ class JointProperties(JointLaws):
             wrong = law.wrong(keys) or _without_shear_stiffness(law, keys)
             if wrong is not None:
                 raise ValueError(wrong)
+        return self
+
+    @model_validator(mode="after")
+    def _gaps_of_nodes(self) -> Self:
+        if self.gaps == "corners" and self.discretization == "mortar":
+            raise ValueError(
+                "`gaps: corners` is for discretization: node_to_node, the gaps of a mortar joint stand at "
+                "corners anyway; remove it"
+            )
         return self
 
     @property
@@ -97,7 +113,7 @@ def _without_shear_stiffness(law: type[Law], keys: Mapping[str, Any]) -> str | N
 
 
 class JointConfig(JointProperties):
-    """Gap elements between the coinciding faces of two blocks."""
+    """Gap elements between the faces of two blocks that lie on each other."""
 
     between: tuple[str, str]
 

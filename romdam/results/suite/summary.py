@@ -159,7 +159,7 @@ def _coordinates(
         coords["gap_joint"] = ("gap", np.concatenate([np.full(len(j.area), j.name) for j in joints]))
         position = np.concatenate([j.position for j in joints])
         coords["gap_position"] = (("gap", "component"), position, {"units": "m"})
-        coords["gap_area"] = ("gap", np.concatenate([j.area for j in joints]), {"units": "m2"})
+        coords["gap_area"] = ("gap", np.concatenate([j.whole_area for j in joints]), {"units": "m2"})
     if joints or scene.probes:
         coords["component"] = ("component", np.array(["x", "y", "z"]))
     if scene.probes:

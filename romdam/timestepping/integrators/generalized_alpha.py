@@ -176,18 +176,24 @@ class _Rows:
         self.energies = np.zeros(rows, ENERGIES)
         self.unknowns = np.zeros((2, rows, system.size)) if system.reduced else None
         self.kinetic, self.strain, self.numerical = np.zeros((3, rows))
-        self.peaks = first_peaks(state.jump, state.force)
+        self.peaks = first_peaks(self._at_points(state), state.force)
         self._write(state, 0)
 
     def keep(self, state: _State, step: int) -> None:
         """Update the peaks, and write the row if the step has one."""
-        raise_peaks(self.peaks, first_peaks(state.jump, state.force), step * self.steps.base)
+        raise_peaks(self.peaks, first_peaks(self._at_points(state), state.force), step * self.steps.base)
         if step % self.steps.stride == 0:
             self._write(state, step // self.steps.stride)
 
+    def _at_points(self, state: _State) -> Floats:
+        """Jumps at the gaps' very positions (ng, d)."""
+        more = self.system.at_point
+        return state.jump if more is None else state.jump + (more @ state.u).reshape(state.jump.shape)
+
     def _write(self, state: _State, row: int) -> None:
         system = self.system
-        self.jump[row], self.force[row], self.gap_state[row] = state.jump, state.force, state.state
+        self.jump[row], self.force[row] = self._at_points(state), state.force
+        self.gap_state[row] = state.state
         self.impulse[row], state.impulse = state.impulse, np.zeros_like(state.impulse)
         for kept, field in zip((self.disp, self.vel, self.acc), (state.u, state.v, state.a), strict=True):
             kept[row] = system.observe @ field

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
 from romdam.core.arrays import Floats, Ints, at, stacked
@@ -266,9 +267,11 @@ def whole_motion(system: System, split: ModeSplit, buffer: HistoryBuffer) -> tup
     return q, v
 
 
-def observed_motion(system: System, split: ModeSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
-    """Displacements and velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
-    seen, k = system.observe, system.K.diagonal()
+def observed_displacement(
+    system: System, split: ModeSplit, buffer: HistoryBuffer, seen: csr_matrix
+) -> Floats:
+    """Displacements (nt, rows) that `seen` (rows, n) takes from the modes that `whole_motion` has."""
+    k = system.K.diagonal()
     flexible = seen[:, split.quasi_static].toarray().T / k[split.quasi_static, None]
     relaxed, states = split.G_quasi @ flexible, seen[:, split.dynamic]
     tapered = np.flatnonzero(split.taper < 1.0)
@@ -278,4 +281,9 @@ def observed_motion(system: System, split: ModeSplit, buffer: HistoryBuffer) -> 
     disp = (buffer.q * split.taper) @ states.T + system.force[split.quasi_static] @ flexible
     if relaxed.any():
         disp += buffer.s @ relaxed
-    return disp, (buffer.v * split.taper) @ states.T
+    return np.asarray(disp)
+
+
+def observed_velocity(system: System, split: ModeSplit, buffer: HistoryBuffer) -> Floats:
+    """Velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
+    return np.asarray((buffer.v * split.taper) @ system.observe[:, split.dynamic].T)

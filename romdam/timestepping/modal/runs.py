@@ -15,7 +15,7 @@ from romdam.contact.problem import GapMemory
 from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
 from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import History
+from romdam.core.system import History, System
 from romdam.timestepping.energy import ENERGIES, ledger
 from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over
 from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
@@ -35,12 +35,13 @@ from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
     ModeSplit,
     modal_model,
-    observed_motion,
+    observed_displacement,
+    observed_velocity,
     run_memory,
     step_levels,
     whole_motion,
 )
-from romdam.timestepping.peaks import first_peaks, named_peaks
+from romdam.timestepping.peaks import first_peaks, named_peaks, peaks_at_points
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps
@@ -298,7 +299,8 @@ def _outcomes(
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
         written = buffer._replace(**{name: getattr(buffer, name)[rows] for name in _ROWS})
         history = _history(prepared, (model, split), written, acc, settings)
-        outcomes.append(replace(history, peaks=named_peaks(states.peaks[run]), stats=stats))
+        peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump)
+        outcomes.append(replace(history, peaks=peaks, stats=stats))
     return outcomes
 
 
@@ -317,6 +319,15 @@ def _stats(runs: Batch, states: ModalState, run: int) -> dict[str, float]:
     }
 
 
+def _at_points(system: System, split: ModeSplit, buffer: HistoryBuffer) -> Floats:
+    """Jumps at the gaps' very positions."""
+    if system.at_point is None:
+        return buffer.jump
+    return buffer.jump + observed_displacement(system, split, buffer, system.at_point).reshape(
+        buffer.jump.shape
+    )
+
+
 def _history(
     prepared: Prepared,
     arrays: tuple[ModalModel, ModeSplit],
@@ -327,7 +338,7 @@ def _history(
     """The written rows of one run, without peaks and stats."""
     (model, split), system = arrays, prepared.system
     q, v = whole_motion(system, split, buffer) if settings.coordinates else (None, None)
-    disp, vel = observed_motion(system, split, buffer)
+    disp = observed_displacement(system, split, buffer, system.observe)
     k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
     seen = system.observe.toarray().T[split.dynamic]
     rate = model.static @ seen + acc.T @ (model.load @ seen)
@@ -338,12 +349,12 @@ def _history(
         strain += 0.5 * np.einsum("ti,ij,tj->t", buffer.s, model.R, buffer.s, optimize=True)
     return History(
         time=np.arange(len(disp), dtype=np.float64) * settings.steps.interval,
-        jump=buffer.jump,
+        jump=_at_points(system, split, buffer),
         traction=buffer.force,
         mean_traction=buffer.impulse / settings.steps.interval,
         state=buffer.state,
         disp=disp,
-        vel=vel,
+        vel=observed_velocity(system, split, buffer),
         acc=rate,
         q=q,
         v=v,

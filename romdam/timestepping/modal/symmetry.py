@@ -76,12 +76,27 @@ def merge_equivalent_contacts(system: System, active: Ints) -> Symmetry | None:
     mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
     jumps = mean @ system.B.toarray()
     merged = _quotient(system, (gaps, signs), jumps, _modes(system, active, jumps))
+    with_points = _with_points(merged, system, (spread, mean))
+    if with_points is None:
+        return None
     for s in _shifts(system):
         whole = _jumps(system, active, mean.T.toarray(), s)
         left_out = np.abs(whole - spread @ _jumps(merged.system, active, np.eye(len(jumps)), s)).max(axis=0)
         if (left_out > _EXACT * np.abs(whole).max(axis=0)).any():
             return None
-    return merged
+    return with_points
+
+
+def _with_points(merged: Symmetry, system: System, between: tuple[csr_matrix, csr_matrix]) -> Symmetry | None:
+    """The same with the jumps at the gaps' positions; None where they differ within a group."""
+    if system.at_point is None:
+        return merged
+    spread, mean = between
+    more = system.at_point @ merged.modes
+    own = mean @ more
+    if np.abs((more - spread @ own).toarray()).max() > _EXACT * np.abs(system.B @ merged.modes).max():
+        return None
+    return replace(merged, system=replace(merged.system, at_point=csr_matrix(own)))
 
 
 def _spread(gaps: Ints, signs: Floats) -> csr_matrix:

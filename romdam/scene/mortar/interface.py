@@ -1,0 +1,173 @@
+"""Two blocks' faces that lie on each other: which is the slave, and how much of it the other covers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from romdam.core.arrays import Floats, Ints
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block
+from romdam.scene.mortar.segments import Segments, segments
+from romdam.scene.mortar.surface import Surface, local_coordinates
+from romdam.scene.pairing import do_not_touch
+
+STEEPEST = 30.0  # angle of facets that face each other [degree]
+_TOUCHED = 1e-6  # share of a facet that is covered, below which it only meets the others at an edge
+_EQUAL = 0.01  # difference of covered shares below which the finer face is the slave
+_BESIDE = 0.1  # how far beside a facet a node may stand and be opposite to it, in reference coordinates
+
+
+@dataclass(frozen=True)
+class MortarInterface:
+    """Facets of two blocks that lie on each other.
+
+    The slave, whose nodes carry the multipliers, is the face that the other covers better, else the finer.
+
+    Attributes
+    ----------
+    slave, master : their facets that take part
+    segments : of the two
+    slave_is_J : whether the slave is the second block
+    """
+
+    slave: Surface
+    master: Surface
+    segments: Segments
+    slave_is_J: bool
+
+    @property
+    def covered(self) -> float:
+        """Area of the slave that the master covers, in the segments' planes [m2]."""
+        return float(self.segments.area.sum())
+
+    @property
+    def apart(self) -> float:
+        """The largest distance of the two faces [m]."""
+        return float(np.abs(self.segments.distance).max())
+
+    @cached_property
+    def nodes(self) -> Ints:
+        """Ascending corner nodes of the slave."""
+        return np.unique(self.slave.facets[:, : self.slave.element.corners])
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(nodes of the block, 3) outward normals of the slave at its nodes."""
+        from romdam.scene.facets import node_normals
+
+        return node_normals(self.slave.points, self.slave.facets)
+
+    def opposite(self, nodes: Ints) -> tuple[Ints, Ints, Floats]:
+        """The master's facets that stand opposite to nodes of the slave, along their normals.
+
+        Returns
+        -------
+        which : (n,) rows of `nodes` that have one
+        facet : (n,) of the master
+        xi : (n, 2) where in it
+        """
+        row, facet = self._near(nodes)
+        at, normal = self.slave.points[nodes[row]], self.normals[nodes[row]]
+        frame = _tangents(normal)
+        shape = self.master.facets[facet][:, : len(self.master.mapping.nodes)]
+        flat = np.einsum("nak,ndk->nad", self.master.points[shape] - at[:, None], frame)
+        xi = local_coordinates(self.master.mapping, flat, np.zeros((len(row), 1, 2)))[:, 0]
+        beside = _beside(xi, self.master.element.box)
+        order = np.lexsort((facet, np.round(beside, 9), row))
+        first = order[np.unique(row[order], return_index=True)[1]]
+        first = first[beside[first] <= _BESIDE]
+        return row[first], facet[first], xi[first]
+
+    def _near(self, nodes: Ints) -> tuple[Ints, Ints]:
+        """Pairs of a row of `nodes` and a master facet that covers some of a slave facet of that node."""
+        rows = np.full(len(self.slave.points), -1)
+        rows[nodes] = np.arange(len(nodes))
+        row = rows[self.slave.facets[self.segments.slave]]
+        facet = np.broadcast_to(self.segments.master[:, None], row.shape)
+        pairs = np.unique(np.column_stack([row[row >= 0], facet[row >= 0]]), axis=0)
+        return pairs[:, 0], pairs[:, 1]
+
+
+def mortar_interface(
+    block_I: Block, block_J: Block, tolerance: float, overlap: float, place: str
+) -> MortarInterface:
+    """Find the facets of two blocks that lie on each other, matching or not.
+
+    Parameters
+    ----------
+    tolerance : distance of the faces [m]; see `segments`
+    overlap : least share of either face that the other covers
+    place : file and key, for messages
+
+    Raises
+    ------
+    ConfigError
+        where nothing lies on each other, too little, or facets at too large an angle.
+    """
+    I, J = Surface.boundary(block_I), Surface.boundary(block_J)
+    between = segments(I, J, tolerance)
+    _refuse_steep(I, J, between, place)
+    share_I, share_J = _covered(I, between.slave, between), _covered(J, between.master, between)
+    touched_I, touched_J = np.flatnonzero(share_I > _TOUCHED), np.flatnonzero(share_J > _TOUCHED)
+    if not len(touched_I) or not len(touched_J):
+        raise ConfigError(do_not_touch(block_I, block_J, tolerance, place))
+    I, J = I.only(touched_I), J.only(touched_J)
+    area = float(between.area.sum())
+    shares = area / I.areas.sum(), area / J.areas.sum()
+    if max(shares) < overlap:
+        raise ConfigError(_too_little(I, J, area, overlap, place))
+    equal = abs(shares[0] - shares[1]) < _EQUAL
+    corners_I, corners_J = (len(np.unique(face.facets[:, : face.element.corners])) for face in (I, J))
+    # of faces that are equal in this, too, the first by name, in whatever order they stand
+    slave_is_J = (corners_J, I.block) > (corners_I, J.block) if equal else shares[1] > shares[0]
+    slave, master = (J, I) if slave_is_J else (I, J)
+    return MortarInterface(slave, master, segments(slave, master, tolerance), slave_is_J)
+
+
+def _covered(face: Surface, facet: Ints, between: Segments) -> Floats:
+    """Share of every facet that is covered."""
+    return np.asarray(np.bincount(facet, between.area, len(face.facets)) / face.areas)
+
+
+def _refuse_steep(I: Surface, J: Surface, between: Segments, place: str) -> None:
+    # what is covered by round-off only meets the other at an edge, where it may stand at any angle
+    angle = np.degrees(np.arccos(np.clip(-between.cosine, -1.0, 1.0)))
+    angle[between.area <= _TOUCHED * np.minimum(I.areas[between.slave], J.areas[between.master])] = 0.0
+    if not len(angle) or angle.max() <= STEEPEST:
+        return
+    worst = int(np.argmax(angle))
+    at = ", ".join(f"{x:.6g}" for x in I.points[I.facets[between.slave[worst]]].mean(axis=0))
+    raise ConfigError(
+        f"{place}: the faces of {I.block!r} and {J.block!r} stand at {angle[worst]:.3g} degrees to each "
+        f"other at ({at}), at more in {np.count_nonzero(angle > STEEPEST)} of {len(angle)} places, "
+        f"limit {STEEPEST:g}; mesh them so that they lie on each other"
+    )
+
+
+def _too_little(I: Surface, J: Surface, area: float, overlap: float, place: str) -> str:
+    middle = ", ".join(f"{x:.6g}" for x in I.points[I.facets].mean(axis=(0, 1)))
+    own, other = I.areas.sum(), J.areas.sum()
+    return (
+        f"{place}: the faces of {I.block!r} and {J.block!r} lie on each other over {area:.6g} m2 about "
+        f"({middle}), {area / own:.3g} of {own:.6g} m2 and {area / other:.3g} of {other:.6g} m2 of the "
+        f"facets that meet, limit {overlap:g} of one; move a block, mesh along the common edge, or lower its "
+        f"`overlap`"
+    )
+
+
+def _tangents(normal: Floats) -> Floats:
+    """Two unit vectors across each unit normal, (n, 2, 3)."""
+    other = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+    first = np.cross(normal, other)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(normal, first)], axis=1)
+
+
+def _beside(xi: Floats, box: bool) -> Floats:
+    """How far reference coordinates (n, 2) lie outside the facet, 0 inside."""
+    if box:
+        return np.asarray(np.maximum(np.abs(xi).max(axis=1) - 1.0, 0.0))
+    return np.asarray(np.maximum(np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1.0), 0.0))
