@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_mortar_gaps import FACE, IDS, PAIRS, pair, turn
+from mortar_blocks import FACE, IDS, PAIRS, pair, turn
 
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import area_vectors
