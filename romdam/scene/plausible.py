@@ -6,11 +6,12 @@ import logging
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from romdam.core.scene import Block, Joint, Material, Scene
 from romdam.scene.elements import ELEMENTS, Floats
-from romdam.scene.facets import boundary_facets, facet_areas, facet_normals
+from romdam.scene.facets import boundary_facets, facet_areas
+from romdam.scene.mortar.segments import segments
+from romdam.scene.mortar.surface import Surface
 
 log = logging.getLogger(__name__)
 
@@ -20,9 +21,9 @@ _POISSON = (0.05, 0.45)
 _EXTENT = (0.05, 10_000.0)  # of all blocks together [m]
 _SOFT, _STIFF = 1e-3, 1e4  # K_n over E/length of a block, and over E/size of an element
 _SLENDER = 100.0  # ratio of edges from which on an element is told of
-_TOUCH = 1e-3  # distance of the centres of two facets that are one [m], as of joints
+_TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _COVERED = 0.99  # share of a face from which on a joint covers it
-_LOOK_AT = -0.5  # cosine of normals: faces that touch look at each other
+_EDGE = 1e-3  # share of a facet below which blocks only meet at an edge
 
 
 def say_odd(scene: Scene, materials: dict[str, Material], source: str) -> None:
@@ -33,14 +34,13 @@ def say_odd(scene: Scene, materials: dict[str, Material], source: str) -> None:
     materials : by name, as they stand in the configuration
     source : name of the configuration file
     """
-    contacts = _contacts(scene.blocks)
     remarks = [
         *(line for name, material in materials.items() for line in _material(name, material)),
         *_extent(scene.blocks),
         *(line for block in scene.blocks.values() for line in _slender(block)),
         *(line for joint in scene.joints.values() for line in _stiffness(joint, scene.blocks)),
-        *(line for joint in scene.joints.values() for line in _partly(joint, scene.blocks, contacts)),
-        *_unjoined(scene, contacts),
+        *(line for joint in scene.joints.values() for line in _partly(joint, scene.blocks)),
+        *_unjoined(scene),
     ]
     for line in remarks:
         log.warning("%s: %s", source, line)
@@ -112,40 +112,14 @@ def _stiffness(joint: Joint, blocks: dict[str, Block]) -> list[str]:
     return []
 
 
-Contacts = dict[frozenset[str], float]
-
-
-def _contacts(blocks: dict[str, Block]) -> Contacts:
-    """Pairs of blocks -> area of the facets that lie on each other [m2]."""
-    sides = {}
-    for name, block in blocks.items():
-        facets = boundary_facets(block.cells, block.element)
-        corners = block.points[facets[:, : 4 if block.element.startswith("hex") else 3]]
-        sides[name] = (corners.mean(axis=1), block.points, facets)
-    trees = {name: cKDTree(centre) for name, (centre, *_) in sides.items()}
-    found: Contacts = {}
-    for I, J in combinations(blocks, 2):
-        apart = [trees[I].mins - trees[J].maxes, trees[J].mins - trees[I].maxes]
-        if np.max(apart) > _TOUCH:
-            continue
-        distance, other = trees[J].query(sides[I][0], distance_upper_bound=_TOUCH)
-        here = np.flatnonzero(np.isfinite(distance))
-        if len(here):
-            own = sides[I][2][here]
-            looks = facet_normals(sides[I][1], own) * facet_normals(sides[J][1], sides[J][2][other[here]])
-            area = float(facet_areas(sides[I][1], own[looks.sum(axis=1) < _LOOK_AT]).sum())
-            found |= {frozenset((I, J)): area} if area else {}
-    return found
-
-
-def _partly(joint: Joint, blocks: dict[str, Block], contacts: Contacts) -> list[str]:
+def _partly(joint: Joint, blocks: dict[str, Block]) -> list[str]:
     """A joint that covers only part of the face of either block in its plane."""
-    area = contacts.get(frozenset(joint.blocks), 0.0)
+    area = float(joint.whole_area.sum())
     normal, at = joint.axes[:, 0].mean(axis=0), joint.position.mean(axis=0)
     if np.abs((joint.position - at) @ normal).max() > _TOUCH:
         return []  # curved: no plane tells the face
     faces = [_in_plane(blocks[name], normal, at) for name in joint.blocks]
-    if not 0.0 < area < _COVERED * min(faces):
+    if area >= _COVERED * min(faces):
         return []
     names = " and ".join(f"{face:.4g} m2 of {name!r}" for name, face in zip(joint.blocks, faces, strict=True))
     return [f"joints.{joint.name}: the faces lie on each other over {area:.4g} m2, of {names} in that plane"]
@@ -158,12 +132,21 @@ def _in_plane(block: Block, normal: Floats, at: Floats) -> float:
     return float(facet_areas(block.points, facets[on]).sum())
 
 
-def _unjoined(scene: Scene, contacts: Contacts) -> list[str]:
+def _unjoined(scene: Scene) -> list[str]:
     joined = {frozenset(joint.blocks) for joint in scene.joints.values()}
     joined |= {frozenset(tie.blocks) for tie in scene.ties}
+    faces = {name: Surface.boundary(block) for name, block in scene.blocks.items()}
     found = []
-    for pair, area in contacts.items():
-        if pair not in joined:
+    for pair in combinations(scene.blocks, 2):
+        points = [scene.blocks[name].points for name in pair]
+        apart = np.max([one.min(axis=0) for one in points], axis=0) - np.min(
+            [one.max(axis=0) for one in points], axis=0
+        )
+        if frozenset(pair) in joined or apart.max() > _TOUCH:
+            continue
+        between = segments(faces[pair[0]], faces[pair[1]], _TOUCH)
+        area = float(between.area[np.abs(between.distance) <= _TOUCH].sum())
+        if area > _EDGE * min(faces[name].areas.min() for name in pair):
             a, b = sorted(pair)
             found.append(
                 f"blocks {a!r} and {b!r} touch over {area:.4g} m2, and neither a joint nor a tie is "

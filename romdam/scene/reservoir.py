@@ -7,11 +7,14 @@ import numpy as np
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Joint, Reservoir, Tie, WetFace
-from romdam.scene.elements import Floats, facet_element
-from romdam.scene.facets import area_vectors, boundary_facets, facet_normals
+from romdam.scene.elements import Floats
+from romdam.scene.facets import area_vectors, facet_normals
+from romdam.scene.mortar.segments import segments
+from romdam.scene.mortar.surface import Surface
 from romdam.scene.select import select_facets
 
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
+_TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _LEVEL = 1e-6  # horizontal part of the mean normal below which it gives no direction
 
 
@@ -113,18 +116,11 @@ def _refuse_contact(
 
 
 def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Block]) -> Bools:
-    """True for facets that have one of the neighbour on them; all nodes of others may be in contacts too."""
-    partner = np.full(len(blocks[face.block].points), -1)
-    partner[contact.nodes[side]] = contact.nodes[1 - side]
-    corners = facet_element(face.facets).corners
-    images = np.sort(partner[face.facets[:, :corners]], axis=1)
-    found: Bools = np.asarray((images >= 0).all(axis=1))
-    if found.any():
-        other = blocks[contact.blocks[1 - side]]
-        facets = boundary_facets(other.cells, other.element)
-        known = set(map(tuple, np.sort(facets[:, : facet_element(facets).corners], axis=1).tolist()))
-        found[found] = [tuple(image) in known for image in images[found].tolist()]
-    return found
+    """True for facets that lie on the neighbour, with most of their area."""
+    own = Surface(face.block, blocks[face.block].points, face.facets)
+    between = segments(own, Surface.boundary(blocks[contact.blocks[1 - side]]), _TOUCH)
+    covered = np.bincount(between.slave, between.area, len(face.facets))
+    return np.asarray(covered > 0.5 * own.areas)
 
 
 def _refuse_held(face: WetFace, fixed: Bools, place: str) -> None:

@@ -27,10 +27,18 @@ from romdam.records.record_set import load_motions
 from romdam.results.dataset import open_dataset
 
 SECONDS = 10.0
+FRICTION = {"shear_stiffness": "8 GPa/m", "friction": 0.6}
 SCENES: dict[str, dict[str, Any]] = {
     "penalty": {},
     "rigid": {"normal_stiffness": "rigid"},
-    "friction": {"shear_stiffness": "8 GPa/m", "friction": 0.6},
+    "friction": FRICTION,
+    "mortar": {},
+    "mortar_rigid": {"normal_stiffness": "rigid"},
+    "mortar_friction": FRICTION,
+}
+MESHES = {  # of the mortar scenes: quadratic faces that do not match
+    "left": {"element": "tet10", "element_size": 5.0},
+    "right": {"element": "hex20", "element_size": [5.0, 20.0 / 3.0, 50.0 / 9.0]},
 }
 RECORDS: dict[str, tuple[str, tuple[int, str]] | None] = {
     "mul009": None,
@@ -47,6 +55,14 @@ BASES: tuple[dict[str, float], ...] = (
 )
 CASES = [(record, "penalty", base) for record in RECORDS for base in BASES]
 CASES += [("mul009", scene, base) for scene in ("rigid", "friction") for base in BASES]
+
+
+MORTAR_CASES: list[tuple[str, str, dict[str, float]]] = [
+    (record, "mortar", base)
+    for record in ("mul009", "farfield_01b", "nearfield_05a")
+    for base in ({"modes": 20}, {"modes": 60})
+]
+MORTAR_CASES += [("mul009", scene, {"modes": 40}) for scene in ("mortar_rigid", "mortar_friction")]
 
 
 @dataclass(frozen=True)
@@ -91,6 +107,10 @@ def record_entry(name: str) -> dict[str, Any]:
 def make_job(record: str, scene: str, base: dict[str, Any]) -> Job:
     raw = yaml.safe_load(CONFIG.read_text())
     raw["joints"]["contraction"].update(SCENES[scene])
+    if scene.startswith("mortar"):
+        for block, mesh in MESHES.items():
+            raw["blocks"][block]["box"] |= mesh
+        del raw["outputs"]["nodes"]
     raw["records"] = [record_entry(record)]
     raw["model"] = {"order": "reduced"} | base
     raw["transient"] = {"finest_step": 0.000625, "duration": SECONDS}
@@ -100,7 +120,7 @@ def make_job(record: str, scene: str, base: dict[str, Any]) -> Job:
 
 @cache
 def true_openings(record: str, scene: str) -> Floats:
-    """(nt, 100) with all modes of the mesh."""
+    """(nt, gaps) with all modes of the mesh."""
     job = make_job(record, scene, {"modes": "all"})
     model = build_model(job, Clock(silent))
     motion = load_motions(job.config.records, job.folder)[0]
@@ -146,6 +166,6 @@ def line(row: Row) -> str:
 
 
 if __name__ == "__main__":
-    for case in CASES:
+    for case in [*CASES, *MORTAR_CASES]:
         sys.stdout.write(line(measure(*case)) + "\n")
         sys.stdout.flush()
