@@ -1,0 +1,184 @@
+"""A block and its cuts -> blocks that joints can join."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from romdam.config.quantities import to_si
+from romdam.config.sections.cut import CutConfig, CutSurfaceConfig
+from romdam.core.arrays import Bools, Ints
+from romdam.core.errors import MeshError
+from romdam.core.scene import Block
+from romdam.scene.cutting.files import read_surface
+from romdam.scene.cutting.hexahedra import cut_hexahedra
+from romdam.scene.cutting.mesh import Facets, Mesh
+from romdam.scene.cutting.moving import kept_facets, on_surface, snapped
+from romdam.scene.cutting.shapes import quality, refuse_slivers
+from romdam.scene.cutting.surfaces import Cylinder, Plane, Surface, unit
+from romdam.scene.cutting.teeth import Step, joint_facets, refuse_teeth, smoothed
+from romdam.scene.cutting.tetrahedra import cut_tetrahedra
+from romdam.scene.elements import ELEMENTS
+from romdam.scene.facets import row_numbers
+
+Cuts = dict[str, CutConfig]
+Steps = dict[str, list[Step]]  # block that is cut -> its surfaces
+
+
+def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, Block]:
+    """Cut a block into those that its cuts, and the cuts of what these make, name.
+
+    Every surface cuts the whole mesh, so that it conforms everywhere; names are given afterwards. Blocks are
+    parts of one mesh whose nodes are doubled on the joints: they pair there to the last bit.
+
+    Parameters
+    ----------
+    cuts : of the scene, by the block that they cut
+    folder : where relative paths start
+    source : name of the configuration file, for messages
+
+    Raises
+    ------
+    MeshError
+        for surfaces that miss, end in the block, leave saw-toothed joints or slivers, and elements that
+        cannot be cut in two.
+    """
+    steps: Steps = {}
+    for name in _in_order(block.name, cuts):
+        place = f"{source}: cut.{name}"
+        steps[name] = [
+            Step(
+                _surface(one, folder, f"{place}.along[{k}]"),
+                cuts[name].through == "elements",
+                cuts[name].teeth,
+                f"{place}.along[{k}]",
+            )
+            for k, one in enumerate(cuts[name].along)
+        ]
+    every = [step for own in steps.values() for step in own]
+    mesh = Mesh.of(block)
+    for step in every:
+        mesh = _parted(mesh, step)
+    names, labels = _labels(block.name, cuts, steps, mesh)
+    mesh = _with_smooth_joints(mesh, labels, every)
+    refuse_slivers(mesh, float(quality(block.points, Mesh.of(block).corners).min()), every[0].place)
+    return {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
+
+
+def _in_order(name: str, cuts: Cuts) -> list[str]:
+    """The cuts of a block and of what they make, from the block on."""
+    if name not in cuts:
+        return []
+    return [name, *(one for piece in cuts[name].into for one in _in_order(piece, cuts))]
+
+
+def _surface(config: CutSurfaceConfig, folder: Path, place: str) -> Surface:
+    if config.plane is not None:
+        return Plane(np.array(config.plane.point), unit(np.array(config.plane.normal)))
+    if config.cylinder is not None:
+        c = config.cylinder
+        return Cylinder(np.array(c.point), unit(np.array(c.axis)), c.radius)
+    assert config.surface is not None
+    scale = to_si(f"1 {config.surface.unit}", "m")
+    return read_surface(folder / config.surface.file, config.surface.group, scale, f"{place}.surface")
+
+
+def _parted(mesh: Mesh, step: Step) -> Mesh:
+    """The mesh with the sides of one more surface, its elements cut where that is asked for."""
+    if not step.through_elements:
+        centre = mesh.points[mesh.corners].mean(axis=1)
+        return mesh.with_side(np.where(step.surface.distance(centre) < 0.0, -1, 1))
+    kept = kept_facets(mesh, Facets.of(mesh.element, mesh.cells))
+    moved, level = snapped(mesh, step.surface, kept)
+    if mesh.element in ("tet4", "tet10"):
+        return cut_tetrahedra(moved, level, step.surface)
+    if mesh.element != "hex8":
+        raise MeshError(
+            f"{step.place}: elements of the kind {mesh.element} are not cut in two, only tet4, tet10 and "
+            "hex8; mesh with element faces along the surface and `through: faces`, or with tet10"
+        )
+    if (level[moved.cells].min(axis=1) * level[moved.cells].max(axis=1) < 0.0).any():
+        level = step.surface.distance(mesh.points)  # a cell with some nodes on the surface would be a wedge
+        moved, level = mesh, np.where(on_surface(level, mesh.points), 0.0, level)
+    return cut_hexahedra(moved, level, step.surface, step.place)
+
+
+def _labels(name: str, cuts: Cuts, steps: Steps, mesh: Mesh) -> tuple[list[str], Ints]:
+    """Names of the blocks, and which of them every cell is of (nc,)."""
+    first = dict(zip(steps, np.cumsum([0, *(len(own) for own in steps.values())])[:-1], strict=True))
+    names: list[str] = []
+    labels = np.full(len(mesh.cells), -1)
+
+    def part(name: str, among: Bools) -> None:
+        if name not in cuts:
+            labels[among] = len(names)
+            names.append(name)
+            return
+        for k, step in enumerate(steps[name]):
+            below = among & (mesh.sides[:, first[name] + k] < 0)
+            _refuse_miss(mesh, among, below, step, cuts[name].into[k:])
+            part(cuts[name].into[k], below)
+            among = among & ~below
+        part(cuts[name].into[-1], among)
+
+    part(name, np.ones(len(mesh.cells), dtype=bool))
+    return names, labels
+
+
+def _refuse_miss(mesh: Mesh, among: Bools, below: Bools, step: Step, names: tuple[str, ...]) -> None:
+    """Raise if a surface leaves what is left of a block on one side."""
+    if below.any() and not below[among].all():
+        return
+    distance = step.surface.distance(mesh.points[np.unique(mesh.corners[among])])
+    empty = f"block {names[0]!r} gets no element" if not below.any() else "no element is left for the others"
+    raise MeshError(
+        f"{step.place}: the surface misses what is to become {', '.join(names)}: {empty}; its nodes are "
+        f"{distance.min():.4g} to {distance.max():.4g} m from the surface (above 0 on its positive side), "
+        f"elements have edges of about {_mean_edge(mesh):.3g} m; move the surface, turn its normal, or "
+        "change the order of `into`"
+    )
+
+
+def _mean_edge(mesh: Mesh) -> float:
+    ends = mesh.points[mesh.corners[:, np.array(ELEMENTS[mesh.element].edges)]]
+    return float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
+
+
+def _with_smooth_joints(mesh: Mesh, labels: Ints, steps: list[Step]) -> Mesh:
+    """Joints on their surfaces, once no tooth is too large."""
+    facets = Facets.of(mesh.element, mesh.cells)
+    joints = [facets.rows[joint_facets(facets, mesh, labels, k)] for k in range(len(steps))]
+    for joint, step in zip(joints, steps, strict=True):
+        if len(joint):
+            refuse_teeth(mesh, joint, step)
+    for k, (joint, step) in enumerate(zip(joints, steps, strict=True)):
+        if len(joint):
+            mesh = smoothed(mesh, facets, joint, k, step)
+    return mesh
+
+
+def _piece(name: str, block: Block, mesh: Mesh, own: Bools) -> Block:
+    """The cells of one block, with its own nodes and what it has of the named faces."""
+    used, cells = np.unique(mesh.cells[own], return_inverse=True)
+    cells = cells.reshape(-1, mesh.cells.shape[1])
+    rows = Facets.of(block.element, cells).rows
+    origin, faces = mesh.origin[own].ravel(), {}
+    for label, numbers in _face_numbers(block).items():
+        facets = rows[np.isin(origin, numbers)]
+        if len(facets):
+            faces[label] = facets
+    return replace(block, name=name, points=mesh.points[used], cells=cells, faces=faces)
+
+
+def _face_numbers(block: Block) -> dict[str, Ints]:
+    """For every named face the numbers of its facets among those of all cells."""
+    facets = Facets.of(block.element, block.cells)
+    of_cells = np.sort(facets.rows[facets.boundary][:, : facets.corners], axis=1)
+    found = {}
+    for label, rows in block.faces.items():
+        both = np.concatenate([of_cells, np.sort(rows[:, : facets.corners], axis=1)])
+        number = row_numbers(both)
+        found[label] = facets.boundary[np.isin(number[: len(of_cells)], number[len(of_cells) :])]
+    return found
