@@ -34,8 +34,10 @@ def snapped(mesh: Mesh, surface: Surface, kept: Ints) -> tuple[Mesh, Floats]:
     -------
     the mesh, and the distance of its nodes from the surface (n,), exactly zero for those on it [m]
     """
-    level = surface.distance(mesh.points)
-    shift = shift_onto(mesh, surface, np.unique(mesh.corners), kept)
+    corners = np.unique(mesh.corners)
+    level = np.zeros(len(mesh.points))
+    level[corners] = surface.distance(mesh.points[corners])
+    shift = shift_onto(mesh, surface, corners, kept)
     shift[_put_back(mesh, shift)] = 0.0
     level[shift.any(axis=1) | on_surface(level, mesh.points)] = 0.0
     return with_shift(mesh, shift), level

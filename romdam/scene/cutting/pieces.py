@@ -12,7 +12,6 @@ from romdam.config.sections.cut import CutConfig, CutSurfaceConfig
 from romdam.core.arrays import Bools, Ints
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block
-from romdam.scene.cutting.files import read_surface
 from romdam.scene.cutting.hexahedra import cut_hexahedra
 from romdam.scene.cutting.mesh import Facets, Mesh
 from romdam.scene.cutting.moving import kept_facets, on_surface, snapped
@@ -63,7 +62,8 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
         mesh = _parted(mesh, step)
     names, labels = _labels(block.name, cuts, steps, mesh)
     mesh = _with_smooth_joints(mesh, labels, every)
-    refuse_slivers(mesh, float(quality(block.points, Mesh.of(block).corners).min()), every[0].place)
+    worst_before = float(quality(block.points, Mesh.of(block).corners).min())
+    refuse_slivers(mesh, worst_before, [(step.surface, step.place) for step in every])
     return {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
 
 
@@ -81,6 +81,8 @@ def _surface(config: CutSurfaceConfig, folder: Path, place: str) -> Surface:
         c = config.cylinder
         return Cylinder(np.array(c.point), unit(np.array(c.axis)), c.radius)
     assert config.surface is not None
+    from romdam.scene.cutting.files import read_surface  # here, not above: it compiles
+
     scale = to_si(f"1 {config.surface.unit}", "m")
     return read_surface(folder / config.surface.file, config.surface.group, scale, f"{place}.surface")
 

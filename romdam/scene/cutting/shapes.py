@@ -7,6 +7,7 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.scene.cutting.mesh import Mesh
+from romdam.scene.cutting.surfaces import Surface
 from romdam.scene.elements import ELEMENTS
 
 _TET_EDGES = np.array(ELEMENTS["tet4"].edges)
@@ -37,12 +38,13 @@ def quality(points: Floats, corners: Ints) -> Floats:
     return np.asarray((6.0 * np.sqrt(2.0) * volume / square**1.5).min(axis=1))
 
 
-def refuse_slivers(mesh: Mesh, worst_before: float, place: str) -> None:
+def refuse_slivers(mesh: Mesh, worst_before: float, places: list[tuple[Surface, str]]) -> None:
     """Raise if a cut has left cells that are too thin, thinner than any was before.
 
     Parameters
     ----------
     worst_before : lowest quality of the uncut mesh
+    places : the surfaces, and file and key of each; the nearest one is named
 
     Raises
     ------
@@ -53,7 +55,9 @@ def refuse_slivers(mesh: Mesh, worst_before: float, place: str) -> None:
     if not len(thin):
         return
     worst = thin[np.argmin(found[thin])]
-    at = ", ".join(f"{x:.6g}" for x in mesh.points[mesh.corners[worst]].mean(axis=0))
+    centre = mesh.points[mesh.corners[worst]].mean(axis=0)
+    at = ", ".join(f"{x:.6g}" for x in centre)
+    place = min(places, key=lambda one: abs(float(one[0].distance(centre[None])[0])))[1]
     raise MeshError(
         f"{place}: the cut leaves {len(thin)} slivers: the worst, around ({at}) m, has a quality of "
         f"{found[worst]:.3g}, limit {min(SLIVER, worst_before):.3g} (1 is a regular tetrahedron); move the "

@@ -10,10 +10,9 @@ from scipy.spatial import cKDTree
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import MeshError
+from romdam.scene.cutting.nearest import nearest_triangles
 from romdam.scene.facets import row_numbers
 
-_FIRST = 16  # triangles that are tried for a point before more are
-_PAIRS = 2_000_000  # of a point and a triangle, at a time
 _EDGES = ((0, 1), (1, 2), (2, 0))
 
 
@@ -87,7 +86,7 @@ class Triangulated:
         """Signed distance (n,) [m]; beyond the rim, from the planes of the triangles there."""
         near = self._nearest(points)
         away = points - near.point
-        height = np.einsum("nk,nk->n", away, near.normal)
+        height = _dot(away, near.normal)
         return np.where(near.rim, height, np.copysign(np.linalg.norm(away, axis=1), height))
 
     def normal(self, points: Floats) -> Floats:
@@ -98,31 +97,18 @@ class Triangulated:
         """How far points lie outside of its rim, along the surface (n,) [m]."""
         near = self._nearest(points)
         away = points - near.point
-        height = np.einsum("nk,nk->n", away, near.normal)
+        height = _dot(away, near.normal)
         return np.linalg.norm(away - height[:, None] * near.normal, axis=1) * near.rim
 
     def _nearest(self, points: Floats) -> _Nearest:
-        """Nearest points: on triangles with the nearest centres, on more of them where that is not sure."""
+        """Where the surface is nearest to points."""
         corner = self.points[self.triangles]
         centre = corner.mean(axis=1)
-        reach = np.linalg.norm(corner - centre[:, None], axis=2).max()
-        tree, total = cKDTree(centre), len(centre)
-        point, normal, rim = np.zeros_like(points), np.zeros_like(points), np.zeros(len(points), dtype=bool)
-        left, count = np.arange(len(points)), min(_FIRST, total)
-        while len(left):
-            unsure = []
-            for some in np.array_split(left, len(left) * count // _PAIRS + 1):
-                far, tried = (a.reshape(len(some), count) for a in tree.query(points[some], count))
-                at, feature = _on_triangles(points[some], corner[tried])
-                apart = np.linalg.norm(points[some][:, None] - at, axis=2)
-                best = np.argmin(apart, axis=1)
-                row = np.arange(len(some))
-                chosen = tried[row, best], feature[row, best]
-                point[some], normal[some], rim[some] = at[row, best], self.normals[chosen], self.rim[chosen]
-                unsure.append(some[apart[row, best] > far[:, -1] - reach])
-            left = np.concatenate(unsure) if count < total else left[:0]
-            count = min(4 * count, total)
-        return _Nearest(point, normal, rim)
+        radius = np.linalg.norm(corner - centre[:, None], axis=2).max(axis=1)
+        first = cKDTree(centre).query(points)[1]
+        row = nearest_triangles(np.ascontiguousarray(points), corner, np.c_[centre, radius], first)
+        at, feature = _on_triangles(points, corner[row])
+        return _Nearest(at, self.normals[row, feature], self.rim[row, feature])
 
 
 def _edge_table(triangles: Ints) -> Ints:
@@ -137,7 +123,7 @@ def _any_edge(edges: Bools) -> Bools:
 def _angles(corner: Floats, k: int) -> Floats:
     """Angle of triangles (nt, 3, 3) at a corner (nt,)."""
     a, b = (corner[:, (k + step) % 3] - corner[:, k] for step in (1, 2))
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("nk,nk->n", a, b))
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), _dot(a, b))
 
 
 def _refuse(wrong: Bools, corner: Floats, what: str, place: str) -> None:
@@ -150,28 +136,26 @@ def _refuse(wrong: Bools, corner: Floats, what: str, place: str) -> None:
 
 
 def _on_triangles(points: Floats, corner: Floats) -> tuple[Floats, Ints]:
-    """Nearest points (n, k, 3) of triangles (n, k, 3, 3) to points (n, 3), and what they lie on.
+    """Nearest points (n, 3) of triangles (n, 3, 3) to points (n, 3), and what they lie on.
 
     Features are numbered 0 to 2 for corners, 3 to 5 for edges, 6 for the inside.
     """
-    p = points[:, None]
-    a, u, v = corner[:, :, 0], corner[:, :, 1] - corner[:, :, 0], corner[:, :, 2] - corner[:, :, 0]
+    a, u, v = corner[:, 0], corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     n = np.cross(u, v)
-    square = _dot(n, n)
-    s, t = _dot(np.cross(p - a, v), n) / square, _dot(np.cross(u, p - a), n) / square
+    s, t = (_dot(np.cross(*pair), n) / _dot(n, n) for pair in ((points - a, v), (u, points - a)))
     inside = (s > 0.0) & (t > 0.0) & (s + t < 1.0)
-    at, feature = a + s[..., None] * u + t[..., None] * v, np.full(s.shape, 6)
-    least = np.where(inside, _dot(p - at, p - at), np.inf)
+    at, feature = a + s[:, None] * u + t[:, None] * v, np.full(s.shape, 6)
+    least = np.where(inside, 0.0, np.inf)
     for k, (i, j) in enumerate(_EDGES):
-        side = corner[:, :, j] - corner[:, :, i]
-        share = np.clip(_dot(p - corner[:, :, i], side) / _dot(side, side), 0.0, 1.0)
-        on = corner[:, :, i] + share[..., None] * side
-        apart = _dot(p - on, p - on)
-        nearer = ~inside & (apart < least)
+        side = corner[:, j] - corner[:, i]
+        share = np.clip(_dot(points - corner[:, i], side) / _dot(side, side), 0.0, 1.0)
+        on = corner[:, i] + share[:, None] * side
+        apart = _dot(points - on, points - on)
+        nearer = apart < least
         at[nearer], least[nearer] = on[nearer], apart[nearer]
         feature[nearer] = np.where(share == 0.0, i, np.where(share == 1.0, j, 3 + k))[nearer]
     return at, feature
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray(np.einsum("...k,...k->...", a, b))
+    return np.asarray(np.einsum("nk,nk->n", a, b))
