@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from romdam.core.arrays import Bools, Floats, Ints
-from romdam.scene.cutting.mesh import Facets, Mesh
+from romdam.scene.cutting.mesh import Mesh
 from romdam.scene.cutting.shapes import quality
 from romdam.scene.cutting.surfaces import Surface
 from romdam.scene.elements import ELEMENTS
@@ -37,23 +37,24 @@ def snapped(mesh: Mesh, surface: Surface, kept: Ints) -> tuple[Mesh, Floats]:
     corners = np.unique(mesh.corners)
     level = np.zeros(len(mesh.points))
     level[corners] = surface.distance(mesh.points[corners])
-    shift = shift_onto(mesh, surface, corners, kept)
+    ends = mesh.corners[:, np.array(ELEMENTS[mesh.element].edges)].reshape(-1, 2)
+    crossing = ends[level[ends[:, 0]] * level[ends[:, 1]] < 0.0]
+    shift = shift_onto(mesh, surface, corners, kept, NEAR * _shortest(mesh.points, crossing))
     shift[_put_back(mesh, shift)] = 0.0
     level[shift.any(axis=1) | on_surface(level, mesh.points)] = 0.0
     return with_shift(mesh, shift), level
 
 
-def shift_onto(mesh: Mesh, surface: Surface, nodes: Ints, kept: Ints) -> Floats:
+def shift_onto(mesh: Mesh, surface: Surface, nodes: Ints, kept: Ints, reach: Floats) -> Floats:
     """Shift (n, 3) that takes some nodes onto a surface, along the facets that are to keep their shape [m].
 
-    Nodes that are on it, and those that would have to move too far, stay where they are.
+    Nodes that are on it, and those that would have to move farther than `reach` (n,), stay where they are.
     """
-    level, reach = surface.distance(mesh.points[nodes]), NEAR * _shortest_edges(mesh)[nodes]
-    near = (np.abs(level) <= reach) & ~on_surface(level, mesh.points)
-    nodes, reach = nodes[near], reach[near]
+    level = surface.distance(mesh.points[nodes])
+    nodes = nodes[(np.abs(level) <= reach[nodes]) & ~on_surface(level, mesh.points)]
     target = _onto(surface, mesh.points, nodes, _free_directions(mesh.points, kept, nodes))
     way = target - mesh.points[nodes]
-    on = on_surface(surface.distance(target), mesh.points) & (np.linalg.norm(way, axis=1) <= reach)
+    on = on_surface(surface.distance(target), mesh.points) & (np.linalg.norm(way, axis=1) <= reach[nodes])
     shift = np.zeros_like(mesh.points)
     shift[nodes[on]] = way[on]
     return shift
@@ -83,14 +84,6 @@ def with_shift(mesh: Mesh, shift: Floats) -> Mesh:
     return replace(mesh, points=mesh.points + shift)
 
 
-def kept_facets(mesh: Mesh, facets: Facets, but: int | None = None) -> Ints:
-    """Facets of the boundary and those between two sides of any surface, without those of one surface."""
-    sides = mesh.sides if but is None else np.delete(mesh.sides, but, axis=1)
-    one, other = facets.pairs.T
-    parted = (sides[facets.cell[one]] != sides[facets.cell[other]]).any(axis=1)
-    return facets.rows[np.concatenate([facets.boundary, one[parted]])]
-
-
 def _free_directions(points: Floats, kept: Ints, nodes: Ints) -> Floats:
     """Projectors (k, 3, 3) onto the directions in which nodes can move and facets keep their shape."""
     vectors = area_vectors(points, kept).sum(axis=1)
@@ -106,17 +99,13 @@ def _free_directions(points: Floats, kept: Ints, nodes: Ints) -> Floats:
     return np.asarray(free @ vector.swapaxes(1, 2))
 
 
-def _shortest_edges(mesh: Mesh) -> Floats:
-    """Length of the shortest edge at every node (n,), of those around it in the middle of corners [m]."""
-    element = ELEMENTS[mesh.element]
-    ends = mesh.corners[:, np.array(element.edges)]
-    length = np.linalg.norm(mesh.points[ends[..., 1]] - mesh.points[ends[..., 0]], axis=2)
-    short = np.full(len(mesh.points), np.inf)
+def _shortest(points: Floats, ends: Ints) -> Floats:
+    """Length of the shortest of edges (ne, 2) at every node (n,) [m]; 0 where there is none."""
+    length = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1)
+    short = np.full(len(points), np.inf)
     for side in (0, 1):
-        np.minimum.at(short, ends[..., side], length)
-    for k, middle in enumerate(element.middles[: len(element.nodes) - element.corners], element.corners):
-        np.minimum.at(short, mesh.cells[:, k], short[mesh.cells[:, list(middle)]].min(axis=1))
-    return short
+        np.minimum.at(short, ends[:, side], length)
+    return np.where(np.isfinite(short), short, 0.0)
 
 
 def _put_back(mesh: Mesh, shift: Floats) -> Ints:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,18 +10,21 @@ import numpy as np
 
 from romdam.config.quantities import to_si
 from romdam.config.sections.cut import CutConfig, CutSurfaceConfig
-from romdam.core.arrays import Bools, Ints
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block
 from romdam.scene.cutting.hexahedra import cut_hexahedra
 from romdam.scene.cutting.mesh import Facets, Mesh
-from romdam.scene.cutting.moving import kept_facets, on_surface, snapped
+from romdam.scene.cutting.moving import on_surface, snapped
 from romdam.scene.cutting.shapes import quality, refuse_slivers
 from romdam.scene.cutting.surfaces import Cylinder, Plane, Surface, unit
 from romdam.scene.cutting.teeth import Step, joint_facets, refuse_teeth, smoothed
 from romdam.scene.cutting.tetrahedra import cut_tetrahedra
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import row_numbers
+from romdam.scene.meshes.quality import refuse_bad_cells
+
+log = logging.getLogger(__name__)
 
 Cuts = dict[str, CutConfig]
 Steps = dict[str, list[Step]]  # block that is cut -> its surfaces
@@ -64,7 +68,10 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
     mesh = _with_smooth_joints(mesh, labels, every)
     worst_before = float(quality(block.points, Mesh.of(block).corners).min())
     refuse_slivers(mesh, worst_before, [(step.surface, step.place) for step in every])
-    return {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
+    pieces = {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
+    for piece in pieces.values():
+        refuse_bad_cells(piece, f"{source}: cut.{block.name}")
+    return pieces
 
 
 def _in_order(name: str, cuts: Cuts) -> list[str]:
@@ -92,10 +99,18 @@ def _parted(mesh: Mesh, step: Step) -> Mesh:
     if not step.through_elements:
         centre = mesh.points[mesh.corners].mean(axis=1)
         return mesh.with_side(np.where(step.surface.distance(centre) < 0.0, -1, 1))
-    kept = kept_facets(mesh, Facets.of(mesh.element, mesh.cells))
+    facets = Facets.of(mesh.element, mesh.cells)
+    parted = (np.diff(mesh.sides[facets.cell[facets.pairs]], axis=1) != 0).any(axis=(1, 2))
+    kept = facets.rows[np.concatenate([facets.boundary, facets.pairs[parted, 0]])]
     moved, level = snapped(mesh, step.surface, kept)
-    if mesh.element in ("tet4", "tet10"):
-        return cut_tetrahedra(moved, level, step.surface)
+    if mesh.element.startswith("hex"):
+        return _parted_hexahedra(mesh, moved, level, step)
+    _say_moves(mesh, moved, step)
+    return cut_tetrahedra(moved, level, step.surface)
+
+
+def _parted_hexahedra(mesh: Mesh, moved: Mesh, level: Floats, step: Step) -> Mesh:
+    """Hexahedra cut in two, with nodes moved where no element is left to be cut then."""
     if mesh.element != "hex8":
         raise MeshError(
             f"{step.place}: elements of the kind {mesh.element} are not cut in two, only tet4, tet10 and "
@@ -104,6 +119,7 @@ def _parted(mesh: Mesh, step: Step) -> Mesh:
     if (level[moved.cells].min(axis=1) * level[moved.cells].max(axis=1) < 0.0).any():
         level = step.surface.distance(mesh.points)  # a cell with some nodes on the surface would be a wedge
         moved, level = mesh, np.where(on_surface(level, mesh.points), 0.0, level)
+    _say_moves(mesh, moved, step)
     return cut_hexahedra(moved, level, step.surface, step.place)
 
 
@@ -151,14 +167,26 @@ def _mean_edge(mesh: Mesh) -> float:
 def _with_smooth_joints(mesh: Mesh, labels: Ints, steps: list[Step]) -> Mesh:
     """Joints on their surfaces, once no tooth is too large."""
     facets = Facets.of(mesh.element, mesh.cells)
-    joints = [facets.rows[joint_facets(facets, mesh, labels, k)] for k in range(len(steps))]
+    joints = joint_facets(mesh, facets, labels, steps)
     for joint, step in zip(joints, steps, strict=True):
         if len(joint):
-            refuse_teeth(mesh, joint, step)
+            refuse_teeth(mesh, facets.rows[joint], step)
     for k, (joint, step) in enumerate(zip(joints, steps, strict=True)):
         if len(joint):
-            mesh = smoothed(mesh, facets, joint, k, step)
+            kept = facets.rows[np.concatenate([facets.boundary, *joints[:k], *joints[k + 1 :]])]
+            moved = smoothed(mesh, facets.rows[joint], kept, step)
+            _say_moves(mesh, moved, step)
+            mesh = moved
     return mesh
+
+
+def _say_moves(before: Mesh, after: Mesh, step: Step) -> None:
+    far = np.linalg.norm(after.points - before.points, axis=1)
+    if far.any():
+        log.info(
+            "%s: %d of %d nodes moved onto the surface, or with those, by up to %.3g m",
+            step.place, np.count_nonzero(far), len(far), far.max(),
+        )  # fmt: skip
 
 
 def _piece(name: str, block: Block, mesh: Mesh, own: Bools) -> Block:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,11 +10,9 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.scene.cutting.mesh import Facets, Mesh
-from romdam.scene.cutting.moving import kept_facets, shift_onto, with_shift
+from romdam.scene.cutting.moving import NEAR, shift_onto, with_shift
 from romdam.scene.cutting.surfaces import Surface
 from romdam.scene.facets import facet_element, facet_normals
-
-log = logging.getLogger(__name__)
 
 _REMEDY = {
     False: "cut `through: elements`, mesh with element faces along the surface",
@@ -32,17 +29,26 @@ class Step(NamedTuple):
     place: str
 
 
-def joint_facets(facets: Facets, mesh: Mesh, labels: Ints, number: int) -> Ints:
-    """Numbers of the facets between blocks that a surface parts; of each two that are one, the first.
+def joint_facets(mesh: Mesh, facets: Facets, labels: Ints, steps: list[Step]) -> list[Ints]:
+    """Numbers of the facets between blocks, for every surface; of each two that are one, the first.
+
+    A facet is of the surface that parts its cells; where several do, of the nearest.
 
     Parameters
     ----------
     labels : (nc,) block of every cell
-    number : of the surface, a column of the sides
     """
-    one, other = facets.pairs.T
-    a, b = facets.cell[one], facets.cell[other]
-    return one[(labels[a] != labels[b]) & (mesh.sides[a, number] != mesh.sides[b, number])]
+    one = facets.pairs[:, 0]
+    a, b = facets.cell[facets.pairs].T
+    one, a, b = (each[labels[a] != labels[b]] for each in (one, a, b))
+    parting = mesh.sides[a] != mesh.sides[b]
+    away = np.full(parting.shape, np.inf)
+    for k, step in enumerate(steps):
+        corners, _ = _corners(mesh, facets.rows[one[parting[:, k]]])
+        far = np.abs(step.surface.distance(corners.reshape(-1, 3))).reshape(corners.shape[:2])
+        away[parting[:, k], k] = far.max(axis=1)
+    owner = np.argmin(away, axis=1)
+    return [one[owner == k] for k in range(len(steps))]
 
 
 def refuse_teeth(mesh: Mesh, joint: Ints, step: Step) -> None:
@@ -57,8 +63,7 @@ def refuse_teeth(mesh: Mesh, joint: Ints, step: Step) -> None:
     MeshError
         with the worst place, its distance, and the largest angle between a facet and the surface.
     """
-    corners = mesh.points[joint[:, : facet_element(joint).corners]]
-    size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    corners, size = _corners(mesh, joint)
     samples = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
     _refuse_rim(step, samples, size)
     off = np.abs(step.surface.distance(samples.reshape(-1, 3))).reshape(len(joint), -1)
@@ -80,6 +85,12 @@ def refuse_teeth(mesh: Mesh, joint: Ints, step: Step) -> None:
     )
 
 
+def _corners(mesh: Mesh, joint: Ints) -> tuple[Floats, Floats]:
+    """Corners of facets (nf, corners, 3), and the mean length of their edges (nf,) [m]."""
+    corners = mesh.points[joint[:, : facet_element(joint).corners]]
+    return corners, np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+
+
 def _refuse_rim(step: Step, samples: Floats, size: Floats) -> None:
     beyond = step.surface.beyond(samples.reshape(-1, 3)).reshape(len(size), -1)
     share = beyond.max(axis=1) / size
@@ -94,22 +105,18 @@ def _refuse_rim(step: Step, samples: Floats, size: Floats) -> None:
         )
 
 
-def smoothed(mesh: Mesh, facets: Facets, joint: Ints, number: int, step: Step) -> Mesh:
+def smoothed(mesh: Mesh, joint: Ints, kept: Ints, step: Step) -> Mesh:
     """Move the nodes of a joint onto its surface, along other joints and the faces of the block.
 
     Parameters
     ----------
     joint : (nf, nodes per facet)
-    number : of the surface, a column of the sides
+    kept : (nf, nodes per facet) facets of other joints and of the boundary
     """
-    kept = kept_facets(mesh, facets, but=number)
-    shift = shift_onto(mesh, step.surface, np.unique(joint[:, : facets.corners]), kept)
+    corners = facet_element(joint).corners
+    reach = np.full(len(mesh.points), np.inf)
+    np.minimum.at(reach, joint, NEAR * _corners(mesh, joint)[1][:, None])
+    shift = shift_onto(mesh, step.surface, np.unique(joint[:, :corners]), kept, reach)
     moved = with_shift(mesh, shift)
-    more = shift_onto(moved, step.surface, np.unique(joint[:, facets.corners :]), kept)
-    far = np.linalg.norm(shift + more, axis=1)
-    if far.any():
-        log.info(
-            "%s: %d of %d nodes of the joint moved onto the surface, by up to %.3g m",
-            step.place, np.count_nonzero(far), len(np.unique(joint)), far.max(),
-        )  # fmt: skip
+    more = shift_onto(moved, step.surface, np.unique(joint[:, corners:]), kept, reach)
     return replace(moved, points=moved.points + more)

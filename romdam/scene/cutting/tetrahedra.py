@@ -134,7 +134,7 @@ def _with_middles(made: Mesh, before: Mesh, pieces: _Pieces) -> Mesh:
     points, cells = with_middle_nodes(made.points, made.cells, element)
     whole = len(cells) - len(pieces.cell)
     middle = pieces.within[:, _EDGES].mean(axis=2)
-    shape = element.shape(middle.reshape(-1, 4)[:, 1:]).reshape(len(middle), 6, -1)
+    shape = element.shape(middle.reshape(-1, 4)[:, 1:]).reshape(len(middle), 6, len(element.nodes))
     at = np.einsum("cea,cak->cek", shape, before.points[before.cells[pieces.cell]], optimize=True)
     points[cells[whole:, 4:]] = at
     old = before.cells[np.setdiff1d(np.arange(len(before.cells)), pieces.cell)]
