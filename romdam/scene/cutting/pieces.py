@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from romdam.config.quantities import to_si
 from romdam.config.sections.cut import CutConfig, CutSurfaceConfig
@@ -22,7 +24,7 @@ from romdam.scene.cutting.teeth import Step, joint_facets, refuse_teeth, smoothe
 from romdam.scene.cutting.tetrahedra import cut_tetrahedra
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import row_numbers
-from romdam.scene.meshes.quality import refuse_bad_cells
+from romdam.scene.meshes.quality import sound_volume
 
 log = logging.getLogger(__name__)
 
@@ -69,8 +71,10 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
     worst_before = float(quality(block.points, Mesh.of(block).corners).min())
     refuse_slivers(mesh, worst_before, [(step.surface, step.place) for step in every])
     pieces = {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
-    for piece in pieces.values():
-        refuse_bad_cells(piece, f"{source}: cut.{block.name}")
+    volume = sum(sound_volume(piece, f"{source}: cut.{block.name}") for piece in pieces.values())
+    before = sound_volume(block, f"{source}: cut.{block.name}")
+    log.info("%s: cut.%s: volume changes by %.2g of itself", source, block.name, volume / before - 1.0)
+    _say_parts(mesh, names, labels, f"{source}: cut.{block.name}")
     return pieces
 
 
@@ -187,6 +191,21 @@ def _say_moves(before: Mesh, after: Mesh, step: Step) -> None:
             "%s: %d of %d nodes moved onto the surface, or with those, by up to %.3g m",
             step.place, np.count_nonzero(far), len(far), far.max(),
         )  # fmt: skip
+
+
+def _say_parts(mesh: Mesh, names: list[str], labels: Ints, place: str) -> None:
+    """Log which blocks are in parts that share no face: a surface may cross the block more than once."""
+    facets, size = Facets.of(mesh.element, mesh.cells), len(labels)
+    a, b = facets.cell[facets.pairs].T
+    same = labels[a] == labels[b]
+    links = coo_array((np.ones(same.sum()), (a[same], b[same])), shape=(size, size))
+    part = connected_components(links, directed=False)[1]
+    for k, name in enumerate(names):
+        if (count := len(np.unique(part[labels == k]))) > 1:
+            log.warning(
+                "%s: block %r is in %d parts that share no face; cut them apart, or check the surfaces",
+                place, name, count,
+            )  # fmt: skip
 
 
 def _piece(name: str, block: Block, mesh: Mesh, own: Bools) -> Block:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.arrays import Floats
-from romdam.scene.meshes.data import Cells, MeshFile, cannot_be_read, checked_mesh, numbers_of
+from romdam.core.errors import MeshError
+from romdam.scene.meshes.data import Cells, MeshFile, checked_mesh, numbers_of
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes before the first triangle
@@ -27,7 +28,7 @@ def read_stl(path: Path, place: str) -> MeshFile:
     try:
         corners = _binary(data) if _is_binary(data) else _text(data)
     except ValueError as error:
-        raise cannot_be_read(place, "stl", str(error)) from None
+        raise MeshError(f"{place} cannot be read as an STL file ({error}); export it anew") from None
     number = np.arange(len(corners))
     cells = Cells("triangle", number.reshape(-1, 3), np.arange(len(corners) // 3))
     return checked_mesh(number, corners, [cells], place)
