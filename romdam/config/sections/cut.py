@@ -42,6 +42,7 @@ class CylinderConfig(Model):
     axis: Direction = (0.0, 0.0, 1.0)
     """Direction of its axis; vertical if not given."""
     radius: Annotated[Length, Field(gt=0.0)]
+    """Distance of the surface from the axis."""
 
     _direction = field_validator("axis")(_some_direction)
 
