@@ -107,7 +107,9 @@ def main() -> None:
 def drawn(block: Block, keys: dict[str, Any], folder: Path) -> None:
     """Write mesh and job, build the scene from them as any user would, and draw it."""
     written(block, folder)
-    (folder / "cut.yaml").write_text(yaml.safe_dump(job(keys), sort_keys=False))
+    (folder / "cut.yaml").write_text(
+        yaml.safe_dump(job(keys), sort_keys=False).replace("../data", str(CONFIG.parents[1] / "data"))
+    )
     scene: Scene = build_scene(parse_config(job(keys), "cut.yaml"), folder, "cut.yaml")
     try:
         from romdam.visual.scene_view import draw_scene

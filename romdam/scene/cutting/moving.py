@@ -13,9 +13,7 @@ from romdam.scene.cutting.surfaces import Surface
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import area_vectors
 
-NEAR = (
-    0.2  # of the shortest edge at a node: how far it may be moved onto a surface, so that no sliver is left
-)
+NEAR = 0.3  # of a node's shortest edge that crosses: how far it may be moved, so that no sliver is left
 _FLAT = 0.03  # mean square of the sine between faces around a node below which they are one smooth face
 _ACROSS = 1e-4  # square of the sine between a surface and what a node can move along: below, it has no way
 _WORSE = 0.3  # of a cell's quality: below, one of its nodes is put back
@@ -24,7 +22,7 @@ _STEPS = 20
 
 
 def snapped(mesh: Mesh, surface: Surface, kept: Ints) -> tuple[Mesh, Floats]:
-    """Move corner nodes that are nearly on a surface onto it.
+    """Move corner nodes onto a surface that crosses one of their edges near them.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from romdam.core.scene import Block
 from romdam.scene.cutting.hexahedra import cut_hexahedra
 from romdam.scene.cutting.mesh import Facets, Mesh
 from romdam.scene.cutting.moving import on_surface, snapped
-from romdam.scene.cutting.shapes import quality, refuse_slivers
+from romdam.scene.cutting.shapes import refuse_slivers
 from romdam.scene.cutting.surfaces import Cylinder, Plane, Surface, unit
 from romdam.scene.cutting.teeth import Step, joint_facets, refuse_teeth, smoothed
 from romdam.scene.cutting.tetrahedra import cut_tetrahedra
@@ -50,39 +50,34 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
         for surfaces that miss, end in the block, leave saw-toothed joints or slivers, and elements that
         cannot be cut in two.
     """
-    steps: Steps = {}
-    for name in _in_order(block.name, cuts):
-        place = f"{source}: cut.{name}"
-        steps[name] = [
-            Step(
-                _surface(one, folder, f"{place}.along[{k}]"),
-                cuts[name].through == "elements",
-                cuts[name].teeth,
-                f"{place}.along[{k}]",
-            )
-            for k, one in enumerate(cuts[name].along)
-        ]
+    place = f"{source}: cut.{block.name}"
+    steps = _steps(block.name, cuts, folder, source)
     every = [step for own in steps.values() for step in own]
-    mesh = Mesh.of(block)
+    mesh = whole = Mesh.of(block)
     for step in every:
         mesh = _parted(mesh, step)
     names, labels = _labels(block.name, cuts, steps, mesh)
     mesh = _with_smooth_joints(mesh, labels, every)
-    worst_before = float(quality(block.points, Mesh.of(block).corners).min())
-    refuse_slivers(mesh, worst_before, [(step.surface, step.place) for step in every])
+    refuse_slivers(mesh, whole, [(step.surface, step.place) for step in every])
     pieces = {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
-    volume = sum(sound_volume(piece, f"{source}: cut.{block.name}") for piece in pieces.values())
-    before = sound_volume(block, f"{source}: cut.{block.name}")
-    log.info("%s: cut.%s: volume changes by %.2g of itself", source, block.name, volume / before - 1.0)
-    _say_parts(mesh, names, labels, f"{source}: cut.{block.name}")
+    volume = sum(sound_volume(piece, place) for piece in pieces.values())
+    log.info("%s: volume changes by %.2g of itself", place, volume / sound_volume(block, place) - 1.0)
+    _say_parts(mesh, names, labels, place)
     return pieces
 
 
-def _in_order(name: str, cuts: Cuts) -> list[str]:
-    """The cuts of a block and of what they make, from the block on."""
+def _steps(name: str, cuts: Cuts, folder: Path, source: str) -> Steps:
+    """The surfaces of a block and of what its cuts make, from the block on."""
     if name not in cuts:
-        return []
-    return [name, *(one for piece in cuts[name].into for one in _in_order(piece, cuts))]
+        return {}
+    cut, steps = cuts[name], []
+    for k, config in enumerate(cut.along):
+        place = f"{source}: cut.{name}.along[{k}]"
+        steps.append(Step(_surface(config, folder, place), cut.through == "elements", cut.teeth, place))
+    made = {name: steps}
+    for piece in cut.into:
+        made |= _steps(piece, cuts, folder, source)
+    return made
 
 
 def _surface(config: CutSurfaceConfig, folder: Path, place: str) -> Surface:
@@ -133,7 +128,7 @@ def _labels(name: str, cuts: Cuts, steps: Steps, mesh: Mesh) -> tuple[list[str],
     names: list[str] = []
     labels = np.full(len(mesh.cells), -1)
 
-    def part(name: str, among: Bools) -> None:
+    def assign(name: str, among: Bools) -> None:
         if name not in cuts:
             labels[among] = len(names)
             names.append(name)
@@ -141,11 +136,11 @@ def _labels(name: str, cuts: Cuts, steps: Steps, mesh: Mesh) -> tuple[list[str],
         for k, step in enumerate(steps[name]):
             below = among & (mesh.sides[:, first[name] + k] < 0)
             _refuse_miss(mesh, among, below, step, cuts[name].into[k:])
-            part(cuts[name].into[k], below)
+            assign(cuts[name].into[k], below)
             among = among & ~below
-        part(cuts[name].into[-1], among)
+        assign(cuts[name].into[-1], among)
 
-    part(name, np.ones(len(mesh.cells), dtype=bool))
+    assign(name, np.ones(len(mesh.cells), dtype=bool))
     return names, labels
 
 
@@ -199,9 +194,9 @@ def _say_parts(mesh: Mesh, names: list[str], labels: Ints, place: str) -> None:
     a, b = facets.cell[facets.pairs].T
     same = labels[a] == labels[b]
     links = coo_array((np.ones(same.sum()), (a[same], b[same])), shape=(size, size))
-    part = connected_components(links, directed=False)[1]
+    component = connected_components(links, directed=False)[1]
     for k, name in enumerate(names):
-        if (count := len(np.unique(part[labels == k]))) > 1:
+        if (count := len(np.unique(component[labels == k]))) > 1:
             log.warning(
                 "%s: block %r is in %d parts that share no face; cut them apart, or check the surfaces",
                 place, name, count,
@@ -225,9 +220,9 @@ def _face_numbers(block: Block) -> dict[str, Ints]:
     """For every named face the numbers of its facets among those of all cells."""
     facets = Facets.of(block.element, block.cells)
     of_cells = np.sort(facets.rows[facets.boundary][:, : facets.corners], axis=1)
-    found = {}
+    numbers = {}
     for label, rows in block.faces.items():
         both = np.concatenate([of_cells, np.sort(rows[:, : facets.corners], axis=1)])
         number = row_numbers(both)
-        found[label] = facets.boundary[np.isin(number[: len(of_cells)], number[len(of_cells) :])]
-    return found
+        numbers[label] = facets.boundary[np.isin(number[: len(of_cells)], number[len(of_cells) :])]
+    return numbers

@@ -38,28 +38,29 @@ def quality(points: Floats, corners: Ints) -> Floats:
     return np.asarray((6.0 * np.sqrt(2.0) * volume / square**1.5).min(axis=1))
 
 
-def refuse_slivers(mesh: Mesh, worst_before: float, places: list[tuple[Surface, str]]) -> None:
-    """Raise if a cut has left cells that are too thin, thinner than any was before.
+def refuse_slivers(mesh: Mesh, before: Mesh, places: list[tuple[Surface, str]]) -> None:
+    """Raise if cuts have left cells that are too thin, and half as good as the worst one was before.
 
     Parameters
     ----------
-    worst_before : lowest quality of the uncut mesh
+    mesh, before : with and without the cuts
     places : the surfaces, and file and key of each; the nearest one is named
 
     Raises
     ------
     MeshError
     """
-    found = quality(mesh.points, mesh.corners)
-    thin = np.flatnonzero(found < min(SLIVER, worst_before))
+    shape = quality(mesh.points, mesh.corners)
+    limit = min(SLIVER, 0.5 * float(quality(before.points, before.corners).min()))
+    thin = np.flatnonzero(shape < limit)
     if not len(thin):
         return
-    worst = thin[np.argmin(found[thin])]
+    worst = thin[np.argmin(shape[thin])]
     centre = mesh.points[mesh.corners[worst]].mean(axis=0)
     at = ", ".join(f"{x:.6g}" for x in centre)
     place = min(places, key=lambda one: abs(float(one[0].distance(centre[None])[0])))[1]
     raise MeshError(
         f"{place}: the cut leaves {len(thin)} slivers: the worst, around ({at}) m, has a quality of "
-        f"{found[worst]:.3g}, limit {min(SLIVER, worst_before):.3g} (1 is a regular tetrahedron); move the "
+        f"{shape[worst]:.3g}, limit {limit:.3g} (1 is a regular tetrahedron); move the "
         "surface away from the faces and edges that it nearly touches there, or onto them, or mesh finer"
     )
