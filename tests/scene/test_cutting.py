@@ -342,3 +342,15 @@ def test_the_side_of_a_surface_is_that_of_its_triangles(tmp_path):
     wavy(tmp_path, ".vtu", turned=True)
     pieces = cut(a_box("tet4"), {"surface": {"file": "s.vtu"}}, folder=tmp_path, through="elements")
     assert pieces["A"].points[:, 1].max() == 6.0
+
+
+def test_groups_of_one_file_are_surfaces_of_their_own(tmp_path):
+    import meshio
+
+    corners = np.array([[-1, 0, -1], [-1, 0, 9], [9, 0, 9], [9, 0, -1]], dtype=float)
+    points = np.vstack([corners + np.array([0, y, 0]) for y in (2, 4)])
+    cells = [("quad", np.array([[0, 1, 2, 3], [4, 5, 6, 7]]))]
+    meshio.Mesh(points, cells, cell_data={"group": [np.array([7, 8])]}).write(tmp_path / "s.vtu")
+    surfaces = [{"surface": {"file": "s.vtu", "group": group}} for group in (7, 8)]
+    pieces = cut(a_box("hex8"), *surfaces, folder=tmp_path)
+    assert [p.points[:, 1].max() for p in pieces.values()] == [2.0, 4.0, 6.0]

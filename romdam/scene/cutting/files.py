@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.core.errors import MeshError, listed
+from romdam.core.errors import MeshError, listed, shown
 from romdam.scene.cutting.triangulated import Triangulated
 from romdam.scene.elements import ELEMENT_OF_CELL
 from romdam.scene.meshes.files import read_mesh_file
@@ -29,10 +29,10 @@ def read_surface(path: Path, group: str | int | None, scale: float, place: str) 
     file = read_mesh_file(path, f"{place}.file")
     members = [np.arange(len(cells.ids)) for cells in file.cells]
     if group is not None:
-        label = file.numbers.get(str(group), str(group))
+        label = str(group) if str(group) in file.groups else file.numbers.get(str(group), "")
         if label not in file.groups:
             raise MeshError(
-                f"{place}.group: group {group!r} does not exist in {path}; its groups are "
+                f"{place}.group: group {shown(group)} does not exist in {path}; its groups are "
                 f"{listed(file.groups)}"
             )
         members = file.groups[label]
