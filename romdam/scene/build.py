@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from romdam.config.sections.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
 from romdam.scene.arch_dam.generator import ArchDam, arch_dam
 from romdam.scene.boxes import box_block
+from romdam.scene.cutting.pieces import cut_block
 from romdam.scene.elements import Floats
 from romdam.scene.joints import build_joint
 from romdam.scene.meshes.files import MeshFiles
@@ -66,7 +68,12 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         water=_water(config, blocks, source),
         warmed=_warmed(config, blocks, source),
         excluded_from_gravity=dam.excluded_from_gravity
-        | {name for name, block in config.blocks.items() if not block.weight},
+        | {
+            piece
+            for name, block in config.blocks.items()
+            for piece in pieces_of(name, config.cut)
+            if not block.weight
+        },
         radiating=dam.radiating,
         staged_weight=config.loads.weight == "staged",
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
@@ -77,13 +84,16 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
 
 
 def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:
-    blocks, files = {}, MeshFiles(folder)
+    blocks: dict[str, Block] = {}
+    files = MeshFiles(folder)
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
-            blocks[name] = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
-        elif block.mesh is not None:
-            blocks[name] = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
+            made = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
+        else:
+            assert block.mesh is not None
+            made = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
+        blocks |= cut_block(made, config.cut, folder, source) if name in config.cut else {name: made}
     files.say_unused(source)
     return blocks
 

@@ -176,7 +176,7 @@ def _suite() -> dict[str, Any]:
 
 
 def _others() -> dict[str, Any]:
-    """What the other bases cannot have at the same time: ties, a mesh file, a design table, scales."""
+    """What the other bases cannot have at the same time: ties, a mesh file, cuts, a design table, scales."""
     raw = copy.deepcopy(_TWO)
     raw["joints"], raw["loads"] = {}, {}
     raw["ties"] = {"grown": {"between": ["left", "right"], "tolerance": 1e-3}}
@@ -185,6 +185,24 @@ def _others() -> dict[str, Any]:
         "mesh": {"file": "left.msh", "group": "body", "unit": "m"},
     }
     raw["supports"] = [{"block": "right", "face": "zmin"}]
+    raw["blocks"]["whole"] = {
+        "material": "concrete",
+        "box": {"origin": [20, 0, 0], "size": [5, 20, 5], "element_size": 2.5, "element": "tet4"},
+    }
+    raw["cut"] = {
+        "whole": {
+            "along": [
+                {"plane": {"point": [0, 5, 0], "normal": [0, 1, 0]}},
+                {"cylinder": {"point": [0, -40, 2.5], "axis": [1, 0, 0], "radius": "50 m"}},
+                {"surface": {"file": "surface.stl", "group": None, "unit": "m"}},
+            ],
+            "into": ["A", "B", "C", "D"],
+            "through": "elements",
+            "teeth": "10 %",
+            "joints": {"normal_stiffness": "16 GPa/m"},
+        }
+    }
+    raw["supports"] += [{"block": name, "face": "zmin"} for name in "ABCD"]
     raw["suite"] = {
         "scales": [1.0],
         "parameters": {"ratio": {"path": "damping.rayleigh.ratio"}},
@@ -203,6 +221,8 @@ def write_files(folder: Path) -> None:
     np.savetxt(folder / "pulse.txt", 5.0 * acc / np.abs(acc).max())
     (folder / "gaps.csv").write_text("x,y,z,gap\n0,0,0,0\n5,0,0,0\n0,0,20,0.001\n5,0,20,0.001\n")
     (folder / "samples.csv").write_text("ratio\n0.05\n")
+    vertices = "\n".join(f"vertex {x} 15 {z}" for x, z in ((0, -9), (0, 90), (90, -9)))
+    (folder / "surface.stl").write_text(f"solid s\nfacet\n{vertices}\nendfacet\nendsolid\n")
     corners = [f"{x} {y} {z}" for z in (0, 5, 10, 15, 20) for x, y in ((0, -5), (5, -5), (5, 0), (0, 0))]
     nodes = "".join(f"{i + 1} {xyz}\n" for i, xyz in enumerate(corners))
     cells = "".join(f"{k + 1} 5 2 1 1 {' '.join(str(4 * k + n) for n in range(1, 9))}\n" for k in range(4))

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.names import Name
@@ -21,12 +21,12 @@ from romdam.config.quantities import (
     Pressure,
     Time,
     Whole,
-    to_si,
 )
 from romdam.config.sections.arch_dam import ArchDamConfig
-from romdam.config.sections.joints import JointConfig, TieConfig
+from romdam.config.sections.cut import CutConfig, pieces_of, refuse_wrong_cuts
+from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
 from romdam.config.sections.loads import LoadsConfig
-from romdam.config.sections.places import Axis, ElementName, FaceRef, NodeConfig, Vector
+from romdam.config.sections.places import Axis, ElementName, FaceRef, LengthUnit, NodeConfig, Vector
 from romdam.config.sections.records import RecordConfig
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
@@ -69,12 +69,6 @@ class BoxConfig(Model):
     element: ElementName = "hex8"
 
 
-def _length_unit(value: str) -> str:
-    if to_si(f"1 {value}", "m") <= 0.0:
-        raise ValueError(f"one unit must be more than 0 m, got {shown(value)}")
-    return value
-
-
 class MeshFileConfig(Model):
     """A block read from a mesh file; the physical groups of its facets become its faces."""
 
@@ -82,7 +76,7 @@ class MeshFileConfig(Model):
     """gmsh .msh, Nastran .bdf, Abaqus .inp or .vtu."""
     group: str | Whole | None = None
     """Physical group (or its number) of the cells; all of them where there is one only."""
-    unit: Annotated[str, AfterValidator(_length_unit)] = "m"
+    unit: LengthUnit = "m"
     """Of the coordinates."""
 
 
@@ -242,6 +236,8 @@ class Config(Model):
     """Of figures and reports."""
     blocks: dict[Name, BlockConfig] = Field(default_factory=dict)
     arch_dam: ArchDamConfig | None = None
+    cut: dict[Name, CutConfig] = Field(default_factory=dict)
+    """Blocks that are cut into several, by name."""
     materials: dict[Name, MaterialConfig]
     supports: tuple[SupportConfig, ...] = ()
     joints: dict[Name, JointConfig] = Field(default_factory=dict)
@@ -261,16 +257,17 @@ class Config(Model):
     @property
     def block_names(self) -> tuple[str, ...]:
         """Every block, those of the arch dam first."""
-        return (*(self.arch_dam.block_names if self.arch_dam else ()), *self.blocks)
+        made = self.arch_dam.block_names if self.arch_dam else ()
+        return (*made, *(piece for name in self.blocks for piece in pieces_of(name, self.cut)))
 
     @property
     def every_joint(self) -> dict[str, JointConfig]:
-        """Every joint, those of the arch dam first."""
-        dam = self.arch_dam
-        if dam is None or isinstance(dam.joints, str):
-            return dict(self.joints)
-        given = {key: getattr(dam.joints, key) for key in dam.joints.model_fields_set}
-        made = {name: JointConfig(between=pair, **given) for name, pair in dam.joint_pairs.items()}
+        """Every joint, those of the arch dam first, then those of cuts."""
+        made: dict[str, JointConfig] = {}
+        for one in (*((self.arch_dam,) if self.arch_dam else ()), *self.cut.values()):
+            if isinstance(one.joints, JointProperties):
+                keys = {key: getattr(one.joints, key) for key in one.joints.model_fields_set}
+                made |= {name: JointConfig(between=pair, **keys) for name, pair in one.joint_pairs.items()}
         return made | self.joints
 
     @model_validator(mode="after")
@@ -320,9 +317,12 @@ class Config(Model):
         for name in dam.block_names if dam else ():
             if name in self.blocks:
                 raise ValueError(f"blocks.{name}: arch_dam makes a block of that name; rename this one")
-        for name in dam.joint_pairs if dam else ():
-            if name in self.joints:
-                raise ValueError(f"joints.{name}: arch_dam makes a joint of that name; rename this one")
+        refuse_wrong_cuts(self.cut, self.blocks, dam.block_names if dam else ())
+        makers = dict.fromkeys(dam.joint_pairs if dam else (), "arch_dam")
+        makers |= {name: f"cut.{key}" for key, cut in self.cut.items() for name in cut.joint_pairs}
+        for name in self.joints:
+            if name in makers:
+                raise ValueError(f"joints.{name}: {makers[name]} makes a joint of that name; rename this one")
         for key, material in (dam.materials if dam else {}).items():
             self._known(f"arch_dam.{key}", material, self.materials)
 

@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Tag
+from pydantic import AfterValidator, Field, Tag
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Dimensionless, Length
+from romdam.config.quantities import Dimensionless, Length, to_si
+from romdam.core.errors import shown
 
 Axis = Literal["x", "y", "z"]
 ElementName = Literal["hex8", "hex20", "hex27", "tet4", "tet10"]  # see romdam.scene.elements
 Vector = tuple[Length, Length, Length]
 Direction = tuple[Dimensionless, Dimensionless, Dimensionless]
 Tolerance = Annotated[Length, Field(gt=0.0, le=10.0)]
+
+
+def _length_unit(value: str) -> str:
+    if to_si(f"1 {value}", "m") <= 0.0:
+        raise ValueError(f"one unit must be more than 0 m, got {shown(value)}")
+    return value
+
+
+LengthUnit = Annotated[str, AfterValidator(_length_unit)]
 
 
 class PlaneRef(Model):

@@ -20,6 +20,7 @@ from romdam.scene.meshes.data import LARGEST, MeshFile
 from romdam.scene.meshes.gmsh import read_gmsh
 from romdam.scene.meshes.nastran import read_nastran
 from romdam.scene.meshes.quality import refuse_bad_cells
+from romdam.scene.meshes.stl import read_stl
 from romdam.scene.meshes.vtu import read_vtu
 
 log = logging.getLogger(__name__)
@@ -31,6 +32,7 @@ FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
     ".dat": read_nastran,
     ".inp": read_abaqus,
     ".vtu": read_vtu,
+    ".stl": read_stl,
 }
 
 
@@ -104,7 +106,7 @@ def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folde
 
 
 def read_mesh_file(path: Path, place: str) -> MeshFile:
-    """Read a gmsh, Nastran, Abaqus or VTU file.
+    """Read a gmsh, Nastran, Abaqus, VTU or STL file.
 
     Raises
     ------
@@ -139,11 +141,13 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
     MeshError
         where solid elements have all corners of a facet, but none has it as a face.
     """
-    found = []
+    found: list[str] = []
     solid = np.zeros(len(file.points), dtype=bool)
     for cells in file.cells:
         if cells.dim == 3:
             solid[cells.nodes] = True
+    if not solid.any():  # a surface
+        return found
     for k, cells in enumerate(file.cells):
         members = (
             {label: own[k] for label, own in file.groups.items() if len(own[k])} if cells.dim == 2 else {}

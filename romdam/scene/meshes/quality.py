@@ -44,7 +44,7 @@ def refuse_bad_cells(block: Block, place: str) -> None:
         )
     refuse_loose_nodes(block, place)
     _refuse_stray_middles(block, place)
-    volume = _volume(block, place)
+    volume = sound_volume(block, place)
     _refuse_coincident_nodes(block, place)
     pieces = refuse_bad_faces(block, volume, place)
     if pieces > 1:
@@ -55,7 +55,7 @@ def refuse_bad_cells(block: Block, place: str) -> None:
         )  # fmt: skip
 
 
-def _volume(block: Block, place: str) -> float:
+def sound_volume(block: Block, place: str) -> float:
     """Volume of the cells [m3]; raises where one is turned inside out, at a Gauss point or at a corner."""
     element, total = ELEMENTS[block.element], 0.0
     xi, weight = element.rule

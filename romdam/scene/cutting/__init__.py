@@ -1,0 +1,1 @@
+"""One mesh cut into blocks, along faces of its elements or through them."""
