@@ -178,13 +178,12 @@ def _initial_gap(joint: JointConfig, position: Floats, folder: Path, place: str)
 def _free_components(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bools:
     """(2, k, 3) components that can change the jump at each node pair, on either side.
 
-    Supports hold some; a pair that ties make one node has no jump at all.
+    Supports hold some; a pair that ties make one node, or let follow the same ones alike, has no jump at all.
     """
     free = np.stack([~fixed[block][nodes] for block, nodes in zip(joint.blocks, joint.nodes, strict=True)])
     for part in parts:
         if set(joint.blocks) <= set(part.blocks):
-            I, J = (part.number[b][nodes] for b, nodes in zip(joint.blocks, joint.nodes, strict=True))
-            free[:, I == J] = False
+            free[:, part.together(joint.blocks, joint.nodes)] = False
     return free
 
 

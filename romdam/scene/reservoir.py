@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, Joint, Reservoir, Tie, WetFace
+from romdam.core.scene import Block, Bools, Ints, Joint, Reservoir, Tie, WetFace
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import area_vectors, boundary_facets, facet_normals
 from romdam.scene.select import select_facets
 
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
+_OPPOSED = -0.5  # cosine: faces that touch look at each other
 _LEVEL = 1e-6  # horizontal part of the mean normal below which it gives no direction
 
 
@@ -114,6 +116,8 @@ def _refuse_contact(
 
 def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Block]) -> Bools:
     """True for facets that have one of the neighbour on them; all nodes of others may be in contacts too."""
+    if isinstance(contact, Tie) and contact.weights is not None:
+        return _opposed(face.facets, contact, side, blocks)
     partner = np.full(len(blocks[face.block].points), -1)
     partner[contact.nodes[side]] = contact.nodes[1 - side]
     corners = facet_element(face.facets).corners
@@ -124,6 +128,20 @@ def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Bl
         facets = boundary_facets(other.cells, other.element)
         known = set(map(tuple, np.sort(facets[:, : facet_element(facets).corners], axis=1).tolist()))
         found[found] = [tuple(image) in known for image in images[found].tolist()]
+    return found
+
+
+def _opposed(wet: Ints, tie: Tie, side: int, blocks: dict[str, Block]) -> Bools:
+    """True for facets among the nodes of a mortar tie that look at the nearest one of the other side."""
+    own, other = blocks[tie.blocks[side]], blocks[tie.blocks[1 - side]]
+    facets = boundary_facets(other.cells, other.element)
+    facets = facets[np.isin(facets, tie.nodes[1 - side]).all(axis=1)]
+    found: Bools = np.asarray(np.isin(wet, tie.nodes[side]).all(axis=1))
+    if found.any():
+        centre = own.points[wet[found]].mean(axis=1)
+        nearest = facets[cKDTree(other.points[facets].mean(axis=1)).query(centre)[1]]
+        looks = facet_normals(own.points, wet[found]) * facet_normals(other.points, nearest)
+        found[found] = looks.sum(axis=1) < _OPPOSED
     return found
 
 

@@ -52,7 +52,7 @@ from romdam.reduction.methods.craig_bampton import (
 from romdam.reduction.storage.keys import part_keys
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
-from romdam.scene.supports import has_no_rigid_body_mode, rigid_motions
+from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import Part
 
 log = logging.getLogger(__name__)
@@ -90,7 +90,8 @@ class _MergedPart:
     right : (n, a) sparse, of unit length: what the basis answers statically right
     held : whether supports stop every rigid motion
     motions : of the free DOFs
-    row : (N,) number of every DOF of every block among the free ones, block after block; -1 where held
+    row : (N,) number of every DOF of every block among the free ones, block after block; -1 where it is none
+    slaves : those that follow free DOFs, and what they follow, (s, n) sparse; None without mortar ties
     inertia : block name -> (3 nodes, 3) M r of its own
     place : what to call the part in messages
     """
@@ -101,6 +102,7 @@ class _MergedPart:
     held: bool
     motions: Motions
     row: Ints
+    slaves: tuple[Ints, csr_matrix] | None
     inertia: dict[str, Floats]
     place: str
 
@@ -172,17 +174,30 @@ def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats)
         _boundary_tractions(part, scene),
     ]
     mesh = part.mesh(scene.blocks)
-    dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
+    dofs = np.concatenate([(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks])
+    row = np.full(3 * part.every_node, -1)
+    row[np.flatnonzero(free)] = np.arange(K.shape[0])
     return _MergedPart(
         K=Symmetric(K),
         M=M,
         right=_unit_columns([operator[:, free].T, *(load[free] for load in loads)]),
-        held=has_no_rigid_body_mode(mesh, fixed),
-        motions=Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free]),
-        row=np.where(free, np.cumsum(free) - 1, -1)[np.concatenate(dofs)],
+        held=part.stands_free(scene),
+        motions=Motions(
+            np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free]
+        ),
+        row=row[dofs],
+        slaves=_slaves(part, dofs, free),
         inertia=inertia,
         place=f"part {part.name}",
     )
+
+
+def _slaves(part: Part, dofs: Ints, free: Bools) -> tuple[Ints, csr_matrix] | None:
+    """Which of the blocks' DOFs, of so many numbers in the part, follow free ones, and how."""
+    if part.slaves is None:
+        return None
+    which = np.flatnonzero(dofs >= 3 * part.nodes)
+    return which, part.slaves[dofs[which] - 3 * part.nodes][:, free]
 
 
 def _sum(part: Part, inertia: dict[str, Floats], blocks: list[str]) -> Floats:
@@ -220,6 +235,7 @@ def _reduced(
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
     if every and (merged.M.diagonal() > 0.0).all():
         modes, (omega2, Phi), V = size, dense_modes(merged.K.whole(), merged.M), np.eye(size)
+        omega2 = without_roundoff(omega2)
         T = OutOfCoreMatrix(path, key, (len(merged.row), size))
         T.fill(size, lambda first, last: _over_blocks(merged, Phi[:, first:last]))
     else:
@@ -262,6 +278,9 @@ def _over_blocks(merged: _MergedPart, values: Floats) -> Floats:
     """Values of the free DOFs over those of every block, zero where held."""
     found = np.take(values, merged.row, axis=0, mode="wrap")  # quicker than values[row]
     found[merged.row < 0] = 0.0
+    if merged.slaves is not None:
+        which, follow = merged.slaves
+        found[which] = follow @ values
     return found
 
 
