@@ -20,7 +20,9 @@ from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.fem.parts import assemble_part, basis_over_unknowns, gather, unknowns
 from romdam.fem.stress import modal_stress, observed_stress
+from romdam.linalg.solvers import Solving
 from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.staging import staged_displacement
 from romdam.reduction.synthesis import reduce_scene
@@ -171,6 +173,19 @@ def test_a_reduced_basis_is_orthonormal_and_statically_exact():
     assert np.abs(gaps[1].jump - gaps[0].jump).max() < 1e-7 * np.abs(gaps[0].jump).max()
 
 
+def test_multigrid_and_finer_models_know_the_slaves():
+    pytest.importorskip("pyamg")
+    built = foot()
+    own, known = (
+        reduce_scene(built, ModeChoice(cutoff=60.0, solving=Solving(name)), DAMPING)
+        for name in ("multigrid", "superlu")
+    )
+    assert np.abs(own.system.K.diagonal()[:10] / known.system.K.diagonal()[:10] - 1).max() < 1e-8
+    fine = reduce_scene(built, much_finer(ModeChoice(cutoff=60.0)), DAMPING)
+    E = embedding(built, known, fine).toarray()
+    assert np.abs(E.T @ E - np.eye(E.shape[1])).max() < 1e-9
+
+
 def test_reactions_balance_what_acts():
     """What the base takes is weight and pressure, force and moment; joint and ties are within."""
     built = foot()
@@ -222,6 +237,10 @@ def test_nodes_follow_nodes_that_follow(order):
     u = (loose.mesh(built.blocks).points[: loose.nodes] @ A.T).ravel()
     for name, block in built.blocks.items():
         assert np.abs(loose.spread(name) @ u - (block.points @ A.T).ravel()).max() < 1e-16
+    whole = patch(tied(dataclasses.replace(built, fixed=free), *ties))
+    assert (
+        whole < 1e-12 if order == ("c", "b") else whole == pytest.approx(0.084, abs=0.001)
+    )  # the finer, or not
     assert part.stands_free(tied(built, *ties))
     assert not loose.stands_free(tied(dataclasses.replace(built, fixed=free), *ties))
     assert (np.sort(reduced(tied(built, *ties)).system.K.diagonal()) > 1e3).all()
