@@ -142,11 +142,26 @@ class Hydrostatic:
 
 @dataclass(frozen=True)
 class Tie:
-    """A merged interface of two blocks: node nodes[0][k] of block I is node nodes[1][k] of block J."""
+    """A merged interface of two blocks.
+
+    Without weights node nodes[0][k] of block I is node nodes[1][k] of block J. A mortar tie has weights, and
+    block I is its slave: u_I[nodes[0][k]] = sum_m weights[k, m] u_J[nodes[1][m]], each component alike.
+
+    Attributes
+    ----------
+    name : unique in the scene
+    blocks : names of the blocks I and J
+    nodes : two arrays of node numbers, in block I and in block J
+    weights : (k, m) sparse, rows sum to 1; None where nodes are one
+    area : (k,) tributary areas of the slave nodes [m2], None if alike: a node that is a slave in several ties
+        takes their mean by them
+    """
 
     name: str
     blocks: tuple[str, str]
     nodes: tuple[Ints, Ints]
+    weights: csr_matrix | None = None
+    area: Floats | None = None
 
 
 @dataclass(frozen=True)

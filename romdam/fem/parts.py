@@ -102,8 +102,8 @@ def basis_over_unknowns(scene: Scene, basis: Mapping[str, BlockBasis], size: int
     total = np.zeros((sum(int(free.sum()) for free in numbered.free.values()), size))
     for key, part in scene_parts(scene).items():
         own = [basis[name] for name in part.blocks]
-        whole = np.zeros((3 * part.nodes, own[0].vectors.shape[1]))
+        whole = np.zeros((3 * part.every_node, own[0].vectors.shape[1]))
         for name, block in zip(part.blocks, own, strict=True):
             whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.vectors.rows()
-        total[numbered.parts[key], own[0].columns] = whole[numbered.free[key]]
+        total[numbered.parts[key], own[0].columns] = whole[: 3 * part.nodes][numbered.free[key]]
     return total

@@ -16,7 +16,6 @@ from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, assemble_part, part_inertia, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
-from romdam.scene.supports import has_no_rigid_body_mode
 from romdam.scene.ties import scene_parts
 
 _ENTRIES = 40_000_000  # of incompressible water's added mass, at most: 0.5 GB, and as much in its factors
@@ -52,9 +51,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         B.append(part_operator(part, operators)[:, free])
         at_point += [] if more is None else [part_operator(part, more)[:, free]]
         load.append(part_inertia(part, scene, mass)[free])
-    held = [
-        has_no_rigid_body_mode(part.mesh(scene.blocks), part.fixed(scene.fixed)) for part in parts.values()
-    ]
+    held = [part.stands_free(scene) for part in parts.values()]
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     mass, stiffness, inertia = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
     water = added_mass(scene)

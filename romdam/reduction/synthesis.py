@@ -29,7 +29,7 @@ from romdam.fem.water import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import Dense
-from romdam.reduction.interface import Interface, joint_interface
+from romdam.reduction.interface import Interface, joint_interface, sees_more_nodes_than_gaps
 from romdam.reduction.methods.craig_bampton import ALL_MODES, FreeBlock, ModeChoice, reduce_block
 from romdam.reduction.methods.free_interface import Acting, merged_bases, merged_keys
 from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
@@ -83,7 +83,7 @@ def reduce_scene(
     start = time.process_time()
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
-    acting = Acting(gap_operators(scene, law.directions), forces)
+    acting = Acting(gap_operators(scene, law.directions), forces, law.directions)
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     found, parts, first = dict[str, BlockBasis](), dict[str, slice](), 0
     _refuse_large(scene, acting, choice, store)
@@ -170,11 +170,29 @@ def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: Block
 
 def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under."""
-    if len(part.blocks) > 1:
-        return merged_keys(part, scene, acting, choice)
+    free = _by_free_modes(part, scene, acting, choice)
+    if free is not None:
+        return merged_keys(part, scene, acting, free)
     (name,) = part.blocks
     interface = joint_interface(acting.operators[name], scene.fixed[name])
     return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice)}
+
+
+def _by_free_modes(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> ModeChoice | None:
+    """The free-interface modes to keep of a part; None where Craig and Bampton's reduction serves it.
+
+    Free modes leave nothing to residual vectors: for one block as many more of them are kept instead.
+    """
+    if len(part.blocks) > 1:
+        return choice
+    (name,) = part.blocks
+    operator, massless = acting.operators[name], scene.blocks[name].material.rho == 0.0
+    interface = joint_interface(operator, scene.fixed[name])
+    if massless or not sees_more_nodes_than_gaps(operator, interface, acting.directions):
+        return None
+    if choice.count is None or choice.keeps_all:
+        return choice
+    return replace(choice, count=choice.count + choice.residual_vectors, residual_vectors=0)
 
 
 def _reduced_part(
@@ -185,8 +203,9 @@ def _reduced_part(
     store: BlockStore | None,
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates."""
-    if len(part.blocks) > 1:
-        return merged_bases(part, scene, acting, choice, store)
+    free = _by_free_modes(part, scene, acting, choice)
+    if free is not None:
+        return merged_bases(part, scene, acting, free, store)
     (name,) = part.blocks
     operator, fixed = acting.operators[name], scene.fixed[name]
     return {name: _reduced_block(scene.blocks[name], operator, fixed, choice, store)}

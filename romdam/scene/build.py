@@ -50,7 +50,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
     ties = (*dam.ties, *(build_tie(name, tie, blocks, source) for name, tie in config.ties.items()))
-    rigid = merged_parts({name: len(block.points) for name, block in blocks.items()}, ties)
+    rigid = merged_parts(fixed, ties)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
         for name, joint in config.every_joint.items()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix, eye_array
+from scipy.sparse import csr_matrix, diags_array, eye_array, hstack
 from scipy.spatial import cKDTree
 
 from romdam.config.sections.joints import GapTable, JointConfig
@@ -253,22 +253,30 @@ def _without_held_gaps(
 
 
 def _moves(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bools:
-    """Gaps whose normal jump a free component of some node changes; nodes that ties make one are one."""
-    together = next((part for part in parts if set(joint.blocks) <= set(part.blocks)), None)
-    sides = [*zip(joint.blocks, joint.nodes, joint.weights, strict=True)]
-    numbers = [nodes if together is None else together.number[block][nodes] for block, nodes, _ in sides]
-    if together is None:
-        numbers[1] = numbers[1] + numbers[0].max() + 1
-    size, moves = max(int(each.max()) for each in numbers) + 1, np.zeros(len(joint.area), dtype=bool)
+    """Gaps whose normal jump a free component of some node changes, as ties let the nodes move."""
+    spread, together = _independent(joint, fixed, parts)
+    moves = np.zeros(len(joint.area), dtype=bool)
     for axis in range(3):
-        seen = csr_matrix((len(joint.area), size))
-        for sign, number, (block, nodes, weights) in zip((-1.0, 1.0), numbers, sides, strict=True):
-            free = (~fixed[block][nodes, axis]).astype(float)
-            onto = csr_matrix((free, (np.arange(len(nodes)), number)), shape=(len(nodes), size))
-            seen = seen + sign * (weights @ onto)
-        changes = np.asarray(abs(seen).max(axis=1).todense()).ravel() > _NOTHING
-        moves |= changes & (np.abs(joint.axes[:, 0, axis]) > _NOTHING)
+        seen = [
+            sign * (weights @ csr_matrix(own[3 * nodes + axis]))
+            for sign, weights, own, nodes in zip((-1.0, 1.0), joint.weights, spread, joint.nodes, strict=True)
+        ]
+        changes = abs(seen[0] + seen[1] if together else hstack(seen)).max(axis=1).toarray().ravel()
+        moves |= (changes > _NOTHING) & (np.abs(joint.axes[:, 0, axis]) > _NOTHING)
     return moves
+
+
+def _independent(
+    joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]
+) -> tuple[list[csr_matrix], bool]:
+    """Matrices that take the DOFs of either block from independent ones, and whether these are the same."""
+    own = [next((part for part in parts if block in part.blocks), None) for block in joint.blocks]
+    spread = []
+    for block, part in zip(joint.blocks, own, strict=True):
+        held = fixed[block] if part is None else part.fixed(fixed)
+        matrix = eye_array(held.size, format="csr") if part is None else part.spread(block)
+        spread.append(csr_matrix(matrix @ diags_array((~held.ravel()).astype(float))))
+    return spread, own[0] is not None and own[0] is own[1]
 
 
 def _select(joint: Joint, keep: Ints) -> Joint:

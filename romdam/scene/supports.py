@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from romdam.core.errors import ConfigError
@@ -52,8 +52,12 @@ def refuse_free_blocks(
             _placed(blocks[b], nodes, columns[b], width).reshape(len(nodes), -1)
             for b, nodes in zip(joint.blocks, joint.nodes, strict=True)
         )
-        jump = joint.weights[1] @ J - joint.weights[0] @ I if isinstance(joint, Joint) else J - I
-        rows.append(_triangle(jump.reshape(-1, width)))
+        if isinstance(joint, Joint):
+            I, J = (weights @ side for weights, side in zip(joint.weights, (I, J), strict=True))
+        elif joint.weights is not None:
+            follows = ~fixed[joint.blocks[0]][joint.nodes[0]]
+            I, J = (own.reshape(-1, 3, width)[follows] for own in (I, joint.weights @ J))
+        rows.append(_triangle((J - I).reshape(-1, width)))
     free = _null_space(_triangle(np.vstack(rows)))
     if free.shape[1]:
         raise ConfigError(_explain(bodies, free, bool(joints), source))
@@ -134,15 +138,21 @@ def sprung(block: Block) -> Bools:
     return found
 
 
-def has_no_rigid_body_mode(block: Block, held: Bools) -> bool:
+def has_no_rigid_body_mode(block: Block, held: Bools, ties: csr_matrix | None = None) -> bool:
     """True where holding some components, and springs, stop every rigid motion of a block.
 
     Parameters
     ----------
     held : (n, 3) True for components at zero displacement
+    ties : (r, 3 n) sparse, what is at zero displacement besides
     """
     count, piece = _pieces(block)
     held = held | sprung(block)
     nodes = np.flatnonzero(held.any(axis=1))
-    seen = _placed(block, nodes, 6 * piece, 6 * count)[held[nodes]]
-    return _null_space(np.vstack([np.zeros((1, 6 * count)), _triangle(seen)])).shape[1] == 0
+    seen = _triangle(_placed(block, nodes, 6 * piece, 6 * count)[held[nodes]])
+    if ties is not None:
+        tied = np.unique(ties.indices // 3)
+        columns = (3 * tied[:, None] + np.arange(3)).ravel()
+        motions = _placed(block, tied, 6 * piece, 6 * count).reshape(-1, 6 * count)
+        seen = np.vstack([seen, _triangle(ties[:, columns] @ motions)])
+    return _null_space(np.vstack([np.zeros((1, 6 * count)), seen])).shape[1] == 0

@@ -1,18 +1,34 @@
-"""Ties, the merged interfaces of blocks: which nodes are one, and the parts that result."""
+"""Ties, the merged interfaces of blocks: which nodes are one, which follow others, and the parts that result.
+
+Where two meshes have the same nodes on their common face, the nodes of a pair are one. Where they have not, a
+mortar tie makes every node of its slave face a weighted mean of nodes of the master's: it follows them and is
+no unknown. What a node follows may follow others in turn. A node that follows in several ties takes the mean
+of what they say by tributary area, so that slave faces whose nodes are one count as one face. A component
+that a support holds stays held and does not follow: there the support carries what the tie would have.
+"""
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_array, csr_matrix
+from scipy.sparse import coo_array, csr_matrix, diags_array, eye_array, hstack, kron, vstack
 from scipy.sparse.csgraph import connected_components
 
 from romdam.config.sections.joints import TieConfig
+from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Bools, Ints, Scene, Tie
+from romdam.scene.mortar.interface import mortar_interface
+from romdam.scene.mortar.ties import tie_weights
 from romdam.scene.pairing import coincident_facets
+from romdam.scene.supports import has_no_rigid_body_mode
 
-_NAMED = 3  # blocks of a part that its name lists
+_log = logging.getLogger(__name__)
+
+_NAMED = 3  # blocks of a part that its name lists, and nodes that a message does
+_ROUNDING = 1e-12  # of weights whose sum is 1
 
 
 @dataclass(frozen=True)
@@ -23,33 +39,68 @@ class Part:
     ----------
     name : of its blocks
     blocks : names, in the scene's order
-    number : block name -> (n,) its nodes' numbers in the part
-    nodes : of the part
+    number : block name -> (n,) its nodes' numbers in the part, slave nodes of mortar ties behind the others
+    nodes : of the part that are independent
+    slaves : (3 s, 3 nodes) sparse, the slave nodes' displacement from that of the independent ones, with zero
+        rows where supports hold it; None without mortar ties
     """
 
     name: str
     blocks: tuple[str, ...]
     number: dict[str, Ints]
     nodes: int
+    slaves: csr_matrix | None = None
+
+    @property
+    def every_node(self) -> int:
+        """Number of nodes, independent or not."""
+        return self.nodes + (0 if self.slaves is None else self.slaves.shape[0] // 3)
 
     def spread(self, block: str) -> csr_matrix:
         """(3 n, 3 nodes) matrix that takes a block's DOFs from the part's."""
-        number = self.number[block]
-        columns = (3 * number[:, None] + np.arange(3)).ravel()
-        return csr_matrix(
-            (np.ones(len(columns)), (np.arange(len(columns)), columns)), shape=(len(columns), 3 * self.nodes)
+        columns = (3 * self.number[block][:, None] + np.arange(3)).ravel()
+        picked = csr_matrix(
+            (np.ones(len(columns)), (np.arange(len(columns)), columns)),
+            shape=(len(columns), 3 * self.every_node),
         )
+        if self.slaves is None:
+            return picked
+        return csr_matrix(picked @ csr_matrix(vstack([eye_array(3 * self.nodes), self.slaves])))
 
-    def fixed(self, held: dict[str, Bools]) -> Bools:
+    def together(self, blocks: tuple[str, str], nodes: tuple[Ints, Ints]) -> Bools:
+        """(k,) True for pairs of nodes of two blocks that can only move alike."""
+        I, J = (self.number[block][own] for block, own in zip(blocks, nodes, strict=True))
+        if self.slaves is None:
+            return np.asarray(I == J)
+        I, J = (
+            self.spread(block)[(3 * own[:, None] + np.arange(3)).ravel()]
+            for block, own in zip(blocks, nodes, strict=True)
+        )
+        return np.asarray(abs(I - J).max(axis=1).toarray().reshape(-1, 3).max(axis=1) < _ROUNDING)
+
+    def fixed(self, held: Mapping[str, Bools]) -> Bools:
         """(nodes, 3) components that a support of any of its blocks holds."""
-        found = np.zeros((self.nodes, 3), dtype=bool)
+        return self._fixed_everywhere(held)[: self.nodes]
+
+    def _fixed_everywhere(self, held: Mapping[str, Bools]) -> Bools:
+        found = np.zeros((self.every_node, 3), dtype=bool)
         for name in self.blocks:
             np.logical_or.at(found, self.number[name], held[name])
         return found
 
+    def stands_free(self, scene: Scene) -> bool:
+        """True where supports alone stop every rigid motion."""
+        held = self._fixed_everywhere(scene.fixed)
+        ties = (
+            None
+            if self.slaves is None
+            else hstack([self.slaves, -eye_array(self.slaves.shape[0])], format="csr")
+        )
+        return has_no_rigid_body_mode(self.mesh(scene.blocks), held, ties)
+
     def mesh(self, blocks: dict[str, Block]) -> Block:
-        """All its cells over its own nodes, as a block of the first one's material."""
-        points = np.zeros((self.nodes, 3))
+        """All its cells over all its nodes, as a block of the first one's material."""
+        points = np.zeros((self.every_node, 3))
         for name in self.blocks:
             points[self.number[name]] = blocks[name].points
         cells = np.vstack([self.number[name][blocks[name].cells] for name in self.blocks])
@@ -63,34 +114,66 @@ class Part:
 
 
 def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) -> Tie:
-    """Pair the nodes of two blocks' coinciding faces.
+    """Pair the nodes of two blocks' coinciding faces, or let one face follow the other.
 
     Raises
     ------
     ConfigError
-        when the blocks do not touch.
+        when the blocks do not touch, over too little, or at too large an angle.
     MeshError
-        when the two meshes do not conform on the common face.
+        when node_to_node is asked for and the two meshes do not conform.
     """
     I, J = (blocks[b] for b in tie.between)
-    facets, partner = coincident_facets(I, J, tie.tolerance, f"{source}: ties.{name}")
+    place = f"{source}: ties.{name}"
+    if tie.discretization == "mortar":
+        return _mortar(name, tie, (I, J), place)
+    try:
+        facets, partner = coincident_facets(I, J, tie.tolerance, place)
+    except (ConfigError, MeshError):
+        if tie.discretization == "node_to_node":
+            raise
+        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", place)
+        return _mortar(name, tie, (I, J), place)
     nodes = np.unique(facets)
     return Tie(name, tie.between, (nodes, partner[nodes]))
 
 
+def _mortar(name: str, tie: TieConfig, blocks: tuple[Block, Block], place: str) -> Tie:
+    interface = mortar_interface(*blocks, tie.tolerance, tie.overlap, place)
+    weights = tie_weights(interface)
+    slave, master = interface.slave, interface.master
+    _log.info(
+        "%s: mortar, %d nodes of %r follow those of %r over %.6g m2, at most %.3g m apart",
+        place, len(weights.slave), slave.block, master.block, interface.covered, interface.apart,
+    )  # fmt: skip
+    nodes = weights.slave, weights.master
+    return Tie(name, (slave.block, master.block), nodes, weights.weights, weights.area)
+
+
 def scene_parts(scene: Scene) -> dict[str, Part]:
     """The parts of a scene by name; without ties every block is one."""
-    return merged_parts({name: len(block.points) for name, block in scene.blocks.items()}, scene.ties)
+    return merged_parts({name: scene.fixed[name] for name in scene.blocks}, scene.ties)
 
 
-def merged_parts(nodes: dict[str, int], ties: tuple[Tie, ...]) -> dict[str, Part]:
-    """Parts of blocks with so many nodes each, merged by ties."""
-    names = list(nodes)
+def merged_parts(fixed: Mapping[str, Bools], ties: tuple[Tie, ...]) -> dict[str, Part]:
+    """Parts of blocks, merged by ties.
+
+    Parameters
+    ----------
+    fixed : block name -> (n, 3) components that supports hold
+
+    Raises
+    ------
+    ConfigError
+        where nodes follow each other round in a circle.
+    """
+    names, nodes = list(fixed), {name: len(held) for name, held in fixed.items()}
     first = dict(zip(names, np.cumsum([0, *nodes.values()][:-1]), strict=True))
     total = sum(nodes.values())
     pairs = np.array([(names.index(t.blocks[0]), names.index(t.blocks[1])) for t in ties]).reshape(-1, 2)
     group = _components(pairs, len(names))
-    both = [first[b] + n for t in ties for b, n in zip(t.blocks, t.nodes, strict=True)]
+    merged = [t for t in ties if t.weights is None]
+    both = [first[b] + n for t in merged for b, n in zip(t.blocks, t.nodes, strict=True)]
     links = np.stack([np.concatenate([np.zeros(0, dtype=int), *both[side::2]]) for side in (0, 1)], axis=1)
     node = _components(links, total)
     parts = {}
@@ -101,8 +184,79 @@ def merged_parts(nodes: dict[str, int], ties: tuple[Tie, ...]) -> dict[str, Part
         ends = np.cumsum([len(n) for n in own])[:-1]
         number = dict(zip(members, np.split(inverse.astype(np.int64), ends), strict=True))
         part = Part(_part_name(members), tuple(members), number, len(found))
-        parts[part.name] = part
+        mortar = [t for t in ties if t.weights is not None and t.blocks[0] in members]
+        parts[part.name] = _with_slaves(part, mortar, fixed) if mortar else part
     return parts
+
+
+def _with_slaves(part: Part, ties: list[Tie], fixed: Mapping[str, Bools]) -> Part:
+    """A part whose nodes are all independent with those that follow behind the others."""
+    means = _means(part, ties)
+    follows = np.diff(means.indptr) > 0
+    order, nodes = np.argsort(follows, kind="stable"), int((~follows).sum())
+    _refuse_circles(part, ties, means)
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    held = part.fixed(fixed)[order[nodes:]].ravel()
+    rows = diags_array((~held).astype(float)) @ kron(
+        means[order[nodes:]][:, order], eye_array(3), format="csr"
+    )
+    number = {name: place[own] for name, own in part.number.items()}
+    return replace(part, number=number, nodes=nodes, slaves=_resolved(csr_matrix(rows), 3 * nodes))
+
+
+def _means(part: Part, ties: list[Tie]) -> csr_matrix:
+    """What the slave nodes follow, (nodes, nodes); no entry in the rows of the others.
+
+    A slave node that is one with a node of its master's face hangs there already.
+    """
+    total, area = csr_matrix((part.nodes,) * 2), np.zeros(part.nodes)
+    for tie in ties:
+        slaves, masters = (part.number[b][n] for b, n in zip(tie.blocks, tie.nodes, strict=True))
+        weights = csr_matrix(tie.weights).tocoo()
+        share = np.ones(len(slaves)) if tie.area is None else tie.area.copy()
+        share[np.isin(slaves, masters[weights.col])] = 0.0
+        weights.data = weights.data * share[weights.row]
+        entries = (weights.data, (slaves[weights.row], masters[weights.col]))
+        total = total + csr_matrix(entries, shape=total.shape)
+        np.add.at(area, slaves, share)
+    total = csr_matrix(diags_array(1.0 / np.where(area > 0.0, area, 1.0)) @ total)
+    total.eliminate_zeros()
+    return total
+
+
+def _resolved(rows: csr_matrix, free: int) -> csr_matrix:
+    """What slave DOFs follow, with all that follows itself replaced: (I - C)^-1 D = ... (I + C^2) (I + C) D.
+
+    Parameters
+    ----------
+    rows : (s, free + s) [D, C]
+    free : DOFs that follow nothing
+    """
+    direct, chained = rows[:, :free], rows[:, free:]
+    while chained.nnz:  # a circle would not come to an end
+        direct, chained = direct + chained @ direct, chained @ chained
+    return csr_matrix(direct)
+
+
+def _refuse_circles(part: Part, ties: list[Tie], means: csr_matrix) -> None:
+    """Raise where nodes follow each other round in a circle."""
+    circle = connected_components(means, directed=True, connection="strong")[1]
+    within = np.flatnonzero(np.bincount(circle)[circle] > 1)
+    if not len(within):
+        return
+    names = [t.name for t in ties if np.isin(part.number[t.blocks[0]][t.nodes[0]], within).any()]
+    nodes = [
+        f"node {node} of block {name!r}"
+        for name in part.blocks
+        for node in np.flatnonzero(np.isin(part.number[name], within))
+    ]
+    more = f" and {len(nodes) - _NAMED} more" if len(nodes) > _NAMED else ""
+    raise ConfigError(
+        f"ties.{', ties.'.join(names)}: {len(within)} slave nodes follow each other round in a circle "
+        f"({', '.join(nodes[:_NAMED])}{more}), limit 0; name the blocks in `between` of one of these ties in "
+        "the other order, or give two of the faces the same nodes"
+    )
 
 
 def _components(pairs: Ints, count: int) -> Ints:

@@ -55,7 +55,7 @@ def soft_on_stiff():
     order = [b[np.lexsort(p.points[b].T)] for b, p in ((below, low), (above, high))]
     blocks = {"low": low, "high": high}
     tie = Tie("t", ("low", "high"), (order[0], order[1]))
-    (part,) = merged_parts({n: len(b.points) for n, b in blocks.items()}, (tie,)).values()
+    (part,) = merged_parts({n: np.zeros(b.points.shape, bool) for n, b in blocks.items()}, (tie,)).values()
     return held(part.mesh(blocks), *assemble_part(part, blocks))
 
 

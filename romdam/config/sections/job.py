@@ -176,6 +176,8 @@ class ModelConfig(Model):
 
     `modes: auto` takes as many as `transient.accuracy` needs on the strongest record.
     `residual_vectors` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
+    Blocks that see more nodes than they have gaps (`gaps: corners`) are reduced by open-joint modes, as many
+    as both together, and static answers to the gaps' forces.
     `solver` and `memory` (such as 8 GB) say what large blocks are reduced with: "auto" takes the quickest
     that is installed and fits, in four fifths of the machine's memory if none is given.
     """

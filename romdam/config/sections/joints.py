@@ -124,10 +124,15 @@ class JointConfig(JointProperties):
 
 
 class TieConfig(Model):
-    """Two blocks whose coinciding faces are one: a merged interface."""
+    """Two blocks whose faces that lie on each other are one: a merged interface."""
 
     between: tuple[str, str]
     tolerance: Tolerance = 1e-3
+    discretization: Discretization = "auto"
+    """Coinciding nodes are one, or by mortar the nodes of one face follow the other, whose mesh need not match;
+    auto: mortar where nodes do not coincide."""
+    overlap: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    """Least share of either face that lies on the other, of the facets that meet; for mortar."""
 
     @model_validator(mode="after")
     def _two_blocks(self) -> Self:

@@ -9,7 +9,8 @@ Phi the open-joint modes below the cut-off (Lanczos on one factorisation) and A 
 force in every gap, to the inertia of the ground's acceleration r and to the static loads f, among them the
 tractions of absorbing faces that move rigidly. It answers every joint force statically right, carries the
 mass of A, and A made orthogonal to Phi leaves Phi's frequencies those of the mesh; only the small rest, one
-vector for each gap direction, is diagonalised densely.
+vector for each gap direction, is diagonalised densely. What floats answers what its rigid acceleration leaves
+of a force (`inertia_relief`).
 
 With as many vectors more modes do better than longer chains K^-1 M K^-1 B: on a dam of 1,796 unknowns 116
 vectors up to 50 Hz leave 0.9 % of the openings in L2, 125 with modes to 8 Hz and a second link 0.9 %, and a
@@ -40,7 +41,7 @@ from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
-from romdam.linalg.solvers import SMALL, make_solver
+from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.craig_bampton import (
     FREE_SHIFT,
@@ -49,10 +50,11 @@ from romdam.reduction.methods.craig_bampton import (
     eigen_residual,
     without_roundoff,
 )
+from romdam.reduction.methods.inertia_relief import rigid_modes, unbalanced
 from romdam.reduction.storage.keys import part_keys
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
-from romdam.scene.supports import has_no_rigid_body_mode, rigid_motions
+from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import Part
 
 log = logging.getLogger(__name__)
@@ -72,12 +74,14 @@ class Acting:
 
     Attributes
     ----------
-    operators : block name -> its gap operator, (rows, 3 nodes)
+    operators : block name -> its gap operator, (directions * gaps, 3 nodes)
     forces : block name -> (3 nodes,) static forces but its weight [N]
+    directions : of every gap, 1 or 3
     """
 
     operators: dict[str, csr_matrix]
     forces: dict[str, Floats]
+    directions: int
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,9 @@ class _MergedPart:
     right : (n, a) sparse, of unit length: what the basis answers statically right
     held : whether supports stop every rigid motion
     motions : of the free DOFs
-    row : (N,) number of every DOF of every block among the free ones, block after block; -1 where held
+    rigid : (n, r) M-orthonormal rigid motions that supports leave
+    row : (N,) number of every DOF of every block among the free ones, block after block; -1 where it is none
+    slaves : those that follow free DOFs, and what they follow, (s, n) sparse; None without mortar ties
     inertia : block name -> (3 nodes, 3) M r of its own
     place : what to call the part in messages
     """
@@ -100,7 +106,9 @@ class _MergedPart:
     right: csc_matrix
     held: bool
     motions: Motions
+    rigid: Floats
     row: Ints
+    slaves: tuple[Ints, csr_matrix] | None
     inertia: dict[str, Floats]
     place: str
 
@@ -171,18 +179,33 @@ def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats)
         _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
         _boundary_tractions(part, scene),
     ]
-    mesh = part.mesh(scene.blocks)
-    dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
+    mesh, held = part.mesh(scene.blocks), part.stands_free(scene)
+    motions = Motions(np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free])
+    rigid = rigid_modes(K, M, motions.rigid) if not held else np.zeros((K.shape[0], 0))
+    right = _unit_columns([operator[:, free].T, *(load[free] for load in loads)])
+    dofs = np.concatenate([(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks])
+    row = np.full(3 * part.every_node, -1)
+    row[np.flatnonzero(free)] = np.arange(K.shape[0])
     return _MergedPart(
         K=Symmetric(K),
         M=M,
-        right=_unit_columns([operator[:, free].T, *(load[free] for load in loads)]),
-        held=has_no_rigid_body_mode(mesh, fixed),
-        motions=Motions(np.flatnonzero(free), rigid_motions(mesh).reshape(-1, 6)[free]),
-        row=np.where(free, np.cumsum(free) - 1, -1)[np.concatenate(dofs)],
+        right=right[:, unbalanced(right, rigid, M)],
+        held=held,
+        motions=motions,
+        rigid=rigid,
+        row=row[dofs],
+        slaves=_slaves(part, dofs, free),
         inertia=inertia,
         place=f"part {part.name}",
     )
+
+
+def _slaves(part: Part, dofs: Ints, free: Bools) -> tuple[Ints, csr_matrix] | None:
+    """Which of the blocks' DOFs, of so many numbers in the part, follow free ones, and how."""
+    if part.slaves is None:
+        return None
+    which = np.flatnonzero(dofs >= 3 * part.nodes)
+    return which, part.slaves[dofs[which] - 3 * part.nodes][:, free]
 
 
 def _sum(part: Part, inertia: dict[str, Floats], blocks: list[str]) -> Floats:
@@ -220,6 +243,7 @@ def _reduced(
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
     if every and (merged.M.diagonal() > 0.0).all():
         modes, (omega2, Phi), V = size, dense_modes(merged.K.whole(), merged.M), np.eye(size)
+        omega2 = without_roundoff(omega2)
         T = OutOfCoreMatrix(path, key, (len(merged.row), size))
         T.fill(size, lambda first, last: _over_blocks(merged, Phi[:, first:last]))
     else:
@@ -248,7 +272,9 @@ def _ritz_vectors(
     solver = make_solver(shifted, merged.motions, columns, choice.solving, merged.place, merged.inner)
     T = OutOfCoreMatrix(path, key, (len(merged.row), right.shape[1]))
     width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
-    T.fill(T.shape[1], lambda a, b: _over_blocks(merged, solver.solve(right[:, a:b].toarray())), width)
+    T.fill(
+        T.shape[1], lambda a, b: _over_blocks(merged, _static(merged, solver, right[:, a:b].toarray())), width
+    )
     log.info("%s: %d static answers; the modes are to come", merged.place, T.shape[1])
     K = merged.K if merged.K.shape[0] > SMALL else merged.K.whole()
     count, make = span_of_modes(K, merged.M, choice.count, choice.cutoff, solver, merged.shift)
@@ -258,10 +284,33 @@ def _ritz_vectors(
     return T, count
 
 
+def _static(merged: _MergedPart, solver: Solver, force: Floats) -> Floats:
+    """Answers to static forces, of what floats to what its rigid acceleration leaves of them."""
+    rigid = merged.rigid
+    if not rigid.shape[1]:
+        return solver.solve(force)
+    inertia = merged.M @ rigid
+    answer = solver.solve(force - inertia @ (rigid.T @ force))
+    return np.asarray(answer - rigid @ (inertia.T @ answer))
+
+
+def _work(merged: _MergedPart, T: OutOfCoreMatrix) -> Floats:
+    """Work of the loads that A answers on [A, Phi], (a, m)."""
+    rows, rigid = merged.first, merged.rigid
+    over = T.before(_spread(merged.right, rows, T.shape[0]))
+    if rigid.shape[1]:
+        inertia = _spread(csc_matrix(merged.M @ rigid), rows, T.shape[0])
+        over -= (merged.right.T @ rigid) @ T.before(inertia)
+    return over
+
+
 def _over_blocks(merged: _MergedPart, values: Floats) -> Floats:
     """Values of the free DOFs over those of every block, zero where held."""
     found = np.take(values, merged.row, axis=0, mode="wrap")  # quicker than values[row]
     found[merged.row < 0] = 0.0
+    if merged.slaves is not None:
+        which, follow = merged.slaves
+        found[which] = follow @ values
     return found
 
 
@@ -281,7 +330,7 @@ def _diagonalised(merged: _MergedPart, T: OutOfCoreMatrix, modes: int) -> tuple[
     low, C = eigh(0.5 * (K_m + K_m.T), M_m)
     if not a:
         return without_roundoff(low + merged.shift), C
-    over = T.before(_spread(merged.right, rows, T.shape[0]))  # R^T [A, Phi]
+    over = _work(merged, T)
     part = (over[:, a:] @ C / low).T  # of the modes in A, as far as they are modes: C^T Phi^T M A
     Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[there]
     M_T = T.gram(own, there, less=(Phi, np.hstack([part, np.zeros((modes, modes))])))

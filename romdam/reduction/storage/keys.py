@@ -38,7 +38,8 @@ def part_keys(
         for name in part.blocks
     ]  # fmt: skip
     kinds = [sorted(names & set(part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)]
-    whole = _key(of_blocks, kinds, operator, static, choice.stored)
+    slaves = () if part.slaves is None else (part.slaves,)
+    whole = _key(of_blocks, *slaves, kinds, operator, static, choice.stored)
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 

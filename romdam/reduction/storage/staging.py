@@ -21,7 +21,6 @@ from romdam.fem.parts import assemble_part, gather
 from romdam.fem.stress import stress_operator, thermal_stress
 from romdam.linalg.factor import Factor
 from romdam.scene.elements import Floats
-from romdam.scene.supports import has_no_rigid_body_mode
 from romdam.scene.ties import Part, scene_parts
 
 
@@ -43,7 +42,7 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
         return found
     for part in scene_parts(scene).values():
         fixed = part.fixed(scene.fixed)
-        if not has_no_rigid_body_mode(part.mesh(scene.blocks), fixed):
+        if not part.stands_free(scene):
             raise ConfigError(
                 f"loads.weight: staged needs parts that stand free, but {part.name!r} is held by joints "
                 "only; add a support, or set loads.weight: monolithic"
@@ -70,7 +69,7 @@ def _from_mesh(part: Part, scene: Scene, free: Bools, weight: Floats) -> dict[st
     K = csr_matrix(assemble_part(part, scene.blocks)[0][free][:, free])
     whole = np.zeros(len(free))
     whole[free] = Factor(K).solve(weight[free])
-    return {name: whole.reshape(-1, 3)[part.number[name]] for name in part.blocks}
+    return {name: (part.spread(name) @ whole).reshape(-1, 3) for name in part.blocks}
 
 
 def initial_stress(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) -> dict[str, Floats]:

@@ -15,6 +15,8 @@ Popp, Wohlmuth, Gee, Wall, SIAM J. Sci. Comput. 34 (2012) B421.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
@@ -27,14 +29,25 @@ from romdam.scene.mortar.segments import integrand_degree, samples
 _ALPHA = 0.2
 
 
-def tie_weights(interface: MortarInterface) -> tuple[Ints, Ints, csr_matrix]:
-    """The slave's nodes that have the master opposite, and their displacements from the master's.
+@dataclass(frozen=True)
+class TieWeights:
+    """Displacements of the slave's nodes from the master's.
 
-    Returns
-    -------
+    Attributes
+    ----------
     slave, master : (s,), (m,) ascending node numbers in their blocks
     weights : (s, m); rows sum to 1. A polynomial that both faces' elements represent is followed exactly
+    area : (s,) integrals of the multipliers [m2]
     """
+
+    slave: Ints
+    master: Ints
+    weights: csr_matrix
+    area: Floats
+
+
+def tie_weights(interface: MortarInterface) -> TieWeights:
+    """Let the slave's nodes that have the master opposite follow it."""
     slave, master, element = interface.slave, interface.master, interface.slave.element
     at = samples(slave, master, interface.segments, integrand_degree(slave, master, element.name))
     change = _positive(element)
@@ -45,7 +58,9 @@ def tie_weights(interface: MortarInterface) -> tuple[Ints, Ints, csr_matrix]:
     rows = csr_matrix(diags_array(1.0 / whole.area[nodes]) @ whole.master[nodes])
     weights = _spread(slave.facets, change, len(slave.points))[nodes][:, nodes] @ rows
     seen = np.unique(weights.indices)
-    return nodes, seen, without_round_off(weights[:, seen], np.ones(len(nodes)))
+    return TieWeights(
+        nodes, seen, without_round_off(weights[:, seen], np.ones(len(nodes))), whole.area[nodes]
+    )
 
 
 def _positive(element: Element) -> Floats:

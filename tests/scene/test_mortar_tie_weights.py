@@ -14,8 +14,8 @@ def tie_of(left, right):
     blocks = pair(left, right)
     interface = mortar_interface(*blocks, 1e-3, 0.5, "s.yaml: ties.c")
     order = (1, 0) if interface.slave_is_J else (0, 1)
-    slave, master, weights = tie_weights(interface)
-    return blocks[order[0]], blocks[order[1]], slave, master, weights
+    tie = tie_weights(interface)
+    return blocks[order[0]], blocks[order[1]], tie.slave, tie.master, tie.weights
 
 
 @pytest.mark.parametrize(("left", "right"), PAIRS, ids=IDS)
