@@ -193,6 +193,8 @@ def _reduced_part(
     store: BlockStore | None,
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates."""
+    for name in part.blocks:
+        refuse_loose_nodes(scene.blocks[name], "reduction")
     free = _by_free_modes(part, scene, acting, choice)
     if free is not None:
         return merged_bases(part, scene, acting, free, store)
@@ -230,7 +232,6 @@ def _reduced_block(
     block: Block, operator: csr_matrix, fixed: NDArray[np.bool_], choice: ModeChoice, store: BlockStore | None
 ) -> BlockBasis:
     """The basis of one block over all its DOFs in global axes: from the store, or made and kept there."""
-    refuse_loose_nodes(block, "reduction")
     interface = joint_interface(operator, fixed)
     large = is_large(interface, choice)
     if store is None and not large:

@@ -53,7 +53,7 @@ def refuse_free_blocks(
             for b, nodes in zip(joint.blocks, joint.nodes, strict=True)
         )
         if isinstance(joint, Tie) and joint.weights is not None:
-            J = np.tensordot(joint.weights.toarray(), J, 1)
+            J = (joint.weights @ J.reshape(len(J), -1)).reshape(-1, 3, width)
             I, J = (own[~fixed[joint.blocks[0]][joint.nodes[0]]] for own in (I, J))
         rows.append(_triangle((J - I).reshape(-1, width)))
     free = _null_space(_triangle(np.vstack(rows)))

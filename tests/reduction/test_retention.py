@@ -7,6 +7,7 @@ import pytest
 from scipy.sparse import csr_matrix, vstack
 from small_scenes import DAMPING, march, raw, reduced, scene, shaking
 
+from romdam.core.errors import MeshError
 from romdam.error.metrics import relative_l2
 from romdam.fem.gaps import gap_operators
 from romdam.reduction import synthesis
@@ -127,3 +128,13 @@ def test_a_block_without_mass_is_left_as_it_is():
         for name, part in scene_parts(built).items()
     }
     assert free["left"] is None and free["right"] == ModeChoice(5)
+
+
+def test_a_loose_node_is_named_in_this_form_too():
+    built = scene(cantilevers(gaps="corners"))
+    left = built.blocks["left"]
+    loose = dataclasses.replace(left, points=np.vstack([left.points, [5.0, 6.0, 7.5]]))
+    fixed = built.fixed | {"left": np.vstack([built.fixed["left"], [False] * 3])}
+    built = dataclasses.replace(built, blocks=built.blocks | {"left": loose}, fixed=fixed)
+    with pytest.raises(MeshError, match=r"at \(5, 6, 7.5\) of block 'left' belongs to no element"):
+        reduced(built, modes=5)
