@@ -179,20 +179,21 @@ def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[
 
 
 def _by_free_modes(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> ModeChoice | None:
-    """The free-interface modes to keep of a part; None where Craig and Bampton's reduction serves it.
+    """The free-interface modes to keep of a part; None where Craig and Bampton's way serves it.
 
-    Free modes leave nothing to residual vectors: for one block as many more of them are kept instead.
+    Free modes leave nothing to residual vectors: as many more modes are kept instead, at least half as
+    many again, so that a finer choice is finer in this form too.
     """
-    if len(part.blocks) > 1:
+    if len(part.blocks) == 1:
+        (name,) = part.blocks
+        operator, massless = acting.operators[name], scene.blocks[name].material.rho == 0.0
+        interface = joint_interface(operator, scene.fixed[name])
+        if massless or not sees_more_nodes_than_gaps(operator, interface, acting.directions):
+            return None
+    if choice.count is None or choice.keeps_all or not choice.residual_vectors:
         return choice
-    (name,) = part.blocks
-    operator, massless = acting.operators[name], scene.blocks[name].material.rho == 0.0
-    interface = joint_interface(operator, scene.fixed[name])
-    if massless or not sees_more_nodes_than_gaps(operator, interface, acting.directions):
-        return None
-    if choice.count is None or choice.keeps_all:
-        return choice
-    return replace(choice, count=choice.count + choice.residual_vectors, residual_vectors=0)
+    more = max(choice.residual_vectors, choice.count // 2)
+    return replace(choice, count=choice.count + more, residual_vectors=0)
 
 
 def _reduced_part(
@@ -203,6 +204,8 @@ def _reduced_part(
     store: BlockStore | None,
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates."""
+    for name in part.blocks:
+        refuse_loose_nodes(scene.blocks[name], "reduction")
     free = _by_free_modes(part, scene, acting, choice)
     if free is not None:
         return merged_bases(part, scene, acting, free, store)
@@ -238,7 +241,6 @@ def _reduced_block(
     block: Block, operator: csr_matrix, fixed: NDArray[np.bool_], choice: ModeChoice, store: BlockStore | None
 ) -> BlockBasis:
     """The basis of one block over all its DOFs in global axes: from the store, or made and kept there."""
-    refuse_loose_nodes(block, "reduction")
     interface = joint_interface(operator, fixed)
     large = is_large(interface, choice)
     if store is None and not large:

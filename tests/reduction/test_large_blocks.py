@@ -18,7 +18,9 @@ from romdam.reduction.synthesis import reduce_scene
 
 
 def built(friction=0.0, height=8.0):
-    config = raw(height=height, friction_coefficient=friction) if friction else raw(height=height)
+    law = {"discretization": "node_to_node"}  # the form that retains nodes
+    law |= {"friction_coefficient": friction} if friction else {}
+    config = raw(height=height, **law)
     for block in config["blocks"].values():
         block["box"]["element"] = "tet10"
     return scene(config)

@@ -7,6 +7,7 @@ import pytest
 from scipy.sparse import csr_matrix, vstack
 from small_scenes import DAMPING, march, raw, reduced, scene, shaking
 
+from romdam.core.errors import MeshError
 from romdam.error.metrics import relative_l2
 from romdam.fem.gaps import gap_operators
 from romdam.reduction import synthesis
@@ -27,11 +28,18 @@ def cantilevers(element="hex20", height=8.0, **joint):
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 @pytest.mark.parametrize(
-    ("element", "gaps", "more"),
-    [("hex8", "nodes", False), ("hex20", "nodes", False), ("hex20", "corners", True)],
+    ("element", "gaps", "discretization", "more"),
+    [
+        ("hex8", "nodes", "node_to_node", False),
+        ("hex20", "nodes", "node_to_node", False),
+        ("hex20", "corners", "node_to_node", True),
+        ("hex8", "nodes", "mortar", False),
+        ("tet10", "nodes", "mortar", True),
+    ],
 )
-def test_nodes_are_retained_unless_they_are_more_than_the_gaps(element, gaps, more, friction):
-    built = scene(cantilevers(element, gaps=gaps, friction=[friction, friction]))
+def test_nodes_are_retained_unless_they_are_more_than_the_gaps(element, gaps, discretization, more, friction):
+    law = {"gaps": gaps, "friction": [friction, friction], "discretization": discretization}
+    built = scene(cantilevers(element, **law))
     directions = 3 if friction else 1
     for name, operator in gap_operators(built, directions).items():
         interface = joint_interface(operator, built.fixed[name])
@@ -87,12 +95,12 @@ def test_gaps_that_say_the_same_are_answered_once():
     """Means over the face, one of them twice: as many static answers as the operator has rank."""
     built = scene(cantilevers("hex8", height=16.0))
     joint = built.joints["c"]
-    rows = csr_matrix(np.random.default_rng(4).dirichlet(np.ones(joint.weights.shape[1]), 5))
+    rows = csr_matrix(np.random.default_rng(4).dirichlet(np.ones(joint.weights[0].shape[1]), 5))
     own = {
         name: getattr(joint, name)[:6]
-        for name in ("position", "area", "axes", "gap", "K_n", "K_nz", "K_s", "mu", "viscosity")
+        for name in ("position", "area", "share", "axes", "gap", "K_n", "K_nz", "K_s", "mu", "viscosity")
     }
-    few = dataclasses.replace(joint, weights=csr_matrix(vstack([rows, rows[:1]])), **own)
+    few = dataclasses.replace(joint, weights=(csr_matrix(vstack([rows, rows[:1]])),) * 2, **own)
     built = dataclasses.replace(built, joints={"c": few}, pressures=())
     some, whole = reduced(built, modes=4), reduced(built)
     exact = flexibility(whole.system)
@@ -102,9 +110,9 @@ def test_gaps_that_say_the_same_are_answered_once():
 
 
 def test_residual_vectors_are_further_modes():
-    """The free modes leave nothing to correct."""
+    """The free modes leave nothing to correct; there are at least half as many again."""
     built = scene(cantilevers(gaps="corners"))
-    one, other = (reduced(built, modes=count, residual_vectors=rest) for count, rest in ((12, 0), (9, 3)))
+    one, other = (reduced(built, modes=count, residual_vectors=rest) for count, rest in ((12, 0), (8, 3)))
     assert one.report["left"]["fixed_interface_modes"] == 12
     assert np.array_equal(one.system.K.diagonal(), other.system.K.diagonal())
 
@@ -127,3 +135,13 @@ def test_a_block_without_mass_is_left_as_it_is():
         for name, part in scene_parts(built).items()
     }
     assert free["left"] is None and free["right"] == ModeChoice(5)
+
+
+def test_a_loose_node_is_named_in_this_form_too():
+    built = scene(cantilevers(gaps="corners"))
+    left = built.blocks["left"]
+    loose = dataclasses.replace(left, points=np.vstack([left.points, [5.0, 6.0, 7.5]]))
+    fixed = built.fixed | {"left": np.vstack([built.fixed["left"], [False] * 3])}
+    built = dataclasses.replace(built, blocks=built.blocks | {"left": loose}, fixed=fixed)
+    with pytest.raises(MeshError, match=r"at \(5, 6, 7.5\) of block 'left' belongs to no element"):
+        reduced(built, modes=5)

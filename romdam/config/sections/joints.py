@@ -129,7 +129,7 @@ class TieConfig(Model):
     between: tuple[str, str]
     tolerance: Tolerance = 1e-3
     discretization: Discretization = "auto"
-    """Coinciding nodes are one, or by mortar the nodes of one face follow the other, whose mesh need not match;
+    """Coinciding nodes are one, or by mortar those of one face follow the other, whose mesh need not match;
     auto: mortar where nodes do not coincide."""
     overlap: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
     """Least share of either face that lies on the other, of the facets that meet; for mortar."""

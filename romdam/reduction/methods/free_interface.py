@@ -181,7 +181,7 @@ def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats)
     ]
     mesh, held = part.mesh(scene.blocks), part.stands_free(scene)
     motions = Motions(np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free])
-    rigid = rigid_modes(K, M, motions.rigid) if not held else np.zeros((K.shape[0], 0))
+    rigid = np.zeros((K.shape[0], 0)) if held or not M.diagonal().any() else rigid_modes(K, M, motions.rigid)
     right = _unit_columns([operator[:, free].T, *(load[free] for load in loads)])
     dofs = np.concatenate([(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks])
     row = np.full(3 * part.every_node, -1)
