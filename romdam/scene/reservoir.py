@@ -119,7 +119,8 @@ def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Bl
     """True for facets that lie on the neighbour, with most of their area."""
     own = Surface(face.block, blocks[face.block].points, face.facets)
     between = segments(own, Surface.boundary(blocks[contact.blocks[1 - side]]), _TOUCH)
-    covered = np.bincount(between.slave, between.area, len(face.facets))
+    area = np.where(np.abs(between.distance) <= _TOUCH, between.area, 0.0)
+    covered = np.bincount(between.slave, area, len(face.facets))
     return np.asarray(covered > 0.5 * own.areas)
 
 
