@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array, eye_array
+from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.arrays import Floats
@@ -32,6 +32,7 @@ from romdam.reduction.basis import Dense
 from romdam.reduction.interface import Interface, joint_interface
 from romdam.reduction.methods.craig_bampton import ALL_MODES, FreeBlock, ModeChoice, reduce_block
 from romdam.reduction.methods.free_interface import Acting, merged_bases, merged_keys
+from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys
 from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
@@ -114,8 +115,11 @@ def _system(
     """The parts side by side, with their joints open."""
     size = max(part.stop for part in parts.values())
     omega2, load, force, B = _reduced_matrices(scene, basis, acting, size)
+    mass = np.ones(size)
+    for name, part in scene_parts(scene).items():
+        mass[parts[name]] = 0.0 if has_no_mass(part, scene) else 1.0
     return System(
-        M=csr_matrix(eye_array(size)),
+        M=csr_matrix(diags_array(mass)),
         C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
         K=csr_matrix(diags_array(omega2)),
         B=csr_matrix(B),
@@ -160,6 +164,8 @@ def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: Block
 
 def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under."""
+    if has_no_mass(part, scene):
+        return massless_keys(part, scene, acting)
     if len(part.blocks) > 1:
         return merged_keys(part, scene, acting, choice)
     (name,) = part.blocks
@@ -175,6 +181,8 @@ def _reduced_part(
     store: BlockStore | None,
 ) -> dict[str, BlockBasis]:
     """The bases of a part's blocks, of the same coordinates."""
+    if has_no_mass(part, scene):
+        return massless_bases(part, scene, acting, choice, store)
     if len(part.blocks) > 1:
         return merged_bases(part, scene, acting, choice, store)
     (name,) = part.blocks

@@ -56,17 +56,18 @@ def split_by_damping(system: System, ratio: float) -> ModeSplit:
     """Split the modes of a diagonal system by their damping ratio.
 
     A mode with xi = c / (2 omega) of 0.7 or more answers a force by relaxing to it, without overshoot
-    worth a state. With stiffness-proportional damping these are the high modes: on the two-cantilever
+    worth a state, and one without mass has none. With stiffness-proportional damping these are the high modes: on the two-cantilever
     model half of all, at no visible cost in error; lightly damped modes always are dynamic.
 
     Parameters
     ----------
-    ratio : damping ratio above which a mode is quasi-static; inf makes every mode dynamic
+    ratio : damping ratio above which a mode is quasi-static; inf makes every mode with mass dynamic
     """
     k, c = system.K.diagonal(), system.C.diagonal()
     elastic = k > (2.0 * np.pi * _SLOW) ** 2
     rests = elastic.copy()
     rests[elastic] = c[elastic] > 2.0 * ratio * np.sqrt(k[elastic])
+    rests |= system.M.diagonal() == 0.0
     dynamic, quasi_static = np.flatnonzero(~rests), np.flatnonzero(rests)
     return make_split(system, dynamic, quasi_static, np.ones(len(dynamic)))
 
