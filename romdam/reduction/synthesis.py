@@ -32,7 +32,7 @@ from romdam.reduction.basis import Dense
 from romdam.reduction.interface import Interface, joint_interface
 from romdam.reduction.methods.craig_bampton import ALL_MODES, FreeBlock, ModeChoice, reduce_block
 from romdam.reduction.methods.free_interface import Acting, merged_bases, merged_keys
-from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys
+from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys, refuse_wet
 from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
@@ -82,6 +82,7 @@ def reduce_scene(
         where a block cannot be reduced.
     """
     start = time.process_time()
+    refuse_wet(scene)
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
     acting = Acting(gap_operators(scene, law.directions), forces)

@@ -4,10 +4,10 @@ K q = f + B^T p with p the gaps' law at B q. Where nothing but joints holds a bl
 the proximal point iteration (K + s M)(q' - q) = f + B^T p' - K q is taken until q rests. Its fixed points are
 the equilibria, each iteration is the same gap-space problem, and motion that no force drives stays put.
 
-With friction in planes that meet, the whole load at once may be more than Newton can sort into what sticks and
-what slides (three monoliths on three bases and two joints: residual 0.004 at s of 0.5 and 1.5 Hz, 10 iterations
-at 3 Hz). A larger s lets the blocks follow the load in smaller steps, the slip carried along as in a quasi-static
-loading; so s grows where a step does not converge, and shrinks again where several have.
+With friction in planes that meet, the whole load at once may be more than Newton can sort into what sticks
+and what slides (three monoliths on three bases and two joints: residual 0.004 at 0.5 and 1.5 Hz, 10
+iterations at 3 Hz). A larger s lets the blocks follow the load in smaller steps, the slip carried along as in a
+quasi-static loading; so s grows where a step does not converge, and shrinks again where several have.
 """
 
 from __future__ import annotations
@@ -222,10 +222,8 @@ def _afresh(memory: GapMemory, gaps: GapState) -> GapMemory:
     return memory._replace(solver=solver_state(n, d > 1))
 
 
-def _solve(
-    problem: GapProblem, memory: GapMemory, w_free: Floats, control: tuple[float, bool]
-) -> GapState:
-    """Solve for the gaps; `control` is the tolerance, and whether to give up where Newton does not converge."""
+def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tuple[float, bool]) -> GapState:
+    """Solve for the gaps; `control`: the tolerance, and whether to give up where Newton does not converge."""
     (tolerance, hasty), n, N = control, len(problem.gap), len(problem.W)
     make_hasty(memory.solver, hasty)
     d = N // n if n else 1  # a scene of grown-together blocks has no gaps

@@ -23,6 +23,7 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import BlockBasis
+from romdam.core.errors import ConfigError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Scene
 from romdam.fem.parts import gather, part_matrices, part_operator
@@ -34,7 +35,7 @@ from romdam.reduction.storage.keys import part_keys
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.scene.supports import rigid_motions
-from romdam.scene.ties import Part
+from romdam.scene.ties import Part, scene_parts
 
 log = logging.getLogger(__name__)
 
@@ -46,6 +47,23 @@ _NODES = 4096  # of a block's basis at a time
 def has_no_mass(part: Part, scene: Scene) -> bool:
     """Tell whether no block of a part has mass."""
     return all(scene.blocks[name].material.rho == 0.0 for name in part.blocks)
+
+
+def refuse_wet(scene: Scene) -> None:
+    """Refuse water whose mass is on a part without mass.
+
+    Raises
+    ------
+    ConfigError
+    """
+    wet = {face.block for face in scene.reservoir.faces} if scene.reservoir is not None else set()
+    for part in scene_parts(scene).values():
+        if has_no_mass(part, scene) and wet & set(part.blocks):
+            raise ConfigError(
+                f"water.faces: block {min(wet & set(part.blocks))!r} has no mass, and its reduced model no "
+                "inertia that the water's could be added to; leave its faces out, leave out `mass: false`, "
+                "or set model.order: full"
+            )
 
 
 def massless_keys(part: Part, scene: Scene, acting: Acting) -> dict[str, str]:
@@ -109,9 +127,7 @@ def _answers(
     static = gather(part, acting.forces)[free, None]
     right = _unit_columns(part_operator(part, acting.operators)[:, free].T, static)
     rigid = rigid_motions(part.mesh(scene.blocks)).reshape(-1, 6)
-    solver = make_solver(
-        K, Motions(np.flatnonzero(free), rigid[free]), right.shape[1], choice.solving, place
-    )
+    solver = make_solver(K, Motions(np.flatnonzero(free), rigid[free]), right.shape[1], choice.solving, place)
     T = OutOfCoreMatrix(store.scratch(key), key, (len(row), right.shape[1]))
     T.fill(T.shape[1], lambda a, b: _over_blocks(solver.solve(right[:, a:b].toarray()), row))
     log.info("%s: %d static answers", place, T.shape[1])

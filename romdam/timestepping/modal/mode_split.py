@@ -56,8 +56,9 @@ def split_by_damping(system: System, ratio: float) -> ModeSplit:
     """Split the modes of a diagonal system by their damping ratio.
 
     A mode with xi = c / (2 omega) of 0.7 or more answers a force by relaxing to it, without overshoot
-    worth a state, and one without mass has none. With stiffness-proportional damping these are the high modes: on the two-cantilever
-    model half of all, at no visible cost in error; lightly damped modes always are dynamic.
+    worth a state. With stiffness-proportional damping these are the high modes: on the two-cantilever
+    model half of all, at no visible cost in error; lightly damped modes always are dynamic, and unknowns
+    without mass never.
 
     Parameters
     ----------
