@@ -6,8 +6,8 @@ the equilibria, each iteration is the same gap-space problem, and motion that no
 
 With friction in planes that meet, the whole load at once may be more than Newton can sort into what sticks
 and what slides (three monoliths on three bases and two joints: residual 0.004 at 0.5 and 1.5 Hz, 10
-iterations at 3 Hz). A larger s lets the blocks follow the load in smaller steps, the slip carried along as in a
-quasi-static loading; so s grows where a step does not converge, and shrinks again where several have.
+iterations at 3 Hz). A larger s lets the blocks follow the load in smaller steps, the slip carried along
+as in a quasi-static loading; so s grows where a step does not converge, and shrinks where several have.
 """
 
 from __future__ import annotations
@@ -236,7 +236,8 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tupl
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
-            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: undeformed"
+            f"above {tolerance:.2g}; lower the friction, give rigid joints a stiffness, "
+            "or set loads.initial_state: undeformed"
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)
