@@ -14,6 +14,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.fem.unreduced import assemble_full
 from romdam.timestepping.energy import imbalance
+from romdam.timestepping.modal.mode_split import split_by_damping
 
 G, MU = 9.81, 0.4
 SIDE, HEIGHT, RHO = 4.0, 1.0, 2400.0
@@ -133,16 +134,33 @@ def test_rock_below_has_no_states_and_all_its_flexibility():
     assert imbalance(h.energy) <= 1e-9
 
 
+@pytest.mark.parametrize("stiff", [1.0, 1e3])
 @pytest.mark.parametrize("integrator", ["adaptive", "modal", "generalized_alpha"])
-def test_at_rest_it_stays(integrator):
+def test_at_rest_it_stays(integrator, stiff):
     """Equilibrium on a slope of 10 degrees, friction 0.4: the joint carries the weight, and nothing moves."""
-    built = block_on_rock(np.radians(10.0))
+    built = block_on_rock(np.radians(10.0), stiff)
     system = reduced(built, DAMPING, modes=4).system
     h = march(system, 0.002, np.zeros((3, 51)), initial_state="static", integrator=integrator)
     force = np.einsum("gd,gdx->x", h.traction[0], built.joints["base"].axes)
     assert force == pytest.approx([0.0, 0.0, WEIGHT], rel=1e-9, abs=1e-9 * WEIGHT)
     assert np.abs(h.traction - h.traction[0]).max() <= 1e-8 * WEIGHT
     assert np.abs(h.disp - h.disp[0]).max() <= 1e-8 * np.abs(h.disp[0]).max()
+
+
+def test_a_load_along_the_joint_rests_where_the_modes_are_quasi_static():
+    """Pressed sideways with 60 kN, the block is strained along the joint in modes without states."""
+    raw = raw_block_on_rock(stiff=1.0)
+    raw["loads"]["pressure"] = [{"block": "block", "face": "xmin", "value": 60e3 / (SIDE * HEIGHT)}]
+    damping = DampingConfig(rayleigh={"alpha": 0.0, "beta": 1e-3})
+    system = reduced(scene(raw), damping).system
+    split = split_by_damping(system, 0.7)
+    q = system.force[split.quasi_static] / system.K.diagonal()[split.quasi_static]
+    strained = (split.G_quasi @ q).reshape(-1, 3)[:, 1:] * system.law.K_s[:, None]
+    assert np.abs(strained).max() > 1e-3 * WEIGHT  # as a force of the joint's springs
+    h = march(system, 0.002, np.zeros((3, 51)), initial_state="static", integrator="adaptive")
+    assert np.abs(h.traction[0, :, 1:].sum(axis=0)).max() == pytest.approx(60e3, rel=1e-6)
+    assert np.abs(h.traction - h.traction[0]).max() <= 1e-8 * WEIGHT
+    assert h.energy["friction"][-1] <= 1e-9 * np.abs(h.energy["strain"][0])
 
 
 def test_without_damping_no_energy_is_lost():

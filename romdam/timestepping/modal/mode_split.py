@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
 from romdam.core.arrays import Floats, Ints, at, stacked
 from romdam.core.system import System
@@ -232,7 +233,10 @@ def _offset_problem(
     offset = split.G_quasi @ (system.force[split.quasi_static] / system.K.diagonal()[split.quasi_static])
     H, dt, own = step
     problem = system_gap_problem(system, H, float(dt), most_ratio, own)
-    return problem._replace(gap=problem.gap + offset[:: system.law.directions])
+    jumps = offset.reshape(-1, system.law.directions)
+    return problem._replace(
+        gap=problem.gap + jumps[:, NORMAL], slip=problem.slip + jumps[: len(problem.slip), 1:]
+    )
 
 
 def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
