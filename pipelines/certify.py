@@ -10,6 +10,7 @@ from pathlib import Path
 
 import romdam
 from romdam.config.load import Job, load_config, parse_config
+from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
@@ -20,10 +21,12 @@ from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
+from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import load_motions
 from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
+from romdam.results.suite.design import parameter_places
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 
@@ -55,7 +58,7 @@ def certify(
         for a result that cannot be certified, another configuration or record, and steps that fail.
     """
     run = read_run(Path(result))
-    job, clock = job_of(run, config), Clock(show)
+    job, clock = _of_sample(job_of(run, config), run), Clock(show)
     motion = _motion(job, run)
     model = build_model(job, clock)
     run.refuse_other(model.scene.gap_position, model.system.size)
@@ -102,10 +105,25 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     return named
 
 
+def _of_sample(job: Job, run: StoredRun) -> Job:
+    """The job with the joints and the damping of the sample that a suite's run is of."""
+    suite = job.config.suite
+    if suite is None or not any(name.startswith(PARAMETER) for name in run.attributes):
+        return job
+    config, source = job.config, str(job.path)
+    places = parameter_places(job, suite)
+    values = {name: float(str(run.attributes[PARAMETER + name])) for name in places}
+    varied = vary(config, places, values, source)
+    return replace(job, config=config.model_copy(update={"joints": varied.joints, "damping": varied.damping}))
+
+
 def _motion(job: Job, run: StoredRun) -> GroundMotion:
-    name = run.attributes["record"]
+    """The record of a run, at its scale where it is a suite's."""
+    about = json.loads(str(run.attributes["record_provenance"]))
+    name, factor = about.get("suite_record", run.attributes["record"]), about.get("suite_scale", 1.0)
     for motion in load_motions(job.config.records, job.folder):
         if motion.name == name:
+            motion = replace(motion, acc=factor * motion.acc)
             stored = float(str(run.attributes["record_peak_acceleration"]))
             if not math.isclose(motion.peak, stored, rel_tol=1e-9):
                 raise ResultError(

@@ -89,6 +89,7 @@ class GapProblem(NamedTuple):
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
     whole : (n,) whole normal force per p_c of a closed gap
     gap : (n,) initial gap [m]
+    slip : (n, 2) initial jump along j and k [m]; empty without friction
     laws : further laws; None without any, which is a type of its own to numba
     """
 
@@ -102,6 +103,7 @@ class GapProblem(NamedTuple):
     mu: Floats
     whole: Floats
     gap: Floats
+    slip: Floats
     laws: Laws | None
 
 
@@ -195,6 +197,7 @@ def gap_problem(
         mu=np.ascontiguousarray(_friction(law.mu) * whole[:, None]),
         whole=whole,
         gap=np.ascontiguousarray(law.gap, dtype=float),
+        slip=np.zeros((n if d == 3 else 0, d - 1)),
         laws=laws,
     )
 

@@ -55,6 +55,9 @@ def solve_gaps(
     d = len(w_free) // n
     for i in range(n):
         w_free[d * i] += problem.gap[i]
+    for i in range(len(problem.slip)):
+        w_free[3 * i + SHEAR_J] += problem.slip[i, ALONG_J]
+        w_free[3 * i + SHEAR_K] += problem.slip[i, ALONG_K]
     if len(problem.tension_transform):
         copy(problem.tension_transform @ w_free, w_free)
     for i in range(n if d == 3 else 0):

@@ -96,7 +96,7 @@ class System:
 
     The same type holds the unreduced mesh (sparse M, C, K over its free DOFs) and the reduced model
     (unit M, diagonal K over the open-joint modes, and C too unless dashpots couple them); `diagonal` says
-    which integrators apply.
+    which integrators apply. Unknowns without mass, whose M is zero, answer by their stiffness at once.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class System:
         conjugate to the joint force; None where it is the same
     law : the gaps
     parts : name -> slice of the unknowns that belong to it alone, in order (one per block)
-    diagonal : whether M is the identity and C, K are diagonal
+    diagonal : whether M is the identity (zero where there is no mass) and C, K are diagonal
     floating : whether the system has motions that no support and no stiffness holds
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
     """

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array, eye_array
+from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.arrays import Floats
@@ -32,6 +32,7 @@ from romdam.reduction.basis import Dense
 from romdam.reduction.interface import Interface, joint_interface, sees_more_nodes_than_gaps
 from romdam.reduction.methods.craig_bampton import ALL_MODES, FreeBlock, ModeChoice, reduce_block
 from romdam.reduction.methods.free_interface import Acting, merged_bases, merged_keys
+from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys, refuse_wet
 from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
@@ -81,6 +82,7 @@ def reduce_scene(
         where a block cannot be reduced.
     """
     start = time.process_time()
+    refuse_wet(scene)
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
     acting = Acting(gap_operators(scene, law.directions), forces, law.directions)
@@ -115,8 +117,11 @@ def _system(
     size = max(part.stop for part in parts.values())
     omega2, load, force, B = _reduced_matrices(scene, basis, acting, size)
     more = point_operators(scene, law.directions)
+    mass = np.ones(size)
+    for name, part in scene_parts(scene).items():
+        mass[parts[name]] = 0.0 if has_no_mass(part, scene) else 1.0
     return System(
-        M=csr_matrix(eye_array(size)),
+        M=csr_matrix(diags_array(mass)),
         C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
         K=csr_matrix(diags_array(omega2)),
         B=csr_matrix(B),
@@ -170,6 +175,8 @@ def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: Block
 
 def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under."""
+    if has_no_mass(part, scene):
+        return massless_keys(part, scene, acting)
     free = _by_free_modes(part, scene, acting, choice)
     if free is not None:
         return merged_keys(part, scene, acting, free)
@@ -186,9 +193,8 @@ def _by_free_modes(part: Part, scene: Scene, acting: Acting, choice: ModeChoice)
     """
     if len(part.blocks) == 1:
         (name,) = part.blocks
-        operator, massless = acting.operators[name], scene.blocks[name].material.rho == 0.0
-        interface = joint_interface(operator, scene.fixed[name])
-        if massless or not sees_more_nodes_than_gaps(operator, interface, acting.directions):
+        interface = joint_interface(acting.operators[name], scene.fixed[name])
+        if not sees_more_nodes_than_gaps(acting.operators[name], interface, acting.directions):
             return None
     if choice.count is None or choice.keeps_all or not choice.residual_vectors:
         return choice
@@ -206,6 +212,8 @@ def _reduced_part(
     """The bases of a part's blocks, of the same coordinates."""
     for name in part.blocks:
         refuse_loose_nodes(scene.blocks[name], "reduction")
+    if has_no_mass(part, scene):
+        return massless_bases(part, scene, acting, choice, store)
     free = _by_free_modes(part, scene, acting, choice)
     if free is not None:
         return merged_bases(part, scene, acting, free, store)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
-from scipy.sparse import csr_matrix, diags_array, eye_array
+from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Floats
@@ -78,7 +78,7 @@ def with_water(
     load[wet] += B[:, wet].T @ water.ground
     turned = replace(
         system,
-        M=csr_matrix(eye_array(system.size)),
+        M=csr_matrix(diags_array(np.concatenate([np.ones(len(wet)), system.M.diagonal()[change.dry]]))),
         C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
         K=csr_matrix(diags_array(omega2)),
         B=csr_matrix(change.columns(system.B.toarray())),

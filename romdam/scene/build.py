@@ -21,7 +21,7 @@ from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress_sites import stress_sites
-from romdam.scene.supports import refuse_free_blocks
+from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import build_tie, merged_parts
 
 _NO_DAM = ArchDam({}, (), {}, frozenset(), frozenset())
@@ -56,6 +56,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         for name, joint in config.every_joint.items()
     }
     refuse_free_blocks(blocks, joints, fixed, source, ties)
+    for part in rigid.values():
+        refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
     scene = Scene(
         blocks=blocks,
         joints=joints,

@@ -22,7 +22,9 @@ def select_facets(block: Block, face: FaceRef, place: str) -> Ints:
     if isinstance(face, PlaneRef):
         return _in_plane(block, face, place)
     if face not in block.faces:
-        known = ", ".join(sorted(block.faces)) or "none; select by plane: {axis: z, at: 0}"
+        known = ", ".join(sorted(block.faces)) or (
+            "none (those of a mesh file are its groups of facets); select by plane: {axis: z, at: 0}"
+        )
         raise ConfigError(f"{place}: block {block.name!r} has no face {face!r}; its faces are {known}")
     if not len(block.faces[face]):
         raise ConfigError(

@@ -63,6 +63,29 @@ def refuse_free_blocks(
         raise ConfigError(_explain(bodies, free, bool(joints), source))
 
 
+def refuse_massless_on_joints(
+    whole: Block, names: tuple[str, ...], held: Bools, blocks: dict[str, Block], source: str
+) -> None:
+    """Raise if a part without mass moves as a rigid body where its joints are open: nothing says how.
+
+    Parameters
+    ----------
+    whole, names : the part as one block, and its blocks
+    held : (n, 3) components that supports hold
+
+    Raises
+    ------
+    ConfigError
+    """
+    massless = all(blocks[name].material.rho == 0.0 for name in names)
+    if massless and not has_no_rigid_body_mode(whole, held):
+        raise ConfigError(
+            f"{source}: blocks.{names[0]}: block {names[0]!r} has no mass and only joints hold it, so that "
+            "its motion is undetermined once they open, limit 0 rigid motions without supports; add a "
+            "support, tie it to a block with mass, or leave out `mass: false`"
+        )
+
+
 def _pieces(block: Block) -> tuple[int, Ints]:
     """Number of parts that hang together, and the part of every node."""
     ring = block.cells, np.roll(block.cells, 1, axis=1)

@@ -3,11 +3,17 @@
 K q = f + B^T p with p the gaps' law at B q. Where nothing but joints holds a block K is singular; then
 the proximal point iteration (K + s M)(q' - q) = f + B^T p' - K q is taken until q rests. Its fixed points are
 the equilibria, each iteration is the same gap-space problem, and motion that no force drives stays put.
+
+With friction in planes that meet, the whole load at once may be more than Newton can sort into what sticks
+and what slides (three monoliths on three bases and two joints: residual 0.004 at 0.5 and 1.5 Hz, 10
+iterations at 3 Hz). A larger s lets the blocks follow the load in smaller steps, the slip carried along
+as in a quasi-static loading; so s grows where a step does not converge, and shrinks where several have.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +21,7 @@ from numpy.typing import NDArray
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
 from romdam.contact.softening import set_limits
-from romdam.contact.solvers.state import forget_product
+from romdam.contact.solvers.state import forget_product, make_hasty, solver_state
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
@@ -25,6 +31,8 @@ from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
 
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
+_GROWTH, _CALM, _SHRINK = 16.0, 4, 0.25  # of it: where a step fails, and after so many that did not
+_MOST_SHIFT = (2.0 * np.pi * 1000.0) ** 2  # [1/s2] where the blocks no longer move
 _MAX_ITERATIONS = 2000
 _REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
 _TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can converge
@@ -163,20 +171,28 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     ConvergenceError
         where there is no equilibrium (a block that the joints cannot hold), or the gaps do not converge.
     """
-    shift = rest_shift(system)
-    factor = Factor(system.K + shift * system.M)
-    X = factor.solve(system.B.T.toarray())
-    problem = system_gap_problem(system, np.asarray(system.B @ X))
-    memory = gap_memory(problem)
-    q, gaps = _unloaded(system)
-    rest = max(_REST, 100.0 * tolerance)
+    least, rest, calm = rest_shift(system), max(_REST, 100.0 * tolerance), 0
+    step, (q, gaps) = _proximal_step(system, least), _unloaded(system)
+    memory = gap_memory(step.problem)
     for _ in range(_MAX_ITERATIONS):
-        free = factor.solve(system.force + shift * (system.M @ q))
-        gaps = _solve(problem, memory, np.asarray(system.B @ free), tolerance)
-        moved = free + X @ gaps.force.ravel() - q
-        q = q + moved
-        if shift == 0.0 or np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12):
+        free = step.factor.solve(system.force + step.shift * (system.M @ q))
+        hasty = step.shift < _MOST_SHIFT
+        try:
+            gaps = _solve(step.problem, memory, np.asarray(system.B @ free), (tolerance, hasty))
+        except ConvergenceError:
+            if not hasty:
+                raise
+            calm, step = 0, _proximal_step(system, max(_GROWTH * step.shift, _SHIFT))
+            memory = _afresh(memory, gaps)
+            continue
+        moved = free + step.X @ gaps.force.ravel() - q
+        q, calm = q + moved, calm + 1
+        slowed = max(step.shift / _SHIFT, 1.0)
+        if step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12):
             return q, gaps
+        if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
+            step = _proximal_step(system, max(_SHRINK * step.shift, least, _SHIFT))
+            memory = _afresh(memory, gaps)
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
         f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "
@@ -184,8 +200,32 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     )
 
 
-def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: float) -> GapState:
-    n, N = len(problem.gap), len(problem.W)
+class _ProximalStep(NamedTuple):
+    """K + shift M factored, what it makes of B^T, and the gap-space problem with it."""
+
+    shift: float
+    factor: Factor
+    X: Floats
+    problem: GapProblem
+
+
+def _proximal_step(system: System, shift: float) -> _ProximalStep:
+    factor = Factor(system.K + shift * system.M)
+    X = factor.solve(system.B.T.toarray())
+    return _ProximalStep(shift, factor, X, system_gap_problem(system, np.asarray(system.B @ X)))
+
+
+def _afresh(memory: GapMemory, gaps: GapState) -> GapMemory:
+    """The memory of the last state reached, for another flexibility."""
+    n, d = gaps.jump.shape
+    memory.force[:] = gaps.p_c
+    return memory._replace(solver=solver_state(n, d > 1))
+
+
+def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tuple[float, bool]) -> GapState:
+    """Solve for the gaps; `control`: the tolerance, and whether to give up where Newton does not converge."""
+    (tolerance, hasty), n, N = control, len(problem.gap), len(problem.W)
+    make_hasty(memory.solver, hasty)
     d = N // n if n else 1  # a scene of grown-together blocks has no gaps
     y = np.zeros(N)
     forget_product(memory.solver)
@@ -196,7 +236,8 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
-            f"above {tolerance:.2g}; lower the friction, or set loads.initial_state: undeformed"
+            f"above {tolerance:.2g}; lower the friction, give rigid joints a stiffness, "
+            "or set loads.initial_state: undeformed"
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored, _ = commit_gaps(problem, memory, y, jump, force, state)

@@ -87,7 +87,7 @@ def simulate_to(
 
 def _first_halvings(system: System, coarse: float, accuracy: float) -> int:
     """Halvings of the coarse step in the first run; the impacts' times scale with the period."""
-    k = system.K.diagonal() if system.diagonal else np.zeros(1)
+    k = system.K.diagonal()[system.M.diagonal() > 0.0] if system.diagonal else np.zeros(1)
     elastic = k[k > 1e-9 * k.max(initial=0.0)]
     if len(elastic) == 0:
         return _USUAL_HALVINGS

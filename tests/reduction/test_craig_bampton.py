@@ -155,6 +155,24 @@ def test_frequencies_fall_towards_the_mesh_as_modes_are_added():
     assert before == pytest.approx(exact, rel=2e-3)
 
 
+def test_a_block_of_retained_nodes_alone_takes_any_number_of_modes():
+    """One element wide, and all its nodes in joints or held: there are no modes to choose."""
+    config = raw(friction=0.5)
+    config["blocks"]["middle"] = config["blocks"]["left"] | {
+        "box": {"origin": [0, -2, 0], "size": [4, 2, 8], "element_size": 2}
+    }
+    config["blocks"]["left"]["box"]["origin"] = [0, -6, 0]
+    config["supports"].append({"block": "middle", "face": "zmin"})
+    joint = config["joints"].pop("c")
+    config["joints"] = {n: joint | {"between": [n, "middle"]} for n in ("left", "right")}
+    config["outputs"] = {}
+    built = scene(config)
+    few, every = (reduced(built, modes=m).system for m in (40, "all"))
+    own = few.parts["middle"]
+    assert own.stop - own.start == 3 * 3 * 2 * 4
+    assert few.K.diagonal()[own] == pytest.approx(every.K.diagonal()[every.parts["middle"]], rel=1e-9)
+
+
 def test_more_modes_than_the_block_has_are_refused():
     built = scene(raw())
     interior = 3 * 3 * 3 * 4 - 12

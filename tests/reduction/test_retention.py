@@ -13,10 +13,8 @@ from romdam.fem.gaps import gap_operators
 from romdam.reduction import synthesis
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
 from romdam.reduction.methods.craig_bampton import ModeChoice
-from romdam.reduction.methods.free_interface import Acting
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene.ties import scene_parts
 
 
 def cantilevers(element="hex20", height=8.0, **joint):
@@ -122,19 +120,6 @@ def test_bases_are_kept_and_found(tmp_path):
     made, again = (reduce_scene(built, ModeChoice(8), DAMPING, store) for _ in range(2))
     assert len(list(tmp_path.iterdir())) == 2
     assert np.array_equal(made.system.B.toarray(), again.system.B.toarray())
-
-
-def test_a_block_without_mass_is_left_as_it_is():
-    """It has no modes."""
-    config = cantilevers(gaps="corners")
-    config["blocks"]["left"]["mass"] = False
-    built = scene(config)
-    acting = Acting(gap_operators(built, 1), {}, 1)
-    free = {
-        name: synthesis._by_free_modes(part, built, acting, ModeChoice(5))
-        for name, part in scene_parts(built).items()
-    }
-    assert free["left"] is None and free["right"] == ModeChoice(5)
 
 
 def test_a_loose_node_is_named_in_this_form_too():

@@ -10,13 +10,15 @@ import yaml
 
 import romdam
 from romdam.core.errors import ConfigError
+from romdam.pipelines.certify import certify
+from romdam.pipelines.run import run as run_job
 from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.postprocess.responses import PARAMETER, parameters
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from suite_jobs import BASE, MU, edited, made, named_records, pulse, write_job
+from suite_jobs import BASE, MU, edited, made, named_records, pulse, summary, write_job
 from test_cli import call
 
 SHADOWS = ("gap", "joint", "component", "scale", "record", "sample", "node", "peak_opening", "status",
@@ -198,3 +200,19 @@ def test_target_intensities_are_reached(tmp_path):
     found = made(job, tmp_path / "out").summary
     np.testing.assert_allclose(found.record_sa, np.tile([0.980665, 2.941995], (3, 1)), rtol=1e-9)
     np.testing.assert_allclose(found.scale, [0.980665, 2.941995])
+
+
+def test_a_kept_run_is_certified_with_its_sample_and_scale(tmp_path):
+    """A run that a suite has kept, and the same job as a lone run: one certificate."""
+    config = write_job(tmp_path, records=1, suite={"keep": "full", "scales": [0.5, 2.0], "parameters": MU})
+    made(config, tmp_path / "out")
+    kept = tmp_path / "out" / "runs" / str(summary(tmp_path / "out").file.values[0, 1, 1])
+    raw = yaml.safe_load(config.read_text()) | {"pipeline": "run"}
+    del raw["suite"]
+    raw["joints"]["gap"]["friction"] = 0.6
+    raw["records"][0]["scale"] = {"factor": 2.0}
+    (tmp_path / "lone.yaml").write_text(yaml.safe_dump(raw))
+    (lone,) = run_job(romdam.load_config(tmp_path / "lone.yaml"), tmp_path / "lone").paths
+    stated, expected = (certify(path).statement.errors["opening"] for path in (kept, lone))
+    assert stated.l2 == pytest.approx(expected.l2, rel=1e-9)
+    assert stated.peak == pytest.approx(expected.peak, rel=1e-9)

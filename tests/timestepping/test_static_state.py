@@ -7,6 +7,7 @@ from simulating import simulated
 
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS
+from romdam.timestepping import equilibrium
 from romdam.timestepping.equilibrium import static_equilibrium
 
 # `conserving` is for scenes without damping, below a step of its own
@@ -85,6 +86,32 @@ def test_loose_block_rests_on_friction(twin, K_n, K_s):
     assert gaps.force[0] == pytest.approx([20e3, -6e3, 8e3], rel=1e-6)
     assert gaps.state[0] == 1
     assert u == pytest.approx([6e3 / K_s, -8e3 / K_s, -20e3 / K_n], rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("failures", [1, 2, 5])
+@pytest.mark.parametrize("system", ["loose", "held"])
+def test_where_the_gaps_do_not_converge_a_larger_proximal_term_does(failures, system, monkeypatch):
+    """The first attempts fail; the equilibrium, which is the only one, is the same."""
+    solve, shifts = equilibrium._solve, []
+
+    def failing(problem, memory, w_free, control):
+        shifts.append(1.0 / problem.self_flexibility[0])
+        if len(shifts) <= failures:
+            memory.force[:] = np.nan
+            raise ConvergenceError("not yet")
+        return solve(problem, memory, w_free, control)
+
+    monkeypatch.setattr(equilibrium, "_solve", failing)
+    if system == "loose":
+        u, gaps = _static(_loose_block([6e3, -8e3, -20e3], K_n=1e9, K_s=5e8, mu=0.6))
+        assert gaps.force[0] == pytest.approx([20e3, -6e3, 8e3], rel=1e-6)
+        assert u == pytest.approx([6e3 / 5e8, -8e3 / 5e8, -20e3 / 1e9], rel=1e-6)
+    else:
+        u, gaps = _static(_two_springs(5000.0, gap_law(1, K_n=1e6, gap=1e-3)))
+        p = 1.5e-3 / (0.5e-6 + 1e-6 + 1e-6)
+        assert gaps.force[0, 0] == pytest.approx(p, rel=1e-6)
+        assert u == pytest.approx([(5000.0 - p) / 2e6, p / 1e6], rel=1e-6)
+    assert shifts[failures] > shifts[0]
 
 
 def test_loose_block_rests_on_a_smooth_table_if_nothing_pushes_it():

@@ -64,6 +64,8 @@ def continue_from_no_friction(
 ) -> float:
     """Newton, then exact sweeps, and where both fail by shares of the friction up to all; residual reached.
 
+    Newton alone where the solver is told to be hasty.
+
     Parameters
     ----------
     y : response of memory.force, where all starts [m]
@@ -71,15 +73,15 @@ def continue_from_no_friction(
         to be given up
     """
     tolerance, kept = control
-    solved, share, step = 0.0, 1.0, 2.0 * _FIRST_SHARE
+    solved, share, step, hasty = 0.0, 1.0, 2.0 * _FIRST_SHARE, memory.solver.sweeps.counts.hasty
     force = np.zeros_like(y)
     while True:
         eased = Limits(cohesion=limits.cohesion, mu=share * limits.mu, tension=limits.tension)
         residual = newton(W, eased, memory, y_free, y, tolerance)
-        if not residual <= tolerance:
+        if not residual <= tolerance and not hasty:
             residual = exact_sweeps(W, eased, memory, y_free, y, tolerance)
         good = residual <= tolerance
-        if (good and share == 1.0) or len(kept):
+        if (good and share == 1.0) or len(kept) or hasty:
             return residual
         if good:
             solved, step, force = share, _LONGER * step, memory.force.copy()

@@ -18,7 +18,9 @@ SET_FORCE, SET_RIGHT, SOLUTION = 0, 1, 2  # rows of the pivoting's scratch
 SWEPT, START, PUT_BACK = 0, 1, 2  # rows of the sweeps' scratch
 
 PIVOTING = record_type(size=int, updates=int, iterations=int, most_iterations=int)
-SWEEPS = record_type(gathered=int, known=bool, newton_steps=int, iterations=int, most_iterations=int)
+SWEEPS = record_type(
+    gathered=int, known=bool, hasty=bool, newton_steps=int, iterations=int, most_iterations=int
+)
 CONDENSED = record_type(number=int, total=int)
 
 
@@ -52,8 +54,8 @@ class GaussSeidelState(NamedTuple):
     order : (n,) the gathered gaps in the order of the block's rows
     block : (N, N) W, or its pivot on the condensed contacts, on the gathered gaps in its leading rows
     force, product : (N,) force of the last solution, and W times it [N], [m]
-    counts : `SWEEPS`: gathered gaps, whether `product` is known, steps that needed Newton, sweeps and
-        iterations in all and the most in a step
+    counts : `SWEEPS`: gathered gaps, whether `product` is known, whether to give up where Newton does not
+        converge, steps that needed Newton, sweeps and iterations in all and the most in a step
     scratch : (3, N) forces of the sweeps, where these began, response with the condensed contacts put back
     """
 
@@ -133,6 +135,12 @@ def forget_product(solver: SolverState) -> None:
     """Take W times the last solution for unknown: under large free motions it would leave its round-off."""
     if isinstance(solver, FrictionalState):
         solver.sweeps.counts.known = False
+
+
+def make_hasty(solver: SolverState, hasty: bool) -> None:
+    """Let the solver give up where Newton does not converge, or try what is slower still."""
+    if isinstance(solver, FrictionalState):
+        solver.sweeps.counts.hasty = hasty
 
 
 def iterations(solver: SolverState) -> tuple[float, float]:

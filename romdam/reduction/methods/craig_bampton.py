@@ -196,8 +196,8 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Substructure:
 
 
 def _within(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
-    """The choice, capped at the interior DOFs that there are if it may be."""
-    if choice.capped and choice.count is not None:
+    """The choice, capped at the interior DOFs that there are if it may be, or if there are none to choose."""
+    if (choice.capped or not interior) and choice.count is not None:
         choice = replace(choice, count=min(choice.count, interior))
     if not choice.keeps_all and choice.count is not None and choice.count > interior:
         raise ConfigError(

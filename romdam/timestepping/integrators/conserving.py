@@ -81,11 +81,12 @@ def split_at_massless_boundary(system: System, step: float) -> ModeSplit:
         where no split is possible: rigid gaps on a boundary that keeps its mass.
     """
     k = system.K.diagonal()
-    order = np.argsort(k, kind="stable")
+    massive = np.flatnonzero(system.M.diagonal() > 0.0)
+    order = massive[np.argsort(k[massive], kind="stable")]
     G = system.B.toarray()
     compliance = system_gap_problem(system, np.zeros((len(G), len(G)))).compliance
     ends = np.flatnonzero(np.diff(k[order], append=np.inf) > 1e-9 * k[order]) + 1
-    low, high = 0, len(ends) if len(k) <= _FEW else int(np.searchsorted(ends, len(k) / 3.0))
+    low, high = 0, len(ends) if len(order) <= _FEW else int(np.searchsorted(ends, len(order) / 3.0))
     while low < high:  # bisect for the largest number of dynamic modes
         middle = (low + high + 1) // 2
         bonded = _bonded_frequency(k, G, compliance, order[: ends[middle - 1]])
@@ -97,9 +98,9 @@ def split_at_massless_boundary(system: System, step: float) -> ModeSplit:
             "boundary a flexibility; keep more modes, lower the step, give a finite normal_stiffness, or "
             "damping"
         )
-    dynamic, rest = np.sort(order[: ends[low - 1]]), np.sort(order[ends[low - 1] :])
-    taper = np.sinc(np.sqrt(k[dynamic] / k[rest].min())) if len(rest) else np.ones(len(dynamic))
-    return make_split(system, dynamic, rest, taper)
+    dynamic, left = np.sort(order[: ends[low - 1]]), order[ends[low - 1] :]
+    taper = np.sinc(np.sqrt(k[dynamic] / k[left].min())) if len(left) else np.ones(len(dynamic))
+    return make_split(system, dynamic, np.setdiff1d(np.arange(len(k)), dynamic), taper)
 
 
 def _bonded_frequency(k: Floats, G: Floats, compliance: Floats, dynamic: Ints) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
 from romdam.core.arrays import Floats, Ints, at, stacked
 from romdam.core.system import System
@@ -58,16 +59,18 @@ def split_by_damping(system: System, ratio: float) -> ModeSplit:
 
     A mode with xi = c / (2 omega) of 0.7 or more answers a force by relaxing to it, without overshoot
     worth a state. With stiffness-proportional damping these are the high modes: on the two-cantilever
-    model half of all, at no visible cost in error; lightly damped modes always are dynamic.
+    model half of all, at no visible cost in error; lightly damped modes always are dynamic, and unknowns
+    without mass never.
 
     Parameters
     ----------
-    ratio : damping ratio above which a mode is quasi-static; inf makes every mode dynamic
+    ratio : damping ratio above which a mode is quasi-static; inf makes every mode with mass dynamic
     """
     k, c = system.K.diagonal(), system.C.diagonal()
     elastic = k > (2.0 * np.pi * _SLOW) ** 2
     rests = elastic.copy()
     rests[elastic] = c[elastic] > 2.0 * ratio * np.sqrt(k[elastic])
+    rests |= system.M.diagonal() == 0.0
     dynamic, quasi_static = np.flatnonzero(~rests), np.flatnonzero(rests)
     return make_split(system, dynamic, quasi_static, np.ones(len(dynamic)))
 
@@ -227,11 +230,19 @@ def _single(
 def _offset_problem(
     system: System, split: ModeSplit, step: tuple[Floats, float, Floats], most_ratio: float
 ) -> GapProblem:
-    """The gap-space problem of a step, its gaps as the static load leaves the quasi-static modes."""
+    """The gap-space problem of a step, its gaps as the static load leaves the quasi-static modes.
+
+    Along the joints only in scenes with massless parts: others start with a slip by it, as their stored
+    results have it.
+    """
     offset = split.G_quasi @ (system.force[split.quasi_static] / system.K.diagonal()[split.quasi_static])
     H, dt, own = step
     problem = system_gap_problem(system, H, float(dt), most_ratio, own)
-    return problem._replace(gap=problem.gap + offset[:: system.law.directions])
+    jumps = offset.reshape(-1, system.law.directions)
+    problem = problem._replace(gap=problem.gap + jumps[:, NORMAL])
+    if (system.M.diagonal() > 0.0).all():
+        return problem
+    return problem._replace(slip=problem.slip + jumps[: len(problem.slip), 1:])
 
 
 def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:

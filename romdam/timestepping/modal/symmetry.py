@@ -206,7 +206,7 @@ def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr
     ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
     smaller = replace(
         system,
-        M=csr_matrix(eye_array(Q.shape[1])),
+        M=csr_matrix(diags_array((Q.T @ system.M @ Q).diagonal().round())),
         C=csr_matrix(diags_array((Q.T @ system.C @ Q).diagonal())),
         K=csr_matrix(diags_array((Q.T @ system.K @ Q).diagonal())),
         B=csr_matrix(jumps @ Q),
