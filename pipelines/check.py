@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from romdam.config.load import Job
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.core.threads import one_thread
 from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
@@ -46,6 +47,7 @@ class Check:
     warnings: tuple[str, ...]
 
 
+@one_thread()
 def check(job: Job, show: Stage = silent) -> Check:
     """Validate a job as far as can be without integrating it.
 

@@ -18,6 +18,7 @@ from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
+from romdam.core.threads import one_thread
 from romdam.error.estimate import FinerModel
 from romdam.error.statement import read_verification
 from romdam.fem.stress import observing_stress
@@ -105,6 +106,7 @@ def silent(text: str) -> AbstractContextManager[Progress]:
     return nullcontext(lambda done, total: None)
 
 
+@one_thread()
 def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Outcome:
     """Run every ground motion of a job; each lands as `out`/<record>.nc.
 
