@@ -134,18 +134,27 @@ def entries(folder: Path) -> list[Entry]:
 
 def remove(entry: Entry) -> bool:
     """Remove a file, unless another process is writing it; whoever reads it keeps what it has."""
-    with suppress(OSError):
+    try:
         if entry.path.suffix == ".columns":
-            lock = hold(entry.path)
-            if lock is None:
-                return False
-            os.close(lock)
-            entry.path.with_name(f"{entry.path.name}.done").unlink(missing_ok=True)
+            return _remove_unfinished(entry.path)
         entry.path.unlink(missing_ok=True)
-        with suppress(OSError):  # other blocks are there
-            entry.path.parent.rmdir()
-        return True
-    return False
+    except OSError:  # Windows: it is open
+        return False
+    with suppress(OSError):  # other blocks are there
+        entry.path.parent.rmdir()
+    return True
+
+
+def _remove_unfinished(path: Path) -> bool:
+    lock = hold(path)
+    if lock is None:
+        return False
+    try:
+        path.with_name(f"{path.name}.done").unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
+    finally:
+        os.close(lock)
+    return True
 
 
 @cache

@@ -140,7 +140,7 @@ def test_a_block_that_is_being_written_is_not_removed():
     (entry,) = entries(cache_folder())
     assert not remove(entry) and path.exists()
     os.close(lock)
-    assert remove(entry) and not path.parent.exists()
+    assert remove(entry) and not path.exists()
 
 
 def test_jobs_at_once_share_it(tmp_path, job):
