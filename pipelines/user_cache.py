@@ -21,7 +21,7 @@ from pathlib import Path
 import romdam
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
-from romdam.core.errors import ResultError, WriteError
+from romdam.core.errors import ResultError
 from romdam.core.files import hold
 from romdam.core.fingerprint import files_digest, fingerprint
 from romdam.core.scene import Block
@@ -62,6 +62,8 @@ def open_store(folder: Path | None) -> BlockStore | None:
         return None if folder is None else BlockStore(folder)
     try:
         own = folder / _code()
+        if not own.is_absolute():
+            raise FileNotFoundError("no home folder is known")
         own.mkdir(parents=True, exist_ok=True, mode=0o700)
         if not os.access(own, os.W_OK):
             raise PermissionError(f"{own} cannot be written")
@@ -90,7 +92,7 @@ class UserCache(BlockStore):
         """As `BlockStore`; where the disk refuses the block, the job goes on without keeping it."""
         try:
             basis = super().write(key, block, basis)
-        except (ResultError, WriteError) as error:
+        except ResultError as error:
             log.warning("%s; the reduced block is not kept", error)
         self._use(key)
         return basis

@@ -175,6 +175,14 @@ def test_a_relative_folder_of_the_environment_does_not_count(monkeypatch):
     assert cache_folder() == Path("/home/anna/.cache/romdam")
 
 
+def test_without_a_home_nothing_is_kept(tmp_path, monkeypatch, caplog):
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)
+    monkeypatch.chdir(tmp_path)
+    assert open_store(cache_folder()) is None
+    assert "no home folder is known" in caplog.text and not list(tmp_path.iterdir())
+
+
 def test_the_command_lists_and_clears(tmp_path, job):
     assert call("cache") == (0, f"0 reduced blocks, 0 MB of at most 10.0 GB, in {cache_folder()}\n", "")
     assert call("run", job.path, "--out", tmp_path / "out", "--no-cache", "--quiet")[0] == 0
