@@ -14,6 +14,7 @@ from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
+from romdam.core.threads import one_thread
 from romdam.error.certificate import Correction, certificate, replay_forces, replayed_models
 from romdam.error.replay import Replayed, corrected_run, measure_defect
 from romdam.error.statement import ErrorStatement, write_certificate
@@ -40,6 +41,7 @@ class Certified:
     corrected: History
 
 
+@one_thread()
 def certify(
     result: str | Path, config: str | Path | None = None, passes: int = 1, show: Stage = silent
 ) -> Certified:

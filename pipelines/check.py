@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from romdam.config.load import Job
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.core.threads import one_thread
 from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.simulation import refuse_large, settings_for
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
+from romdam.pipelines.user_cache import open_store
 from romdam.records.record_set import load_motions
 from romdam.timestepping.steps import Steps
 
@@ -46,8 +49,13 @@ class Check:
     warnings: tuple[str, ...]
 
 
-def check(job: Job, show: Stage = silent) -> Check:
+@one_thread()
+def check(job: Job, show: Stage = silent, cache: Path | None = None) -> Check:
     """Validate a job as far as can be without integrating it.
+
+    Parameters
+    ----------
+    cache : folder of reduced blocks, as of `romdam.run`, which then finds them
 
     Raises
     ------
@@ -60,7 +68,7 @@ def check(job: Job, show: Stage = silent) -> Check:
     refuse_lengths(job, motions)
     if job.config.model.modes == "auto":
         job = with_modes(job, FIRST)
-    model = build_model(job, clock)
+    model = build_model(job, clock, open_store(cache))
     settings = settings_for(job, model.prepared, motions[0])
     steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
     for motion in motions:

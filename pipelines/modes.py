@@ -11,6 +11,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.pipelines.estimate import estimate_run, finer_model
 from romdam.pipelines.simulation import prepare, simulate_motion
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 
 FIRST = 20  # modes of each block
@@ -23,7 +24,7 @@ def with_modes(job: Job, modes: int | str) -> Job:
     return replace(job, config=job.config.model_copy(update={"model": model}))
 
 
-def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
+def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: BlockStore | None = None) -> Job:
     """The job with the fewest modes of those tried whose estimated reduction error meets `accuracy`.
 
     Every count is run on the record of the largest acceleration and judged by the estimate that every run
@@ -44,8 +45,8 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion]) -> Job:
     count = FIRST
     while count < free / 2:
         trial = with_modes(job, count)
-        reduced = reduce_scene(scene, trial.config.model, trial.config.damping)
-        finer = finer_model(trial, scene, reduced)
+        reduced = reduce_scene(scene, trial.config.model, trial.config.damping, store)
+        finer = finer_model(trial, scene, reduced, store)
         if finer is None:
             raise ConfigError(
                 f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "

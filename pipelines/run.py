@@ -18,6 +18,7 @@ from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
+from romdam.core.threads import one_thread
 from romdam.error.estimate import FinerModel
 from romdam.error.statement import read_verification
 from romdam.fem.stress import observing_stress
@@ -28,6 +29,7 @@ from romdam.pipelines.modes import choose_modes
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
+from romdam.pipelines.user_cache import open_store
 from romdam.postprocess.concerns import concerns
 from romdam.records.record_set import check_names, load_records
 from romdam.reduction.storage.model_file import BlockStore
@@ -105,6 +107,7 @@ def silent(text: str) -> AbstractContextManager[Progress]:
     return nullcontext(lambda done, total: None)
 
 
+@one_thread()
 def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Outcome:
     """Run every ground motion of a job; each lands as `out`/<record>.nc.
 
@@ -113,7 +116,8 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     job : from `romdam.load_config`
     out : folder, made if needed
     show : told of every stage and its progress
-    cache : folder of reduced blocks, to find them in and to keep them in; none is used if not given
+    cache : folder of reduced blocks, to find them in and to keep them in, `romdam.cache_folder()` for that of
+        the command; none is used if not given
 
     Raises
     ------
@@ -126,8 +130,8 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
         motions, failures = read_motions(job)
     refuse_lengths(job, motions)
     tell_doubts(job, motions)
-    job = with_modes_chosen(job, motions, clock)
-    store = None if cache is None else BlockStore(cache)
+    store = open_store(cache)
+    job = with_modes_chosen(job, motions, clock, store)
     model = with_finer(job, build_model(job, clock, store), clock, store)
     with clock.stage("stress_fields", "stress of the modes"):
         model = replace(model, stress=stress_fields(model.scene, model.reduced))
@@ -154,12 +158,14 @@ def write_shared(folder: Path, model: Model) -> dict[str, str]:
     return files
 
 
-def with_modes_chosen(job: Job, motions: list[GroundMotion], clock: Clock) -> Job:
+def with_modes_chosen(
+    job: Job, motions: list[GroundMotion], clock: Clock, store: BlockStore | None = None
+) -> Job:
     """The job with the number of modes that `model.modes: auto` comes to on these motions."""
     if job.config.model.modes != "auto":
         return job
     with clock.stage("modes", "choosing the number of modes"):
-        return choose_modes(job, build_scene(job.config, job.folder, str(job.path)), motions)
+        return choose_modes(job, build_scene(job.config, job.folder, str(job.path)), motions, store)
 
 
 def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:

@@ -15,6 +15,7 @@ from romdam.core.files import prepare_folder, replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
+from romdam.core.threads import one_thread
 from romdam.error.comparison import Openings, compare_openings, read_reference
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.fem.unreduced import assemble_full
@@ -68,6 +69,7 @@ class _Setup:
         return min(self.job.config.study.duration, self.duration)
 
 
+@one_thread()
 def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage = silent) -> Study:
     """Run every setting of `study:` on the first record, and set cost against error.
 

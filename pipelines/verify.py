@@ -11,6 +11,7 @@ from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
+from romdam.core.threads import one_thread
 from romdam.error.comparison import Openings, read_reference
 from romdam.error.statement import ErrorStatement, write_verification
 from romdam.error.verification import VerifiedRun, against_reference, full_order_step, verification
@@ -44,6 +45,7 @@ class Verified:
     figure: Path
 
 
+@one_thread()
 def verify(
     job: Job, out: str | Path, duration: float = 10.0, reference: Path | None = None, show: Stage = silent
 ) -> Verified:

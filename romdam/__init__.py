@@ -15,11 +15,14 @@ if TYPE_CHECKING:
     from romdam.config.load import load_config
     from romdam.pipelines.run import run
     from romdam.pipelines.suites.run import run_suite
+    from romdam.pipelines.user_cache import cache_folder
     from romdam.results.fields import Result, open_result
     from romdam.results.suite.summary import open_suite
 
 __version__ = "0.2.0.dev0"
-__all__ = ["Result", "__version__", "load_config", "open_result", "open_suite", "run", "run_suite"]
+__all__ = [
+    "Result", "__version__", "cache_folder", "load_config", "open_result", "open_suite", "run", "run_suite",
+]  # fmt: skip
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
@@ -27,6 +30,7 @@ _LAZY = {
     "open_result": "romdam.results.fields",
     "open_suite": "romdam.results.suite.summary",
     "Result": "romdam.results.fields",
+    "cache_folder": "romdam.pipelines.user_cache",
     "run": "romdam.pipelines.run",
     "run_suite": "romdam.pipelines.suites.run",
 }

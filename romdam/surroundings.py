@@ -10,8 +10,7 @@ import threading
 from typing import Any
 
 from romdam.core.errors import ConfigError, OutputError, shown
-
-_THREADS = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "NUMEXPR"))
+from romdam.core.threads import VARIABLES
 
 
 class Signalled(BaseException):
@@ -63,7 +62,7 @@ def check_surroundings() -> None:
         os.getcwd()
     except OSError as error:
         raise ConfigError(f"the working folder is gone ({error}); change to one that is there") from None
-    for name in _THREADS:
+    for name in VARIABLES:
         value = os.environ.get(name, "1")
         if not (value.isascii() and value.isdigit() and int(value) > 0):
             raise ConfigError(

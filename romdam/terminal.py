@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -21,6 +23,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from romdam.core.machine import shown_size
 from romdam.postprocess.concerns import LEDGER_LIMIT
 
 if TYPE_CHECKING:
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from romdam.pipelines.check import Check
     from romdam.pipelines.suites.folder import Cleaned
     from romdam.pipelines.suites.run import SuiteOutcome
+    from romdam.pipelines.user_cache import Entry
 
 Terminal = tuple["Stages", Callable[..., None]]
 
@@ -187,6 +191,19 @@ def clean_lines(found: Cleaned, removed: bool) -> list[str]:
     lines += [f"left, romdam did not write it so: {path}" for path in found.kept]
     lines.append(f"{does}: {len(found.files)} files, {found.size / 1e6:.1f} MB, and {found.rows} rows")
     return lines if removed or not (found.files or found.rows) else [*lines, "--remove removes them"]
+
+
+def cache_lines(found: list[Entry], folder: Path, limit: float | None) -> list[str]:
+    """List reduced blocks that are kept, up to a limit in bytes, or sum up those that were removed."""
+    size = shown_size(sum(entry.size for entry in found))
+    if limit is None:
+        return [f"removed: {len(found)} reduced blocks, {size}, from {folder}"]
+    lines = [f"{_date(entry.used)}  {shown_size(entry.size):>7}  {entry.path}" for entry in found]
+    return [*lines, f"{len(found)} reduced blocks, {size} of at most {shown_size(limit)}, in {folder}"]
+
+
+def _date(seconds: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M", time.localtime(seconds))
 
 
 def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:

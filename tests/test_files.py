@@ -5,6 +5,7 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -122,6 +123,22 @@ def test_runs_of_one_process_share_a_folder_and_a_cache(tmp_path):
         made = [threads.submit(romdam.run, job, tmp_path / "out", cache=tmp_path / "c") for _ in range(8)]
     assert all(one.result().paths for one in made)
     assert is_sealed(tmp_path / "out" / "pulse.nc") and len(list((tmp_path / "out").iterdir())) == 2
+
+
+def test_a_folder_that_another_job_sweeps_before_it_is_opened_is_made_again(tmp_path, monkeypatch):
+    real, swept = tempfile.mkdtemp, []
+
+    def mkdtemp(**options):
+        made = real(**options)
+        if len(swept) < 2:
+            swept.append(made)
+            os.rmdir(made)
+        return made
+
+    monkeypatch.setattr(tempfile, "mkdtemp", mkdtemp)
+    with replacing(tmp_path / "a") as part:
+        part.write_text("whole")
+    assert (tmp_path / "a").read_text() == "whole" and len(swept) == 2
 
 
 def test_a_held_file_is_not_held_twice(tmp_path):

@@ -165,6 +165,7 @@ def test_library_neither_prints_nor_exits_nor_configures_logging():
 
 def test_import_is_quick_and_loads_no_heavy_library():
     heavy = ("numpy", "scipy", "obspy", "numba", "matplotlib", "xarray", "pint", "pydantic", "skfem", "h5py")
+    heavy += ("threadpoolctl",)
     code = (
         "import time, sys; start = time.perf_counter(); import romdam; took = time.perf_counter() - start;"
         f"print(took, *[m for m in {heavy!r} if m in sys.modules])"

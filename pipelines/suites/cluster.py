@@ -19,8 +19,9 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol
 
 from romdam.core.errors import ConfigError, ResultError, WorkerError, shown
+from romdam.core.threads import cores
 from romdam.pipelines.suites import admission
-from romdam.pipelines.suites.workers import LocalPool, cores, prepare
+from romdam.pipelines.suites.workers import LocalPool, prepare
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -20,6 +20,7 @@ from pathlib import Path
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.fingerprint import file_digest
+from romdam.core.threads import one_thread
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.kept import KEY_LETTERS, RUN_KEY, file_name
 from romdam.pipelines.suites.plan import Plan, make_plan
@@ -97,6 +98,7 @@ class Cleaned:
     kept: tuple[Path, ...]
 
 
+@one_thread()
 def clean(job: Job, out: str | Path, remove: bool = False, show: Stage = silent) -> Cleaned:
     """Find, and remove if asked to, what earlier designs of a suite have left in its folder.
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import xarray as xr
-from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
 from romdam.config.sections.suite import KeepConfig
 from romdam.core.errors import ResultError, placed
 from romdam.core.files import prepare_folder, sweep_parts
+from romdam.core.threads import one_thread
 from romdam.pipelines.run import Clock, Model, Stage, silent, with_finer, write_shared
 from romdam.pipelines.simulation import prepare
 from romdam.pipelines.stresses import stress_fields
@@ -78,6 +78,7 @@ class SuiteOutcome:
     leftovers: tuple[Path, ...] = ()
 
 
+@one_thread()
 def run_suite(
     job: Job,
     out: str | Path,
@@ -104,9 +105,8 @@ def run_suite(
     options, clock = options or SuiteOptions(), Clock(show)
     folder = prepare_folder(Path(out).absolute())
     _refuse_folders(folder)
-    one_thread = threadpool_limits(limits=1)  # the bits of a result must not depend on the number of cores
     workers = open_pool(options.workers, options.scheduler, run_task.__module__, folder)
-    with suite_lock(folder), one_thread, workers as pool:
+    with suite_lock(folder), workers as pool:
         plan = make_plan(job, clock)
         suite = build_suite(plan, folder, options.cache, clock)
         rows, made = _make_missing(suite, plan, folder, (pool, clock, tell))

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from numpy.linalg import LinAlgError
-from threadpoolctl import threadpool_limits
 
 from romdam.config.load import Job
 from romdam.config.parameters import Varied
@@ -19,6 +18,7 @@ from romdam.core.errors import ConfigError, RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System, with_parameters
+from romdam.core.threads import one_thread
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.estimate import estimate_run
@@ -64,14 +64,14 @@ def _with_sample(system: System, scene: Scene, varied: Varied) -> System:
     return with_parameters(system, gap_law(scene), damping)
 
 
+@one_thread()
 def run_task(suite: Suite, task: Task) -> list[Row]:
     """Integrate the runs of a task together; their rows in its order, those that failed with a message."""
     wall, cpu = time.perf_counter(), time.process_time()
     samples = dict.fromkeys(run.place[2] for run in task.runs)
-    with threadpool_limits(limits=1):  # the bits of a result must not depend on the number of cores
-        models = {number: sample_model(suite, number) for number in samples}
-        motions = [scaled(task.motions[run.record], run) for run in task.runs]
-        outcomes = integrate_runs(suite.job, [models[run.place[2]] for run in task.runs], motions)
+    models = {number: sample_model(suite, number) for number in samples}
+    motions = [scaled(task.motions[run.record], run) for run in task.runs]
+    outcomes = integrate_runs(suite.job, [models[run.place[2]] for run in task.runs], motions)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)
     rows = []
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):

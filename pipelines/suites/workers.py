@@ -8,7 +8,6 @@ Nothing of it lies in a temporary folder. It ends its workers and itself as soon
 from __future__ import annotations
 
 import atexit
-import math
 import multiprocessing
 import os
 import signal
@@ -19,12 +18,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from typing import Any
 
 from romdam.core.errors import RomdamError, WorkerError
+from romdam.core.threads import VARIABLES
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _TRIES = 3  # of a task whose worker dies
 _RAISED = 1  # exit code of a Python process that an exception has ended
 _CODE = (
@@ -86,7 +84,7 @@ class _Nursery:
                 [sys.executable, "-c", code],
                 stdin=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()],
-                env=os.environ | dict.fromkeys(_THREADS, "1"),
+                env=os.environ | dict.fromkeys(VARIABLES, "1"),
             )
         theirs.close()
 
@@ -235,22 +233,3 @@ def _work(
             answer = True, error
         with suppress(OSError):  # nobody asks any more
             connection.send(answer)
-
-
-def cores() -> int:
-    """Cores that this process may use: its affinity, and the limit of its container."""
-    try:
-        count = len(os.sched_getaffinity(0))
-    except AttributeError:  # not on macOS
-        count = os.cpu_count() or 1
-    return min(count, _limit(Path("/sys/fs/cgroup"), count))
-
-
-def _limit(groups: Path, most: int) -> int:
-    """Cores whose time a container is given, in version 2 of control groups or in version 1; or `most`."""
-    for names in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
-        with suppress(OSError, ValueError):  # not there, or "max"
-            quota, period = map(int, " ".join((groups / name).read_text() for name in names).split())
-            if quota > 0 and period > 0:
-                return math.ceil(quota / period)
-    return most

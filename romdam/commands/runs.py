@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import romdam
+from romdam.commands.caches import Cache, NoCache, folder_of_blocks
 from romdam.commands.options import FAILED, Config, Out, Quiet, Verbose
 from romdam.commands.suites import run_suite
 
@@ -19,9 +20,8 @@ if TYPE_CHECKING:
 def run(
     config: Config,
     out: Out,
-    cache: Annotated[
-        Path | None, typer.Option(help="Folder of reduced blocks; a suite has its own in OUT.")
-    ] = None,
+    cache: Cache = None,
+    no_cache: NoCache = False,
     workers: Annotated[
         int | None,
         typer.Option(min=1, max=1000, help="Processes of a suite; one for each core if not given."),
@@ -41,13 +41,18 @@ def run(
     job, terminal = romdam.load_config(config), open_terminal(quiet, verbose)
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("is instead of --workers; give one of the two", param_hint="--scheduler")
+    folder = folder_of_blocks(cache, no_cache)
     if job.config.pipeline == "suite":
+        if no_cache:
+            raise typer.BadParameter(
+                "is for single jobs; a suite has its own in OUT", param_hint="--no-cache"
+            )
         run_suite(job, out, (workers, scheduler, cache), terminal)
         return
     for option, value in (("--workers", workers), ("--scheduler", scheduler)):
         if value is not None:
             raise typer.BadParameter(f"is for suites; {config} has no `pipeline: suite`", param_hint=option)
-    _run_records(job, out, cache, terminal)
+    _run_records(job, out, folder, terminal)
 
 
 def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
@@ -67,12 +72,21 @@ def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) ->
         raise typer.Exit(FAILED)
 
 
-def check(config: Config, quiet: Quiet = False, verbose: Verbose = False) -> None:
-    """Validate CONFIG and print sizes, frequencies, estimated time and memory, without running it."""
+def check(
+    config: Config,
+    cache: Cache = None,
+    no_cache: NoCache = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Validate CONFIG and print sizes, frequencies, estimated time and memory, without running it.
+
+    What it reduces is kept for `romdam run`.
+    """
     from romdam.pipelines.check import check as check_job
     from romdam.terminal import check_tables, estimate_line, open_terminal
 
     stages, say = open_terminal(quiet, verbose)
-    found = check_job(romdam.load_config(config), stages)
+    found = check_job(romdam.load_config(config), stages, folder_of_blocks(cache, no_cache))
     say(*check_tables(found), estimate_line(found), *(f"warning: {w}" for w in found.warnings))
     say(f"{config}: is valid")

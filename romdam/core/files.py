@@ -70,11 +70,12 @@ def locked_folder(beside: Path) -> tuple[Path, int]:
     """A new folder in another one, and the descriptor that keeps `sweep_parts` from it until it is closed."""
     for _ in range(_TRIES):
         own = Path(tempfile.mkdtemp(prefix=_PREFIX, suffix=_SUFFIX, dir=beside))
-        lock = os.open(own if fcntl else os.devnull, os.O_RDONLY)  # Windows opens no folders
-        _lock(lock, waiting=True)
-        if own.exists():  # else another process has swept it before it was locked
-            return own, lock
-        os.close(lock)
+        with suppress(FileNotFoundError):  # another job has swept it before it was opened
+            lock = os.open(own if fcntl else os.devnull, os.O_RDONLY)  # Windows opens no folders
+            _lock(lock, waiting=True)
+            if own.exists():  # else it was swept before it was locked
+                return own, lock
+            os.close(lock)
     raise OSError(f"{beside}: folders that are made here vanish")
 
 

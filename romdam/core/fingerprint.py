@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,15 @@ def file_digest(path: Path) -> str:
     """
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def files_digest(paths: Iterable[Path]) -> str:
+    """SHA-256 of the bytes of files one after another; those that cannot be read count as empty."""
+    content = hashlib.sha256()
+    for path in paths:
+        with suppress(OSError):  # a package in an archive, which does not change file by file
+            content.update(path.read_bytes())
+    return content.hexdigest()
 
 
 def _add(content: _Hash, value: Any) -> None:

@@ -8,7 +8,6 @@ handed down to the functions that are called.
 from __future__ import annotations
 
 import functools
-import hashlib
 import logging
 import operator
 import os
@@ -26,6 +25,7 @@ from numba.extending import lower_builtin, type_callable
 from numpy.typing import NDArray
 
 from romdam.core.arrays import at
+from romdam.core.fingerprint import files_digest
 
 log = logging.getLogger(__name__)
 
@@ -101,13 +101,10 @@ def _stamp(cache: Any, folder: Path) -> None:
 @functools.cache
 def _code_of(folder: Path) -> str:
     """SHA-256 of what compiled functions of a folder may call: its files, and all of _KERNELS."""
-    package, content = Path(__file__).parents[1], hashlib.sha256()
+    package = Path(__file__).parents[1]
     kernels = {path for room in _KERNELS for path in (package / room).rglob("*.py")}
     kernels |= {Path(__file__), Path(__file__).with_name("arrays.py")}
-    for path in sorted({*folder.glob("*.py"), *kernels}):
-        with suppress(OSError):  # a package in an archive, which does not change file by file
-            content.update(path.read_bytes())
-    return content.hexdigest()
+    return files_digest(sorted({*folder.glob("*.py"), *kernels}))
 
 
 def _guard(cache: Any) -> None:

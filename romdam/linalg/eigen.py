@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, eigh
+from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, spmatrix
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
@@ -14,6 +14,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ReductionError
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
+from romdam.linalg.dense import eigh
 from romdam.linalg.factor import Factor
 from romdam.linalg.krylov import krylov_modes, ritz_vectors
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
@@ -170,7 +171,7 @@ def _finite_modes(
     unit = np.zeros((M.shape[0], len(moving)))
     unit[moving, np.arange(len(moving))] = 1.0
     D = solver.solve(unit)[moving]
-    mu, V = eigh(0.5 * (D + D.T), own, type=2)
+    mu, V = eigh(0.5 * (D + D.T), own, kind=2)
     finite = np.flatnonzero(mu > _MASSLESS * mu[-1])[::-1]
     return 1.0 / mu[finite] + shift, solver.solve(unit @ (own @ V[:, finite])) / mu[finite]
 

@@ -18,6 +18,7 @@ from scipy.sparse import csr_matrix, spmatrix, triu
 
 from romdam.core.arrays import Bools, Floats, Ints, Singles
 from romdam.core.errors import ReductionError
+from romdam.core.threads import PARDISO, threads_for
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 from romdam.linalg.symmetric import Symmetric, upper
 
@@ -247,7 +248,8 @@ class _Factors:
         return int(self._held.iparm[key - 1])
 
     def _run(self, phase: int, right: NDArray[Any], answer: NDArray[Any]) -> None:
-        error = self._held.call(phase, self._matrix, right, answer)
+        with threads_for(self._held.size, PARDISO):
+            error = self._held.call(phase, self._matrix, right, answer)
         if error:
             raise ReductionError(
                 f"a stiffness matrix of {self._held.size} unknowns cannot be factored by PARDISO (its error "

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, eigh
+from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig
@@ -22,6 +22,7 @@ from romdam.core.errors import ReductionError
 from romdam.core.system import System
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.water import AddedMass
+from romdam.linalg.dense import eigh
 from romdam.reduction.basis import Dense, Lazy
 from romdam.reduction.methods.craig_bampton import without_roundoff
 from romdam.reduction.methods.out_of_core import LARGE

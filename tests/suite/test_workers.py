@@ -10,7 +10,6 @@ from contextlib import suppress
 import pytest
 
 from romdam.core.errors import RecordError, WorkerError
-from romdam.pipelines.suites import workers
 from romdam.pipelines.suites.cluster import open_pool
 from romdam.pipelines.suites.workers import LocalPool, WorkerDied
 
@@ -140,29 +139,6 @@ def test_worker_ends_after_its_task_where_the_one_it_comes_from_was_killed(tmp_p
     with pytest.raises(WorkerError, match="with more memory or fewer --workers where it was killed"):
         list(asked)
     assert len(family) == 2 and seconds_until_gone(family) < 5.0
-
-
-@pytest.mark.parametrize(
-    ("files", "cores"),
-    [
-        ({"cpu.max": "150000 100000\n"}, 2),
-        ({"cpu.max": "max 100000\n"}, 64),
-        ({"cpu.max": ""}, 64),
-        ({"cpu/cpu.cfs_quota_us": "400000\n", "cpu/cpu.cfs_period_us": "100000\n"}, 4),
-        ({"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, 64),
-        ({}, 64),
-    ],
-)
-def test_limit_of_a_container_is_kept(tmp_path, files, cores):
-    (tmp_path / "cpu").mkdir()
-    for name, text in files.items():
-        (tmp_path / name).write_text(text)
-    assert workers._limit(tmp_path, 64) == cores
-
-
-def test_cores_are_counted_where_there_is_no_affinity(monkeypatch):
-    monkeypatch.delattr("os.sched_getaffinity")
-    assert 1 <= workers.cores() <= (os.cpu_count() or 1)
 
 
 def children(process: int) -> list[int]:

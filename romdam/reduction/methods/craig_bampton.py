@@ -26,6 +26,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError, ReductionError
+from romdam.linalg.dense import eigh
 from romdam.linalg.eigen import dense_modes, modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
@@ -261,7 +262,7 @@ def over_interior(retained: Bools, inside: Floats) -> Floats:
 
 def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
     """All modes of reduced matrices."""
-    from scipy.linalg import LinAlgError, eigh
+    from scipy.linalg import LinAlgError
 
     try:
         return eigh(0.5 * (K + K.T), 0.5 * (M + M.T))

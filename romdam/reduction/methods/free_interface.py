@@ -28,7 +28,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import eigh
 from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
 from romdam.core.arrays import Floats
@@ -39,6 +38,7 @@ from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
+from romdam.linalg.dense import eigh
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import SMALL, Solver, make_solver

@@ -1,0 +1,167 @@
+"""The user's folder of reduced blocks: single jobs find there what earlier ones have reduced.
+
+    $XDG_CACHE_HOME/romdam/<code>/block-<key>.h5    (~/.cache without it; %LOCALAPPDATA% on Windows)
+
+<code> is a digest of the code that reduces and of NumPy's and SciPy's versions, so that what is found is what
+would be made, to the bit; the key says from which mesh, material, supports and modes (`keys.py`). The blocks
+that were used longest ago go where all together, those of other code too, would exceed a limit.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import romdam
+from romdam.core.arrays import Floats
+from romdam.core.basis import BlockBasis
+from romdam.core.errors import ResultError
+from romdam.core.files import hold
+from romdam.core.fingerprint import files_digest, fingerprint
+from romdam.core.scene import Block
+from romdam.reduction.storage.model_file import BlockStore
+
+log = logging.getLogger(__name__)
+
+LIMIT = 10e9  # bytes of all blocks: a thousand of the main job's, or one and a half of a million unknowns
+_ROOMS = ("core", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A file of the cache: a block, or the unfinished columns of one.
+
+    Attributes
+    ----------
+    size : bytes
+    used : when last [s since 1970]
+    """
+
+    path: Path
+    size: int
+    used: float
+
+
+def cache_folder() -> Path:
+    """The user's folder of reduced blocks, which may not be there yet."""
+    system = os.environ.get("LOCALAPPDATA" if os.name == "nt" else "XDG_CACHE_HOME", "")
+    if os.path.isabs(system):  # the convention asks for it
+        return Path(system) / "romdam"
+    return Path(os.path.expanduser("~")) / ".cache" / "romdam"
+
+
+def open_store(folder: Path | None) -> BlockStore | None:
+    """The store of a folder, limited if it is the user's; None without one, or where that takes no files."""
+    if folder != cache_folder():
+        return None if folder is None else BlockStore(folder)
+    try:
+        own = folder / _code()
+        if not own.is_absolute():
+            raise FileNotFoundError("no home folder is known")
+        own.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if not os.access(own, os.W_OK):
+            raise PermissionError(f"{own} cannot be written")
+    except OSError as error:
+        log.warning("%s: reduced blocks cannot be kept there (%s); give --cache or --no-cache", folder, error)
+        return None
+    return UserCache(own)
+
+
+class UserCache(BlockStore):
+    """The store of a folder beside those of other code, whose blocks make room for new ones."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self._used: set[Path] = set()
+
+    def read(self, key: str) -> BlockBasis | None:
+        """As `BlockStore`; what is found counts as used now."""
+        found = super().read(key)
+        if found is not None:
+            log.info("%s: the reduced block is found", self.path(key))
+            self._use(key)
+        return found
+
+    def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
+        """As `BlockStore`; where the disk refuses the block, the job goes on without keeping it."""
+        try:
+            basis = super().write(key, block, basis)
+        except ResultError as error:
+            log.warning("%s; the reduced block is not kept", error)
+        self._use(key)
+        return basis
+
+    def write_streamed(
+        self,
+        key: str,
+        block: Block,
+        omega2: Floats,
+        rows: Iterator[Floats],
+        inertia: Floats,
+        report: dict[str, object],
+    ) -> BlockBasis:
+        """As `BlockStore`."""
+        basis = super().write_streamed(key, block, omega2, rows, inertia, report)
+        self._use(key)
+        return basis
+
+    def _use(self, key: str) -> None:
+        """Count a block as used now, and let others go as far as the limit asks; this job's own stay."""
+        path = self.path(key)
+        self._used.add(path)
+        with suppress(OSError):
+            os.utime(path)
+        left = entries(self.folder.parent)
+        size = sum(entry.size for entry in left)
+        for entry in left:
+            if size > LIMIT and entry.path not in self._used:
+                size -= entry.size if remove(entry) else 0
+
+
+def entries(folder: Path) -> list[Entry]:
+    """What lies in the user's cache, that used longest ago in front."""
+    found = []
+    for path in [*folder.glob("*/block-*.h5"), *folder.glob("*/.block-*.columns")]:
+        with suppress(OSError):  # another process has removed it
+            about = path.stat()
+            found.append(Entry(path, about.st_size, about.st_mtime))
+    return sorted(found, key=lambda entry: (entry.used, entry.path))
+
+
+def remove(entry: Entry) -> bool:
+    """Remove a file, unless another process is writing it; whoever reads it keeps what it has."""
+    try:
+        if entry.path.suffix == ".columns":
+            return _remove_unfinished(entry.path)
+        entry.path.unlink(missing_ok=True)
+    except OSError:  # Windows: it is open
+        return False
+    with suppress(OSError):  # other blocks are there
+        entry.path.parent.rmdir()
+    return True
+
+
+def _remove_unfinished(path: Path) -> bool:
+    lock = hold(path)
+    if lock is None:
+        return False
+    try:
+        path.with_name(f"{path.name}.done").unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
+    finally:
+        os.close(lock)
+    return True
+
+
+@cache
+def _code() -> str:
+    """Of what makes a basis: the code, and the libraries that multiply and factor."""
+    package = Path(romdam.__file__).parent
+    files = sorted(path for room in _ROOMS for path in (package / room).rglob("*.py"))
+    return fingerprint((files_digest(files), [version(name) for name in ("romdam", "numpy", "scipy")]))[:12]

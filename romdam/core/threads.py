@@ -1,0 +1,119 @@
+"""Threads of BLAS, LAPACK and PARDISO: one, but for what is so large that further ones pay.
+
+Reductions and runs are made of many small products, for each of which a second thread costs more than it
+saves: it waits spinning. Measured on two cores, one thread against two (`tests/benchmarks/bench_threads.py`):
+
+| | wall | CPU |
+|---|---|---|
+| dense eigenproblem of 200 unknowns | 4 and 8 ms | 8 and 16 ms |
+| of 800 | 126 and 87 ms | 126 and 172 ms |
+| of 3,000 | 4.8 and 2.7 s | 4.8 and 5.2 s |
+| PARDISO of 17,496 unknowns, factors and 64 solutions | 0.30 and 0.32 s | 0.29 and 0.35 s |
+| of 41,472 | 0.74 and 0.51 s | 0.72 and 1.00 s |
+
+SuperLU has one thread, and the products within it are small. Products with a basis are made some columns or
+rows at a time, a twentieth of a large reduction: they stay at one thread, so that below both sizes no bit
+depends on the number of cores. Nothing of numba's is compiled to run in parallel.
+
+What a user has set (OPENBLAS_NUM_THREADS, OMP_NUM_THREADS, MKL_NUM_THREADS, or threadpoolctl around a call)
+is what a library says when it is first asked, and is never exceeded.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import RLock, get_ident
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from threadpoolctl import LibController
+
+VARIABLES = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "NUMEXPR"))
+
+# unknowns for each thread, measured on two cores: a second one takes a fourth to two fifths off the wall
+DENSE_EIGENPROBLEM = 2_000
+PARDISO = 30_000
+
+_lock = RLock()
+_jobs: list[int] = []  # a Python thread for each `one_thread` that it is in
+_ceilings: dict[str, int] = {}  # library -> its threads before the first of them
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Hold the libraries of this process to one thread in the body, but for `threads_for`."""
+    with _lock:
+        _jobs.append(get_ident())
+        _set_threads(1)
+    try:
+        yield
+    finally:
+        with _lock:
+            _jobs.remove(get_ident())
+            if not _jobs:
+                _set_threads(max(_ceilings.values(), default=1))
+                _ceilings.clear()
+
+
+@contextmanager
+def threads_for(unknowns: int, each: int) -> Iterator[None]:
+    """Let the body have a thread for so many unknowns, up to the cores and to what the user allows.
+
+    Outside `one_thread` nothing is changed, and where several jobs share the process they stay at one.
+
+    Parameters
+    ----------
+    each : DENSE_EIGENPROBLEM or PARDISO
+    """
+    count = min(unknowns // each + 1, cores()) if set(_jobs) == {get_ident()} else 1
+    with _lock:
+        if _jobs:
+            _set_threads(count)
+    try:
+        yield
+    finally:
+        if count > 1:
+            with _lock:
+                _set_threads(1)
+
+
+def _set_threads(count: int) -> None:
+    """Set what every library loaded by now may start, at most what it had at first."""
+    from threadpoolctl import ThreadpoolController  # here: `import romdam` stays without it
+
+    libraries = ThreadpoolController().lib_controllers
+    for library in libraries:
+        most = _ceilings.setdefault(library.filepath, library.get_num_threads())
+        _release(library)
+        library.set_num_threads(min(count, most))
+    for library in libraries:
+        _release(library)
+
+
+def _release(library: LibController) -> None:
+    """Let any Python thread set it; from threadpoolctl 3.8 on the first that does shuts the others out."""
+    if hasattr(library, "clear_controlling_thread"):
+        library.clear_controlling_thread(force=True)
+
+
+def cores() -> int:
+    """Cores that this process may use: its affinity, and the limit of its container."""
+    try:
+        count = len(os.sched_getaffinity(0))
+    except AttributeError:  # not on macOS
+        count = os.cpu_count() or 1
+    return min(count, limit_of_container(Path("/sys/fs/cgroup"), count))
+
+
+def limit_of_container(groups: Path, most: int) -> int:
+    """Cores whose time a container is given, in version 2 of control groups or in version 1; or `most`."""
+    for names in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
+        with suppress(OSError, ValueError):  # not there, or "max"
+            quota, period = map(int, " ".join((groups / name).read_text() for name in names).split())
+            if quota > 0 and period > 0:
+                return math.ceil(quota / period)
+    return most

@@ -1,0 +1,21 @@
+"""Every test has a cache of reduced blocks of its own, and leaves the user's alone."""
+
+from itertools import count
+
+import pytest
+
+_numbers = count()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def cache_of_the_session(tmp_path_factory):
+    """For what fixtures of a module or of the session run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def own_cache(cache_of_the_session, tmp_path_factory, monkeypatch):
+    """A folder that is not there yet: what one test has reduced, another one must not find."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / f"cache{next(_numbers)}"))
