@@ -221,7 +221,7 @@ def run_motion(
         dataset = build_dataset(
             Case(model.scene, motion, history, stress), job, timing, files.get("model_file")
         )
-        dataset.attrs.update(files)
+        dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
         dataset.attrs.update(read_verification(folder, job.digest))
         if estimate is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from romdam.pipelines.check import Check
     from romdam.pipelines.suites.folder import Cleaned
     from romdam.pipelines.suites.run import SuiteOutcome
+    from romdam.postprocess.variant_tables import Table as VariantTable
 
 Terminal = tuple["Stages", Callable[..., None]]
 
@@ -118,6 +119,19 @@ def maxima_table(dataset: xr.Dataset) -> Table:
     for name, value, unit, where, when in maxima(dataset):
         table.add_row(name, where, f"{value:.4g}", unit, when or "-")
     return table
+
+
+def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
+    """The tables of a comparison of variants."""
+    from romdam.postprocess.variant_tables import shown_cell
+
+    made = []
+    for one in tables:
+        table = _table(one.title, one.head[:1], one.head[1:])
+        for row in one.rows:
+            table.add_row(*map(shown_cell, row))
+        made.append(table)
+    return made
 
 
 def check_tables(found: Check) -> list[Table]:

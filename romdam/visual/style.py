@@ -61,3 +61,20 @@ def image_panels(images: list[Any], title: str) -> tuple[Figure, list[Axes]]:
         ax.set_axis_off()
     figure.suptitle(title, fontsize=9, x=0.02, ha="left")
     return figure, axes
+
+
+def image_grid(images: dict[str, Any], title: str, columns: int = 4) -> tuple[Figure, list[Axes]]:
+    """Images of equal size in rows of so many, each under its title, without axes."""
+    columns = min(columns, len(images))
+    rows = -(-len(images) // columns)
+    high, wide = next(iter(images.values())).shape[:2]
+    width = max(2.2, min(4.6, 4.2 * wide / high))
+    figure = Figure(figsize=(width * columns + 1.2, (width * high / wide + 0.5) * rows + 0.4), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for ax in axes:
+        ax.set_axis_off()
+    for ax, (name, image) in zip(axes, images.items(), strict=False):
+        ax.imshow(image)
+        ax.set_title(name, fontsize=8)
+    figure.suptitle(title, fontsize=9, x=0.02, ha="left")
+    return figure, axes

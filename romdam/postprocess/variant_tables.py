@@ -1,0 +1,137 @@
+"""The tables of a comparison of variants, made from its Dataset: cost, peaks, worst steps, stress, differences."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+Cell = str | int | float
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with a name for its file, a title, a head and rows; floats are rounded when shown."""
+
+    name: str
+    title: str
+    head: tuple[str, ...]
+    rows: list[tuple[Cell, ...]]
+
+
+def variant_tables(comparison: xr.Dataset) -> list[Table]:
+    """Every table that the comparison has numbers for."""
+    makers = (_cost, _peaks, _worst_steps, _stress, _to_reference, _to_each_other)
+    return [table for make in makers if (table := make(comparison)).rows]
+
+
+def _cost(comparison: xr.Dataset) -> Table:
+    reference = float(comparison.cpu_seconds_loop.sel(variant=comparison.attrs["reference"]))
+    head = ("variant", "order", "unknowns", "gaps", "finest step [ms]", "steps")
+    head += ("reduction [s CPU]", "time loop [s CPU]", "in all [s CPU]", "loop, reference / this")
+    rows = []
+    for name, one in _each(comparison):
+        counts = (int(one[key]) for key in ("unknowns", "gaps"))
+        cpu = [float(one[f"cpu_seconds_{key}"]) for key in ("reduction", "loop", "total")]
+        sizes = (str(one.model_order.values), *counts, 1e3 * float(one.finest_step), int(one.steps))
+        rows.append((name, *sizes, *cpu, reference / cpu[1]))
+    return Table("cost", "Size and cost", head, rows)
+
+
+def _peaks(comparison: xr.Dataset) -> Table:
+    """Largest values in the compared component, as the paper's table 2."""
+    axis, columns = comparison.attrs["compared_component"], []
+    for variable, dim, words in (
+        ("peak_component", "node", f"{axis} of {{}} [mm]"),
+        ("peak_relative_component", "pair", f"{axis} across {{}} [mm]"),
+        ("peak_opening", "joint", "opening of {} [mm]"),
+    ):
+        for place in comparison[dim].values if variable in comparison else ():
+            columns.append((words.format(place), 1e3 * comparison[variable].sel({dim: place})))
+    rows = [(name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)]
+    title = "Peaks: the value whose magnitude is largest"
+    return Table("peaks", title, ("variant", *(head for head, _ in columns)), rows if columns else [])
+
+
+def _worst_steps(comparison: xr.Dataset) -> Table:
+    """Components when a node, or a pair, is farthest from where it was."""
+    rows: list[tuple[Cell, ...]] = []
+    for variable, dim in (("peak_displacement", "node"), ("peak_relative_displacement", "pair")):
+        for place in comparison[dim].values if variable in comparison else ():
+            for name, one in _each(comparison.sel({dim: place})):
+                vector = 1e3 * one[variable].values
+                time = float(one[f"{variable}_time"])
+                rows.append((str(place), name, *map(float, vector), float(np.linalg.norm(vector)), time))
+    head = ("where", "variant", "x [mm]", "y [mm]", "z [mm]", "magnitude [mm]", "at [s]")
+    return Table("worst_steps", "Components at the worst step of each node and pair", head, rows)
+
+
+def _stress(comparison: xr.Dataset) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for stress in comparison.stress.values if "stress_peak" in comparison else ():
+        for name, one in _each(comparison.sel(stress=stress)):
+            value, time = 1e-6 * float(one.stress_peak), float(one.stress_peak_time)
+            rows.append((f"{stress} stress", name, value, str(one.stress_peak_place.values), time))
+    return Table("stress", "Largest stresses", ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]"), rows)
+
+
+def _to_reference(comparison: xr.Dataset) -> Table:
+    reference = comparison.attrs["reference"]
+    both = 100.0 * comparison[["l2_difference", "peak_difference"]].sel(against=reference)
+    head = [f"{quantity}, {kind} [%]" for quantity in both["quantity"].values for kind in ("L2", "peak")]
+    rows = []
+    for name, one in _each(both):
+        if name != reference:
+            pairs = zip(one.l2_difference.values, one.peak_difference.values, strict=True)
+            rows.append((name, *(float(value) for pair in pairs for value in pair)))
+    return Table("to_reference", f"Difference to “{reference}”", ("variant", *head), rows)
+
+
+def _to_each_other(comparison: xr.Dataset) -> Table:
+    """L2 and peak of one quantity, all against all: the first pair's, else the first there is."""
+    quantities = [str(name) for name in comparison["quantity"].values]
+    chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
+    own = 100.0 * comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
+    rows = []
+    for name, one in _each(own):
+        cells = zip(one.l2_difference.values, one.peak_difference.values, strict=True)
+        rows.append((name, *("–" if l2 == peak == 0.0 else f"{l2:.3g} / {peak:.2g}" for l2, peak in cells)))
+    title = f"Each against each, {chosen}: L2 / peak [%] of the row over the column"
+    return Table("to_each_other", title, ("variant", *map(str, own.against.values)), rows)
+
+
+def changes_of(comparison: xr.Dataset) -> list[tuple[str, str]]:
+    """Variant -> what it changes, in words."""
+    stated = json.loads(str(comparison.attrs["variants"]))
+    return [(name, _words(changes)) for name, changes in stated.items()]
+
+
+def _words(changes: dict[str, object]) -> str:
+    texts = (f"{path}: {json.dumps(value)}" for path, value in changes.items())
+    return "; ".join(texts).replace('"', "") or "as it stands"
+
+
+def _each(comparison: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
+    for name in comparison.variant.values:
+        yield str(name), comparison.sel(variant=name)
+
+
+def markdown(tables: list[Table]) -> str:
+    """Tables as Markdown, numbers with four digits."""
+    return "\n".join(_markdown(table) for table in tables)
+
+
+def _markdown(table: Table) -> str:
+    rows = [table.head, ("---",) * len(table.head), *table.rows]
+    lines = ("| " + " | ".join(shown_cell(cell) for cell in row) + " |" for row in rows)
+    return f"## {table.title}\n\n" + "\n".join(lines) + "\n"
+
+
+def shown_cell(cell: Cell) -> str:
+    """A cell as text, numbers with four digits."""
+    if isinstance(cell, float):
+        return "–" if np.isnan(cell) else f"{cell:.4g}"
+    return str(cell)
