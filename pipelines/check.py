@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from romdam.config.load import Job
+from romdam.config.variants import variant_jobs
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.pipelines.doubts import doubts_of
@@ -55,6 +56,8 @@ def check(job: Job, show: Stage = silent) -> Check:
         for everything `romdam.run` would refuse before its first step.
     """
     clock = Clock(show)
+    if job.config.pipeline == "comparison":
+        variant_jobs(job)
     with clock.stage("records", "reading records"):
         motions = load_motions(job.config.records, job.folder)
     refuse_lengths(job, motions)

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Comparison:
-    """All variants in one Dataset, its tables, the files written, and variant -> message of those that failed."""
+    """Variants in one Dataset, its tables, the files, and variant -> message of those that failed."""
 
     dataset: xr.Dataset
     tables: list[Table]
@@ -52,7 +52,9 @@ def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None 
     for name, one in jobs.items():
         _refuse(name, one)
     folder, results, failures = prepare_folder(Path(out)), dict[str, Path](), dict[str, str]()
-    order = sorted(jobs, key=lambda name: name != asked.against)  # without the reference the rest is of no use
+    order = sorted(
+        jobs, key=lambda name: name != asked.against
+    )  # without the reference the rest is of no use
     for name in order:
         log.info("variant %s", name)
         try:
@@ -77,8 +79,8 @@ def _refuse(name: str, job: Job) -> None:
         )
     if not job.config.outputs.nodes and not job.config.every_joint:
         raise ConfigError(
-            f"{job.path}: comparison.variants.{name}: neither joints nor outputs.nodes, so nothing is compared; "
-            "name nodes"
+            f"{job.path}: comparison.variants.{name}: neither joints nor outputs.nodes, so nothing is "
+            "compared; name nodes"
         )
 
 

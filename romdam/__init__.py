@@ -13,16 +13,18 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from romdam.config.load import load_config
+    from romdam.pipelines.comparison import compare
     from romdam.pipelines.run import run
     from romdam.pipelines.suites.run import run_suite
     from romdam.results.fields import Result, open_result
     from romdam.results.suite.summary import open_suite
 
 __version__ = "0.2.0.dev0"
-__all__ = ["Result", "__version__", "load_config", "open_result", "open_suite", "run", "run_suite"]
+__all__ = ["Result", "__version__", "compare", "load_config", "open_result", "open_suite", "run", "run_suite"]
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
+    "compare": "romdam.pipelines.comparison",
     "load_config": "romdam.config.load",
     "open_result": "romdam.results.fields",
     "open_suite": "romdam.results.suite.summary",

@@ -1,4 +1,4 @@
-"""Variants of one job side by side: their histories, peaks, sizes and costs, and how far each is from each."""
+"""Variants of one job side by side: histories, peaks, sizes and costs, and how far each is from each."""
 
 from __future__ import annotations
 
@@ -130,7 +130,8 @@ def _relative(disp: xr.DataArray, asked: ComparisonConfig) -> xr.DataArray:
 def _motions(name: str, values: xr.DataArray, asked: ComparisonConfig) -> dict[str, xr.DataArray]:
     """Histories of vectors, the vector when it is largest, and the largest of the compared component."""
     values = values.drop_vars([c for c in values.coords if c not in values.dims])
-    length, own = np.sqrt((values**2).sum("component")), values.sel(component=asked.component, drop=True)
+    length: xr.DataArray = (values**2).sum("component")  # squared
+    own = values.sel(component=asked.component, drop=True)
     peak = {"displacement": "peak_component", "relative_displacement": "peak_relative_component"}[name]
     return {
         name: values,
@@ -144,7 +145,9 @@ def _openings(run: xr.Dataset) -> dict[str, xr.DataArray]:
     names = run.joint.values
     widest = [run.opening.values[:, run.gap_joint.values == name].max(axis=1) for name in names]
     return {
-        "widest_opening": xr.DataArray(np.array(widest).T, {"time": run.time, "joint": names}, ("time", "joint")),
+        "widest_opening": xr.DataArray(
+            np.array(widest).T, {"time": run.time, "joint": names}, ("time", "joint")
+        ),
         "peak_opening": run.peak_opening.drop_vars("joint_blocks", errors="ignore"),
     }
 
@@ -152,7 +155,9 @@ def _openings(run: xr.Dataset) -> dict[str, xr.DataArray]:
 def _stress(run: xr.Dataset) -> dict[str, xr.DataArray]:
     """Largest stresses with place and time, where they are asked for."""
     peaks = {name: run.get(f"max_{name}_stress") for name in _STRESSES}
-    at = {name: int(np.nanargmax(v.values)) for name, v in peaks.items() if v is not None and v.notnull().any()}
+    at = {
+        name: int(np.nanargmax(v.values)) for name, v in peaks.items() if v is not None and v.notnull().any()
+    }
 
     def column(values: list[object]) -> xr.DataArray:
         return xr.DataArray(values, {"stress": list(at)}, ("stress",))

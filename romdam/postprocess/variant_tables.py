@@ -1,15 +1,15 @@
-"""The tables of a comparison of variants, made from its Dataset: cost, peaks, worst steps, stress, differences."""
+"""The tables of a comparison of variants, from its Dataset: cost, peaks, worst steps, stress, differences."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
-Cell = str | int | float
+Row = tuple[str | int | float, ...]
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Table:
     name: str
     title: str
     head: tuple[str, ...]
-    rows: list[tuple[Cell, ...]]
+    rows: Sequence[Row]
 
 
 def variant_tables(comparison: xr.Dataset) -> list[Table]:
@@ -30,14 +30,16 @@ def variant_tables(comparison: xr.Dataset) -> list[Table]:
 
 def _cost(comparison: xr.Dataset) -> Table:
     reference = float(comparison.cpu_seconds_loop.sel(variant=comparison.attrs["reference"]))
-    head = ("variant", "order", "unknowns", "gaps", "finest step [ms]", "steps")
+    head: tuple[str, ...] = ("variant", "order", "unknowns", "gaps", "finest step [ms]", "steps")
     head += ("reduction [s CPU]", "time loop [s CPU]", "in all [s CPU]", "loop, reference / this")
-    rows = []
+    rows: list[Row] = []
     for name, one in _each(comparison):
-        counts = (int(one[key]) for key in ("unknowns", "gaps"))
         cpu = [float(one[f"cpu_seconds_{key}"]) for key in ("reduction", "loop", "total")]
-        sizes = (str(one.model_order.values), *counts, 1e3 * float(one.finest_step), int(one.steps))
-        rows.append((name, *sizes, *cpu, reference / cpu[1]))
+        sizes = [int(one[key]) for key in ("unknowns", "gaps")]
+        step = 1e3 * float(one.finest_step)
+        rows.append(
+            (name, str(one.model_order.values), *sizes, step, int(one.steps), *cpu, reference / cpu[1])
+        )
     return Table("cost", "Size and cost", head, rows)
 
 
@@ -51,14 +53,16 @@ def _peaks(comparison: xr.Dataset) -> Table:
     ):
         for place in comparison[dim].values if variable in comparison else ():
             columns.append((words.format(place), 1e3 * comparison[variable].sel({dim: place})))
-    rows = [(name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)]
+    rows: list[Row] = [
+        (name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)
+    ]
     title = "Peaks: the value whose magnitude is largest"
     return Table("peaks", title, ("variant", *(head for head, _ in columns)), rows if columns else [])
 
 
 def _worst_steps(comparison: xr.Dataset) -> Table:
     """Components when a node, or a pair, is farthest from where it was."""
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for variable, dim in (("peak_displacement", "node"), ("peak_relative_displacement", "pair")):
         for place in comparison[dim].values if variable in comparison else ():
             for name, one in _each(comparison.sel({dim: place})):
@@ -70,19 +74,21 @@ def _worst_steps(comparison: xr.Dataset) -> Table:
 
 
 def _stress(comparison: xr.Dataset) -> Table:
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for stress in comparison.stress.values if "stress_peak" in comparison else ():
         for name, one in _each(comparison.sel(stress=stress)):
             value, time = 1e-6 * float(one.stress_peak), float(one.stress_peak_time)
             rows.append((f"{stress} stress", name, value, str(one.stress_peak_place.values), time))
-    return Table("stress", "Largest stresses", ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]"), rows)
+    return Table(
+        "stress", "Largest stresses", ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]"), rows
+    )
 
 
 def _to_reference(comparison: xr.Dataset) -> Table:
     reference = comparison.attrs["reference"]
     both = 100.0 * comparison[["l2_difference", "peak_difference"]].sel(against=reference)
     head = [f"{quantity}, {kind} [%]" for quantity in both["quantity"].values for kind in ("L2", "peak")]
-    rows = []
+    rows: list[Row] = []
     for name, one in _each(both):
         if name != reference:
             pairs = zip(one.l2_difference.values, one.peak_difference.values, strict=True)
@@ -95,7 +101,7 @@ def _to_each_other(comparison: xr.Dataset) -> Table:
     quantities = [str(name) for name in comparison["quantity"].values]
     chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
     own = 100.0 * comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
-    rows = []
+    rows: list[Row] = []
     for name, one in _each(own):
         cells = zip(one.l2_difference.values, one.peak_difference.values, strict=True)
         rows.append((name, *("–" if l2 == peak == 0.0 else f"{l2:.3g} / {peak:.2g}" for l2, peak in cells)))
@@ -130,7 +136,7 @@ def _markdown(table: Table) -> str:
     return f"## {table.title}\n\n" + "\n".join(lines) + "\n"
 
 
-def shown_cell(cell: Cell) -> str:
+def shown_cell(cell: str | int | float) -> str:
     """A cell as text, numbers with four digits."""
     if isinstance(cell, float):
         return "–" if np.isnan(cell) else f"{cell:.4g}"

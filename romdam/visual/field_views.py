@@ -60,7 +60,7 @@ def draw_fields(result: Result, folder: Path, stem: str) -> list[Path]:
     time = worst_displacement_time(result)
     paths = [_draw(result, _displacement(result, time), time, folder / f"{stem}-field_displacement.png")]
     for name in ("principal", "vertical", "arch"):
-        if f"worst_{name}_stress" in dataset and dataset[f"worst_{name}_stress"].notnull().any():
+        if _has_numbers(dataset, f"worst_{name}_stress"):
             at = float(dataset[f"worst_{name}_time"])
             path = folder / f"{stem}-field_{name}_stress.png"
             paths.append(_draw(result, _stress(result, f"worst_{name}_stress", at), at, path))
@@ -89,18 +89,22 @@ def draw_side_by_side(results: Mapping[str, Result], axis: str, folder: Path, st
     """
     if not results:
         return {}
-    worst = {name: worst_displacement_time(one) for name, one in results.items()}
-    moved = {name: _displacement(one, worst[name], axis) for name, one in results.items()}
-    paths = {"field_displacement": _draw_each(results, moved, worst, folder / f"{stem}-field_displacement.png")}
+    times = {name: worst_displacement_time(one) for name, one in results.items()}
+    fields = {name: _displacement(one, times[name], axis) for name, one in results.items()}
+    path = folder / f"{stem}-field_displacement.png"
+    paths = {"field_displacement": _draw_each(results, fields, times, path)}
     for kind in ("principal", "vertical"):
-        variable = f"worst_{kind}_stress"
-        if not all(variable in one.dataset and one.dataset[variable].notnull().any() for one in results.values()):
-            continue
-        times = {name: float(one.dataset[f"worst_{kind}_time"]) for name, one in results.items()}
-        fields = {name: _stress(one, variable, times[name]) for name, one in results.items()}
-        path = folder / f"{stem}-field_{kind}_stress.png"
-        paths[f"field_{kind}_stress"] = _draw_each(results, fields, times, path)
+        name, datasets = f"field_{kind}_stress", [one.dataset for one in results.values()]
+        if all(_has_numbers(one, f"worst_{kind}_stress") for one in datasets):
+            times = {key: float(one.dataset[f"worst_{kind}_time"]) for key, one in results.items()}
+            fields = {key: _stress(one, f"worst_{kind}_stress", times[key]) for key, one in results.items()}
+            paths[name] = _draw_each(results, fields, times, folder / f"{stem}-{name}.png")
     return paths
+
+
+def _has_numbers(dataset: xr.Dataset, variable: str) -> bool:
+    """Tell whether a dataset has a variable with a number in it."""
+    return variable in dataset and bool(dataset[variable].notnull().any())
 
 
 def write_animation(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
@@ -185,13 +189,14 @@ def _draw_each(
     results: Mapping[str, Result], fields: Mapping[str, _Field], times: Mapping[str, float], path: Path
 ) -> Path:
     """One panel for each result, with one colour bar and one magnification for all."""
-    first, last = next(iter(fields.values())), next(iter(results.values()))
+    name, result = next(iter(results.items()))
+    first, record = fields[name], result.dataset.attrs["record"]
     whole = np.concatenate([v for field in fields.values() for v in field.values.values()])
     shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), first.unit)
     norm, beyond = _norm(shown, first)
     largest = max(np.linalg.norm(u, axis=1).max() for field in fields.values() for u in field.moved.values())
-    scale = min(_magnification(result, float(largest)) for result in results.values())
-    camera = _across_the_narrow_side(_moved_bounds(last, next(reversed(fields.values())), scale))
+    scale = _magnification(result, float(largest))
+    camera = _across_the_narrow_side(_moved_bounds(result, first, scale))
     panels: dict[str, Image] = {}
     for name, result in results.items():
         own = {block: values * factor for block, values in fields[name].values.items()}
@@ -201,7 +206,7 @@ def _draw_each(
         )
         panels[f"{name}\n{low:.3g} to {high:.3g} {unit} at {times[name]:.2f} s"] = picture.image()
     with mpl.rc_context(STYLE):
-        title = f"{first.label}, shape x {scale:g}  ·  {last.dataset.attrs['record']}"
+        title = f"{first.label}, shape x {scale:g}  ·  {record}"
         figure, axes = image_grid(panels, title)
         bar = mpl.cm.ScalarMappable(norm, first.colours)
         label = f"{first.label} [{unit}]"

@@ -69,7 +69,8 @@ def image_grid(images: dict[str, Any], title: str, columns: int = 4) -> tuple[Fi
     rows = -(-len(images) // columns)
     high, wide = next(iter(images.values())).shape[:2]
     width = max(2.2, min(4.6, 4.2 * wide / high))
-    figure = Figure(figsize=(width * columns + 1.2, (width * high / wide + 0.5) * rows + 0.4), layout="constrained")
+    height = (width * high / wide + 0.5) * rows
+    figure = Figure(figsize=(width * columns + 1.2, height + 0.4), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for ax in axes:
         ax.set_axis_off()

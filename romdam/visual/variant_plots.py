@@ -77,5 +77,5 @@ def _lines(ax: Axes, rows: xr.DataArray, reference: str) -> None:
     others = [name for name in rows.variant.values if name != reference]
     ax.plot(rows.time, rows.sel(variant=reference), color=GREY, lw=2.6, alpha=0.6, label=reference)
     for k, name in enumerate(others):
-        look = {"color": COLOURS[k % len(COLOURS)], "ls": _DASHES[k // len(COLOURS) % len(_DASHES)]}
-        ax.plot(rows.time, rows.sel(variant=name), lw=0.9, label=str(name), **look)
+        colour, dash = COLOURS[k % len(COLOURS)], _DASHES[k // len(COLOURS) % len(_DASHES)]
+        ax.plot(rows.time, rows.sel(variant=name), color=colour, ls=dash, lw=0.9, label=str(name))

@@ -33,7 +33,9 @@ class ComparisonConfig(Model):
         first: dict[str, str] = {}
         for name in self.variants:
             if first.setdefault(same_file(name), name) != name:
-                raise ValueError(f"variants: {shown(name)} and {shown(first[same_file(name)])} are one folder")
+                raise ValueError(
+                    f"variants: {shown(name)} and {shown(first[same_file(name)])} are one folder"
+                )
         return self
 
     @property

@@ -311,8 +311,8 @@ class Config(Model):
             self._known(f"outputs.nodes.{name}.block", node.block, blocks)
         if self.outputs.stress is not None:
             self._known_in_stress(self.outputs.stress, blocks)
-        for name, pair in (self.comparison.relative if self.comparison else {}).items():
-            for node_name in pair:
+        for name, both in (self.comparison.relative if self.comparison else {}).items():
+            for node_name in both:
                 self._known(f"comparison.relative.{name}", node_name, self.outputs.nodes)
         for i, face in enumerate(self.water.faces if self.water else ()):
             self._known(f"water.faces[{i}].block", face.block, blocks)
