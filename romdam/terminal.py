@@ -122,11 +122,11 @@ def maxima_table(dataset: xr.Dataset) -> Table:
 
 
 def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
-    """The tables of a comparison of variants."""
+    """The tables of a comparison that suit a terminal; its page has all."""
     from romdam.postprocess.variant_tables import shown_cell
 
     made = []
-    for one in tables:
+    for one in (table for table in tables if table.name in ("cost", "peaks", "stress", "to_reference")):
         table = _table(one.title, one.head[:1], one.head[1:])
         for row in one.rows:
             table.add_row(*map(shown_cell, row))

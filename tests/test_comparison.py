@@ -88,7 +88,7 @@ def test_mortar_of_matching_linear_faces_is_node_to_node(dataset):
 
 
 def test_a_quarter_of_the_record_is_a_quarter_of_the_answer(dataset):
-    """Without loads and initial gaps the unilateral joint is positively homogeneous; the path is into a list."""
+    """Without loads and initial gaps the unilateral joint is positively homogeneous."""
     whole, weaker = (dataset.displacement.sel(variant=name).values for name in ("gaps", "weaker"))
     np.testing.assert_allclose(4.0 * weaker, whole, atol=1e-7 * np.abs(whole).max())
 

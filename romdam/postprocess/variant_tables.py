@@ -85,28 +85,28 @@ def _stress(comparison: xr.Dataset) -> Table:
 
 
 def _to_reference(comparison: xr.Dataset) -> Table:
+    """Every quantity of every variant against the reference."""
     reference = comparison.attrs["reference"]
-    both = 100.0 * comparison[["l2_difference", "peak_difference"]].sel(against=reference)
-    head = [f"{quantity}, {kind} [%]" for quantity in both["quantity"].values for kind in ("L2", "peak")]
-    rows: list[Row] = []
-    for name, one in _each(both):
-        if name != reference:
-            pairs = zip(one.l2_difference.values, one.peak_difference.values, strict=True)
-            rows.append((name, *(float(value) for pair in pairs for value in pair)))
-    return Table("to_reference", f"Difference to “{reference}”", ("variant", *head), rows)
+    both = comparison[["l2_difference", "peak_difference"]].sel(against=reference)
+    head = ("variant", *map(str, both["quantity"].values))
+    rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(both) if name != reference]
+    return Table("to_reference", f"Difference to “{reference}”: L2 / peak [%]", head, rows)
 
 
 def _to_each_other(comparison: xr.Dataset) -> Table:
-    """L2 and peak of one quantity, all against all: the first pair's, else the first there is."""
+    """One quantity, all against all: the first pair's, else the first there is."""
     quantities = [str(name) for name in comparison["quantity"].values]
     chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
-    own = 100.0 * comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
-    rows: list[Row] = []
-    for name, one in _each(own):
-        cells = zip(one.l2_difference.values, one.peak_difference.values, strict=True)
-        rows.append((name, *("–" if l2 == peak == 0.0 else f"{l2:.3g} / {peak:.2g}" for l2, peak in cells)))
+    own = comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
+    rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(own)]
     title = f"Each against each, {chosen}: L2 / peak [%] of the row over the column"
     return Table("to_each_other", title, ("variant", *map(str, own.against.values)), rows)
+
+
+def _pairs(one: xr.Dataset) -> list[str]:
+    """L2 and peak in percent, as text; a dash where nothing differs or nothing is known."""
+    cells = zip(100.0 * one.l2_difference.values, 100.0 * one.peak_difference.values, strict=True)
+    return [f"{l2:.2g} / {peak:.2g}" if l2 > 0.0 else "–" for l2, peak in cells]
 
 
 def changes_of(comparison: xr.Dataset) -> list[tuple[str, str]]:
