@@ -10,8 +10,9 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.config.load import Job
+from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.variants import comparison_of, variant_jobs
-from romdam.core.errors import ConfigError, ResultError, RomdamError
+from romdam.core.errors import ConfigError, ResultError, RomdamError, listed
 from romdam.core.files import prepare_folder, replacing
 from romdam.error.variants import comparison_dataset
 from romdam.pipelines.run import Clock, Stage, read_motions, run, silent
@@ -50,7 +51,7 @@ def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None 
     """
     asked, jobs = comparison_of(job), variant_jobs(job)
     for name, one in jobs.items():
-        _refuse(name, one)
+        _refuse(name, one, asked)
     folder, results, failures = prepare_folder(Path(out)), dict[str, Path](), dict[str, str]()
     order = sorted(
         jobs, key=lambda name: name != asked.against
@@ -70,7 +71,8 @@ def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None 
     return Comparison(dataset, variant_tables(dataset), paths, failures)
 
 
-def _refuse(name: str, job: Job) -> None:
+def _refuse(name: str, job: Job, asked: ComparisonConfig) -> None:
+    """Refuse a variant that cannot be compared."""
     motions, failures = read_motions(job)
     if len(motions) + len(failures) > 1:
         raise ConfigError(
@@ -81,6 +83,12 @@ def _refuse(name: str, job: Job) -> None:
         raise ConfigError(
             f"{job.path}: comparison.variants.{name}: neither joints nor outputs.nodes, so nothing is "
             "compared; name nodes"
+        )
+    missing = {node for pair in asked.relative.values() for node in pair} - set(job.config.outputs.nodes)
+    if missing:
+        raise ConfigError(
+            f"{job.path}: comparison.variants.{name}: outputs.nodes lacks {listed(sorted(missing))} of "
+            "comparison.relative; name it there"
         )
 
 

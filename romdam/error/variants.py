@@ -24,29 +24,29 @@ _HISTORIES = {  # variable -> (its places, in words)
     "relative_displacement": ("pair", "relative displacement"),
     "widest_opening": ("joint", "opening"),
 }
-_NAMES = {
-    "displacement": "displacement relative to the base",
-    "relative_displacement": "displacement of the pair's second node relative to its first",
-    "widest_opening": "opening of the joint's widest gap, open positive",
-    "peak_displacement": "displacement when the node is farthest from where it was",
-    "peak_displacement_time": "time of that",
-    "peak_relative_displacement": "relative displacement when it is largest",
-    "peak_relative_displacement_time": "time of that",
-    "peak_component": "largest displacement in the compared component, with its sign",
-    "peak_relative_component": "largest relative displacement in the compared component, with its sign",
-    "peak_opening": "largest opening over all gaps and steps",
-    "stress_peak": "largest stress of all nodes over all written times, tension positive",
-    "gaps": "gaps of all joints",
-    "unknowns": "unknowns of the system that is integrated",
-    "steps": "steps taken",
-    "finest_step": "smallest step taken",
-    "cpu_seconds_reduction": "CPU time of the reduction, or of assembling the full order",
-    "cpu_seconds_loop": "CPU time of the time loop",
-    "cpu_seconds_total": "CPU time of scene, model and integration together",
-    "l2_difference": "L2 of the difference of two variants over that of `against`",
-    "peak_difference": "difference of the two largest absolute values over that of `against`",
-}  # fmt: skip
-_UNITS = {"steps": "1", "gaps": "1", "unknowns": "1", "stress_peak": "Pa", "l2": "1", "peak_difference": "1"}
+_VARIABLES = {  # unit, meaning
+    "displacement": ("m", "displacement relative to the base"),
+    "relative_displacement": ("m", "displacement of the pair's second node relative to its first"),
+    "widest_opening": ("m", "opening of the joint's widest gap, open positive"),
+    "peak_displacement": ("m", "displacement when the node is farthest from where it was"),
+    "peak_displacement_time": ("s", "time of that"),
+    "peak_relative_displacement": ("m", "relative displacement when it is largest"),
+    "peak_relative_displacement_time": ("s", "time of that"),
+    "peak_component": ("m", "displacement in the compared component, largest in magnitude"),
+    "peak_relative_component": ("m", "relative displacement in the compared component, largest in magnitude"),
+    "peak_opening": ("m", "largest opening over all gaps and steps"),
+    "stress_peak": ("Pa", "largest stress of all nodes over all written times, tension positive"),
+    "stress_peak_time": ("s", "time of that"),
+    "gaps": ("1", "gaps of all joints"),
+    "unknowns": ("1", "unknowns of the system that is integrated"),
+    "steps": ("1", "steps taken"),
+    "finest_step": ("s", "smallest step taken"),
+    "cpu_seconds_reduction": ("s", "CPU time of the reduction, or of assembling the full order"),
+    "cpu_seconds_loop": ("s", "CPU time of the time loop"),
+    "cpu_seconds_total": ("s", "CPU time of scene, model and integration together"),
+    "l2_difference": ("1", "L2 of the difference of two variants over that of `against`"),
+    "peak_difference": ("1", "difference of the two largest magnitudes over that of `against`"),
+}
 
 
 def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: ComparisonConfig) -> xr.Dataset:
@@ -66,9 +66,9 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
     parts = [_one(run, asked) for run in runs.values()]
     whole = xr.concat(parts, dim="variant", join="outer", data_vars="all").assign_coords(variant=list(runs))
     whole = whole.assign(_differences(whole, asked.component))
-    for name, text in _NAMES.items():
+    for name, (unit, text) in _VARIABLES.items():
         if name in whole:
-            whole[name].attrs = {"long_name": text, "units": _unit(name)}
+            whole[name].attrs = {"long_name": text, "units": unit}
     first = next(iter(runs.values()))
     whole.attrs = job_labels(job) | {
         "source": f"romdam {romdam.__version__}",
@@ -81,11 +81,6 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
         "variants": json.dumps({name: asked.variants[name] for name in runs}),
     }
     return whole
-
-
-def _unit(name: str) -> str:
-    seconds = "time" in name or "seconds" in name or name == "finest_step"
-    return "s" if seconds else next((unit for key, unit in _UNITS.items() if name.startswith(key)), "m")
 
 
 def _at_common_times(runs: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
@@ -130,13 +125,13 @@ def _relative(disp: xr.DataArray, asked: ComparisonConfig) -> xr.DataArray:
 def _motions(name: str, values: xr.DataArray, asked: ComparisonConfig) -> dict[str, xr.DataArray]:
     """Histories of vectors, the vector when it is largest, and the largest of the compared component."""
     values = values.drop_vars([c for c in values.coords if c not in values.dims])
-    length: xr.DataArray = (values**2).sum("component")  # squared
+    square: xr.DataArray = (values**2).sum("component")
     own = values.sel(component=asked.component, drop=True)
     peak = {"displacement": "peak_component", "relative_displacement": "peak_relative_component"}[name]
     return {
         name: values,
-        f"peak_{name}": values.isel(time=length.argmax("time")).drop_vars("time"),
-        f"peak_{name}_time": length.idxmax("time"),
+        f"peak_{name}": values.isel(time=square.argmax("time")).drop_vars("time"),
+        f"peak_{name}_time": square.idxmax("time"),
         peak: own.isel(time=abs(own).argmax("time")).drop_vars("time"),
     }
 
