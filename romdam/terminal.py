@@ -127,7 +127,8 @@ def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
 
     made = []
     for one in (table for table in tables if table.name in ("cost", "peaks", "stress", "to_reference")):
-        table = _table(one.title, one.head[:1], one.head[1:])
+        title = f"{one.title}. {one.note}" if one.note else one.title
+        table = _table(title, one.head[:1], one.head[1:])
         for row in one.rows:
             table.add_row(*map(shown_cell, row))
         made.append(table)

@@ -14,10 +14,11 @@ Row = tuple[str | int | float, ...]
 
 @dataclass(frozen=True)
 class Table:
-    """A table with a name for its file, a title, a head and rows; floats are rounded when shown."""
+    """A table with a name for its file, a title, what its cells are, a head and rows."""
 
     name: str
     title: str
+    note: str
     head: tuple[str, ...]
     rows: Sequence[Row]
 
@@ -30,8 +31,8 @@ def variant_tables(comparison: xr.Dataset) -> list[Table]:
 
 def _cost(comparison: xr.Dataset) -> Table:
     reference = float(comparison.cpu_seconds_loop.sel(variant=comparison.attrs["reference"]))
-    head: tuple[str, ...] = ("variant", "order", "unknowns", "gaps", "finest step [ms]", "steps")
-    head += ("reduction [s CPU]", "time loop [s CPU]", "in all [s CPU]", "loop, reference / this")
+    about = ("variant", "order", "unknowns", "gaps", "step [ms]", "steps")
+    head = (*about, "reduction [s]", "loop [s]", "in all [s]", "ratio")
     rows: list[Row] = []
     for name, one in _each(comparison):
         cpu = [float(one[f"cpu_seconds_{key}"]) for key in ("reduction", "loop", "total")]
@@ -40,7 +41,8 @@ def _cost(comparison: xr.Dataset) -> Table:
         rows.append(
             (name, str(one.model_order.values), *sizes, step, int(one.steps), *cpu, reference / cpu[1])
         )
-    return Table("cost", "Size and cost", head, rows)
+    note = "CPU time; the ratio is that of the reference's time loop to this one"
+    return Table("cost", "Size and cost", note, head, rows)
 
 
 def _peaks(comparison: xr.Dataset) -> Table:
@@ -56,8 +58,8 @@ def _peaks(comparison: xr.Dataset) -> Table:
     rows: list[Row] = [
         (name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)
     ]
-    title = "Peaks: the value whose magnitude is largest"
-    return Table("peaks", title, ("variant", *(head for head, _ in columns)), rows if columns else [])
+    note = "The value whose magnitude is largest, with its sign"
+    return Table("peaks", "Peaks", note, ("variant", *(head for head, _ in columns)), rows if columns else [])
 
 
 def _worst_steps(comparison: xr.Dataset) -> Table:
@@ -70,7 +72,7 @@ def _worst_steps(comparison: xr.Dataset) -> Table:
                 time = float(one[f"{variable}_time"])
                 rows.append((str(place), name, *map(float, vector), float(np.linalg.norm(vector)), time))
     head = ("where", "variant", "x [mm]", "y [mm]", "z [mm]", "magnitude [mm]", "at [s]")
-    return Table("worst_steps", "Components at the worst step of each node and pair", head, rows)
+    return Table("worst_steps", "Worst steps", "When the node, or the pair, is displaced most", head, rows)
 
 
 def _stress(comparison: xr.Dataset) -> Table:
@@ -79,9 +81,8 @@ def _stress(comparison: xr.Dataset) -> Table:
         for name, one in _each(comparison.sel(stress=stress)):
             value, time = 1e-6 * float(one.stress_peak), float(one.stress_peak_time)
             rows.append((f"{stress} stress", name, value, str(one.stress_peak_place.values), time))
-    return Table(
-        "stress", "Largest stresses", ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]"), rows
-    )
+    head = ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]")
+    return Table("stress", "Largest stresses", "Of all nodes and written times", head, rows)
 
 
 def _to_reference(comparison: xr.Dataset) -> Table:
@@ -90,7 +91,8 @@ def _to_reference(comparison: xr.Dataset) -> Table:
     both = comparison[["l2_difference", "peak_difference"]].sel(against=reference)
     head = ("variant", *map(str, both["quantity"].values))
     rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(both) if name != reference]
-    return Table("to_reference", f"Difference to “{reference}”: L2 / peak [%]", head, rows)
+    note = f"Over “{reference}”: L2 / peak [%]"
+    return Table("to_reference", "Difference to the reference", note, head, rows)
 
 
 def _to_each_other(comparison: xr.Dataset) -> Table:
@@ -99,8 +101,8 @@ def _to_each_other(comparison: xr.Dataset) -> Table:
     chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
     own = comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
     rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(own)]
-    title = f"Each against each, {chosen}: L2 / peak [%] of the row over the column"
-    return Table("to_each_other", title, ("variant", *map(str, own.against.values)), rows)
+    note = f"{chosen.capitalize()}, the row over the column: L2 / peak [%]"
+    return Table("to_each_other", "Each against each", note, ("variant", *map(str, own.against.values)), rows)
 
 
 def _pairs(one: xr.Dataset) -> list[str]:
@@ -133,7 +135,8 @@ def markdown(tables: list[Table]) -> str:
 def _markdown(table: Table) -> str:
     rows = [table.head, ("---",) * len(table.head), *table.rows]
     lines = ("| " + " | ".join(shown_cell(cell) for cell in row) + " |" for row in rows)
-    return f"## {table.title}\n\n" + "\n".join(lines) + "\n"
+    note = f"{table.note}\n\n" if table.note else ""
+    return f"## {table.title}\n\n{note}" + "\n".join(lines) + "\n"
 
 
 def shown_cell(cell: str | int | float) -> str:

@@ -63,12 +63,12 @@ def image_panels(images: list[Any], title: str) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
-def image_grid(images: dict[str, Any], title: str, columns: int = 4) -> tuple[Figure, list[Axes]]:
-    """Images of equal size in rows of so many, each under its title, without axes."""
-    columns = min(columns, len(images))
-    rows = -(-len(images) // columns)
+def image_grid(images: dict[str, Any], title: str) -> tuple[Figure, list[Axes]]:
+    """Images of equal size in rows, up to four tall ones or two broad ones in each, under their titles."""
     high, wide = next(iter(images.values())).shape[:2]
-    width = max(2.2, min(4.6, 4.2 * wide / high))
+    rows = -(-len(images) // (4 if high > wide else 2))
+    columns = -(-len(images) // rows)
+    width = max(2.2, min(5.0, 4.2 * wide / high))
     height = (width * high / wide + 0.5) * rows
     figure = Figure(figsize=(width * columns + 1.2, height + 0.4), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())

@@ -52,4 +52,4 @@ def write_comparison(comparison: xr.Dataset, figures: Mapping[str, Figure | byte
 
 
 def _table(table: Table) -> str:
-    return html.table(table.head, table.rows)
+    return html.table(table.head, table.rows, table.note, digits=4)
