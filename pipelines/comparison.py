@@ -53,10 +53,7 @@ def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None 
     for name, one in jobs.items():
         _refuse(name, one, asked)
     folder, results, failures = prepare_folder(Path(out)), dict[str, Path](), dict[str, str]()
-    order = sorted(
-        jobs, key=lambda name: name != asked.against
-    )  # without the reference the rest is of no use
-    for name in order:
+    for name in sorted(jobs, key=lambda name: name != asked.against):  # the rest is of no use without it
         log.info("variant %s", name)
         try:
             results[name] = run(jobs[name], folder / name, show, cache).paths[0]
@@ -64,8 +61,9 @@ def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None 
             if name == asked.against:
                 raise
             failures[name] = str(error)
+    done = [name for name in jobs if name in results]
     with ExitStack() as opened:
-        runs = {name: opened.enter_context(open_result(results[name])) for name in jobs if name in results}
+        runs = {name: opened.enter_context(open_result(results[name])) for name in done}
         dataset = comparison_dataset({name: one.dataset for name, one in runs.items()}, job, asked)
         paths = _write(folder, dataset, runs, Clock(show))
     return Comparison(dataset, variant_tables(dataset), paths, failures)

@@ -39,14 +39,22 @@ def _cost(comparison: xr.Dataset) -> Table:
         sizes = [int(one[key]) for key in ("unknowns", "gaps")]
         step = 1e3 * float(one.finest_step)
         rows.append(
-            (name, str(one.model_order.values), *sizes, step, int(one.steps), *cpu, reference / cpu[1])
+            (
+                name,
+                str(one.model_order.values),
+                *sizes,
+                step,
+                int(one.steps),
+                *cpu,
+                reference / max(cpu[1], 1e-9),
+            )
         )
     note = "CPU time; the ratio is that of the reference's time loop to this one"
     return Table("cost", "Size and cost", note, head, rows)
 
 
 def _peaks(comparison: xr.Dataset) -> Table:
-    """Largest values in the compared component, as the paper's table 2."""
+    """Largest values in the compared component, as the source paper's table 2."""
     axis, columns = comparison.attrs["compared_component"], []
     for variable, dim, words in (
         ("peak_component", "node", f"{axis} of {{}} [mm]"),
@@ -101,7 +109,7 @@ def _to_each_other(comparison: xr.Dataset) -> Table:
     chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
     own = comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
     rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(own)]
-    note = f"{chosen.capitalize()}, the row over the column: L2 / peak [%]"
+    note = f"{chosen[0].upper()}{chosen[1:]}, the row over the column: L2 / peak [%]"
     return Table("to_each_other", "Each against each", note, ("variant", *map(str, own.against.values)), rows)
 
 
