@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from romdam.config.load import Job
+from romdam.config.variants import variant_jobs
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
@@ -14,8 +15,8 @@ from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.simulation import refuse_large, settings_for
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
-from romdam.pipelines.user_cache import open_store
 from romdam.records.record_set import load_motions
+from romdam.reduction.storage.user_cache import open_store
 from romdam.timestepping.steps import Steps
 
 # Measured on one core of a 2-core x86-64 machine, two cantilevers, 100 gaps; good to a factor of three
@@ -63,6 +64,8 @@ def check(job: Job, show: Stage = silent, cache: Path | None = None) -> Check:
         for everything `romdam.run` would refuse before its first step.
     """
     clock = Clock(show)
+    if job.config.pipeline == "comparison":
+        variant_jobs(job)
     with clock.stage("records", "reading records"):
         motions = load_motions(job.config.records, job.folder)
     refuse_lengths(job, motions)

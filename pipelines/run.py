@@ -29,10 +29,10 @@ from romdam.pipelines.modes import choose_modes
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
-from romdam.pipelines.user_cache import open_store
 from romdam.postprocess.concerns import concerns
 from romdam.records.record_set import check_names, load_records
 from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.results.dataset import Timing, build_dataset, write_dataset
 from romdam.results.fields import write_model
@@ -227,7 +227,7 @@ def run_motion(
         dataset = build_dataset(
             Case(model.scene, motion, history, stress), job, timing, files.get("model_file")
         )
-        dataset.attrs.update(files)
+        dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
         dataset.attrs.update(read_verification(folder, job.digest))
         if estimate is not None:

@@ -13,24 +13,27 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from romdam.config.load import load_config
+    from romdam.pipelines.comparison import compare
     from romdam.pipelines.run import run
     from romdam.pipelines.suites.run import run_suite
-    from romdam.pipelines.user_cache import cache_folder
+    from romdam.reduction.storage.user_cache import cache_folder
     from romdam.results.fields import Result, open_result
     from romdam.results.suite.summary import open_suite
 
 __version__ = "0.2.0.dev0"
 __all__ = [
-    "Result", "__version__", "cache_folder", "load_config", "open_result", "open_suite", "run", "run_suite",
+    "Result", "__version__", "cache_folder", "compare", "load_config", "open_result", "open_suite", "run",
+    "run_suite",
 ]  # fmt: skip
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
+    "compare": "romdam.pipelines.comparison",
     "load_config": "romdam.config.load",
     "open_result": "romdam.results.fields",
     "open_suite": "romdam.results.suite.summary",
     "Result": "romdam.results.fields",
-    "cache_folder": "romdam.pipelines.user_cache",
+    "cache_folder": "romdam.reduction.storage.user_cache",
     "run": "romdam.pipelines.run",
     "run_suite": "romdam.pipelines.suites.run",
 }

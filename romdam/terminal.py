@@ -6,7 +6,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from romdam.pipelines.check import Check
     from romdam.pipelines.suites.folder import Cleaned
     from romdam.pipelines.suites.run import SuiteOutcome
-    from romdam.pipelines.user_cache import Entry
+    from romdam.postprocess.variant_tables import Table as VariantTable
+    from romdam.reduction.storage.user_cache import Entry
 
 Terminal = tuple["Stages", Callable[..., None]]
 
@@ -122,6 +123,20 @@ def maxima_table(dataset: xr.Dataset) -> Table:
     for name, value, unit, where, when in maxima(dataset):
         table.add_row(name, where, f"{value:.4g}", unit, when or "-")
     return table
+
+
+def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
+    """The tables of a comparison that suit a terminal; its page has all."""
+    from romdam.postprocess.variant_tables import shown_cell
+
+    made = []
+    for one in (table for table in tables if table.name in ("cost", "peaks", "stress", "to_reference")):
+        title = f"{one.title}. {one.note}" if one.note else one.title
+        table = _table(title, one.head[:1], one.head[1:])
+        for row in one.rows:
+            table.add_row(*map(shown_cell, row))
+        made.append(table)
+    return made
 
 
 def check_tables(found: Check) -> list[Table]:

@@ -47,6 +47,7 @@ TYPES = {
     "romdam.contact.laws.law": LAWS,
     "romdam.reduction.storage.keys": {"results"},
     "romdam.reduction.storage.model_file": {"results"},
+    "romdam.reduction.storage.user_cache": {"__init__", "commands", "terminal"},  # listed, cleared by command
     "romdam.scene.elements": {"results", "visual"},
 }
 ANYWHERE = {"core", "config"}

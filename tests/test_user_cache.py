@@ -13,10 +13,10 @@ from test_cli import SMALL, call
 import romdam
 from romdam.core.files import hold
 from romdam.core.sealed import is_sealed
-from romdam.pipelines import user_cache
 from romdam.pipelines.check import check
-from romdam.pipelines.user_cache import cache_folder, entries, open_store, remove
 from romdam.reduction import synthesis
+from romdam.reduction.storage import user_cache
+from romdam.reduction.storage.user_cache import cache_folder, entries, open_store, remove
 
 VARIABLES = ("opening", "normal_force", "reduced_coordinates", "energy_strain", "estimated_error_l2")
 

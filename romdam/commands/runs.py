@@ -34,7 +34,8 @@ def run(
 ) -> None:
     """Run every record of CONFIG; each lands as OUT/<record>.nc, those of a suite in OUT/summary.nc.
 
-    A suite that was stopped goes on where it stopped.
+    A suite that was stopped goes on where it stopped. The variants of a comparison land in OUT/<variant>, and
+    side by side in OUT/comparison.html.
     """
     from romdam.terminal import open_terminal
 
@@ -52,7 +53,23 @@ def run(
     for option, value in (("--workers", workers), ("--scheduler", scheduler)):
         if value is not None:
             raise typer.BadParameter(f"is for suites; {config} has no `pipeline: suite`", param_hint=option)
+    if job.config.pipeline == "comparison":
+        _run_comparison(job, out, folder, terminal)
+        return
     _run_records(job, out, folder, terminal)
+
+
+def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
+    from romdam.pipelines.comparison import compare
+    from romdam.terminal import comparison_tables
+
+    stages, say = terminal
+    found = compare(job, out, stages, cache)
+    say(*comparison_tables(found.tables), *(f"written: {path}" for path in found.paths))
+    for name, message in found.failures.items():
+        typer.echo(f"{name}: {message}", err=True)
+    if found.failures:
+        raise typer.Exit(FAILED)
 
 
 def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:

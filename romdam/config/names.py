@@ -11,7 +11,9 @@ from romdam.core.errors import shown
 
 LONGEST = 100  # bytes; a file's name has at most 255, and figures and runs add to it
 _FORBIDDEN = '/\\:*?"<>|'  # of file names on one system or another; of groups in HDF5; "*" is every joint
-_WRITTEN = {"summary", "design", "study", "report", "report-data", "verification"}  # by commands themselves
+_WRITTEN = {  # by commands themselves
+    "summary", "design", "study", "comparison", "report", "report-data", "verification",
+}  # fmt: skip
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(1, 10))}
 
 

@@ -1,8 +1,9 @@
-"""The table of the largest values of a result, beside its figures."""
+"""Tables as CSV: that of the largest values of a result, beside its figures."""
 
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import xarray as xr
@@ -13,9 +14,14 @@ from romdam.postprocess.maxima import HEAD, maxima
 
 def write_maxima(dataset: xr.Dataset, folder: Path, stem: str) -> Path:
     """Write the table as `folder`/`stem`-maxima.csv."""
-    path = folder / f"{stem}-maxima.csv"
+    rows = [(name, f"{value:.6g}", *rest) for name, value, *rest in maxima(dataset)]
+    return write_csv(HEAD, rows, folder / f"{stem}-maxima.csv")
+
+
+def write_csv(head: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> Path:
+    """Write a table whole or not at all."""
     with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(HEAD)
-        writer.writerows((name, f"{value:.6g}", *rest) for name, value, *rest in maxima(dataset))
+        writer.writerow(head)
+        writer.writerows(rows)
     return path

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -16,8 +16,8 @@ from romdam.core.files import replacing
 from romdam.results.fields import Result
 from romdam.results.series import Frames, dam_blocks, frame_times, worst_displacement_time
 from romdam.visual.plots import save_figure
-from romdam.visual.rendering import EDGES, Bounds, Image, Picture, grid, surface
-from romdam.visual.style import STYLE, image_panels, scaled
+from romdam.visual.rendering import EDGES, Bounds, Image, Picture, fitting_size, grid, surface
+from romdam.visual.style import STYLE, image_grid, image_panels, scaled
 
 Progress = Callable[[int, int], None]
 
@@ -26,6 +26,7 @@ _SHARE = 0.99  # of the nodes' stresses that the colours reach
 _SHOWN = 0.05  # of the model's size, that the largest displacement is drawn as
 _EDGED = 20_000  # cells of a block, above which only its sharp edges are drawn
 _FRAME_SIZE = (800, 640)
+_PANEL = 640  # pixels of the longer side of one of several pictures
 _MISSING = "#D9D9D9"
 
 
@@ -59,7 +60,7 @@ def draw_fields(result: Result, folder: Path, stem: str) -> list[Path]:
     time = worst_displacement_time(result)
     paths = [_draw(result, _displacement(result, time), time, folder / f"{stem}-field_displacement.png")]
     for name in ("principal", "vertical", "arch"):
-        if f"worst_{name}_stress" in dataset and dataset[f"worst_{name}_stress"].notnull().any():
+        if _has_numbers(dataset, f"worst_{name}_stress"):
             at = float(dataset[f"worst_{name}_time"])
             path = folder / f"{stem}-field_{name}_stress.png"
             paths.append(_draw(result, _stress(result, f"worst_{name}_stress", at), at, path))
@@ -67,6 +68,43 @@ def draw_fields(result: Result, folder: Path, stem: str) -> list[Path]:
         field = _stress(result, "demand_capacity_ratio", None)
         paths.append(_draw(result, field, None, folder / f"{stem}-field_demand_capacity_ratio.png"))
     return paths
+
+
+def draw_side_by_side(results: Mapping[str, Result], axis: str, folder: Path, stem: str) -> dict[str, Path]:
+    """Draw variants beside one another, each at its own worst step, in one scale of colours.
+
+    Parameters
+    ----------
+    results : variant -> its result, of reduced models
+    axis : component of the displacement
+
+    Returns
+    -------
+    figure -> its file: displacement, and each stress that all have
+
+    Raises
+    ------
+    ResultError
+        where 3-D pictures cannot be drawn.
+    """
+    if not results:
+        return {}
+    times = {name: worst_displacement_time(one) for name, one in results.items()}
+    fields = {name: _displacement(one, times[name], axis) for name, one in results.items()}
+    path = folder / f"{stem}-field_displacement.png"
+    paths = {"field_displacement": _draw_each(results, fields, times, path)}
+    for kind in ("principal", "vertical"):
+        name, datasets = f"field_{kind}_stress", [one.dataset for one in results.values()]
+        if all(_has_numbers(one, f"worst_{kind}_stress") for one in datasets):
+            times = {key: float(one.dataset[f"worst_{kind}_time"]) for key, one in results.items()}
+            fields = {key: _stress(one, f"worst_{kind}_stress", times[key]) for key, one in results.items()}
+            paths[name] = _draw_each(results, fields, times, folder / f"{stem}-{name}.png")
+    return paths
+
+
+def _has_numbers(dataset: xr.Dataset, variable: str) -> bool:
+    """Tell whether a dataset has a variable with a number in it."""
+    return variable in dataset and bool(dataset[variable].notnull().any())
 
 
 def write_animation(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
@@ -97,8 +135,12 @@ def write_animation(result: Result, folder: Path, stem: str, frames: Frames, pro
     return path
 
 
-def _displacement(result: Result, time: float) -> _Field:
+def _displacement(result: Result, time: float, axis: str | None = None) -> _Field:
+    """Size of the displacement, or its component along an axis."""
     moved = {name: result.displacement(name, times=time).values[0] for name in dam_blocks(result)}
+    if axis is not None:
+        values = {name: u["xyz".index(axis)] for name, u in ((n, v.T) for n, v in moved.items())}
+        return _Field(values, moved, "m", f"displacement along {axis} relative to the base", "viridis")
     values = {name: np.linalg.norm(u, axis=1) for name, u in moved.items()}
     return _Field(values, moved, "m", "displacement relative to the base", "viridis")
 
@@ -141,6 +183,48 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
         label = f"{field.label}{f' [{unit}]' if unit else ''}"
         figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
     return save_figure(figure, path)
+
+
+def _draw_each(
+    results: Mapping[str, Result], fields: Mapping[str, _Field], times: Mapping[str, float], path: Path
+) -> Path:
+    """One panel for each result, with one colour bar and one magnification for all."""
+    name, result = next(iter(results.items()))
+    first, record = fields[name], result.dataset.attrs["record"]
+    whole = np.concatenate([v for field in fields.values() for v in field.values.values()])
+    shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), first.unit)
+    norm, beyond = _norm(shown, first)
+    largest = max(np.linalg.norm(u, axis=1).max() for field in fields.values() for u in field.moved.values())
+    scale = _magnification(result, float(largest))
+    camera = _across_the_narrow_side(_moved_bounds(result, first, scale))
+    panels: dict[str, Image] = {}
+    for name, result in results.items():
+        own = {block: values * factor for block, values in fields[name].values.items()}
+        low, high = (f(np.concatenate(list(own.values()))) for f in (np.nanmin, np.nanmax))
+        picture = _view(
+            result, replace(fields[name], values=own), camera, scale, norm, fitting_size(*camera, _PANEL)
+        )
+        panels[f"{name}\n{low:.3g} to {high:.3g} {unit} at {times[name]:.2f} s"] = picture.image()
+    with mpl.rc_context(STYLE):
+        title = f"{first.label}, shape x {scale:g}  ·  {record}"
+        figure, axes = image_grid(panels, title)
+        bar = mpl.cm.ScalarMappable(norm, first.colours)
+        label = f"{first.label} [{unit}]"
+        figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
+    return save_figure(figure, path)
+
+
+def _moved_bounds(result: Result, field: _Field, scale: float) -> Bounds:
+    """Bounds of the blocks as they stand and as they are drawn."""
+    points = [result.points(name) + s * field.moved[name] for name in field.values for s in (0.0, scale)]
+    return np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+
+
+def _across_the_narrow_side(bounds: Bounds) -> tuple[Bounds, Floats]:
+    """Bounds and the direction that a model's longer horizontal side is seen from."""
+    long_x, long_y, _ = bounds[1] - bounds[0]
+    ahead = _DIRECTIONS[1]
+    return bounds, ahead if long_x >= long_y else ahead[[1, 0, 2]]
 
 
 def _norm(shown: xr.DataArray, field: _Field) -> tuple[Normalize, str]:

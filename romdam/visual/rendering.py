@@ -114,13 +114,24 @@ class Picture:
 
 def _half_height(low: Floats, high: Floats, direction: Floats, size: tuple[int, int]) -> float:
     """Half the height of a parallel view that shows a box wholly, with a small margin."""
+    tall, wide = _half_sizes(low, high, direction)
+    return float(1.06 * max(tall, wide * size[1] / size[0]))
+
+
+def fitting_size(bounds: Bounds, direction: Floats, pixels: int) -> tuple[int, int]:
+    """Size of a picture that a box fills, with so many pixels on the longer side."""
+    tall, wide = _half_sizes(*bounds, direction)
+    shorter = max(pixels // 2, round(pixels * min(tall, wide) / max(tall, wide)))
+    return (pixels, shorter) if wide > tall else (shorter, pixels)
+
+
+def _half_sizes(low: Floats, high: Floats, direction: Floats) -> tuple[float, float]:
+    """Half of what a box measures up and across, seen from a direction."""
     ahead = direction / np.linalg.norm(direction)
     across = np.cross([0.0, 0.0, 1.0], ahead)
     across /= np.linalg.norm(across)
-    up = np.cross(ahead, across)
     half = np.abs(high - low) / 2.0
-    tall, wide = np.abs(up) @ half, np.abs(across) @ half
-    return float(1.06 * max(tall, wide * size[1] / size[0]))
+    return float(np.abs(np.cross(ahead, across)) @ half), float(np.abs(across) @ half)
 
 
 def surface(mesh: pyvista.UnstructuredGrid) -> pyvista.PolyData:

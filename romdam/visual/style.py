@@ -61,3 +61,21 @@ def image_panels(images: list[Any], title: str) -> tuple[Figure, list[Axes]]:
         ax.set_axis_off()
     figure.suptitle(title, fontsize=9, x=0.02, ha="left")
     return figure, axes
+
+
+def image_grid(images: dict[str, Any], title: str) -> tuple[Figure, list[Axes]]:
+    """Images of equal size in rows, up to four tall ones or two broad ones in each, under their titles."""
+    high, wide = next(iter(images.values())).shape[:2]
+    rows = -(-len(images) // (4 if high > wide else 2))
+    columns = -(-len(images) // rows)
+    width = max(2.2, min(5.0, 4.2 * wide / high))
+    height = (width * high / wide + 0.5) * rows
+    figure = Figure(figsize=(width * columns + 1.2, height + 0.4), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for ax in axes:
+        ax.set_axis_off()
+    for ax, (name, image) in zip(axes, images.items(), strict=False):
+        ax.imshow(image)
+        ax.set_title(name, fontsize=8)
+    figure.suptitle(title, fontsize=9, x=0.02, ha="left")
+    return figure, axes

@@ -23,6 +23,7 @@ from romdam.config.quantities import (
     Whole,
 )
 from romdam.config.sections.arch_dam import ArchDamConfig
+from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.cut import CutConfig, pieces_of, refuse_wrong_cuts
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
 from romdam.config.sections.loads import LoadsConfig
@@ -252,9 +253,10 @@ class Config(Model):
     transient: TransientConfig
     outputs: OutputsConfig = OutputsConfig()
     study: StudyConfig = StudyConfig()
-    pipeline: Literal["run", "suite"] = "run"
-    """A run for each record, or the whole of `suite`."""
+    pipeline: Literal["run", "suite", "comparison"] = "run"
+    """A run for each record, the whole of `suite`, or the variants of `comparison`."""
     suite: SuiteConfig | None = None
+    comparison: ComparisonConfig | None = None
 
     @property
     def block_names(self) -> tuple[str, ...]:
@@ -308,6 +310,9 @@ class Config(Model):
             self._known(f"outputs.nodes.{name}.block", node.block, blocks)
         if self.outputs.stress is not None:
             self._known_in_stress(self.outputs.stress, blocks)
+        for name, both in (self.comparison.relative if self.comparison else {}).items():
+            for node_name in both:
+                self._known(f"comparison.relative.{name}", node_name, self.outputs.nodes)
         for i, face in enumerate(self.water.faces if self.water else ()):
             self._known(f"water.faces[{i}].block", face.block, blocks)
         return self

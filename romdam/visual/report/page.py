@@ -123,8 +123,8 @@ def _marked(name: str, so: bool) -> str:
     return f' class="{name}"' if so else ""
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> str:
-    """A table; columns of numbers stand on the right, everything else is text."""
+def table(head: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "", digits: int = 3) -> str:
+    """A table; columns of numbers stand on the right, with so many digits, everything else is text."""
     if not rows:
         return ""
     right = [all(isinstance(row[k], int | float) for row in rows) for k in range(len(head))]
@@ -137,7 +137,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]], caption: str = 
         parts.append(f"<thead><tr>{''.join(cells)}</tr></thead>")
     parts.append("<tbody>")
     for row in rows:
-        line = (f"<td{_class(n, one)}>{_cell(one)}</td>" for n, one in zip(right, row, strict=True))
+        line = (f"<td{_class(n, one)}>{_cell(one, digits)}</td>" for n, one in zip(right, row, strict=True))
         parts.append(f"<tr>{''.join(line)}</tr>")
     return f'<div class="wide" tabindex="0"><table>{chr(10).join(parts)}</tbody></table></div>'
 
@@ -148,10 +148,10 @@ def _class(right: bool, value: object) -> str:
     return ' class="text"' if isinstance(value, str) and len(value) > 60 else ""
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, digits: int) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return escape(value)
-    return str(value) if isinstance(value, int) else number(value)
+    return str(value) if isinstance(value, int) else number(value, digits)
 
 
 def code(text: str) -> str:

@@ -1,0 +1,125 @@
+"""Variants of one job, each run by itself, side by side: one Dataset, its tables, figures and page."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from romdam.config.load import Job
+from romdam.config.sections.comparison import ComparisonConfig
+from romdam.config.variants import comparison_of, variant_jobs
+from romdam.core.errors import ConfigError, ResultError, RomdamError, listed
+from romdam.core.files import prepare_folder, replacing
+from romdam.error.variants import comparison_dataset
+from romdam.pipelines.run import Clock, Stage, read_motions, run, silent
+from romdam.postprocess.variant_tables import Table, markdown, variant_tables
+from romdam.results.dataset import write_dataset
+from romdam.results.fields import Result, open_result
+from romdam.results.table import write_csv
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Variants in one Dataset, its tables, the files, and variant -> message of those that failed."""
+
+    dataset: xr.Dataset
+    tables: list[Table]
+    paths: tuple[Path, ...]
+    failures: dict[str, str]
+
+
+def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Comparison:
+    """Run every variant of `comparison:` into `out`/<variant> and set them side by side.
+
+    Parameters
+    ----------
+    job : a configuration with `comparison:`
+    out : folder for the variants' folders, comparison.nc, .md and .html, tables (CSV) and figures (PNG)
+    show : told of every stage and its progress
+    cache : folder of reduced blocks, as `romdam.pipelines.run.run` takes it
+
+    Raises
+    ------
+    RomdamError
+        for bad input of any variant, before the first is run; and where the reference fails.
+    """
+    asked, jobs = comparison_of(job), variant_jobs(job)
+    for name, one in jobs.items():
+        _refuse(name, one, asked)
+    folder, results, failures = prepare_folder(Path(out)), dict[str, Path](), dict[str, str]()
+    for name in sorted(jobs, key=lambda name: name != asked.against):  # the rest is of no use without it
+        log.info("variant %s", name)
+        try:
+            results[name] = run(jobs[name], folder / name, show, cache).paths[0]
+        except RomdamError as error:
+            if name == asked.against:
+                raise
+            failures[name] = str(error)
+    done = [name for name in jobs if name in results]
+    with ExitStack() as opened:
+        runs = {name: opened.enter_context(open_result(results[name])) for name in done}
+        dataset = comparison_dataset({name: one.dataset for name, one in runs.items()}, job, asked)
+        paths = _write(folder, dataset, runs, Clock(show))
+    return Comparison(dataset, variant_tables(dataset), paths, failures)
+
+
+def _refuse(name: str, job: Job, asked: ComparisonConfig) -> None:
+    """Refuse a variant that cannot be compared."""
+    motions, failures = read_motions(job)
+    if len(motions) + len(failures) > 1:
+        raise ConfigError(
+            f"{job.path}: comparison.variants.{name}: a comparison is of one record, records are "
+            f"{len(motions) + len(failures)}; keep one"
+        )
+    if not job.config.outputs.nodes and not job.config.every_joint:
+        raise ConfigError(
+            f"{job.path}: comparison.variants.{name}: neither joints nor outputs.nodes, so nothing is "
+            "compared; name nodes"
+        )
+    missing = {node for pair in asked.relative.values() for node in pair} - set(job.config.outputs.nodes)
+    if missing:
+        raise ConfigError(
+            f"{job.path}: comparison.variants.{name}: outputs.nodes lacks {listed(sorted(missing))} of "
+            "comparison.relative; name it there"
+        )
+
+
+def _write(folder: Path, dataset: xr.Dataset, runs: dict[str, Result], clock: Clock) -> tuple[Path, ...]:
+    from romdam.visual.report.comparison import write_comparison
+
+    tables = variant_tables(dataset)
+    paths = [folder / "comparison.nc", folder / "comparison.md"]
+    write_dataset(dataset, paths[0])
+    with replacing(paths[1]) as part:
+        part.write_text(markdown(tables), encoding="utf-8")
+    paths += [write_csv(table.head, table.rows, folder / f"comparison-{table.name}.csv") for table in tables]
+    with clock.stage("figures", "drawing figures"):
+        figures = _figures(folder, dataset, runs)
+        pictures = {name: path.read_bytes() for name, path in figures.items()}
+        return (write_comparison(dataset, pictures, folder), *paths, *figures.values())
+
+
+def _figures(folder: Path, dataset: xr.Dataset, runs: dict[str, Result]) -> dict[str, Path]:
+    """Name -> file of every figure that there are numbers for; fields where this machine draws in 3-D."""
+    from romdam.visual.field_views import draw_side_by_side
+    from romdam.visual.plots import save_figure
+    from romdam.visual.variant_plots import HISTORIES
+
+    made = {name: draw(dataset) for name, draw in HISTORIES.items()}
+    paths = {
+        name: save_figure(figure, folder / f"comparison-{name}.png")
+        for name, figure in made.items()
+        if figure is not None
+    }
+    reduced = {name: one for name, one in runs.items() if one.dataset.attrs["model_order"] == "reduced"}
+    try:
+        return paths | draw_side_by_side(reduced, dataset.attrs["compared_component"], folder, "comparison")
+    except ResultError as error:
+        log.warning("no pictures of fields: %s", error)
+        return paths

@@ -1,0 +1,197 @@
+"""Variants of one job side by side: histories, peaks, sizes and costs, and how far each is from each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from functools import reduce
+
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.config.load import Job
+from romdam.config.sections.comparison import ComparisonConfig
+from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError
+from romdam.error.metrics import magnitude_error
+from romdam.results.dataset import job_labels
+
+_STRESSES = ("principal", "vertical", "arch")
+_HISTORIES = {  # variable -> (its places, in words)
+    "displacement": ("node", "displacement"),
+    "relative_displacement": ("pair", "relative displacement"),
+    "widest_opening": ("joint", "opening"),
+}
+_VARIABLES = {  # unit, meaning
+    "displacement": ("m", "displacement relative to the base"),
+    "relative_displacement": ("m", "displacement of the pair's second node relative to its first"),
+    "widest_opening": ("m", "opening of the joint's widest gap, open positive"),
+    "peak_displacement": ("m", "displacement when the node is farthest from where it was"),
+    "peak_displacement_time": ("s", "time of that"),
+    "peak_relative_displacement": ("m", "relative displacement when it is largest"),
+    "peak_relative_displacement_time": ("s", "time of that"),
+    "peak_component": ("m", "displacement in the compared component, largest in magnitude"),
+    "peak_relative_component": ("m", "relative displacement in the compared component, largest in magnitude"),
+    "peak_opening": ("m", "largest opening over all gaps and steps"),
+    "stress_peak": ("Pa", "largest stress of all nodes over all written times, tension positive"),
+    "stress_peak_time": ("s", "time of that"),
+    "gaps": ("1", "gaps of all joints"),
+    "unknowns": ("1", "unknowns of the system that is integrated"),
+    "steps": ("1", "steps taken"),
+    "finest_step": ("s", "smallest step taken"),
+    "cpu_seconds_reduction": ("s", "CPU time of the reduction, or of assembling the full order"),
+    "cpu_seconds_loop": ("s", "CPU time of the time loop"),
+    "cpu_seconds_total": ("s", "CPU time of scene, model and integration together"),
+    "l2_difference": ("1", "L2 of the difference of two variants over that of `against`"),
+    "peak_difference": ("1", "difference of the two largest magnitudes over that of `against`"),
+}
+
+
+def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: ComparisonConfig) -> xr.Dataset:
+    """Put the results of all variants into one Dataset, at the times that all of them have.
+
+    Parameters
+    ----------
+    runs : variant -> its result
+    job : the comparison's configuration
+
+    Raises
+    ------
+    ResultError
+        where two variants share fewer than two written times.
+    """
+    runs = _at_common_times(runs)
+    parts = [_one(run, asked) for run in runs.values()]
+    whole = xr.concat(parts, dim="variant", join="outer", data_vars="all").assign_coords(variant=list(runs))
+    whole = whole.assign(_differences(whole, asked.component))
+    for name, (unit, text) in _VARIABLES.items():
+        if name in whole:
+            whole[name].attrs = {"long_name": text, "units": unit}
+    first = next(iter(runs.values()))
+    whole.attrs = job_labels(job) | {
+        "source": f"romdam {romdam.__version__}",
+        "Conventions": "CF-1.11",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "record": str(first.attrs["record"]),
+        "machine": str(first.attrs["machine"]),
+        "reference": asked.against,
+        "compared_component": asked.component,
+        "variants": json.dumps({name: asked.variants[name] for name in runs}),
+    }
+    return whole
+
+
+def _at_common_times(runs: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+    rounded = {name: run.assign_coords(time=np.round(run.time.values, 7)) for name, run in runs.items()}
+    time = reduce(np.intersect1d, (run.time.values for run in rounded.values()))
+    if len(time) < 2:
+        raise ResultError(
+            f"the variants {', '.join(runs)} share {len(time)} written times, at least 2 are compared; "
+            "set outputs.output_interval, to 0.01 s for example"
+        )
+    return {name: run.sel(time=time) for name, run in rounded.items()}
+
+
+def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
+    """What of one result is compared."""
+    attrs = run.attrs
+    cpu = {key: float(attrs.get(f"cpu_seconds_{key}", 0.0)) for key in ("scene", "model", "integration")}
+    found: dict[str, object] = {
+        "model_order": str(attrs["model_order"]),
+        "unknowns": int(attrs["unknowns"]),
+        "gaps": run.sizes.get("gap", 0),
+        "steps": int(attrs["solver_steps"]),
+        "finest_step": float(attrs["solver_finest_step"]),
+        "cpu_seconds_reduction": cpu["model"],
+        "cpu_seconds_loop": float(attrs["solver_loop_cpu_seconds"]),
+        "cpu_seconds_total": sum(cpu.values()),
+    }
+    if "displacement" in run:
+        found |= _motions("displacement", run.displacement, asked)
+    if asked.relative:
+        found |= _motions("relative_displacement", _relative(run.displacement, asked), asked)
+    if "opening" in run:
+        found |= _openings(run)
+    return xr.Dataset(found).drop_vars(("node_block", "node_position"), errors="ignore").assign(_stress(run))
+
+
+def _relative(disp: xr.DataArray, asked: ComparisonConfig) -> xr.DataArray:
+    pairs = [disp.sel(node=b, drop=True) - disp.sel(node=a, drop=True) for a, b in asked.relative.values()]
+    return xr.concat(pairs, dim="pair").assign_coords(pair=list(asked.relative)).transpose("time", ...)
+
+
+def _motions(name: str, values: xr.DataArray, asked: ComparisonConfig) -> dict[str, xr.DataArray]:
+    """Histories of vectors, the vector when it is largest, and the largest of the compared component."""
+    values = values.drop_vars([c for c in values.coords if c not in values.dims])
+    square: xr.DataArray = (values**2).sum("component")
+    own = values.sel(component=asked.component, drop=True)
+    peak = {"displacement": "peak_component", "relative_displacement": "peak_relative_component"}[name]
+    return {
+        name: values,
+        f"peak_{name}": values.isel(time=square.argmax("time")).drop_vars("time"),
+        f"peak_{name}_time": square.idxmax("time"),
+        peak: own.isel(time=abs(own).argmax("time")).drop_vars("time"),
+    }
+
+
+def _openings(run: xr.Dataset) -> dict[str, xr.DataArray]:
+    names = run.joint.values
+    widest = [run.opening.values[:, run.gap_joint.values == name].max(axis=1) for name in names]
+    return {
+        "widest_opening": xr.DataArray(
+            np.array(widest).T, {"time": run.time, "joint": names}, ("time", "joint")
+        ),
+        "peak_opening": run.peak_opening.drop_vars("joint_blocks", errors="ignore"),
+    }
+
+
+def _stress(run: xr.Dataset) -> dict[str, xr.DataArray]:
+    """Largest stresses with place and time, where they are asked for."""
+    peaks = {name: run.get(f"max_{name}_stress") for name in _STRESSES}
+    at = {
+        name: int(np.nanargmax(v.values)) for name, v in peaks.items() if v is not None and v.notnull().any()
+    }
+
+    def column(values: list[object]) -> xr.DataArray:
+        return xr.DataArray(values, {"stress": list(at)}, ("stress",))
+
+    if not at:
+        return {}
+    places = [[f"{x:.4g}" for x in run.stress_position.values[k]] for k in at.values()]
+    blocks = [str(run.stress_block.values[k]) for k in at.values()]
+    return {
+        "stress_peak": column([float(run[f"max_{name}_stress"][k]) for name, k in at.items()]),
+        "stress_peak_time": column([float(run[f"max_{name}_stress_time"][k]) for name, k in at.items()]),
+        "stress_peak_place": column([f"{b} ({', '.join(x)})" for b, x in zip(blocks, places, strict=True)]),
+    }
+
+
+def _differences(whole: xr.Dataset, component: str) -> dict[str, xr.DataArray]:
+    """Every variant against every other, quantity by quantity; NaN where one of the two lacks it."""
+    histories = _histories(whole, component)
+    count = whole.sizes["variant"]
+    l2, peak = np.full((2, count, count, len(histories)), np.nan)
+    for q, rows in enumerate(histories.values()):
+        for i, j in np.ndindex(count, count):
+            if np.isfinite(rows[[i, j]]).all():
+                error = magnitude_error(rows[i], rows[j])
+                l2[i, j, q], peak[i, j, q] = error.l2, error.peak
+    names = whole.variant.values
+    coords = {"variant": names, "against": names, "quantity": list(histories)}
+    return {
+        name: xr.DataArray(values, coords, ("variant", "against", "quantity"))
+        for name, values in (("l2_difference", l2), ("peak_difference", peak))
+    }
+
+
+def _histories(whole: xr.Dataset, component: str) -> dict[str, Floats]:
+    """Quantity in words -> (variants, times) [m]."""
+    found = {}
+    for name, (dim, words) in _HISTORIES.items():
+        for place in whole[dim].values if name in whole else ():
+            rows = whole[name].sel({dim: place})
+            own = rows.sel(component=component) if "component" in rows.dims else rows
+            found[f"{words} {place}"] = own.transpose("variant", "time").values
+    return found

@@ -1,0 +1,154 @@
+"""The tables of a comparison of variants, from its Dataset: cost, peaks, worst steps, stress, differences."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+Row = tuple[str | int | float, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with a name for its file, a title, what its cells are, a head and rows."""
+
+    name: str
+    title: str
+    note: str
+    head: tuple[str, ...]
+    rows: Sequence[Row]
+
+
+def variant_tables(comparison: xr.Dataset) -> list[Table]:
+    """Every table that the comparison has numbers for."""
+    makers = (_cost, _peaks, _worst_steps, _stress, _to_reference, _to_each_other)
+    return [table for make in makers if (table := make(comparison)).rows]
+
+
+def _cost(comparison: xr.Dataset) -> Table:
+    reference = float(comparison.cpu_seconds_loop.sel(variant=comparison.attrs["reference"]))
+    about = ("variant", "order", "unknowns", "gaps", "step [ms]", "steps")
+    head = (*about, "reduction [s]", "loop [s]", "in all [s]", "ratio")
+    rows: list[Row] = []
+    for name, one in _each(comparison):
+        cpu = [float(one[f"cpu_seconds_{key}"]) for key in ("reduction", "loop", "total")]
+        sizes = [int(one[key]) for key in ("unknowns", "gaps")]
+        step = 1e3 * float(one.finest_step)
+        rows.append(
+            (
+                name,
+                str(one.model_order.values),
+                *sizes,
+                step,
+                int(one.steps),
+                *cpu,
+                reference / max(cpu[1], 1e-9),
+            )
+        )
+    note = "CPU time; the ratio is that of the reference's time loop to this one"
+    return Table("cost", "Size and cost", note, head, rows)
+
+
+def _peaks(comparison: xr.Dataset) -> Table:
+    """Largest values in the compared component, as the source paper's table 2."""
+    axis, columns = comparison.attrs["compared_component"], []
+    for variable, dim, words in (
+        ("peak_component", "node", f"{axis} of {{}} [mm]"),
+        ("peak_relative_component", "pair", f"{axis} across {{}} [mm]"),
+        ("peak_opening", "joint", "opening of {} [mm]"),
+    ):
+        for place in comparison[dim].values if variable in comparison else ():
+            columns.append((words.format(place), 1e3 * comparison[variable].sel({dim: place})))
+    rows: list[Row] = [
+        (name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)
+    ]
+    note = "The value whose magnitude is largest, with its sign"
+    return Table("peaks", "Peaks", note, ("variant", *(head for head, _ in columns)), rows if columns else [])
+
+
+def _worst_steps(comparison: xr.Dataset) -> Table:
+    """Components when a node, or a pair, is farthest from where it was."""
+    rows: list[Row] = []
+    for variable, dim in (("peak_displacement", "node"), ("peak_relative_displacement", "pair")):
+        for place in comparison[dim].values if variable in comparison else ():
+            for name, one in _each(comparison.sel({dim: place})):
+                vector = 1e3 * one[variable].values
+                time = float(one[f"{variable}_time"])
+                rows.append((str(place), name, *map(float, vector), float(np.linalg.norm(vector)), time))
+    head = ("where", "variant", "x [mm]", "y [mm]", "z [mm]", "magnitude [mm]", "at [s]")
+    return Table("worst_steps", "Worst steps", "When the node, or the pair, is displaced most", head, rows)
+
+
+def _stress(comparison: xr.Dataset) -> Table:
+    rows: list[Row] = []
+    for stress in comparison.stress.values if "stress_peak" in comparison else ():
+        for name, one in _each(comparison.sel(stress=stress)):
+            value, time = 1e-6 * float(one.stress_peak), float(one.stress_peak_time)
+            rows.append((f"{stress} stress", name, value, str(one.stress_peak_place.values), time))
+    head = ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]")
+    return Table("stress", "Largest stresses", "Of all nodes and written times", head, rows)
+
+
+def _to_reference(comparison: xr.Dataset) -> Table:
+    """Every quantity of every variant against the reference."""
+    reference = comparison.attrs["reference"]
+    both = comparison[["l2_difference", "peak_difference"]].sel(against=reference)
+    head = ("variant", *map(str, both["quantity"].values))
+    rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(both) if name != reference]
+    note = f"Over “{reference}”: L2 / peak [%]"
+    return Table("to_reference", "Difference to the reference", note, head, rows)
+
+
+def _to_each_other(comparison: xr.Dataset) -> Table:
+    """One quantity, all against all: the first pair's, else the first there is."""
+    quantities = [str(name) for name in comparison["quantity"].values]
+    chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
+    own = comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
+    rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(own)]
+    note = f"{chosen[0].upper()}{chosen[1:]}, the row over the column: L2 / peak [%]"
+    return Table("to_each_other", "Each against each", note, ("variant", *map(str, own.against.values)), rows)
+
+
+def _pairs(one: xr.Dataset) -> list[str]:
+    """L2 and peak in percent, as text; a dash where nothing differs or nothing is known."""
+    cells = zip(100.0 * one.l2_difference.values, 100.0 * one.peak_difference.values, strict=True)
+    return [f"{l2:.2g} / {peak:.2g}" if l2 > 0.0 else "–" for l2, peak in cells]
+
+
+def changes_of(comparison: xr.Dataset) -> list[tuple[str, str]]:
+    """Variant -> what it changes, in words."""
+    stated = json.loads(str(comparison.attrs["variants"]))
+    return [(name, _words(changes)) for name, changes in stated.items()]
+
+
+def _words(changes: dict[str, object]) -> str:
+    texts = (f"{path}: {json.dumps(value)}" for path, value in changes.items())
+    return "; ".join(texts).replace('"', "") or "as it stands"
+
+
+def _each(comparison: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
+    for name in comparison.variant.values:
+        yield str(name), comparison.sel(variant=name)
+
+
+def markdown(tables: list[Table]) -> str:
+    """Tables as Markdown, numbers with four digits."""
+    return "\n".join(_markdown(table) for table in tables)
+
+
+def _markdown(table: Table) -> str:
+    rows = [table.head, ("---",) * len(table.head), *table.rows]
+    lines = ("| " + " | ".join(shown_cell(cell) for cell in row) + " |" for row in rows)
+    note = f"{table.note}\n\n" if table.note else ""
+    return f"## {table.title}\n\n{note}" + "\n".join(lines) + "\n"
+
+
+def shown_cell(cell: str | int | float) -> str:
+    """A cell as text, numbers with four digits."""
+    if isinstance(cell, float):
+        return "–" if np.isnan(cell) else f"{cell:.4g}"
+    return str(cell)

@@ -1,0 +1,55 @@
+"""The page of a comparison of variants: one file with its tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+from romdam.core.files import replacing
+from romdam.postprocess.variant_tables import Table, changes_of, variant_tables
+from romdam.visual.report import page as html
+from romdam.visual.report.page import Section
+
+PAGE = "comparison.html"
+_CAPTIONS = {
+    "displacement": "Displacement of the output nodes; right, what each is more than the reference.",
+    "relative": "Relative displacement; right, what each is more than the reference.",
+    "opening": "The widest gap of each joint, open positive; right, what each is more than the reference.",
+    "field_displacement": "Displacement at each variant's worst step, one scale of colours for all.",
+    "field_principal_stress": "Major principal stress at each variant's worst step, one scale for all.",
+    "field_vertical_stress": "Vertical stress at each variant's worst step, one scale for all.",
+}
+
+
+def write_comparison(comparison: xr.Dataset, figures: Mapping[str, Figure | bytes], folder: Path) -> Path:
+    """Write `comparison.html`, whole or not at all.
+
+    Parameters
+    ----------
+    figures : name -> figure, or the bytes of a PNG
+
+    Raises
+    ------
+    ResultError
+        where the folder refuses the file.
+    """
+    attrs, tables = comparison.attrs, variant_tables(comparison)
+    about = f"{attrs['record']}; {attrs['source']}; {attrs['machine']}; {attrs['date_created']}"
+    variants = html.table(["variant", "changes"], changes_of(comparison), f"Reference: {attrs['reference']}")
+    drawn = [html.picture(figure, _CAPTIONS[name]) for name, figure in figures.items()]
+    sections = [
+        Section("variants", "Variants", [variants]),
+        *(Section(table.name, table.title, [_table(table)]) for table in tables),
+        Section("figures", "Figures", [html.side_by_side([one]) for one in drawn]),
+    ]
+    with replacing(folder / PAGE) as part:
+        text = html.page(str(attrs["title"]), html.paragraph(about, soft=True), sections)
+        part.write_text(text, encoding="utf-8")
+    return folder / PAGE
+
+
+def _table(table: Table) -> str:
+    return html.table(table.head, table.rows, table.note, digits=4)
