@@ -95,7 +95,7 @@ def certificate(run: StoredRun, correction: Correction, joints: dict[str, slice]
     joints : name -> slice of its gaps
     """
     corrected, opening = correction.corrected, run.jump[..., 0]
-    better = corrected.jump[..., 0]
+    better = corrected.jump[..., 0] + correction.last.point_fine[:, :: run.jump.shape[2]]
     errors = {
         "opening": opening_error(opening, better, joints),
         "displacement": magnitude_error(run.disp, corrected.disp + correction.last.disp_fine),

@@ -125,6 +125,7 @@ class Defect:
     ----------
     jump_full, jump : (nt, N) jumps of the full-order replay, and the reduced model's defect [m]
     jump_fine : (nt, N) defect of the finer reduced model [m]
+    point_fine : (nt, N) defect of the finer model in what jumps at the gaps' positions are more [m]
     disp_full, disp, disp_fine : (nt, 3 * probes) the same at the probes [m]
     energy_full, energy : (nt,) strain energy of the full-order motion and of the difference [J]
     """
@@ -132,6 +133,7 @@ class Defect:
     jump_full: Floats
     jump: Floats
     jump_fine: Floats
+    point_fine: Floats
     disp_full: Floats
     disp: Floats
     disp_fine: Floats
@@ -166,18 +168,23 @@ def measure_defect(
         _empty(3, rows, full.system.observe),
         np.zeros((2, rows)),
     )
+    point = np.zeros_like(jump[0])
     runs = zip(*(replay(m.system, forces, m.start) for m in models), strict=True)
     for row, (u, q, z) in enumerate(runs):
         for k, (model, motion) in enumerate(zip(models, (u, q, z), strict=True)):
             jump[k, row] = model.system.B @ motion
             disp[k, row] = model.system.observe @ motion
+        point[row] = _more_at_points(full.system, u) - _more_at_points(models[2].system, z)
         e = u - coarse.basis @ q
         energy[0, row], energy[1, row] = 0.5 * u @ (K @ u), 0.5 * e @ (K @ e)
         if progress is not None and (row % 50 == 0 or row + 1 == rows):
             progress(row + 1, rows)
-    return Defect(
-        jump[0], jump[0] - jump[1], jump[0] - jump[2], disp[0], disp[0] - disp[1], disp[0] - disp[2], *energy
-    )
+    jumps, disps = ((own[0], own[0] - own[1], own[0] - own[2]) for own in (jump, disp))
+    return Defect(*jumps, point, *disps, *energy)
+
+
+def _more_at_points(system: System, motion: Floats) -> Floats | float:
+    return 0.0 if system.at_point is None else system.at_point @ motion
 
 
 def _empty(count: int, rows: int, operator: spmatrix) -> Floats:

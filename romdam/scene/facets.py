@@ -59,6 +59,16 @@ def facet_areas(points: Floats, facets: Ints) -> Floats:
     return np.linalg.norm(area_elements(points, facets, xi), axis=2) @ weight
 
 
+def second_moments(points: Floats, facets: Ints) -> tuple[Floats, Floats]:
+    """Second moments of a face's area about its centroid (3, 3) [m4], and the centroid (3,) [m]."""
+    element = facet_element(facets)
+    xi, weight = element.rule
+    dA = weight * np.linalg.norm(area_elements(points, facets, xi), axis=2)
+    at = np.einsum("qa,fak->fqk", element.shape(xi), points[facets], optimize=True)
+    middle = np.einsum("fq,fqk->k", dA, at) / dA.sum()
+    return np.einsum("fq,fqk,fql->kl", dA, at - middle, at - middle, optimize=True), middle
+
+
 def facet_normals(points: Floats, facets: Ints) -> Floats:
     """Mean unit normal of every facet (nf, 3), to the side from which the nodes run counterclockwise."""
     vectors = area_vectors(points, facets).sum(axis=1)

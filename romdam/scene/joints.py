@@ -22,15 +22,17 @@ from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Joint
 from romdam.core.system import LawRows
 from romdam.scene.elements import Floats, facet_element
-from romdam.scene.facets import gap_weights, node_normals
+from romdam.scene.facets import gap_weights, node_normals, second_moments
 from romdam.scene.gap_table import table_gap
 from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
+from romdam.scene.mortar.surface import Surface
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.ties import Part
 
 _log = logging.getLogger(__name__)
 
+_TURNS = 0.25  # of a joint's stiffness against rotation, that its gaps may miss without a word
 _PARTLY = 0.999  # share of both faces that is covered, below which it is said
 _NOTHING = 1e-12  # weights and cosines below it are rounding
 _STEEP = np.cos(np.pi / 4) + 1e-6  # above rounding, so that a flat face at 45 degrees gets one rule
@@ -70,7 +72,8 @@ def build_joint(
 
 def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: Path, place: str) -> Joint:
     block_I, block_J = (blocks[b] for b in joint.between)
-    face = _face_gaps(joint, block_I, block_J, place)
+    face, surface = _face_gaps(joint, block_I, block_J, place)
+    _say_rotation(face, surface, joint.between.index(surface.block), place)
     normal = _normals(joint, face.position, face.opposite, face.normal, place)
     return Joint(
         name=name,
@@ -86,8 +89,23 @@ def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: P
     )
 
 
-def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> FaceGaps:
-    """Put gaps between two blocks as the joint's `discretization` has it."""
+def _say_rotation(face: FaceGaps, surface: Surface, side: int, place: str) -> None:
+    """Log it where the gaps of a narrow face are off their bedding's stiffness against rotation."""
+    seen = face.weights[side] @ surface.points[face.nodes[side]]
+    exact, middle = second_moments(surface.points, surface.facets)
+    own = (seen - middle).T @ (face.area[:, None] * (seen - middle))
+    across = np.linalg.eigh(exact)[1][:, 1]  # of the face's plane, the narrow way
+    share = float(across @ own @ across / (across @ exact @ across))
+    if abs(share - 1.0) > _TURNS:
+        _log.info(
+            "%s: closed, the gaps have %.2f times the stiffness of their bedding against rotation over the "
+            "narrow side of the face; more elements across it come nearer to 1",
+            place, share,
+        )  # fmt: skip
+
+
+def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> tuple[FaceGaps, Surface]:
+    """Put gaps between two blocks as the joint's `discretization` has it; and the face that they stand on."""
     if joint.discretization == "mortar":
         return _mortar(joint, block_I, block_J, place)
     try:
@@ -100,7 +118,8 @@ def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -
     if joint.discretization == "auto" and joint.gaps == "nodes" and facet_element(facets).quadratic:
         _log.info("%s: the faces are quadratic; discretization: mortar", place)
         return _mortar(joint, block_I, block_J, place)
-    return _node_to_node(joint, (block_I, block_J), facets, partner)
+    surface = Surface(block_I.name, block_I.points, facets)
+    return _node_to_node(joint, (block_I, block_J), facets, partner), surface
 
 
 def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints, partner: Ints) -> FaceGaps:
@@ -119,7 +138,7 @@ def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints,
     )
 
 
-def _mortar(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> FaceGaps:
+def _mortar(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> tuple[FaceGaps, Surface]:
     interface = mortar_interface(block_I, block_J, joint.tolerance, joint.overlap, place)
     gaps = mortar_gaps(interface)
     slave, master = interface.slave, interface.master
@@ -133,7 +152,7 @@ def _mortar(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> F
             "%s: the faces lie on each other over %.6g m2, of facets of %.6g m2 of %r and %.6g m2 of %r",
             place, area, faces[0], slave.block, faces[1], master.block,
         )  # fmt: skip
-    return gaps
+    return gaps, slave
 
 
 def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str) -> Joint:

@@ -130,5 +130,28 @@ def test_steep_faces_are_refused_with_the_angle(make):
     blocks = dict(make(two_boxes()).blocks)
     left, right = blocks["left"], blocks["right"]
     slanted = right.points + np.outer(right.points[:, 2] * (right.points[:, 1] == 2.0), [0.0, 0.8, 0.0])
-    with pytest.raises(ConfigError, match=r"stand at 38.7 degrees to each other at \(.*limit 30"):
+    with pytest.raises(ConfigError, match=r"stand at 38.7 degrees to each other at \(.* than 30 over 1 of"):
         mortar_interface(left, replace(right, points=slanted), 2.0, 0.5, PLACE)
+
+
+@pytest.mark.parametrize(
+    ("element", "across", "own", "share"),
+    [
+        ("hex8", 1, {}, "3.00"),
+        ("hex8", 2, {}, "1.50"),
+        ("tet10", 1, {}, "3.00"),
+        ("tet10", 1, {"discretization": "node_to_node"}, "0.67"),
+        ("tet10", 4, {}, None),
+    ],
+)
+def test_stiffness_against_rotation_is_said_where_it_is_off(make, caplog, element, across, own, share):
+    """Gaps at corners, n elements across: 1 + 2/n^2 times the second moment of the face."""
+    caplog.set_level("INFO")
+    raw = two_boxes(element, **own)
+    for block in raw["blocks"].values():
+        block["box"] |= {"size": [2, 2, 6], "element_size": [2.0 / across, 1.0, 0.5]}
+    for support in raw["supports"]:
+        support["face"] = "ymin" if support["block"] == "left" else "ymax"
+    make(raw)
+    said = f"joints.c: closed, the gaps have {share} times the stiffness of their bedding against rotation"
+    assert said in caplog.text if share else "against rotation" not in caplog.text

@@ -16,6 +16,7 @@ from romdam.scene.pairing import do_not_touch
 
 STEEPEST = 30.0  # angle of facets that face each other [degree]
 _TOUCHED = 1e-6  # share of a facet that is covered, below which it only meets the others at an edge
+_FEW = 0.1  # of the area where faces meet
 _EQUAL = 0.01  # difference of covered shares below which the finer face is the slave
 _BESIDE = 0.1  # how far beside a facet a node may stand and be opposite to it, in reference coordinates
 
@@ -108,9 +109,10 @@ def mortar_interface(
         where nothing lies on each other, too little, or facets at too large an angle.
     """
     I, J = Surface.boundary(block_I), Surface.boundary(block_J)
-    between = segments(I, J, tolerance)
-    _refuse_steep(I, J, between, place)
-    share_I, share_J = _covered(I, between.slave, between), _covered(J, between.master, between)
+    between = _facing(I, J, tolerance, place)
+    share_I, share_J = (
+        _covered(face, facet, between.area) for face, facet in ((I, between.slave), (J, between.master))
+    )
     touched_I, touched_J = np.flatnonzero(share_I > _TOUCHED), np.flatnonzero(share_J > _TOUCHED)
     if not len(touched_I) or not len(touched_J):
         raise ConfigError(do_not_touch(block_I, block_J, tolerance, place))
@@ -124,27 +126,33 @@ def mortar_interface(
     # of faces that are equal in this, too, the first by name, in whatever order they stand
     slave_is_J = (corners_J, I.block) > (corners_I, J.block) if equal else shares[1] > shares[0]
     slave, master = (J, I) if slave_is_J else (I, J)
-    return MortarInterface(slave, master, segments(slave, master, tolerance), slave_is_J)
+    return MortarInterface(slave, master, _facing(slave, master, tolerance, place), slave_is_J)
 
 
-def _covered(face: Surface, facet: Ints, between: Segments) -> Floats:
-    """Share of every facet that is covered."""
-    return np.asarray(np.bincount(facet, between.area, len(face.facets)) / face.areas)
+def _covered(face: Surface, facet: Ints, area: Floats) -> Floats:
+    """Share of every facet that segments of such area cover."""
+    return np.asarray(np.bincount(facet, area, len(face.facets)) / face.areas)
 
 
-def _refuse_steep(I: Surface, J: Surface, between: Segments, place: str) -> None:
-    # what is covered by round-off only meets the other at an edge, where it may stand at any angle
+def _facing(I: Surface, J: Surface, tolerance: float, place: str) -> Segments:
+    """Segments of facets that face each other.
+
+    Beside an edge of the interface facets also come near others at an angle; these are left out while they
+    are few.
+    """
+    between = segments(I, J, tolerance)
     angle = np.degrees(np.arccos(np.clip(-between.cosine, -1.0, 1.0)))
-    angle[between.area <= _TOUCHED * np.minimum(I.areas[between.slave], J.areas[between.master])] = 0.0
-    if not len(angle) or angle.max() <= STEEPEST:
-        return
-    worst = int(np.argmax(angle))
-    at = ", ".join(f"{x:.6g}" for x in I.points[I.facets[between.slave[worst]]].mean(axis=0))
-    raise ConfigError(
-        f"{place}: the faces of {I.block!r} and {J.block!r} stand at {angle[worst]:.3g} degrees to each "
-        f"other at ({at}), at more in {np.count_nonzero(angle > STEEPEST)} of {len(angle)} places, "
-        f"limit {STEEPEST:g}; mesh them so that they lie on each other"
-    )
+    steep = angle > STEEPEST
+    share = between.area[steep].sum() / max(between.area.sum(), np.finfo(float).tiny)
+    if share > _FEW:
+        worst = int(np.argmax(angle))
+        at = ", ".join(f"{x:.6g}" for x in I.points[I.facets[between.slave[worst]]].mean(axis=0))
+        raise ConfigError(
+            f"{place}: the faces of {I.block!r} and {J.block!r} stand at {angle[worst]:.3g} degrees to each "
+            f"other at ({at}), and at more than {STEEPEST:g} over {share:.2g} of the area where they meet, "
+            f"limit {_FEW:g}; mesh them so that they lie on each other"
+        )
+    return between.only(~steep)
 
 
 def _too_little(I: Surface, J: Surface, area: float, overlap: float, place: str) -> str:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from romdam.core.arrays import Floats, Ints
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.scene.elements import simplex_rule
 from romdam.scene.mortar.clipping import clip, polygon_areas
 from romdam.scene.mortar.surface import Pieces, Surface, local_coordinates
@@ -43,6 +43,10 @@ class Segments:
     area: Floats
     distance: Floats
     cosine: Floats
+
+    def only(self, some: Bools) -> Segments:
+        """Some of them."""
+        return Segments(*(getattr(self, field.name)[some] for field in fields(self)))
 
 
 @dataclass(frozen=True)
