@@ -177,7 +177,7 @@ def main() -> None:
 
 
 def measured(folder: Path) -> tuple[tuple[str, float], np.ndarray[Any, Any]]:
-    """Run a folder's configuration: a row of the table, and the widest openings of the joints (nt, joints)."""
+    """Run a folder's configuration: a row of the table, and the joints' widest openings (nt, joints)."""
     start = time.process_time()
     (path,) = romdam.run(romdam.load_config(folder / "dam.yaml"), folder).paths
     cpu = time.process_time() - start

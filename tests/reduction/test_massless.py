@@ -150,9 +150,11 @@ def test_at_rest_it_stays(integrator, stiff):
     assert np.abs(h.disp - h.disp[0]).max() <= 1e-6 * np.abs(h.disp[0]).max()
 
 
-def test_a_load_along_the_joint_rests_where_the_modes_are_quasi_static():
+@pytest.mark.parametrize("mass", [False, True])
+def test_a_load_along_the_joint_rests_where_the_modes_are_quasi_static(mass):
     """Pressed sideways with 60 kN, the block is strained along the joint in modes without states."""
     raw = raw_block_on_rock(stiff=1.0)
+    raw["blocks"]["rock"]["mass"] = mass
     raw["loads"]["pressure"] = [{"block": "block", "face": "xmin", "value": 60e3 / (SIDE * HEIGHT)}]
     damping = DampingConfig(rayleigh={"alpha": 0.0, "beta": 1e-3})
     system = reduced(scene(raw), damping).system

@@ -230,19 +230,14 @@ def _single(
 def _offset_problem(
     system: System, split: ModeSplit, step: tuple[Floats, float, Floats], most_ratio: float
 ) -> GapProblem:
-    """The gap-space problem of a step, its gaps as the static load leaves the quasi-static modes.
-
-    Along the joints only in scenes with massless parts: others start with a slip by it, as their stored
-    results have it.
-    """
+    """The gap-space problem of a step, its gaps as the static load leaves the quasi-static modes."""
     offset = split.G_quasi @ (system.force[split.quasi_static] / system.K.diagonal()[split.quasi_static])
     H, dt, own = step
     problem = system_gap_problem(system, H, float(dt), most_ratio, own)
     jumps = offset.reshape(-1, system.law.directions)
-    problem = problem._replace(gap=problem.gap + jumps[:, NORMAL])
-    if (system.M.diagonal() > 0.0).all():
-        return problem
-    return problem._replace(slip=problem.slip + jumps[: len(problem.slip), 1:])
+    return problem._replace(
+        gap=problem.gap + jumps[:, NORMAL], slip=problem.slip + jumps[: len(problem.slip), 1:]
+    )
 
 
 def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
