@@ -175,7 +175,8 @@ class History:
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
     q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
     energy : name -> (nt,) [J], see `romdam.timestepping.energy.TERMS`
-    peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks.PEAKS`
+    peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks`; of
+        jumps that differ from those that joint forces see, of written rows and what these reach between them
     stats : counts and CPU seconds of the run
     integrator : key of `romdam.core.integrators.INTEGRATORS`
     """

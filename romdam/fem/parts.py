@@ -32,13 +32,13 @@ def part_matrices(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr
     return csr_matrix(K), csr_matrix(M), inertia
 
 
-def part_inertia(part: Part, scene: Scene, M: csr_matrix) -> Floats:
-    """M r of the blocks that the ground's acceleration acts on, (3 nodes, 3) [kg]; M is the part's mass."""
-    total = M @ np.tile(np.eye(3), (part.nodes, 1))
-    for name in sorted(scene.radiating & set(part.blocks)):
-        block = scene.blocks[name]
-        total -= part.spread(name).T @ (assemble(block)[1] @ np.tile(np.eye(3), (len(block.points), 1)))
-    return np.asarray(total)
+def part_inertia(part: Part, scene: Scene, inertia: Mapping[str, Floats]) -> Floats:
+    """M r of the blocks that the ground's acceleration acts on, (3 nodes, 3), from that of each [kg].
+
+    Block by block: the part's own mass lacks the coupling to slave nodes that supports hold.
+    """
+    still = scene.radiating
+    return gather(part, {name: (name not in still) * values for name, values in inertia.items()})
 
 
 def part_operator(part: Part, operators: dict[str, csr_matrix]) -> csr_matrix:

@@ -14,7 +14,7 @@ from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import static_force
-from romdam.fem.parts import Unknowns, assemble_part, part_inertia, part_operator, unknowns
+from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
 from romdam.fem.water import added_mass, sparse_added_mass
 from romdam.scene.ties import scene_parts
 
@@ -45,15 +45,15 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     K, M, B, load, at_point = [], [], [], [], []
     for name, part in parts.items():
         free = numbered.free[name]
-        stiffness, mass = assemble_part(part, scene.blocks)
+        stiffness, mass, inertia = part_matrices(part, scene.blocks)
         K.append(stiffness[free][:, free])
         M.append(mass[free][:, free])
         B.append(part_operator(part, operators)[:, free])
         at_point += [] if more is None else [part_operator(part, more)[:, free]]
-        load.append(part_inertia(part, scene, mass)[free])
+        load.append(part_inertia(part, scene, inertia)[free])
     held = [part.stands_free(scene) for part in parts.values()]
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
-    mass, stiffness, inertia = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
+    mass, stiffness, shaken = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
     water = added_mass(scene)
     added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, _ENTRIES)
     mass = csr_matrix(mass + added)
@@ -62,8 +62,8 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
         K=stiffness,
         B=csr_matrix(hstack(B)),
-        load=inertia + wet,
-        force=_force(scene, numbered, len(inertia)),
+        load=shaken + wet,
+        force=_force(scene, numbered, len(shaken)),
         observe=_observe(scene, numbered),
         law=law,
         parts=numbered.parts,

@@ -26,20 +26,28 @@ def raise_peaks(peaks: Record, now: Record, time: float) -> None:
         peaks[name] = np.maximum(peaks[name], now[name])
 
 
-def peaks_at_points(peaks: dict[str, Floats], jump: Floats, at_points: Floats) -> dict[str, Floats]:
+def peaks_at_points(
+    peaks: dict[str, Floats], jump: Floats, at_points: Floats, time: Floats
+) -> dict[str, Floats]:
     """Peaks of the jumps at the gaps' positions: written ones, and what is reached between written rows.
 
     Parameters
     ----------
     peaks : of `jump` over every step
+    time : (nt,) of the rows [s]; the peaks' times are those of rows
     jump, at_points : (nt, ng, d) written jumps that joint forces see, and at the positions [m]
     """
     if jump is at_points:
         return peaks
-    return peaks | {
-        name: size(at_points).max(axis=0) + peaks[name] - size(jump).max(axis=0)
-        for name, size in (("opening", _opening), ("slip", _slip))
-    }
+    when = {"opening_time": time[at_points[..., NORMAL].argmax(axis=0)]}
+    return (
+        peaks
+        | when
+        | {
+            name: size(at_points).max(axis=0) + peaks[name] - size(jump).max(axis=0)
+            for name, size in (("opening", _opening), ("slip", _slip))
+        }
+    )
 
 
 def _opening(jump: Floats) -> Floats:

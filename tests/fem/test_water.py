@@ -366,3 +366,16 @@ def test_full_order_says_what_it_cannot_hold():
     maps["b"] = csr_matrix((maps["b"].shape[0], maps["a"].shape[0]))
     with pytest.raises(ReductionError, match=r"couples 27 wet DOFs, 7.3e\+02 entries .* limit 1e\+02; use"):
         sparse_added_mass(added_mass(scene), maps, 100)
+
+
+def test_incompressible_water_on_faces_that_do_not_meet_node_by_node_is_refused():
+    """It would be cut by a wall between the blocks; Westergaard's pressure knows no neighbours."""
+    boxes = {"a": ([0, 0, 0], [2, 2, 8], 1.0), "b": ([2, 0, 0], [3, 2, 8], [1.0, 1.0, 2.0 / 3.0])}
+    faces = [{"block": b, "face": "ymin"} for b in ("a", "b")]
+    water = {"level": 7.5, "faces": faces}
+    with pytest.raises(
+        ConfigError, match=r"water: the wet faces of 'a' and 'b' do not share their nodes along"
+    ):
+        job(water | {"model": "incompressible"}, boxes)
+    scene, _ = job(water | {"model": "westergaard"}, boxes)
+    assert scene.reservoir is not None

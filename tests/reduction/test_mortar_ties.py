@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import small_scenes
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
-from small_scenes import DAMPING, full, march, reduced, shaking
+from small_scenes import DAMPING, full, march, raw, reduced, shaking
 
 from romdam.config.sections.job import BoxConfig
 from romdam.config.sections.joints import JointConfig
@@ -20,6 +21,7 @@ from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.fem.parts import assemble_part, basis_over_unknowns, gather, unknowns
 from romdam.fem.stress import modal_stress, observed_stress
+from romdam.fem.unreduced import assemble_full
 from romdam.linalg.solvers import Solving
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding, much_finer
@@ -357,3 +359,19 @@ def test_weight_and_stress_are_those_of_the_mesh():
         for name, stress in modal_stress(built, model.basis).items()
     ]
     assert np.abs(np.concatenate(own) - whole).max() < 1e-10 * np.abs(whole).max()
+
+
+@pytest.mark.parametrize("discretization", ["node_to_node", "mortar"])
+def test_held_slave_nodes_are_shaken_with_the_others(discretization):
+    """Two blocks tied side by side on one support: the ground's load is all that free nodes have of M r."""
+    config = raw(normal_stiffness=1e9)
+    config["blocks"]["third"] = {"material": "concrete", "box": dict(config["blocks"]["right"]["box"])}
+    config["blocks"]["third"]["box"]["origin"] = [0, 6, 0]
+    config["supports"].append({"block": "third", "face": "zmin"})
+    config["ties"] = {"t": {"between": ["right", "third"], "discretization": discretization}}
+    built = small_scenes.scene(config)
+    load, exact = assemble_full(built, DAMPING).load.sum(axis=0), np.zeros(3)
+    for name, block in built.blocks.items():
+        inertia = assemble(block)[1] @ np.tile(np.eye(3), (len(block.points), 1))
+        exact += inertia.reshape(-1, 3, 3)[~built.fixed[name].all(axis=1)].sum(axis=(0, 1))
+    np.testing.assert_allclose(load, exact, rtol=1e-12)

@@ -299,7 +299,7 @@ def _outcomes(
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
         written = buffer._replace(**{name: getattr(buffer, name)[rows] for name in _ROWS})
         history = _history(prepared, (model, split), written, acc, settings)
-        peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump)
+        peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
         outcomes.append(replace(history, peaks=peaks, stats=stats))
     return outcomes
 
