@@ -104,6 +104,11 @@ _TWO: dict[str, Any] = {
         "duration": 0.2,
         "repeats": 1,
     },
+    "comparison": {
+        "variants": {"as_is": {}, "softer": {"joints.gap.normal_stiffness": "2 GPa/m"}},
+        "reference": "as_is",
+        "component": "y",
+    },
 }
 _DIVISIONS = {"along": 1, "through": 1, "up": 3, "perimeter": 1, "rock": 2, "upstream": 1, "downstream": 1}
 _WET = [{"block": "C1", "face": "upstream"}, {"block": "C2", "face": "upstream"}]
@@ -159,7 +164,7 @@ def _suite() -> dict[str, Any]:
     raw["transient"] = {"accuracy": 0.05}
     raw["joints"]["gap"]["gap"] = {"table": "gaps.csv"}
     raw["joints"]["gap"] |= {"cohesion": 0.0, "tensile_strength": 0.0}
-    del raw["joints"]["gap"]["shear_key"], raw["outputs"]["stress"], raw["study"]
+    del raw["joints"]["gap"]["shear_key"], raw["outputs"]["stress"], raw["study"], raw["comparison"]
     raw["pipeline"] = "suite"
     raw["suite"] = {
         "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "values": [1.0]},
@@ -179,6 +184,7 @@ def _others() -> dict[str, Any]:
     """What the other bases cannot have at the same time: ties, a mesh file, cuts, a design table, scales."""
     raw = copy.deepcopy(_TWO)
     raw["joints"], raw["loads"] = {}, {}
+    del raw["comparison"]
     raw["ties"] = {"grown": {"between": ["left", "right"], "tolerance": 1e-3}}
     raw["blocks"]["left"] = {
         "material": "concrete",
