@@ -34,7 +34,8 @@ def turn(angle: float = 0.7) -> np.ndarray:
 
 def cube(name: str, element: str, count: int, start: float) -> Block:
     """A cube that meets y = 12 m."""
-    config = BoxConfig(origin=(0.0, start, 0.0), size=(SIZE,) * 3, element_size=SIZE / count, element=element)
+    sizes = {"origin": (0.0, start, 0.0), "size": (SIZE,) * 3, "element_size": SIZE / count}
+    config = BoxConfig.model_validate(sizes | {"element": element})
     block = box_block(name, config, CONCRETE, "")
     return replace(block, points=block.points @ turn().T)
 

@@ -5,9 +5,9 @@
 
 The two cantilevers of configs/two_cantilevers.yaml. `convergence`: openings at both edges every 10 m against
 those of hex20 of 2.5 m that match, L2 over the time and these points, with `accuracy: 0.2 %` and 60 modes;
-tet10 meshed by gmsh have divided edges, and faces and insides of its own choice. `pairing`: faces of 5,000
-facets on 5,000. `step`: CPU of the time loop by mortar and node to node, medians of five, side by side, with
-friction and without. Prints Markdown tables; nothing here passes or fails.
+tet10 meshed by gmsh (`pip install gmsh`) have divided edges, and faces and insides of its own choice.
+`pairing`: faces of 5,000 facets on 5,000. `step`: CPU of the time loop by mortar and node to node, medians of
+five, side by side, with friction and without. Prints Markdown tables; nothing here passes or fails.
 """
 
 from __future__ import annotations
@@ -133,7 +133,9 @@ def openings(one: Job) -> tuple[Floats, dict[str, Any]]:
 def convergence(seconds: float, folder: Path) -> list[dict[str, Any]]:
     """Openings of every pair of meshes against those of the finest that match."""
     limit, own = openings(job(LIMIT, folder, seconds, discretization="node_to_node"))
-    rows = [{"left": LIMIT[0], "right": LIMIT[1], "joint": "node to node", "l2": 0.0} | own]
+    rows: list[dict[str, Any]] = [
+        {"left": LIMIT[0], "right": LIMIT[1], "joint": "node to node", "l2": 0.0} | own
+    ]
     for meshes in [LIMIT, *MESHES]:
         values, own = openings(job(meshes, folder, seconds, discretization="mortar"))
         rows.append(
@@ -151,11 +153,13 @@ def pairing() -> list[dict[str, Any]]:
         blocks = [
             box_block(
                 name,
-                BoxConfig(
-                    origin=(0.0, y, 0.0),
-                    size=(60.0, 10.0, 60.0),
-                    element_size=(60.0 / k, 10.0, 60.0 / k),
-                    element=element,
+                BoxConfig.model_validate(
+                    {
+                        "origin": (0.0, y, 0.0),
+                        "size": (60.0, 10.0, 60.0),
+                        "element_size": (60.0 / k, 10.0, 60.0 / k),
+                        "element": element,
+                    }
                 ),
                 concrete,
                 "",

@@ -38,7 +38,7 @@ from romdam.reduction.interface import joint_interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
 
 STEP = 0.00125
-CASES = {
+CASES: dict[str, tuple[dict[str, Any], float]] = {
     "normal": ({}, 8.0),
     "rigid, mostly closed": ({"normal_stiffness": "rigid"}, 3.0),
     "friction": ({"friction": [0.5, 0.5]}, 8.0),
@@ -57,7 +57,7 @@ def basis(method: str, block: Any, operator: Any, fixed: Any, choice: ModeChoice
     else:
         _, size, V = np.linalg.svd(operator[:, free].toarray(), full_matrices=False)
         rows = V[size > 1e-10 * size[0]]
-    T, last = np.linalg.solve(K, rows.T), [0, choice.count - 1]
+    T, last = np.linalg.solve(K, rows.T), [0, (choice.count or 1) - 1]
     if method == "free":
         T = np.hstack([T, eigh(K, M, subset_by_index=last)[1]])
     else:

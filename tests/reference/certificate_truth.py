@@ -58,9 +58,7 @@ CASES += [("mul009", scene, base) for scene in ("rigid", "friction") for base in
 
 
 MORTAR_CASES: list[tuple[str, str, dict[str, float]]] = [
-    (record, "mortar", base)
-    for record in ("mul009", "farfield_01b", "nearfield_05a")
-    for base in ({"modes": 20}, {"modes": 40})
+    (record, "mortar", base) for record in ("mul009", "farfield_01b", "nearfield_05a") for base in BASES[:2]
 ]
 MORTAR_CASES += [("mul009", scene, {"modes": 40}) for scene in ("mortar_rigid", "mortar_friction")]
 

@@ -50,7 +50,9 @@ def grid_tie(name: str, slave: Block, master: Block, axis: int, at: float) -> Ti
         for k in across
     )
     weights = kron(csr_matrix(W), csr_matrix(V), format="csr")
-    return Tie(name, (slave.name, master.name), (nodes[0], nodes[1]), weights, np.kron(D, E))
+    return Tie(
+        name, (slave.name, master.name), (nodes[0], nodes[1]), weights, np.asarray(np.kron(D, E), dtype=float)
+    )
 
 
 def tied(scene: Scene, *ties: Tie) -> Scene:
