@@ -254,8 +254,8 @@ def _refuse_circles(part: Part, ties: list[Tie], means: csr_matrix) -> None:
     more = f" and {len(nodes) - _NAMED} more" if len(nodes) > _NAMED else ""
     raise ConfigError(
         f"ties.{', ties.'.join(names)}: {len(within)} slave nodes follow each other round in a circle "
-        f"({', '.join(nodes[:_NAMED])}{more}), limit 0; name the blocks in `between` of one of these ties in "
-        "the other order, or give two of the faces the same nodes"
+        f"({', '.join(nodes[:_NAMED])}{more}), limit 0; give two of the "
+        "faces the same nodes, or mesh one so finely that its nodes follow in both of its ties"
     )
 
 

@@ -321,7 +321,7 @@ def test_nodes_that_follow_each_other_in_a_circle_are_refused():
         scene_parts(tied(built, *ties, back))
     message = str(caught.value)
     assert message.startswith("ties.b on a, ties.back: ") and "node 30 of block 'a'" in message
-    assert "name the blocks in `between` of one of these ties in the other order" in message
+    assert "limit 0; give two of the faces the same nodes" in message
 
 
 def test_bases_are_kept_and_found_by_their_weights(tmp_path):

@@ -10,6 +10,7 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block
+from romdam.scene.facets import node_normals
 from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface, local_coordinates
 from romdam.scene.pairing import do_not_touch
@@ -57,8 +58,6 @@ class MortarInterface:
     @cached_property
     def normals(self) -> Floats:
         """(nodes of the block, 3) outward normals of the slave at its nodes."""
-        from romdam.scene.facets import node_normals
-
         return node_normals(self.slave.points, self.slave.facets)
 
     def opposite(self, nodes: Ints) -> tuple[Ints, Ints, Floats]:
