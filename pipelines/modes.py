@@ -9,7 +9,7 @@ from romdam.config.load import Job
 from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.pipelines.estimate import estimate_run, finer_model
+from romdam.pipelines.error.estimate import estimate_run, finer_model
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene

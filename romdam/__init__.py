@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from romdam.config.load import load_config
-    from romdam.pipelines.comparison import compare
+    from romdam.pipelines.error.comparison import compare
     from romdam.pipelines.run import run
     from romdam.pipelines.suites.run import run_suite
     from romdam.reduction.storage.user_cache import cache_folder
@@ -28,7 +28,7 @@ __all__ = [
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
-    "compare": "romdam.pipelines.comparison",
+    "compare": "romdam.pipelines.error.comparison",
     "load_config": "romdam.config.load",
     "open_result": "romdam.results.fields",
     "open_suite": "romdam.results.suite.summary",

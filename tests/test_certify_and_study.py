@@ -145,7 +145,7 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
 
 
 def test_study_against_full_order_and_a_failing_case(folder, tmp_path, monkeypatch):
-    from romdam.pipelines import study as pipeline
+    from romdam.pipelines.error import study as pipeline
 
     real = pipeline.simulate_one
 

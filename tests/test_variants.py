@@ -114,7 +114,7 @@ def test_all_modes_are_the_full_order(dataset):
 
 def test_a_variant_that_fails_leaves_the_others(tmp_path, monkeypatch):
     from romdam.core.errors import ConvergenceError
-    from romdam.pipelines import comparison
+    from romdam.pipelines.error import comparison
 
     real = comparison.run
 

@@ -21,7 +21,7 @@ from romdam.core.system import History, System, with_parameters
 from romdam.core.threads import one_thread
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.estimate import estimate_run
+from romdam.pipelines.error.estimate import estimate_run
 from romdam.pipelines.run import Model
 from romdam.pipelines.simulation import prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of

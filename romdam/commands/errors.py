@@ -23,7 +23,7 @@ def verify(
 ) -> None:
     """Measure the reduced model's error against the unreduced mesh, on the first record of CONFIG."""
     from romdam.config.quantities import to_si
-    from romdam.pipelines.verify import verify as verify_job
+    from romdam.pipelines.error.verify import verify as verify_job
     from romdam.terminal import open_terminal, verification_lines
 
     try:
@@ -48,7 +48,7 @@ def certify(
     verbose: Verbose = False,
 ) -> None:
     """State RESULT's reduction error from its joint forces and the full-order linear model."""
-    from romdam.pipelines.certify import certify as certify_result
+    from romdam.pipelines.error.certify import certify as certify_result
     from romdam.terminal import certificate_table, open_terminal
 
     stages, say = open_terminal(quiet, verbose)
@@ -67,7 +67,7 @@ def study(
     verbose: Verbose = False,
 ) -> None:
     """Set speed against error: modes, integrators and steps of `study:`, on the first record of CONFIG."""
-    from romdam.pipelines.study import study as study_job
+    from romdam.pipelines.error.study import study as study_job
     from romdam.terminal import open_terminal
 
     stages, say = open_terminal(quiet, verbose)

@@ -60,7 +60,7 @@ def run(
 
 
 def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
-    from romdam.pipelines.comparison import compare
+    from romdam.pipelines.error.comparison import compare
     from romdam.terminal import comparison_tables
 
     stages, say = terminal

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from pydantic import BaseModel
 
-from romdam.config.sections.correction import CornersStep
 from romdam.config.sections.job import (
     BoxConfig,
     Config,
@@ -20,7 +19,8 @@ from romdam.config.sections.job import (
 from romdam.config.sections.joint_laws import LawSection
 from romdam.config.sections.joints import JointConfig, JointProperties
 from romdam.config.sections.loads import HydrostaticConfig, PressureConfig, TemperatureConfig
-from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
+from romdam.config.sections.motions.correction import CornersStep
+from romdam.config.sections.motions.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import IntensityConfig, SuiteConfig
 from romdam.config.sections.transient import TransientConfig

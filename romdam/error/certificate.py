@@ -1,6 +1,6 @@
 """The certificate: the error of a result from its own joint forces and the full-order linear model.
 
-The order of the stages stands in `romdam.pipelines.certify`, the reasons in `romdam.error.replay`.
+The order of the stages stands in `romdam.pipelines.error.certify`, the reasons in `romdam.error.replay`.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.sections.records import RecordConfig, ScaleConfig, unit_in_si
+from romdam.config.sections.motions.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.core.errors import RecordError, shown
 from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation, check_channel, missing, one_record

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.sections.records import LONGEST_DT, SHORTEST_DT
+from romdam.config.sections.motions.records import LONGEST_DT, SHORTEST_DT
 from romdam.core.errors import RecordError
 
 MIN_SAMPLES = 3  # two steps

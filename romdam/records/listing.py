@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.sections.records import RecordConfig, is_manifest, manifest_rows
+from romdam.config.sections.motions.records import RecordConfig, is_manifest, manifest_rows
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
 from romdam.records.measures import measure, moving

@@ -78,7 +78,7 @@ def measure(acc: Array, dt: float) -> dict[str, Array]:
 
     Returns
     -------
-    dict from name (romdam.config.sections.records.MEASURES) to (k,) values in SI
+    dict from name (romdam.config.sections.motions.records.MEASURES) to (k,) values in SI
     """
     rows = np.atleast_2d(acc)
     length = np.full(rows.shape[0], (rows.shape[1] - 1) * dt)

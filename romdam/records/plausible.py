@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel
 

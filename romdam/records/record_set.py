@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.config.names import misnamed_file, same_file
-from romdam.config.sections.records import MEASURES, RecordConfig
+from romdam.config.sections.motions.records import MEASURES, RecordConfig
 from romdam.core.errors import ConfigError, RecordError, shown
 from romdam.core.motion import GroundMotion
 from romdam.records.assemble import build_motion

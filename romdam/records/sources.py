@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.sections.records import RecordConfig, manifest_rows, read_row
+from romdam.config.sections.motions.records import RecordConfig, manifest_rows, read_row
 from romdam.core.errors import RecordError, shown
 from romdam.records.channel import Channel, one_record
 from romdam.records.formats.registry import FORMATS, Declared, read_channels

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.sections.cut import pieces_of
+from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene

@@ -19,7 +19,7 @@ import numpy as np
 import pyrotd
 import pytest
 
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.records.measures import GRAVITY, measure, significant_duration
 from romdam.records.p695 import SETS, read_p695
 from romdam.records.processing.correction import correct

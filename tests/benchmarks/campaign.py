@@ -34,7 +34,7 @@ from soundness import CLOSED, soundness
 
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from romdam.config import load_config, yaml_text
-from romdam.config.sections.records import is_manifest
+from romdam.config.sections.motions.records import is_manifest
 from romdam.config.yaml_text import MOST_BYTES, _measure, parse_yaml, read_yaml
 from romdam.core.errors import ConfigError
 

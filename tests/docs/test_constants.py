@@ -9,7 +9,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 ROOMS = ("contact", "timestepping", "reduction", "linalg", "error")
-STAGES = ("estimate", "certify", "modes", "verification", "study")  # of pipelines
+STAGES = ("modes", "error/estimate", "error/certify", "error/verify", "error/study")  # of pipelines
 CODES = {  # indices and states
     "OPEN", "STICK", "SLIP", "_SPENT", "_RESTS", "_CONVERGED", "_SLOW", "_CHANGED", "_ALL", "BASE",
     "DISP", "VEL", "FORCE", "RATE", "_WORK", "_LOSS",
@@ -29,7 +29,7 @@ def in_code():
     stages = [ROOT / "pipelines" / f"{name}.py" for name in STAGES]
     return {
         (path.name, name): value
-        for path in [*rooms, *filter(Path.exists, stages)]
+        for path in [*rooms, *stages]
         for name, value in _numbers(ast.parse(path.read_text()))
         if (path.name, name) in TUNED or (name not in CODES and path.name not in INDICES | {"pardiso.py"})
     }

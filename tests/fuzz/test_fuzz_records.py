@@ -20,7 +20,7 @@ from record_mutations import mutate
 from record_traps import ENTRIES, READ, REFUSED, Trap, all_traps, honest
 
 import samples  # isort: skip
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import RecordError, RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.records.formats.registry import read_channels

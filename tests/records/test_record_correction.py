@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import samples
 
-from romdam.config.sections.correction import CHAINS
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.correction import CHAINS
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import RecordError
 from romdam.records.processing import correction_steps as steps
 from romdam.records.processing.corners import drift_ratio, search_highpass

@@ -8,7 +8,7 @@ import obspy
 import pytest
 import samples
 
-from romdam.config.sections.records import RecordConfig, unit_in_si
+from romdam.config.sections.motions.records import RecordConfig, unit_in_si
 from romdam.core.errors import RecordError
 from romdam.records.channel import Orientation, parse_orientation
 from romdam.records.formats.registry import FORMATS, Declared, read_channels

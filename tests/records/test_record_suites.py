@@ -8,7 +8,7 @@ import pytest
 import samples
 from pydantic import ValidationError
 
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import ConfigError, RecordError
 from romdam.records.channel import Channel, Orientation
 from romdam.records.formats.registry import FORMATS

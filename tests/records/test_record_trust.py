@@ -5,7 +5,7 @@ import pytest
 import samples
 from test_record_suites import at2, load
 
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import ConfigError, RecordError
 from romdam.records.formats.registry import FORMATS, read_channels
 from romdam.records.p695 import SETS

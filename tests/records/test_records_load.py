@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import RecordError
 from romdam.records.processing.resampling import resample
 from romdam.records.record_set import load_motions

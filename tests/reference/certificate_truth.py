@@ -20,7 +20,7 @@ from reference_run import CONFIG, RECORD
 from romdam.config.load import Job, parse_config
 from romdam.core.arrays import Floats
 from romdam.error.metrics import opening_peak, relative_l2
-from romdam.pipelines.certify import certify
+from romdam.pipelines.error.certify import certify
 from romdam.pipelines.run import Clock, build_model, run, silent
 from romdam.pipelines.simulation import simulate_motion
 from romdam.records.record_set import load_motions

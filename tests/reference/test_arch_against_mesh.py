@@ -14,9 +14,9 @@ from simulating import simulated
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.error.metrics import largest_difference, relative_l2
+from romdam.pipelines.error.verify import verify
 from romdam.pipelines.simulation import ground_at_steps
 from romdam.pipelines.stresses import stress_fields, stress_of
-from romdam.pipelines.verify import verify
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene

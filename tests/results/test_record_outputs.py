@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from romdam.config.sections.records import MEASURES as FILTERS
-from romdam.config.sections.records import RecordConfig
+from romdam.config.sections.motions.records import MEASURES as FILTERS
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import MEASURES, measures_at_scales
 from romdam.records.listing import format_table, list_records

@@ -7,7 +7,7 @@ import pytest
 from arch_dams import arch_dam
 from scene_builders import box
 
-from romdam.config.sections.cut import CutConfig
+from romdam.config.sections.geometry.cut import CutConfig
 from romdam.config.sections.job import BoxConfig
 from romdam.core.scene import Material
 from romdam.scene.boxes import box_block

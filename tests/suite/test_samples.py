@@ -10,7 +10,7 @@ import yaml
 
 import romdam
 from romdam.core.errors import ConfigError
-from romdam.pipelines.certify import certify
+from romdam.pipelines.error.certify import certify
 from romdam.pipelines.run import run as run_job
 from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite

@@ -22,13 +22,13 @@ from romdam.config.quantities import (
     Time,
     Whole,
 )
-from romdam.config.sections.arch_dam import ArchDamConfig
 from romdam.config.sections.comparison import ComparisonConfig
-from romdam.config.sections.cut import CutConfig, pieces_of, refuse_wrong_cuts
+from romdam.config.sections.geometry.arch_dam import ArchDamConfig
+from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
 from romdam.config.sections.loads import LoadsConfig
+from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import Axis, ElementName, FaceRef, LengthUnit, NodeConfig, Vector
-from romdam.config.sections.records import RecordConfig
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.transient import ModalName, TransientConfig

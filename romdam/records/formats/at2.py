@@ -107,7 +107,7 @@ def _title(line: str) -> tuple[str, str, str]:
 
 def write_at2(channel: Channel, path: Path) -> None:
     """Write one component with NGA-West2's header; values in g with seven digits."""
-    from romdam.config.sections.records import unit_in_si
+    from romdam.config.sections.motions.records import unit_in_si
 
     values = channel.data * (unit_in_si(channel.unit) / unit_in_si("g"))
     meta = channel.meta

@@ -307,7 +307,7 @@ def write_cosmos(channels: list[Channel], path: Path) -> None:
 
 
 def _channel_lines(channel: Channel, number: int, total: int) -> list[str]:
-    from romdam.config.sections.records import unit_in_si
+    from romdam.config.sections.motions.records import unit_in_si
 
     values = channel.data * (unit_in_si(channel.unit) / 0.01)
     integers, reals = _header_values(channel, values, number, total)

@@ -116,7 +116,7 @@ def _check_length(text: TextFile, index: int, match: re.Match[str], length: floa
 
 def _check_peak(text: TextFile, header: int, channel: Channel) -> None:
     """Hold "Peak acceleration = ..." of the lines from `header` on against the data behind them."""
-    from romdam.config.sections.records import unit_in_si
+    from romdam.config.sections.motions.records import unit_in_si
 
     for index in range(header, len(text.lines)):
         if _DATA.match(text.head(index)):

@@ -119,7 +119,7 @@ def _check_data(
     unit: str,
 ) -> tuple[str, ...]:
     """Hold DURATION_S and PGA_CM/S^2 against the data; say where TIME_PGA_S is another."""
-    from romdam.config.sections.records import unit_in_si
+    from romdam.config.sections.motions.records import unit_in_si
 
     (values, dt), cm = samples, unit_in_si(unit) / 0.01
     word, index = header.get("DURATION_S", ("", 0))
@@ -150,7 +150,7 @@ def _iso(text: str) -> str:
 
 def write_esm(channel: Channel, path: Path) -> None:
     """Write one component; unknown keys stay empty, values in cm/s2 with six decimals."""
-    from romdam.config.sections.records import unit_in_si
+    from romdam.config.sections.motions.records import unit_in_si
 
     values = channel.data * (unit_in_si(channel.unit) / 0.01)
     peak = int(np.argmax(np.abs(values)))

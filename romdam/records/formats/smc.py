@@ -144,7 +144,7 @@ def _start(integers: Array) -> str:
 
 def write_smc(channel: Channel, path: Path) -> None:
     """Write one component as a corrected accelerogram; values in cm/s2 with SMC's five digits."""
-    from romdam.config.sections.records import unit_in_si
+    from romdam.config.sections.motions.records import unit_in_si
 
     values = channel.data * (unit_in_si(channel.unit) / 0.01)
     meta = channel.meta

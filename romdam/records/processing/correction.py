@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.config.base import Model
-from romdam.config.sections.correction import (
+from romdam.config.sections.motions.correction import (
     ButterworthStep,
     CornersStep,
     DetrendStep,
@@ -71,7 +71,7 @@ def correct(acc: NDArray[np.float64], dt: float, chain: Sequence[Model]) -> Sign
     ----------
     acc : (k, nt) components [m/s2]
     dt : [s]
-    chain : steps of romdam.config.sections.correction
+    chain : steps of romdam.config.sections.motions.correction
 
     Returns
     -------

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from romdam.config.sections.arch_dam import JOINT, PERIMETER, ROCK, ArchDamConfig
+from romdam.config.sections.geometry.arch_dam import JOINT, PERIMETER, ROCK, ArchDamConfig
 from romdam.core.scene import Absorbing, Block, Bools, Ints, Material, Tie
 from romdam.scene.arch_dam.rock import Ground, ground_grid
 from romdam.scene.arch_dam.shape import ArchShape

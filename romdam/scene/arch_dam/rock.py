@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from romdam.config.sections.arch_dam import PERIMETER, ROCK, ArchDamConfig, RockConfig, ZoneConfig
+from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK, ArchDamConfig, RockConfig, ZoneConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Bools, Ints
 from romdam.scene.elements import Floats

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from romdam.config.sections.arch_dam import ArchDamConfig, Polynomial, Profile
+from romdam.config.sections.geometry.arch_dam import ArchDamConfig, Polynomial, Profile
 from romdam.core.errors import ConfigError
 from romdam.scene.elements import Floats
 

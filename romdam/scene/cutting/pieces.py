@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from romdam.config.quantities import to_si
-from romdam.config.sections.cut import CutConfig, CutSurfaceConfig
+from romdam.config.sections.geometry.cut import CutConfig, CutSurfaceConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import prod
 
-from romdam.config.sections.arch_dam import ArchDamConfig
+from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.job import BoxConfig, Config
 from romdam.core.errors import ConfigError
 from romdam.core.machine import memory_limit, shown_size

@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from romdam.config.base import Model
 from romdam.config.names import OfFile
 from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole, to_si
-from romdam.config.sections.correction import CHAINS, Step
+from romdam.config.sections.motions.correction import CHAINS, Step
 from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError, listed, shown
 from romdam.core.files import check_file

@@ -1,0 +1,1 @@
+"""Statements of error: estimate, certificate, verification, study, comparison of variants."""
