@@ -71,7 +71,7 @@ def check(job: Job, show: Stage = silent, cache: Path | None = None) -> Check:
     refuse_lengths(job, motions)
     if job.config.model.modes == "auto":
         job = with_modes(job, FIRST)
-    model = build_model(job, clock, open_store(cache))
+    model = build_model(job, clock, open_store(cache), estimated=True)
     settings = settings_for(job, model.prepared, motions[0])
     steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
     for motion in motions:

@@ -9,10 +9,9 @@ from romdam.config.load import Job
 from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.pipelines.error.estimate import estimate_run, finer_model
+from romdam.pipelines.error.estimate import estimate_run, reduced_models
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.synthesis import reduce_scene
 
 FIRST = 20  # modes of each block
 GROWTH = 1.5
@@ -45,8 +44,7 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
     count = FIRST
     while count < free / 2:
         trial = with_modes(job, count)
-        reduced = reduce_scene(scene, trial.config.model, trial.config.damping, store)
-        finer = finer_model(trial, scene, reduced, store)
+        reduced, finer = reduced_models(trial, scene, store)
         if finer is None:
             raise ConfigError(
                 f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "

@@ -24,7 +24,7 @@ from romdam.error.statement import read_verification
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
-from romdam.pipelines.error.estimate import estimate_run, finer_model
+from romdam.pipelines.error.estimate import estimate_run, reduced_models
 from romdam.pipelines.modes import choose_modes
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
@@ -132,7 +132,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     tell_doubts(job, motions)
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
-    model = with_finer(job, build_model(job, clock, store), clock, store)
+    model = build_model(job, clock, store, estimated=True)
     with clock.stage("stress_fields", "stress of the modes"):
         model = replace(model, stress=stress_fields(model.scene, model.reduced))
     files = write_shared(folder, model)
@@ -190,8 +190,14 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
     return motions, failures
 
 
-def build_model(job: Job, clock: Clock, store: BlockStore | None = None) -> Model:
-    """Scene and system, reduced or not as the configuration says; `store` holds blocks reduced before."""
+def build_model(job: Job, clock: Clock, store: BlockStore | None = None, *, estimated: bool = False) -> Model:
+    """Scene and system, reduced or not as the configuration says.
+
+    Parameters
+    ----------
+    store : holds blocks reduced before
+    estimated : with the finer model that every run's estimate of its error compares with
+    """
     with clock.stage("scene", "building the scene"):
         scene = build_scene(job.config, job.folder, str(job.path))
     if job.config.model.order == "full":
@@ -199,14 +205,16 @@ def build_model(job: Job, clock: Clock, store: BlockStore | None = None) -> Mode
             full = observing_stress(scene, assemble_full(scene, job.config.damping))
             return Model(scene, prepare(job, full), None)
     with clock.stage("model", "reducing the blocks"), placed(job.path):
-        reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
-    return Model(scene, prepare(job, reduced.system), reduced)
+        return reduced_model(job, scene, store, estimated=estimated)
 
 
-def with_finer(job: Job, model: Model, clock: Clock, store: BlockStore | None = None) -> Model:
-    """The model with what every run's error estimate needs."""
-    with clock.stage("finer_model", "reducing a finer model for the error estimate"):
-        return replace(model, finer=finer_model(job, model.scene, model.reduced, store))
+def reduced_model(job: Job, scene: Scene, store: BlockStore | None, *, estimated: bool) -> Model:
+    """A scene's reduced model; see `build_model`."""
+    if estimated:
+        reduced, finer = reduced_models(job, scene, store)
+    else:
+        reduced, finer = reduce_scene(scene, job.config.model, job.config.damping, store), None
+    return Model(scene, prepare(job, reduced.system), reduced, finer)
 
 
 def run_motion(

@@ -95,7 +95,7 @@ def test_other_code_finds_nothing(tmp_path, job, counted, monkeypatch):
     made = len(counted)
     monkeypatch.setattr(user_cache, "_code", lambda: "other")
     romdam.run(job, tmp_path / "out", cache=cache_folder())
-    assert len(counted) == 2 * made and len(entries(cache_folder())) == 2 * made
+    assert len(counted) == 2 * made and len(entries(cache_folder())) == 4 * made  # with the finer basis
 
 
 def test_the_code_counts_to_the_byte(monkeypatch, tmp_path):

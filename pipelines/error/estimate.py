@@ -12,24 +12,26 @@ from romdam.core.system import History
 from romdam.error.estimate import FinerModel, estimate_error
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
-from romdam.reduction.refinement import embedding, slightly_finer
+from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
+from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
 
 
-def finer_model(
-    job: Job, scene: Scene, reduced: ReducedModel | None, store: BlockStore | None = None
-) -> FinerModel | None:
-    """The finer model of a job; None where no estimate is asked for, or none can be made.
+def reduced_models(
+    job: Job, scene: Scene, store: BlockStore | None = None
+) -> tuple[ReducedModel, FinerModel | None]:
+    """The reduced model of a job, and the finer one; None where no estimate is wanted, or none can be made.
 
-    There is none at full order, with all modes, without joints, with modes that dashpots couple, and without
-    damping: undamped histories part in time whatever the basis, and their peaks are what counts.
+    There is none with all modes, without joints, with modes that dashpots couple, and without damping:
+    undamped histories part in time whatever the basis, and their peaks are what counts.
     """
-    wanted = job.config.outputs.error_estimate and job.config.every_joint and job.config.model.modes != "all"
-    if reduced is None or not wanted or not reduced.system.diagonal or not reduced.system.C.diagonal().any():
-        return None
-    fine = reduce_scene(scene, slightly_finer(mode_choice(job.config.model)), job.config.damping, store)
-    return FinerModel(prepare(job, fine.system), embedding(scene, reduced, fine))
+    model, damping = job.config.model, job.config.damping
+    wanted = job.config.outputs.error_estimate and job.config.every_joint and model.modes != "all"
+    coupled = any(block.absorbing for block in scene.blocks.values())
+    if not wanted or coupled or not damping.acts:
+        return reduce_scene(scene, model, damping, store), None
+    reduced, fine = reduce_scene_twice(scene, model, damping, store)
+    return reduced, FinerModel(prepare(job, fine.system), embedding(scene, reduced, fine))
 
 
 def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: History) -> ErrorStatement:

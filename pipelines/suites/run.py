@@ -14,8 +14,7 @@ from romdam.config.sections.suite import KeepConfig
 from romdam.core.errors import ResultError, placed
 from romdam.core.files import prepare_folder, sweep_parts
 from romdam.core.threads import one_thread
-from romdam.pipelines.run import Clock, Model, Stage, silent, with_finer, write_shared
-from romdam.pipelines.simulation import prepare
+from romdam.pipelines.run import Clock, Stage, reduced_model, silent, write_shared
 from romdam.pipelines.stresses import stress_fields
 from romdam.pipelines.suites.cluster import Pool, open_pool
 from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
@@ -23,7 +22,6 @@ from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, t
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.journal import JOURNAL, append_rows
 from romdam.results.suite.rows import Row
@@ -139,9 +137,8 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     own = job.config.suite.cache if job.config.suite else None
     store = BlockStore(cache or (job.folder / own if own else folder / CACHE_FOLDER))
     with clock.stage("model", "reducing the blocks"), placed(job.path):
-        reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
-    model = with_finer(job, Model(scene, prepare(job, reduced.system), reduced), clock, store)
-    model = replace(model, stress=stress_fields(scene, reduced))
+        model = reduced_model(job, scene, store, estimated=True)
+    model = replace(model, stress=stress_fields(scene, model.reduced))
     job = replace(job, path=job.path.absolute())  # a worker of a cluster has a working folder of its own
     suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
     if suite.keeps_results:

@@ -36,11 +36,6 @@ class RelativeError:
     peak: float
     joints: Mapping[str, RelativeError] = field(default_factory=dict)
 
-    def over(self, share: float) -> RelativeError:
-        """The error of which this one is a share."""
-        joints = {name: error.over(share) for name, error in self.joints.items()}
-        return RelativeError(self.l2 / share, self.peak / share, joints)
-
     @property
     def plain(self) -> dict[str, object]:
         """Plain values, for JSON."""

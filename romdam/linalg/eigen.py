@@ -105,7 +105,7 @@ def _large_modes(
 ) -> tuple[Floats, Floats]:
     if isinstance(solver, Multigrid):
         return block_modes(Pencil(K, M, solver.precondition), wanted)
-    count, make = krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
+    (count, _), make = krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
     modes = np.empty((K.shape[0], count))
     for first in range(0, count, WIDTH):
         modes[:, first : first + WIDTH] = make(first, min(first + WIDTH, count))
@@ -115,48 +115,59 @@ def _large_modes(
 def span_of_modes(
     K: spmatrix | Symmetric,
     M: spmatrix,
-    count: int | None,
-    cutoff: float | None,
+    which: tuple[int | None, float | None],
     solver: Solver,
     shift: float,
-) -> tuple[int, Callable[[int, int], Floats]]:
-    """Vectors that span the modes of `modes_below`, some at a time.
+    beyond: float = 1.0,
+) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
+    """Vectors that span the modes of `modes_below`, and some beyond, a few at a time.
 
     A large part's own modes would take as much memory as its stiffness, while the factors are there too.
 
+    Parameters
+    ----------
+    which : so many, or all below a frequency [Hz]
+    beyond : up to so many times the highest frequency some more vectors are made, of modes or near them
+
     Returns
     -------
-    count : how many
+    counts : how many modes, and how many vectors with those beyond
     make : make(first, last) gives that many, (n, last - first)
     """
+    count, cutoff = which
     large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
     if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
         wanted = Wanted(count, np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2)
         if isinstance(solver, CondensedSingle):
-            return _outer_modes(csr_matrix(M), wanted, solver, shift)
-        return krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
+            return _outer_modes(csr_matrix(M), wanted, solver, shift, beyond)
+        return krylov_modes(csr_matrix(M), wanted, solver.solve, shift, beyond)
     omega2, modes = modes_below(K, M, count, cutoff, solver, shift)
-    return len(omega2), lambda first, last: modes[:, first:last]
+    counts = len(omega2), len(omega2)
+    if beyond > 1.0 and counts[0] and omega2[-1] > 0.0:
+        further = modes_below(K, M, None, beyond * np.sqrt(omega2[-1]) / (2.0 * np.pi), solver, shift)[1]
+        modes, counts = np.hstack([modes, further[:, counts[0] :]]), (counts[0], further.shape[1])
+    return counts, lambda first, last: modes[:, first:last]
 
 
 def _outer_modes(
-    M: csr_matrix, wanted: Wanted, solver: CondensedSingle, shift: float
-) -> tuple[int, Callable[[int, int], Floats]]:
+    M: csr_matrix, wanted: Wanted, solver: CondensedSingle, shift: float, beyond: float
+) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """`span_of_modes` where all mass is on the solver's outer rows: found there, then carried inside."""
     own = csr_matrix(M[solver.outer][:, solver.outer])
-    count, make = krylov_modes(own, wanted, solver.near.solve, shift)
+    (count, _), make = krylov_modes(own, wanted, solver.near.solve, shift)
+    counts = count, count
     if count:
         vectors = make(0, count)
         del make  # it holds the factors that are to go
         solver.sharpen(vectors)
-        count, make = krylov_modes(own, wanted, solver.near.solve, shift)
+        counts, make = krylov_modes(own, wanted, solver.near.solve, shift, beyond)
 
     def over_all(first: int, last: int) -> Floats:
         forces = np.zeros((M.shape[0], last - first))
         forces[solver.outer] = own @ make(first, last)
         return solver.solve(forces)
 
-    return count, over_all
+    return counts, over_all
 
 
 def _finite_modes(

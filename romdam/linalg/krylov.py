@@ -55,8 +55,8 @@ class _Ritz:
 
 
 def krylov_modes(
-    M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float
-) -> tuple[int, Callable[[int, int], Floats]]:
+    M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float, beyond: float = 1.0
+) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """Lowest modes, and a second space of random vectors beside them that looks for one that was missed.
 
     Parameters
@@ -64,10 +64,11 @@ def krylov_modes(
     M : (n, n) sparse, symmetric; a zero on the diagonal is an unknown without mass
     inverse : of K - shift M, for (n, k)
     shift : [1/s2], below the lowest omega^2
+    beyond : what the Krylov space holds of further modes comes too, up to so many times the highest frequency
 
     Returns
     -------
-    count : how many
+    counts : how many modes, and how many vectors with those beyond, which are modes nearly or not at all
     make : make(first, last) gives that many vectors over all unknowns, (n, last - first), a solution for
         each. The modes are their Ritz vectors (see `ritz_vectors`), nearly themselves
 
@@ -78,7 +79,7 @@ def krylov_modes(
     """
     moving = np.flatnonzero(M.diagonal() > 0.0)
     if not len(moving):
-        return 0, lambda first, last: np.zeros((M.shape[0], last - first))
+        return (0, 0), lambda first, last: np.zeros((M.shape[0], last - first))
     own = csr_matrix(M[moving][:, moving]) if len(moving) < M.shape[0] else M
 
     def lifted(forces: Floats) -> Floats:
@@ -96,10 +97,12 @@ def krylov_modes(
             count = _among(ritz.mu, wanted, limit)
             if _converged(ritz, count, len(moving)):
                 break
-        X, mu = ritz.first(count), ritz.mu[:count]
-        lowest = limit if wanted.count is None else float(mu[-1]) * (1.0 + 1e-6)
-        if not _missed(own, on_moving, X, lowest):
-            return count, partial(_columns, lifted, (own @ X) / mu)
+        highest = limit if wanted.count is None else float(ritz.mu[count - 1])
+        more = max(count, int((ritz.mu >= highest / beyond**2).sum()))
+        X, mu = ritz.first(more), ritz.mu[:more]
+        lowest = limit if wanted.count is None else highest * (1.0 + 1e-6)
+        if not _missed(own, on_moving, X[:, :count], lowest):
+            return (count, more), partial(_columns, lifted, (own @ X) / mu)
         width *= 2
     raise ReductionError(
         f"Lanczos on {M.shape[0]} unknowns misses modes from {_WIDEST} random vectors; use another "

@@ -1,4 +1,4 @@
-"""A finer reduced model beside a reduced one: what an estimate and a certificate compare with.
+"""A much finer reduced model beside a reduced one: what a certificate compares with.
 
 On the two-cantilever model three times the modes leave 2 to 10 % of the coarser model's error, and almost
 nothing of it once the full order's defect is fed back (see `romdam.error.replay`).
@@ -19,16 +19,6 @@ from romdam.reduction.water import on_unknowns
 
 _RESIDUAL_VECTORS = 10
 _ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
-
-
-def slightly_finer(choice: ModeChoice) -> ModeChoice:
-    """The finer basis of the cheap estimate: few more states, one more reduction."""
-    residual = max(2 * choice.residual_vectors, _RESIDUAL_VECTORS)
-    if choice.count is not None:
-        least = 2 * choice.count if choice.residual_vectors else choice.count
-        count = max(least, min(3 * choice.count, _ENOUGH))
-        return replace(choice, count=count, residual_vectors=residual, capped=True)
-    return replace(choice, cutoff=1.5 * (choice.cutoff or 0.0), residual_vectors=residual)
 
 
 def much_finer(choice: ModeChoice) -> ModeChoice:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +72,21 @@ def reduce_scene(
 ) -> ReducedModel:
     """Reduce every part with the modes of a configuration, or a choice of them, and put them together.
 
+    See `reduce_scene_twice`.
+    """
+    return _reduced_scene((scene, damping), [_choice_of(model)], store)[0]
+
+
+def reduce_scene_twice(
+    scene: Scene,
+    model: ModelConfig | ModeChoice,
+    damping: DampingConfig,
+    store: BlockStore | None = None,
+) -> tuple[ReducedModel, ReducedModel]:
+    """Reduce every part, and beside it once more with a finer basis that contains the first.
+
+    The finer one costs a few solutions with factors that are there.
+
     Parameters
     ----------
     store : where blocks that were reduced before are found, and new ones kept
@@ -81,28 +98,51 @@ def reduce_scene(
     ReductionError
         where a block cannot be reduced.
     """
-    start = time.process_time()
+    choice = _choice_of(model)
+    coarse, fine = _reduced_scene((scene, damping), [choice, replace(choice, finer=True)], store)
+    return coarse, fine
+
+
+def _choice_of(model: ModelConfig | ModeChoice) -> ModeChoice:
+    return model if isinstance(model, ModeChoice) else mode_choice(model)
+
+
+def _reduced_scene(
+    of: tuple[Scene, DampingConfig], choices: list[ModeChoice], store: BlockStore | None
+) -> list[ReducedModel]:
+    """A model for each choice: one, and where there is a second the finer one beside it."""
+    start, (scene, damping) = time.process_time(), of
     refuse_wet(scene)
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
     acting = Acting(gap_operators(scene, law.directions), forces, law.directions)
-    choice = model if isinstance(model, ModeChoice) else mode_choice(model)
-    found, parts, first = dict[str, BlockBasis](), dict[str, slice](), 0
-    _refuse_large(scene, acting, choice, store)
-    for part in scene_parts(scene).values():
-        one = _reduced_part(part, scene, acting, choice, store)
-        parts[part.name] = slice(first, first + len(one[part.blocks[0]].omega2))
-        found |= {name: replace(block, columns=parts[part.name]) for name, block in one.items()}
-        first = parts[part.name].stop
-    basis = {name: found[name] for name in scene.blocks}
-    report: dict[str, object] = {name: block.report for name, block in basis.items()}
-    system = _system(scene, basis, acting, law, damping, parts)
-    water = added_mass(scene)
-    if water is not None:
-        system, basis = with_water(system, basis, water, damping)
-    system = _with_dashpots(system, scene, basis)
-    report["cpu_seconds"] = time.process_time() - start
-    return ReducedModel(system=system, basis=basis, report=report, water=water)
+    for choice in choices:
+        _refuse_large(scene, acting, choice, store)
+    parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
+    water, models = added_mass(scene), []
+    for bases in zip(*parts, strict=True):
+        basis, columns = _side_by_side(scene, bases)
+        report: dict[str, object] = {name: block.report for name, block in basis.items()}
+        system = _system(scene, basis, acting, law, damping, columns)
+        if water is not None:
+            system, basis = with_water(system, basis, water, damping)
+        system = _with_dashpots(system, scene, basis)
+        report["cpu_seconds"] = time.process_time() - start
+        models.append(ReducedModel(system=system, basis=basis, report=report, water=water))
+    return models
+
+
+def _side_by_side(
+    scene: Scene, bases: Iterable[dict[str, BlockBasis]]
+) -> tuple[dict[str, BlockBasis], dict[str, slice]]:
+    """The blocks' bases with the columns of their part, in the scene's order, and those of the parts."""
+    columns, found, first = dict[str, slice](), dict[str, BlockBasis](), 0
+    for part, own in zip(scene_parts(scene).values(), bases, strict=True):
+        last = first + len(own[part.blocks[0]].omega2)
+        columns[part.name] = slice(first, last)
+        found |= {name: replace(block, columns=slice(first, last)) for name, block in own.items()}
+        first = last
+    return {name: found[name] for name in scene.blocks}, columns
 
 
 def _system(
@@ -206,20 +246,20 @@ def _reduced_part(
     part: Part,
     scene: Scene,
     acting: Acting,
-    choice: ModeChoice,
+    choices: list[ModeChoice],
     store: BlockStore | None,
-) -> dict[str, BlockBasis]:
-    """The bases of a part's blocks, of the same coordinates."""
+) -> list[dict[str, BlockBasis]]:
+    """The bases of a part's blocks, of the same coordinates, for each choice."""
     for name in part.blocks:
         refuse_loose_nodes(scene.blocks[name], "reduction")
     if has_no_mass(part, scene):
-        return massless_bases(part, scene, acting, choice, store)
-    free = _by_free_modes(part, scene, acting, choice)
-    if free is not None:
-        return merged_bases(part, scene, acting, free, store)
+        return [massless_bases(part, scene, acting, choices[0], store)] * len(choices)
+    free = [_by_free_modes(part, scene, acting, choice) for choice in choices]
+    if free[0] is not None:
+        return merged_bases(part, scene, acting, [choice for choice in free if choice is not None], store)
     (name,) = part.blocks
-    operator, fixed = acting.operators[name], scene.fixed[name]
-    return {name: _reduced_block(scene.blocks[name], operator, fixed, choice, store)}
+    bases = _reduced_block(scene.blocks[name], acting.operators[name], scene.fixed[name], choices, store)
+    return [{name: basis} for basis in bases]
 
 
 def _reduced_matrices(
@@ -246,26 +286,33 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
 
 
 def _reduced_block(
-    block: Block, operator: csr_matrix, fixed: NDArray[np.bool_], choice: ModeChoice, store: BlockStore | None
-) -> BlockBasis:
-    """The basis of one block over all its DOFs in global axes: from the store, or made and kept there."""
-    interface = joint_interface(operator, fixed)
+    block: Block,
+    operator: csr_matrix,
+    fixed: NDArray[np.bool_],
+    choices: list[ModeChoice],
+    store: BlockStore | None,
+) -> list[BlockBasis]:
+    """The bases of one block over all its DOFs in global axes: from the store, or made and kept there."""
+    interface, choice = joint_interface(operator, fixed), choices[0]
     large = is_large(interface, choice)
     if store is None and not large:
-        return _reduce(block, interface, fixed, choice)
+        return list(islice(_reduce(block, interface, fixed, choice), len(choices)))
     store = store or BlockStore.passing()
-    key = block_key(block, fixed, interface, choice)
-    found = store.read(key)
-    if found is None and large:
+    keys = [block_key(block, fixed, interface, one) for one in choices]
+    found = [basis for key in keys if (basis := store.read(key)) is not None]
+    if len(found) < len(keys) and large:
         held = _held_interior(block, fixed, interface)
-        return reduce_large(LargeBlock(block, fixed, interface, held), choice, store, key)
-    if found is None:
-        found = _reduce(block, interface, fixed, choice)
-        store.write(key, block, found)
+        return reduce_large(LargeBlock(block, fixed, interface, held), choice, store, keys)
+    if len(found) < len(keys):
+        made = zip(keys, _reduce(block, interface, fixed, choice), strict=False)
+        found = [store.write(key, block, basis) for key, basis in made]
     return found
 
 
-def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice: ModeChoice) -> BlockBasis:
+def _reduce(
+    block: Block, interface: Interface, fixed: NDArray[np.bool_], choice: ModeChoice
+) -> Iterator[BlockBasis]:
+    """The basis of one block, then a finer one; see `reduce_block`."""
     log.info("block %s: reducing", block.name)
     stiffness, mass = assemble(block)
     turn, free = interface.turn, ~fixed.ravel()
@@ -273,18 +320,13 @@ def _reduce(block: Block, interface: Interface, fixed: NDArray[np.bool_], choice
     held = _held_interior(block, fixed, interface)
     motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
     own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}")
-    sub = reduce_block(own, choice)
-    whole = np.zeros((len(free), len(sub.omega2)))
-    whole[free] = sub.basis
-    vectors = Dense(np.asarray(turn.T @ whole))
-    rigid = np.tile(np.eye(3), (len(block.points), 1))
-    return BlockBasis(
-        vectors,
-        slice(0, len(sub.omega2)),
-        sub.omega2,
-        vectors.project(mass @ rigid),
-        sub.report() | choice.report(),
-    )
+    inertia = mass @ np.tile(np.eye(3), (len(block.points), 1))
+    for sub in reduce_block(own, choice):
+        whole = np.zeros((len(free), len(sub.omega2)))
+        whole[free] = sub.basis
+        vectors = Dense(np.asarray(turn.T @ whole))
+        report = sub.report() | choice.report()
+        yield BlockBasis(vectors, slice(0, len(sub.omega2)), sub.omega2, vectors.project(inertia), report)
 
 
 def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> Floats:

@@ -97,11 +97,11 @@ def _child(config: Path, scratch: str, policy: str) -> None:
     job, clock = romdam.load_config(config), pipeline.Clock(pipeline.silent)
     with threads.one_thread() if policy != "free" else nullcontext():
         motions, _ = pipeline.read_motions(job)
-        model = pipeline.with_finer(job, pipeline.build_model(job, clock), clock)
+        model = pipeline.build_model(job, clock, estimated=True)
         with clock.stage("integration", "the time loop"):
             history = pipeline.simulate_motion(job, model.prepared, motions[0])
     np.save(Path(scratch) / "openings.npy", history.jump[..., 0])
-    stages = ("model", "finer_model", "integration")
+    stages = ("model", "integration")
     print(json.dumps({f"{s}_{k}": getattr(clock, k)[s] for s in stages for k in ("wall", "cpu")}))
 
 

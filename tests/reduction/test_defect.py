@@ -19,8 +19,8 @@ from romdam.error.replay import (
     replay_start,
 )
 from romdam.reduction.methods.craig_bampton import ModeChoice
-from romdam.reduction.refinement import embedding, much_finer, slightly_finer
-from romdam.reduction.synthesis import reduce_scene
+from romdam.reduction.refinement import embedding, much_finer
+from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps
 
@@ -121,14 +121,30 @@ def test_window_of_the_same_model_repeats_the_run():
     assert np.abs(again.jump - part).max() < 1e-6 * np.abs(part).max()
 
 
-@pytest.mark.parametrize("finer", [slightly_finer, much_finer])
-@pytest.mark.parametrize(
-    "choice", [ModeChoice(count=5), ModeChoice(count=5, residual_vectors=4), ModeChoice(cutoff=200.0)]
-)
-def test_finer_models_are_finer_and_hold_the_coarse_motion(finer, choice):
+CHOICES = [ModeChoice(count=5), ModeChoice(count=5, residual_vectors=4), ModeChoice(cutoff=200.0)]
+
+
+def lost(built, coarse, fine):
+    """Of every motion of the coarse basis, the share that the fine one cannot follow."""
+    return 1.0 - (embedding(built, coarse, fine).toarray() ** 2).sum(axis=0)
+
+
+@pytest.mark.parametrize("choice", CHOICES)
+def test_much_finer_models_are_finer_and_hold_the_coarse_motion(choice):
     built = scene(raw())
-    coarse, fine = reduce_scene(built, choice, DAMPING), reduce_scene(built, finer(choice), DAMPING)
+    coarse, fine = reduce_scene(built, choice, DAMPING), reduce_scene(built, much_finer(choice), DAMPING)
     assert fine.system.size > coarse.system.size
-    into = embedding(built, coarse, fine)
-    lost = 1.0 - (into.toarray() ** 2).sum(axis=0)
-    assert lost[:20].max() < (1e-4 if choice.residual_vectors else 1e-9)
+    assert lost(built, coarse, fine)[:20].max() < (1e-4 if choice.residual_vectors else 1e-9)
+
+
+@pytest.mark.parametrize("choice", CHOICES)
+def test_finer_basis_of_the_same_factors_contains_the_coarse_one(choice):
+    built = scene(raw())
+    coarse, fine = reduce_scene_twice(built, choice, DAMPING)
+    alone = reduce_scene(built, choice, DAMPING)
+    assert np.array_equal(alone.system.K.diagonal(), coarse.system.K.diagonal())
+    assert np.array_equal(alone.system.B.toarray(), coarse.system.B.toarray())
+    assert fine.system.size > coarse.system.size
+    assert np.abs(lost(built, coarse, fine)).max() < 1e-9
+    frequencies = [model.system.K.diagonal()[model.system.parts["left"]][:15] for model in (fine, coarse)]
+    assert (frequencies[0] <= frequencies[1] * (1.0 + 1e-9)).all()

@@ -14,12 +14,14 @@ from romdam.config import parse_config
 from romdam.error.metrics import relative_l2
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
+from romdam.linalg import eigen
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
 from romdam.linalg.solvers import Solving
 from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.synthesis import reduce_scene
+from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import static_equilibrium
@@ -224,6 +226,27 @@ def test_bases_of_a_part_are_kept_and_found(tmp_path):
     other = dataclasses.replace(scene, gravity=np.zeros(3))
     reduce_scene(other, ModeChoice(cutoff=4.0), DAMPING, store)
     assert len(list(tmp_path.iterdir())) == len(files)  # weight is in the span of the basis
+
+
+@pytest.mark.parametrize("small", [True, False])
+def test_finer_basis_of_further_modes_contains_the_coarse_one(small, monkeypatch, tmp_path):
+    """Also where the further vectors are what block Lanczos has come to of modes."""
+    if not small:
+        monkeypatch.setattr(eigen, "SMALL", 100)
+    scene, choice = dam(), ModeChoice(cutoff=20.0)
+    alone = reduce_scene(scene, choice, DAMPING)
+    coarse, fine = reduce_scene_twice(scene, choice, DAMPING, BlockStore(tmp_path))
+    assert np.array_equal(alone.system.K.diagonal(), coarse.system.K.diagonal())
+    assert np.array_equal(alone.system.B.toarray(), coarse.system.B.toarray())
+    assert fine.system.size > coarse.system.size + 5
+    assert np.abs(1.0 - (embedding(scene, coarse, fine).toarray() ** 2).sum(axis=0)).max() < 1e-7
+    found = reduce_scene_twice(scene, choice, DAMPING, BlockStore(tmp_path))
+    for one, other in zip((coarse, fine), found, strict=True):
+        assert np.array_equal(one.system.B.toarray(), other.system.B.toarray())
+    modes = [model.basis["C1"].report["fixed_interface_modes"] for model in (coarse, fine)]
+    exact = reduced(scene).system.K.diagonal()[: modes[1]]
+    off = fine.system.K.diagonal()[: modes[1]] / exact - 1.0
+    assert np.abs(off[: modes[0]]).max() < 1e-6 and np.abs(off[: modes[0] + 3]).max() < 0.05
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-6])

@@ -14,7 +14,7 @@ from romdam.reduction.methods import out_of_core as large
 from romdam.reduction.storage import model_file as store
 from romdam.reduction.storage import out_of_core_matrix
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.synthesis import reduce_scene
+from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 
 
 def built(friction=0.0, height=8.0):
@@ -71,6 +71,22 @@ def test_a_basis_from_the_disk_is_the_one_from_memory(
     assert np.abs(made.system.load.T @ made.system.load - known.system.load.T @ known.system.load).max() < (
         1e-6 * np.abs(known.system.load.T @ known.system.load).max()
     )
+
+
+@pytest.mark.parametrize("residual_vectors", [0, 6])
+def test_the_finer_basis_from_the_disk_is_the_one_from_memory(
+    residual_vectors, monkeypatch, through_the_disk, tmp_path
+):
+    where, model = built(), ModelConfig(cutoff=400.0, residual_vectors=residual_vectors)
+    made = reduce_scene_twice(where, model, DAMPING, BlockStore(tmp_path))
+    monkeypatch.setattr(large, "LARGE", 1e12)
+    known = reduce_scene_twice(where, model, DAMPING)
+    for mine, other in zip(made, known, strict=True):
+        assert isinstance(mine.basis["left"].vectors, Mapped)
+        assert mine.system.size == other.system.size
+        a, b = flexibility(mine.system), flexibility(other.system)
+        assert np.abs(a - b).max() < 1e-6 * np.abs(b).max()
+    assert made[1].system.size > made[0].system.size
 
 
 def test_a_reduction_that_was_stopped_goes_on(monkeypatch, through_the_disk, tmp_path):

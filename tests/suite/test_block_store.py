@@ -18,6 +18,7 @@ from romdam.core.system import with_parameters
 from romdam.fem.gaps import gap_law
 from romdam.reduction import synthesis
 from romdam.reduction.basis import Dense
+from romdam.reduction.methods.craig_bampton import FINER_VECTORS
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 
@@ -66,6 +67,17 @@ def test_second_reduction_reads_every_block_and_changes_no_bit(tmp_path, counted
     assert identical(plain, first) and identical(first, second)
     assert second.report.keys() == plain.report.keys()
     assert all(second.report[name] == plain.report[name] for name in blocks)
+
+
+def test_the_finer_basis_is_kept_beside_and_both_are_found(tmp_path, counted):
+    store, built = BlockStore(tmp_path), scene(raw())
+    made = synthesis.reduce_scene_twice(built, MODEL, DAMPING, store)
+    assert counted == list(made[0].basis), "each block is factored once for both"
+    found = synthesis.reduce_scene_twice(built, MODEL, DAMPING, store)
+    assert identical(reduced(store, built), made[0])
+    assert len(counted) == len(made[0].basis), "nothing may be reduced again"
+    assert all(identical(a, b) for a, b in zip(made, found, strict=True))
+    assert made[1].system.size > made[0].system.size + FINER_VECTORS
 
 
 def test_joints_damping_and_loads_reduce_nothing(tmp_path, counted):

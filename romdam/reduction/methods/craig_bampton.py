@@ -18,7 +18,9 @@ Craig, Bampton, AIAA Journal 6 (1968) 1313.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +35,7 @@ from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
 from romdam.linalg.symmetric import Symmetric
 
 FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
+FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
 _DEPENDENT = 1e-8  # eigenvalue of the residual vectors' Gram matrix, relative, below which one is dropped
 _ALL = 2**62
 _SOME = 30  # modes below a frequency, before they are counted
@@ -44,7 +47,8 @@ class ModeChoice:
     vectors beside them.
 
     A capped count takes what there is in a block with fewer interior DOFs; another one is refused there.
-    `solving` says by which solver, and moves no digit that matters.
+    `solving` says by which solver, and moves no digit that matters. A `finer` choice is the basis that the
+    estimate of the error compares with, made beside the other.
     """
 
     count: int | None = None
@@ -52,6 +56,7 @@ class ModeChoice:
     residual_vectors: int = 0
     capped: bool = False
     solving: Solving = AUTO
+    finer: bool = False
 
     @property
     def keeps_all(self) -> bool:
@@ -70,7 +75,8 @@ class ModeChoice:
     @property
     def stored(self) -> dict[str, object]:
         """The choice without how it is computed, as the keys of stored bases take it."""
-        return {
+        finer: dict[str, object] = {"finer": FINER_VECTORS} if self.finer else {}
+        return finer | {
             "count": self.count,
             "cutoff": self.cutoff,
             "corrections": self.residual_vectors,  # as the first keys had it
@@ -157,8 +163,10 @@ class FixedInterfaceModes(NamedTuple):
     residual: float
 
 
-def reduce_block(block: FreeBlock, choice: ModeChoice) -> Substructure:
-    """Reduce a block and diagonalise it with its joints open.
+def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
+    """Reduce a block and diagonalise it with its joints open; then a finer one from the same factors.
+
+    The finer basis has residual vectors of the modes of the first, which it contains.
 
     Raises
     ------
@@ -172,28 +180,23 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Substructure:
     choice = _within(choice, interior, block.place)
     if choice.keeps_all or choice.count == interior:
         omega2, basis = dense_modes(K, M)
-        return Substructure(
-            without_roundoff(omega2), basis, len(retained) - interior, interior, highest_hz(omega2), 0.0, 0.0
-        )
+        sizes = len(retained) - interior, interior
+        yield from repeat(Substructure(without_roundoff(omega2), basis, *sizes, highest_hz(omega2), 0.0, 0.0))
     Psi, modes, solver = _ritz_vectors(block, choice)
     T = _assemble_basis(Psi, modes.Phi, retained)
     omega2, V = diagonalise(T.T @ (K @ T), T.T @ (M @ T), block.place)
-    basis, added = T @ V, 0
-    if choice.residual_vectors:
-        low = basis[:, : choice.residual_vectors]
-        unbalanced = K @ low - (M @ low) * omega2[: choice.residual_vectors]
-        answer = over_interior(retained, solver.solve(unbalanced[~retained]))
-        omega2, basis, added = _with_residual_vectors(block, basis, answer)
-    return Substructure(
-        omega2=without_roundoff(omega2),
-        basis=basis,
+    sub = Substructure(
+        omega2=omega2,
+        basis=T @ V,
         retained=Psi.shape[1],
         fixed_interface=modes.Phi.shape[1],
         highest=modes.highest,
         orthonormality=modes.orthonormality,
         residual=modes.residual,
-        residual_vectors=added,
     )
+    for count in (choice.residual_vectors, FINER_VECTORS):
+        sub = _with_residual_vectors(block, sub, solver, count)
+        yield replace(sub, omega2=without_roundoff(sub.omega2))
 
 
 def _within(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
@@ -270,13 +273,19 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
         raise ReductionError(f"{place}: the reduced mass is not positive definite ({error})") from error
 
 
-def _with_residual_vectors(block: FreeBlock, X: Floats, D: Floats) -> tuple[Floats, Floats, int]:
-    """Open-joint modes of X and, beside them, of answers D to what they leave; how many were added."""
-    K, M = block.K, block.M
+def _with_residual_vectors(block: FreeBlock, sub: Substructure, solver: Solver, count: int) -> Substructure:
+    """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced."""
+    K, M, X, retained = block.K, block.M, sub.basis, block.retained
+    count = min(count, X.shape[0] - X.shape[1])
+    if not count:
+        return sub
+    low = X[:, :count]
+    unbalanced = K @ low - (M @ low) * sub.omega2[:count]
+    D = over_interior(retained, solver.solve(unbalanced[~retained]))
     D = independent(D - X @ (X.T @ (M @ D)), M)
     Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
     omega2, V = diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), block.place)
-    return omega2, Y @ V, D.shape[1]
+    return replace(sub, omega2=omega2, basis=Y @ V, residual_vectors=sub.residual_vectors + D.shape[1])
 
 
 def independent(D: Floats, M: csr_matrix) -> Floats:

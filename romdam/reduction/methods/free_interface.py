@@ -26,6 +26,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
@@ -38,11 +39,11 @@ from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
-from romdam.linalg.dense import eigh
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
+from romdam.reduction.methods.attachment_modes import Pencil, diagonalised
 from romdam.reduction.methods.craig_bampton import (
     FREE_SHIFT,
     ModeChoice,
@@ -60,10 +61,9 @@ from romdam.scene.ties import Part
 log = logging.getLogger(__name__)
 
 
-_DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
-# least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
-# 1e-13 on the first mode would count as its round-off
-_STIFF = 1e-12
+BEYOND = (
+    1.5  # times the highest frequency of the modes: so far go those of the basis that estimates compare with
+)
 _NODES = 4096  # of a block's basis at a time
 _TOGETHER = 64  # modes looked at: each time all of them are read
 
@@ -135,10 +135,15 @@ def merged_bases(
     part: Part,
     scene: Scene,
     acting: Acting,
-    choice: ModeChoice,
+    choices: list[ModeChoice],
     store: BlockStore | None = None,
-) -> dict[str, BlockBasis]:
+) -> list[dict[str, BlockBasis]]:
     """The bases of a part's blocks, of the same coordinates: from the store, or made and kept there.
+
+    Parameters
+    ----------
+    choices : one, and where there is a second the finer one beside it, of further modes as far as Lanczos has
+        come to them
 
     Raises
     ------
@@ -147,13 +152,12 @@ def merged_bases(
     """
     operator, static = _acting_on(part, acting)
     store = store or BlockStore.passing()
-    keys = part_keys(part, scene, operator, static, choice)
-    found = {name: store.read(key) for name, key in keys.items()}
-    kept = {name: basis for name, basis in found.items() if basis is not None}
-    if len(kept) == len(part.blocks):
+    keys = [part_keys(part, scene, operator, static, choice) for choice in choices]
+    kept = [{name: b for name, key in own.items() if (b := store.read(key)) is not None} for own in keys]
+    if all(len(own) == len(part.blocks) for own in kept):
         return kept
     merged = _merged_part(part, scene, operator, static)
-    return _reduced(merged, scene, choice, store, keys)
+    return _reduced(merged, scene, choices[0], store, keys)
 
 
 def merged_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
@@ -229,43 +233,71 @@ def _boundary_tractions(part: Part, scene: Scene) -> Floats:
 
 
 def _reduced(
-    merged: _MergedPart, scene: Scene, choice: ModeChoice, store: BlockStore, keys: dict[str, str]
-) -> dict[str, BlockBasis]:
-    """Reduce a part in free-interface form, its basis in the store from the first column on.
+    merged: _MergedPart, scene: Scene, choice: ModeChoice, store: BlockStore, keys: list[dict[str, str]]
+) -> list[dict[str, BlockBasis]]:
+    """Reduce a part in free-interface form, its bases in the store from the first column on.
 
     Raises
     ------
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    key = fingerprint(keys)
+    key = fingerprint(keys[0])
     size, path = merged.K.shape[0], store.scratch(key)
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
     if every and (merged.M.diagonal() > 0.0).all():
-        modes, (omega2, Phi), V = size, dense_modes(merged.K.whole(), merged.M), np.eye(size)
-        omega2 = without_roundoff(omega2)
-        T = OutOfCoreMatrix(path, key, (len(merged.row), size))
-        T.fill(size, lambda first, last: _over_blocks(merged, Phi[:, first:last]))
+        omega2, Phi = dense_modes(merged.K.whole(), merged.M)
+        whole = OutOfCoreMatrix(path, key, (len(merged.row), size))
+        whole.fill(size, lambda first, last: _over_blocks(merged, Phi[:, first:last]))
+        levels = [_Level(whole, size, without_roundoff(omega2), np.eye(size))] * len(keys)
     else:
-        T, modes = _ritz_vectors(merged, replace(choice, count=size if every else choice.count), path, key)
-        omega2, V = _diagonalised(merged, T, modes)
+        choice, beyond = replace(choice, count=size if every else choice.count), BEYOND if keys[1:] else 1.0
+        whole, counts = _ritz_vectors(merged, choice, beyond, path, key)
+        static = whole.shape[1] - counts[-1]
+        some = [whole.narrowed(static + count) for count in counts[: len(keys)]]
+        pencil = Pencil(merged.K, merged.M, merged.shift, merged.first)
+        levels = [
+            _Level(T, count, *diagonalised(T, count, pencil, _work(merged, T)))
+            for T, count in zip(some, counts, strict=False)
+        ]
+    kept = [_stored(merged, scene, one, (store, own, choice)) for one, own in zip(levels, keys, strict=True)]
+    whole.remove()
+    return kept
+
+
+class _Level(NamedTuple):
+    """Ritz vectors T, of which the last `modes` span modes; omega^2 and V of the basis T V."""
+
+    T: OutOfCoreMatrix
+    modes: int
+    omega2: Floats
+    V: Floats
+
+
+def _stored(
+    merged: _MergedPart, scene: Scene, level: _Level, to: tuple[BlockStore, dict[str, str], ModeChoice]
+) -> dict[str, BlockBasis]:
+    """Keep the blocks' rows of a basis under their keys."""
+    (T, modes, omega2, V), (store, keys, choice) = level, to
     log.info("%s: %d modes, %d attachment modes", merged.place, modes, len(omega2) - modes)
     report = _report(merged, T, omega2, V, modes) | choice.report()
     kept, first = {}, 0
-    for name in keys:
+    for name, key in keys.items():
         last = first + 3 * len(scene.blocks[name].points)
         ends = [*range(first, last, 3 * _NODES), last]
         rows, block = T.times(V, ends), scene.blocks[name]
-        kept[name] = store.write_streamed(keys[name], block, omega2, rows, merged.inertia[name], report)
+        kept[name] = store.write_streamed(key, block, omega2, rows, merged.inertia[name], report)
         first = last
-    T.remove()
     return kept
 
 
 def _ritz_vectors(
-    merged: _MergedPart, choice: ModeChoice, path: Path, key: str
-) -> tuple[OutOfCoreMatrix, int]:
-    """Static answers and, after them, vectors that span the modes; how many. The solver goes with the end."""
+    merged: _MergedPart, choice: ModeChoice, beyond: float, path: Path, key: str
+) -> tuple[OutOfCoreMatrix, tuple[int, int]]:
+    """Static answers and, after them, vectors that span the modes, and some beyond; how many.
+
+    The solver goes with the end.
+    """
     right = merged.right
     shifted = Symmetric(merged.K.upper - merged.shift * merged.M) if merged.shift else merged.K
     columns = right.shape[1] + choice.columns
@@ -277,11 +309,12 @@ def _ritz_vectors(
     )
     log.info("%s: %d static answers; the modes are to come", merged.place, T.shape[1])
     K = merged.K if merged.K.shape[0] > SMALL else merged.K.whole()
-    count, make = span_of_modes(K, merged.M, choice.count, choice.cutoff, solver, merged.shift)
-    static = T.shape[1]
-    T.widen(count)
-    T.fill(T.shape[1], lambda a, b: _over_blocks(merged, make(a - static, b - static)), width)
-    return T, count
+    which, static = (choice.count, choice.cutoff), T.shape[1]
+    counts, make = span_of_modes(K, merged.M, which, solver, merged.shift, beyond)
+    T.widen(counts[1])
+    for count in counts:
+        T.fill(static + count, lambda a, b: _over_blocks(merged, make(a - static, b - static)), width)
+    return T, counts
 
 
 def _static(merged: _MergedPart, solver: Solver, force: Floats) -> Floats:
@@ -312,51 +345,6 @@ def _over_blocks(merged: _MergedPart, values: Floats) -> Floats:
         which, follow = merged.slaves
         found[which] = follow @ values
     return found
-
-
-def _diagonalised(merged: _MergedPart, T: OutOfCoreMatrix, modes: int) -> tuple[Floats, Floats]:
-    """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
-
-    The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
-    Their energies are R^T A, so that K is asked for its forms on the modes alone. Directions are those of the
-    flexibility; the ones that are springs beyond all the motion of interest keep their flexibility with a
-    mass that is not above theirs.
-    """
-    rows, a = merged.first, T.shape[1] - modes
-    moving = merged.M.diagonal() > 0.0
-    own, there = csr_matrix(merged.M[moving][:, moving]), rows[moving]
-    M_m = T.gram(own, there, a)
-    K_m = T.gram(merged.K, rows, a) - merged.shift * M_m
-    low, C = eigh(0.5 * (K_m + K_m.T), M_m)
-    if not a:
-        return without_roundoff(low + merged.shift), C
-    over = _work(merged, T)
-    part = (over[:, a:] @ C / low).T  # of the modes in A, as far as they are modes: C^T Phi^T M A
-    Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[there]
-    M_T = T.gram(own, there, less=(Phi, np.hstack([part, np.zeros((modes, modes))])))
-    rest = C.T @ M_T[a:, :a]
-    part = part + rest
-    twice = over[:, a:] @ C @ part
-    flexibility = over[:, :a] - twice - twice.T + part.T @ (low[:, None] * part)
-    flexibility = 0.5 * (flexibility + flexibility.T)
-    mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low)
-    V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
-    return np.concatenate([without_roundoff(low + merged.shift), 1.0 / slow + merged.shift]), V
-
-
-def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats, Floats]:
-    """The combinations of static answers that are M-orthonormal and diagonal in K, and their 1 / omega^2.
-
-    `low` are the omega^2 of the modes.
-    """
-    scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
-    size, U = np.linalg.eigh(flexibility * scale * scale[:, None])
-    keep = size > _DEPENDENT * size[-1]
-    mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
-    mass = mix.T @ mass @ mix
-    slow, W = eigh(0.5 * (mass + mass.T))
-    slow = np.maximum(slow[::-1], _STIFF * (1.0 / low[0] if len(low) else slow[-1]))
-    return mix @ W[:, ::-1] / np.sqrt(slow), slow
 
 
 def _spread(right: csc_matrix, rows: Ints, size: int) -> csr_matrix:

@@ -29,6 +29,7 @@ from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.interface import Interface
 from romdam.reduction.methods.craig_bampton import (
+    FINER_VECTORS,
     FREE_SHIFT,
     FixedInterfaceModes,
     ModeChoice,
@@ -83,8 +84,10 @@ def is_large(interface: Interface, choice: ModeChoice) -> bool:
     return 8.0 * len(interface.retained) * columns > LARGE and not choice.keeps_all
 
 
-def reduce_large(large: LargeBlock, choice: ModeChoice, store: BlockStore, key: str) -> BlockBasis:
-    """Reduce a block into its file of the store.
+def reduce_large(
+    large: LargeBlock, choice: ModeChoice, store: BlockStore, keys: list[str]
+) -> list[BlockBasis]:
+    """Reduce a block into its file of the store, and where there is a second key with a finer basis too.
 
     Raises
     ------
@@ -93,33 +96,34 @@ def reduce_large(large: LargeBlock, choice: ModeChoice, store: BlockStore, key: 
     ResultError
         where the folder or the disk refuses the file.
     """
-    ritz = _ritz_vectors(large, choice, store.scratch(key), key)
-    T, modes, boundary = ritz.T, ritz.modes, int(ritz.outer.retained.sum())
-    low, V = ritz.reduced.diagonalised(large)
-    sub = Substructure(
-        omega2=without_roundoff(low),
-        basis=np.zeros((0, 0)),
-        retained=boundary,
-        fixed_interface=len(modes.omega2),
-        highest=modes.highest,
-        orthonormality=modes.orthonormality,
-        residual=modes.residual,
-        residual_vectors=T.shape[1] - boundary - len(modes.omega2),
-    )
-    rows, report = _rows(large, T, V), sub.report() | choice.report()
-    basis = store.write_streamed(key, large.block, sub.omega2, rows, ritz.outer.inertia, report)
-    T.remove()
-    return basis
+    ritz, bases = _ritz_vectors(large, choice, store.scratch(keys[0]), keys), []
+    modes, boundary = ritz.modes, int(ritz.outer.retained.sum())
+    for key, reduced in zip(keys, ritz.reduced, strict=True):
+        low, V = reduced.diagonalised(large)
+        sub = Substructure(
+            omega2=without_roundoff(low),
+            basis=np.zeros((0, 0)),
+            retained=boundary,
+            fixed_interface=len(modes.omega2),
+            highest=modes.highest,
+            orthonormality=modes.orthonormality,
+            residual=modes.residual,
+            residual_vectors=len(V) - boundary - len(modes.omega2),
+        )
+        rows, report = _rows(large, ritz.T.narrowed(len(V)), V), sub.report() | choice.report()
+        bases.append(store.write_streamed(key, large.block, sub.omega2, rows, ritz.outer.inertia, report))
+    ritz.T.remove()
+    return bases
 
 
 @dataclass(frozen=True)
 class _Ritz:
-    """Ritz vectors T on disk, and what is needed afterwards."""
+    """Ritz vectors T on disk, and what is needed afterwards; `reduced` for each basis, of the first of T."""
 
     T: OutOfCoreMatrix
     outer: _Outer
     modes: FixedInterfaceModes
-    reduced: _Reduced
+    reduced: list[_Reduced]
 
 
 class _Reduced(NamedTuple):
@@ -133,26 +137,28 @@ class _Reduced(NamedTuple):
         return diagonalise(self.K + large.shift * self.M, self.M, large.place)
 
 
-def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, key: str) -> _Ritz:
+def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[str]) -> _Ritz:
     """Constraint modes, fixed-interface modes and residual vectors; the solver goes when they are there."""
     place, shift = large.place, large.shift
     outer, interior = _split(large, shift)
     boundary = interior.coupling.shape[1]
     solver = make_solver(interior.K, interior.motions, boundary + choice.columns, choice.solving, place)
-    T = OutOfCoreMatrix(path, key, (len(outer.retained), boundary))
+    T = OutOfCoreMatrix(path, keys[0], (len(outer.retained), boundary))
     T.fill(boundary, lambda first, last: _constraint_modes(outer.retained, interior, solver, first, last))
     log.info("%s: %d constraint modes; the modes are to come", place, boundary)
     K = interior.K + shift * interior.M if shift else interior.K
     modes = fixed_interface_modes(K, interior.M, choice, solver, shift)
     T.widen(len(modes.omega2))
     T.fill(T.shape[1], lambda a, b: over_interior(outer.retained, modes.Phi[:, a - boundary : b - boundary]))
-    reduced = _reduced(T, outer, modes.omega2 - shift)
-    if choice.residual_vectors:
-        low, V = reduced.diagonalised(large)
-        unbalanced = _unbalanced(T, low[: choice.residual_vectors] - shift, V, outer, interior)
-        D = _orthogonal(T, V, over_interior(outer.retained, solver.solve(unbalanced)), outer.M)
-        reduced = _with_residual_vectors(T, reduced, D, outer, interior)
-    return _Ritz(T, outer, modes, reduced)
+    reduced, bases = _reduced(T, outer, modes.omega2 - shift), []
+    for count, _ in zip((choice.residual_vectors, FINER_VECTORS), keys, strict=False):
+        if count:
+            low, V = reduced.diagonalised(large)
+            unbalanced = _unbalanced(T, low[:count] - shift, V, outer, interior)
+            D = _orthogonal(T, V, over_interior(outer.retained, solver.solve(unbalanced)), outer.M)
+            reduced = _with_residual_vectors(T, reduced, D, outer, interior)
+        bases.append(reduced)
+    return _Ritz(T, outer, modes, bases)
 
 
 def _reduced(T: OutOfCoreMatrix, outer: _Outer, lifted: Floats) -> _Reduced:

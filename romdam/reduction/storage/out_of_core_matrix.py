@@ -12,8 +12,10 @@ import os
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from itertools import pairwise
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -85,6 +87,12 @@ class OutOfCoreMatrix:
     def widen(self, columns: int) -> None:
         """Add columns."""
         self.shape = (self.shape[0], self.shape[1] + columns)
+
+    def narrowed(self, columns: int) -> Self:
+        """Its first columns."""
+        few = copy(self)
+        few.shape = (self.shape[0], columns)
+        return few
 
     def fill(self, until: int, make: Callable[[int, int], Floats], width: int | None = None) -> None:
         """Make the columns from the last finished one to `until`; make(first, last) gives (n, last - first).

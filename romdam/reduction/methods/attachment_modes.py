@@ -1,0 +1,78 @@
+"""Open-joint modes and, beside them, static answers made M-orthonormal and diagonal in K."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Floats, Ints
+from romdam.linalg.dense import eigh
+from romdam.linalg.symmetric import Symmetric
+from romdam.reduction.methods.craig_bampton import without_roundoff
+from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
+
+_DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
+# least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
+# 1e-13 on the first mode would count as its round-off
+_STIFF = 1e-12
+
+
+class Pencil(NamedTuple):
+    """K, of which K - shift M is positive definite, M, and the row of T of each of their unknowns."""
+
+    K: Symmetric
+    M: csr_matrix
+    shift: float
+    rows: Ints
+
+
+def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -> tuple[Floats, Floats]:
+    """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
+
+    The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
+    Their energies are R^T A, so that K is asked for its forms on the modes alone. Directions are those of the
+    flexibility; the ones that are springs beyond all the motion of interest keep their flexibility with a
+    mass that is not above theirs.
+
+    Parameters
+    ----------
+    T : A and, after it, vectors that span the modes
+    modes : how many of these
+    work : R^T T, (a, m)
+    """
+    K, M, shift, rows = pencil
+    a, moving = T.shape[1] - modes, M.diagonal() > 0.0
+    own, there = csr_matrix(M[moving][:, moving]), rows[moving]
+    M_m = T.gram(own, there, a)
+    K_m = T.gram(K, rows, a) - shift * M_m
+    low, C = eigh(0.5 * (K_m + K_m.T), M_m)
+    if not a:
+        return without_roundoff(low + shift), C
+    part = (work[:, a:] @ C / low).T  # of the modes in A, as far as they are modes: C^T Phi^T M A
+    Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[there]
+    M_T = T.gram(own, there, less=(Phi, np.hstack([part, np.zeros((modes, modes))])))
+    rest = C.T @ M_T[a:, :a]
+    part = part + rest
+    twice = work[:, a:] @ C @ part
+    flexibility = work[:, :a] - twice - twice.T + part.T @ (low[:, None] * part)
+    flexibility = 0.5 * (flexibility + flexibility.T)
+    mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low)
+    V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
+    return np.concatenate([without_roundoff(low + shift), 1.0 / slow + shift]), V
+
+
+def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats, Floats]:
+    """The combinations of static answers that are M-orthonormal and diagonal in K, and their 1 / omega^2.
+
+    `low` are the omega^2 of the modes.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
+    size, U = np.linalg.eigh(flexibility * scale * scale[:, None])
+    keep = size > _DEPENDENT * size[-1]
+    mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
+    mass = mix.T @ mass @ mix
+    slow, W = eigh(0.5 * (mass + mass.T))
+    slow = np.maximum(slow[::-1], _STIFF * (1.0 / low[0] if len(low) else slow[-1]))
+    return mix @ W[:, ::-1] / np.sqrt(slow), slow
