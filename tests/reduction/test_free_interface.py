@@ -18,6 +18,7 @@ from romdam.linalg import eigen
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
 from romdam.linalg.solvers import Solving
+from romdam.reduction.methods import free_interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
@@ -233,6 +234,7 @@ def test_finer_basis_of_further_modes_contains_the_coarse_one(small, monkeypatch
     """Also where the further vectors are what block Lanczos has come to of modes."""
     if not small:
         monkeypatch.setattr(eigen, "SMALL", 100)
+        monkeypatch.setattr(free_interface, "BEYOND", 6.0)  # so that some are far from modes
     scene, choice = dam(), ModeChoice(cutoff=20.0)
     alone = reduce_scene(scene, choice, DAMPING)
     coarse, fine = reduce_scene_twice(scene, choice, DAMPING, BlockStore(tmp_path))
@@ -243,6 +245,10 @@ def test_finer_basis_of_further_modes_contains_the_coarse_one(small, monkeypatch
     found = reduce_scene_twice(scene, choice, DAMPING, BlockStore(tmp_path))
     for one, other in zip((coarse, fine), found, strict=True):
         assert np.array_equal(one.system.B.toarray(), other.system.B.toarray())
+    flexible, known = (
+        m.system.B @ (m.system.B.T.toarray() / m.system.K.diagonal()[:, None]) for m in (fine, coarse)
+    )
+    assert np.abs(flexible - known).max() < 1e-7 * np.abs(known).max()
     modes = [model.basis["C1"].report["fixed_interface_modes"] for model in (coarse, fine)]
     exact = reduced(scene).system.K.diagonal()[: modes[1]]
     off = fine.system.K.diagonal()[: modes[1]] / exact - 1.0

@@ -28,7 +28,9 @@ class Pencil(NamedTuple):
     rows: Ints
 
 
-def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -> tuple[Floats, Floats]:
+def diagonalised(
+    T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats, near: int = 0
+) -> tuple[Floats, Floats]:
     """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
 
     The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
@@ -41,6 +43,7 @@ def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -
     T : A and, after it, vectors that span the modes
     modes : how many of these
     work : R^T T, (a, m)
+    near : how many vectors span what is near modes only, which K couples with the rest of A
     """
     K, M, shift, rows = pencil
     a, moving = T.shape[1] - modes, M.diagonal() > 0.0
@@ -60,7 +63,24 @@ def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -
     flexibility = 0.5 * (flexibility + flexibility.T)
     mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low)
     V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
-    return np.concatenate([without_roundoff(low + shift), 1.0 / slow + shift]), V
+    omega2 = np.concatenate([low, 1.0 / slow])
+    if near:
+        omega2, W = _coupled(omega2, ((work[:, a:] @ C).T - low[:, None] * part) @ mix)
+        V = V @ W
+    return np.concatenate([without_roundoff(omega2[:modes] + shift), omega2[modes:] + shift]), V
+
+
+def _coupled(stiffness: Floats, coupling: Floats) -> tuple[Floats, Floats]:
+    """omega^2 and unit vectors of a diagonal stiffness whose first unknowns are coupled with the last ones.
+
+    By way of the flexibility, in which springs are small and not large.
+    """
+    scale, first = 1.0 / np.sqrt(stiffness), len(coupling)
+    unit = np.eye(len(stiffness))
+    unit[:first, first:] = coupling * scale[:first, None] * scale[first:]
+    unit[first:, :first] = unit[:first, first:].T
+    flexibility, W = eigh(np.linalg.inv(unit) * scale * scale[:, None])
+    return 1.0 / np.maximum(flexibility[::-1], _STIFF * flexibility[-1]), W[:, ::-1]
 
 
 def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats, Floats]:

@@ -257,7 +257,7 @@ def _reduced(
         some = [whole.narrowed(static + count) for count in counts[: len(keys)]]
         pencil = Pencil(merged.K, merged.M, merged.shift, merged.first)
         levels = [
-            _Level(T, count, *diagonalised(T, count, pencil, _work(merged, T)))
+            _Level(T, count, *diagonalised(T, count, pencil, _work(merged, T), count - counts[0]))
             for T, count in zip(some, counts, strict=False)
         ]
     kept = [_stored(merged, scene, one, (store, own, choice)) for one, own in zip(levels, keys, strict=True)]
