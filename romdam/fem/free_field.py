@@ -75,8 +75,9 @@ class Deconvolution:
         speed = np.sqrt(moduli / np.array([[material.rho] for material in self.field.materials]))
         lead = int(np.ceil(_RINGING * (height / speed[:, 0]).sum() / dt))
         total = lead + acc.shape[1]
-        size = next_fast_len(total + 2 * lead, real=True)
-        spectrum = rfft(np.pad(acc, ((0, 0), (lead, size - total))))
+        size = next_fast_len(total + 3 * lead, real=True)
+        ended = np.pad(acc, ((0, 0), (0, lead)), mode="linear_ramp")  # a record that is cut off would ring
+        spectrum = rfft(np.pad(ended, ((0, 0), (lead, size - total - lead))))
         symbols = rates(2.0 * np.pi * rfftfreq(size))
         columns = [
             self._component(k, spectrum[k], symbols, float((height / speed[:, k]).max())) for k in range(3)

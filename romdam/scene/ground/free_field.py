@@ -10,14 +10,13 @@ import numpy as np
 
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, FreeField, Ints, Material
-from romdam.scene.elements import ELEMENTS, Floats, facet_element
+from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets, facet_normals
 
 log = logging.getLogger(__name__)
 
 _VERTICAL = 1e-6  # vertical component of the normal of a side
 _SAME = 1e-6  # of the rock's depth: elevations that are one
-_FINE = 0.1  # of the median element's height: levels of an irregular mesh that are nearer are one
 
 
 def free_field(
@@ -40,14 +39,14 @@ def free_field(
     own = {name: blocks[name] for name in sorted(rock)}
     bottom = _bottom(own, place)
     sides = {name: _sides(block) for name, block in own.items()}
-    corners = np.concatenate([_corner_levels(own[name], facets).ravel() for name, facets in sides.items()])
-    top = float(corners.max(initial=bottom)) if surface is None else surface
+    ends = np.concatenate([_ends(own[name], facets) for name, facets in sides.items()])
+    top = float(ends.max(initial=bottom)) if surface is None else surface
     if top - bottom <= 0.0:
         raise ConfigError(
             f"{place}: the rock's surface, {top:g} m, must be above its bottom, {bottom:g} m; correct "
             "`ground.surface`, or give the rock sides"
         )
-    levels = _levels(corners, top, bottom)
+    levels = _levels(ends, top, bottom, place)
     materials = _materials(own, sides, levels, place)
     order = max(2 if ELEMENTS[block.element].quadratic else 1 for block in own.values())
     log.info("%s: free field of %d layers of elements, surface at %g m", place, len(materials), top)
@@ -92,23 +91,37 @@ def _sides(block: Block) -> Ints:
     return facets[:0]
 
 
-def _corner_levels(block: Block, facets: Ints) -> Floats:
-    """Elevations of the corners of facets, (nf, corners)."""
-    return block.points[facets, 2][:, : facet_element(facets).corners]
+def _ends(block: Block, facets: Ints) -> Floats:
+    """Lowest and highest elevation of each facet, (nf, 2) [m]."""
+    z = block.points[facets, 2]
+    return np.stack([z.min(axis=1), z.max(axis=1)], axis=1) if len(facets) else np.zeros((0, 2))
 
 
-def _levels(corners: Floats, top: float, bottom: float) -> Floats:
-    """Ends of the column's elements from the top down: those of the sides' elements."""
-    inside = np.unique(corners)[::-1]
-    inside = inside[(inside < top) & (inside > bottom)]
-    distinct = np.abs(np.diff(np.concatenate([[top], inside, [bottom]])))
-    distinct = distinct[distinct > _SAME * (top - bottom)]
-    least = max(_FINE * float(np.median(distinct)), _SAME * (top - bottom))
-    found = [top]
-    for level in inside:
-        if found[-1] - level > least and level - bottom > least:
-            found.append(float(level))
-    return np.array([*found, bottom])
+def _levels(ends: Floats, top: float, bottom: float, place: str) -> Floats:
+    """Ends of the column's elements from the top down, each as high as the sides' facets are there.
+
+    Parameters
+    ----------
+    ends : (nf, 2) lowest and highest elevation of each facet [m]
+
+    Raises
+    ------
+    ConfigError
+        where the sides leave a level out.
+    """
+    found, just = [top], _SAME * (top - bottom)
+    while found[-1] > bottom:
+        here = ends[(ends[:, 0] < found[-1] - just) & (ends[:, 1] > found[-1] - just)]
+        if not len(here):
+            raise ConfigError(
+                f"{place}: free_field comes up along the rock's sides from {bottom:g} to {top:g} m, and they "
+                f"have no facets (0) below {found[-1]:.4g} m; correct `ground.surface`, or name all rock in "
+                "ground.rock"
+            )
+        height = float(np.diff(here, axis=1).mean())
+        left = found[-1] - height - bottom
+        found.append(bottom if left < 0.5 * height else bottom + left)
+    return np.array(found)
 
 
 def _materials(
@@ -123,10 +136,10 @@ def _materials(
     """
     within: list[dict[Material, str]] = [{} for _ in levels[1:]]
     for name, facets in sides.items():
-        heights = _corner_levels(rock[name], facets)
+        ends = _ends(rock[name], facets)
         for k, (high, low) in enumerate(pairwise(levels)):
             middle = 0.5 * (high + low)
-            if ((heights.min(axis=1) < middle) & (heights.max(axis=1) > middle)).any():
+            if ((ends[:, 0] < middle) & (ends[:, 1] > middle)).any():
                 within[k].setdefault(rock[name].material, name)
     for k, here in enumerate(within):
         if len(here) != 1:

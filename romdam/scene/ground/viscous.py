@@ -17,6 +17,8 @@ from romdam.scene.select import select_facets
 
 log = logging.getLogger(__name__)
 
+_NONE = 1e-6  # of a block's size: a distance that is none
+
 
 def rock_of(ground: GroundConfig, made: Sequence[ViscousConfig]) -> frozenset[str]:
     """Names of the blocks of rock: those with viscous faces, and those named besides."""
@@ -69,7 +71,7 @@ def _distance(points: Floats, facets: Ints, foot: Floats, place: str) -> float:
     vectors = area_vectors(points, facets)
     area = np.linalg.norm(vectors.sum(axis=1), axis=1).sum()
     away = float((vectors * (points[facets] - foot)).sum() / area)
-    if away <= 0.0:
+    if away <= _NONE * float(np.ptp(points, axis=0).max()):
         raise ConfigError(
             f"{place}: its springs follow from its distance from the dam's foot, which is {away:.4g} m, "
             "limit above 0; give `distance`"
