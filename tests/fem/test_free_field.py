@@ -1,5 +1,6 @@
 """A free field at depth: rock alone returns the record, a dam on level rock moves as by uniform input."""
 
+import json
 import logging
 from dataclasses import replace
 from pathlib import Path
@@ -8,12 +9,15 @@ import numpy as np
 import pytest
 from simulating import simulated
 
-from romdam.config import parse_config
+import romdam
+from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
-from romdam.core.errors import ConfigError
+from romdam.core.errors import ConfigError, ResultError
 from romdam.core.scene import FreeField, Material
 from romdam.fem.column import respond, shapes, wave_moduli
 from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.error.certify import certify
+from romdam.pipelines.run import run
 from romdam.records.processing.resampling import resample
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
@@ -192,6 +196,14 @@ def test_field_of_an_irregular_mesh_returns_the_record_within_one_per_cent(north
     assert abs(np.abs(total[:, 0]).max() / np.abs(record).max() - 1.0) < 0.01
 
 
+@pytest.mark.parametrize(("element", "limit"), [("tet10", 0.004), ("tet4", 0.04)])
+def test_field_of_tetrahedra_returns_the_record(element, limit, northridge):
+    """Their nodes do not carry the column's mass alike; elements of 20 m."""
+    acc = resample(northridge, 0.01, 0.005)
+    _, total = shaken(assemble_full(make(rock(element)), DAMPED), acc, 0.005)
+    assert max(l2(total[:, node], acc.T) for node in (0, 1)) < limit
+
+
 def dam(stiffness, kind):
     """Two blocks and their joint on level rock: without mass and held, or within viscous faces."""
     free = kind == "massless"
@@ -301,3 +313,41 @@ def test_rock_without_mass_and_modal_damping_are_refused():
         make(raw)
     with pytest.raises(ConfigError, match=r"damping.modal: the free field is found for `rayleigh`"):
         reduce_scene(make(rock()), ModeChoice(count=2), DampingConfig(modal=0.05))
+
+
+def test_run_says_what_its_displacement_is_relative_to(tmp_path):
+    """From YAML to NetCDF: a node far from the dam has no acceleration but the record's."""
+    job = {
+        "materials": MATERIALS,
+        "blocks": {
+            "rock": box([-60, -60, -60], [120, 120, 60], "hard"),
+            "left": box([-20, -20, 0], [20, 40, 60], "concrete"),
+            "right": box([0, -20, 0], [20, 40, 60], "concrete"),
+        },
+        "joints": {"joint": {"between": ["left", "right"], "normal_stiffness": 20e9}},
+        "ties": {name: {"between": [name, "rock"]} for name in ("left", "right")},
+        "ground": {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]},
+        "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},
+        "outputs": {"nodes": {"far": {"block": "rock", "at": [60, 60, 0]}}, "plots": False},
+        "records": [
+            {
+                "file": str(DATA / "northridge_mul009_g_dt0.01.txt"),
+                "unit": "g",
+                "dt": 0.01,
+                "components": {"y": 1},
+            }
+        ],
+        "model": {"modes": 10},
+        "transient": {"finest_step": 0.01, "duration": 6.0},
+    }
+    (tmp_path / "s.yaml").write_text(json.dumps(job))
+    (path,) = run(load_config(tmp_path / "s.yaml"), tmp_path).paths
+    with romdam.open_result(path).dataset as data:
+        assert data.attrs["base"].startswith("the motion of the level rock surface")
+        assert data.attrs["integrator"] == "generalized_alpha"
+        assert len(data.time) == 601
+        far = np.abs(data.acceleration.sel(node="far")).max() / np.abs(data.ground_acceleration).max()
+        assert 1e-4 < far < 0.1  # what the dam sends there
+        assert np.abs(data.energy_residual).max() < 1e-9 * data.energy_input.max()
+    with pytest.raises(ResultError, match=r"dashpots of viscous faces couple its \d+ modes"):
+        certify(path)

@@ -35,7 +35,9 @@ class GroundConfig(Model):
     """
 
     input: Literal["uniform", "free_field"] = "uniform"
+    """How the record reaches the dam."""
     viscous: tuple[ViscousConfig, ...] = ()
+    """Faces that waves leave through, and a free field comes through."""
     rock: tuple[str, ...] = ()
     """Names of blocks of rock besides those with viscous faces."""
     surface: Length | None = None
