@@ -77,8 +77,9 @@ def refuse_wrong_ground(
             "share modes that nothing couples, and dashpots couple them; leave the parameters out, or hold "
             "the rock by supports (`boundary: fixed`) and give it `mass: false`"
         )
-    if ground.input == "free_field" and not (of_dam or ground.viscous):
+    key = "rock" if ground.rock else "input: free_field" if ground.input == "free_field" else ""
+    if key and not (of_dam or ground.viscous):
         raise ValueError(
-            "ground.input: free_field comes up through viscous faces, and there are 0; name the rock's "
-            "bottom and sides in ground.viscous (of an arch dam: arch_dam.rock.boundary: viscous)"
+            f"ground.{key} is of rock with viscous faces, and there are 0; name the rock's bottom and sides "
+            "in ground.viscous (of an arch dam: arch_dam.rock.boundary: viscous)"
         )

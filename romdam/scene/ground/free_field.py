@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, FreeField, Ints, Material
+from romdam.core.scene import Block, FreeField, Ints, Material
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets, facet_normals
 
@@ -38,7 +38,7 @@ def free_field(
     place = f"{source}: ground.input"
     own = {name: blocks[name] for name in sorted(rock)}
     bottom = _bottom(own, place)
-    sides = {name: _sides(block) for name, block in own.items()}
+    sides = _sides(own)
     ends = np.concatenate([_ends(own[name], facets) for name, facets in sides.items()])
     top = float(ends.max(initial=bottom)) if surface is None else surface
     if top - bottom <= 0.0:
@@ -81,14 +81,16 @@ def _bottom(rock: Mapping[str, Block], place: str) -> float:
     return lowest
 
 
-def _sides(block: Block) -> Ints:
-    """Vertical facets of a block that are viscous, or, without any, on its boundary."""
-    viscous = [face.facets for face in block.absorbing]
-    for facets in (*([np.vstack(viscous)] if viscous else ()), boundary_facets(block.cells, block.element)):
-        vertical: Bools = np.abs(_normals(block, facets)) <= _VERTICAL
-        if vertical.any():
-            return facets[vertical]
-    return facets[:0]
+def _sides(rock: Mapping[str, Block]) -> dict[str, Ints]:
+    """Vertical facets of each block that are viscous, or, where none is, on its boundary."""
+    none = {name: block.cells[:0, :1] for name, block in rock.items()}
+    viscous = {n: np.vstack([face.facets for face in b.absorbing]) for n, b in rock.items() if b.absorbing}
+    boundary = {name: boundary_facets(block.cells, block.element) for name, block in rock.items()}
+    for facets in (viscous, boundary):
+        sides = {n: f[np.abs(_normals(rock[n], f)) <= _VERTICAL] for n, f in facets.items()}
+        if any(len(side) for side in sides.values()):
+            return none | sides
+    return none
 
 
 def _ends(block: Block, facets: Ints) -> Floats:
