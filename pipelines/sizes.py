@@ -12,6 +12,7 @@ from romdam.linalg.solvers import Solving
 
 MOST_STEPS = 10**8  # of a run: a record of 300 s in steps of 3 us
 _STEP = 120.0  # bytes while a record is resampled: its three components, times, places and weights
+_HISTORY = 32.0  # of every history of a free field: itself, its spectrum and their copies
 _SLACK = 1.0 + 1e-9
 
 
@@ -71,7 +72,8 @@ def run_bytes(system: System, steps: float, rows: float) -> float:
     """
     jumps, coordinates = system.B.shape[0], system.size if system.reduced else 0
     row = 6 * jumps + 5 * coordinates + 6 * system.observe.shape[0] + 30
-    return _STEP * steps + 8.0 * row * rows
+    histories = 0 if system.drive is None else system.load.shape[1]
+    return (_STEP + _HISTORY * histories) * steps + 8.0 * row * rows
 
 
 def refuse_bytes(need: float, steps: float, rows: float, place: str) -> None:

@@ -41,6 +41,24 @@ class Absorbing:
 
 
 @dataclass(frozen=True)
+class FreeField:
+    """Rock as it would be without a dam: layers, in which plane waves travel straight up and down.
+
+    Attributes
+    ----------
+    levels : (layers + 1,) elevations of the ends of a column's elements, the free surface first [m]
+    materials : of each element
+    order : of the column's elements, 1 or 2, as the rock's own are
+    blocks : of rock
+    """
+
+    levels: Floats
+    materials: tuple[Material, ...]
+    order: int
+    blocks: frozenset[str]
+
+
+@dataclass(frozen=True)
 class Block:
     """One substructure's mesh.
 
@@ -278,6 +296,8 @@ class Scene:
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
     radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
         send out: the ground's acceleration does not act on it
+    free_field : the waves that come up through the rock, see `romdam.fem.free_field`; None where all that
+        does not radiate is shaken alike
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 
@@ -294,6 +314,7 @@ class Scene:
     warmed: dict[str, float] = field(default_factory=dict)
     excluded_from_gravity: frozenset[str] = frozenset()
     radiating: frozenset[str] = frozenset()
+    free_field: FreeField | None = None
     staged_weight: bool = False
     reservoir: Reservoir | None = None
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,9 +92,28 @@ class GapLaw:
         return len(self.gap)
 
 
+Complex = NDArray[np.complex128]
+Rates = Callable[[Floats], tuple[Complex, Complex]]
+"""Acceleration [1/s2] and velocity [1/s] of a unit displacement that goes around by given angles a step."""
+
+
+class Drive(Protocol):
+    """Histories of what drives a system besides the ground's acceleration."""
+
+    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int]:
+        """All histories (columns of `System.load`, lead + nt), and the lead: steps before the record's start.
+
+        Parameters
+        ----------
+        acc : (3, nt) ground acceleration at every step [m/s2]
+        rates : of the integrator
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class System:
-    """M u'' + C u' + K u = force - (M r) a_g(t) + B^T p, jumps w = B u.
+    """M u'' + C u' + K u = force - load s(t) + B^T p, jumps w = B u, with s(t) the ground's acceleration.
 
     The same type holds the unreduced mesh (sparse M, C, K over its free DOFs) and the reduced model
     (unit M, diagonal K over the open-joint modes, and C too unless dashpots couple them); `diagonal` says
@@ -102,7 +123,7 @@ class System:
     ----------
     M, C, K : (n, n) sparse
     B : (directions * ng, n) sparse; rows of gap m are directions*m + (0: normal, 1: j, 2: k)
-    load : (n, 3) M r for unit ground acceleration along x, y, z
+    load : (n, 3) M r for unit ground acceleration along x, y, z; (n, 3 + m) with what else a drive has
     force : (n,) static force
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
     at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
@@ -112,13 +133,15 @@ class System:
     diagonal : whether M is the identity (zero where there is no mass) and C, K are diagonal
     floating : whether the system has motions that no support and no stiffness holds
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
+    drive : of the load's columns from the fourth on, and of the acceleration that goes with them; None
+        where the ground's acceleration is all
     """
 
     M: csr_matrix
     C: csr_matrix
     K: csr_matrix
     B: csr_matrix
-    load: Floats
+    load: Floats | csr_matrix
     force: Floats
     observe: csr_matrix
     law: GapLaw
@@ -127,6 +150,7 @@ class System:
     floating: bool
     reduced: bool = False
     at_point: csr_matrix | None = None
+    drive: Drive | None = None
 
     @property
     def size(self) -> int:

@@ -8,10 +8,11 @@ from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Scene
+from romdam.core.scene import FreeField, Scene
 from romdam.core.system import System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.damping import rayleigh_coefficients
+from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
@@ -57,12 +58,15 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     water = added_mass(scene)
     added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, _ENTRIES)
     mass = csr_matrix(mass + added)
+    driven: Floats | csr_matrix = shaken + wet
+    if scene.free_field is not None:
+        driven = csr_matrix(hstack([driven, -_free_field_load(scene, scene.free_field, numbered)]))
     return System(
         M=mass,
         C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
         K=stiffness,
         B=csr_matrix(hstack(B)),
-        load=shaken + wet,
+        load=driven,
         force=_force(scene, numbered, len(shaken)),
         observe=_observe(scene, numbered),
         law=law,
@@ -70,6 +74,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         diagonal=False,
         floating=not all(held),
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
+        drive=deconvolution(scene.free_field, damping),
     )
 
 
@@ -81,6 +86,12 @@ def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:
         if scene.blocks[name].absorbing:
             total = total + matrix.T @ boundary_dashpots(scene.blocks[name]) @ matrix
     return csr_matrix(total)
+
+
+def _free_field_load(scene: Scene, field: FreeField, numbered: Unknowns) -> csr_matrix:
+    """Effective forces of the free field on the unknowns."""
+    blocks = [(scene.blocks[name], matrix) for name, matrix in numbered.of_block.items()]
+    return csr_matrix(sum(m.T @ boundary_load(block, field) for block, m in blocks if block.absorbing))
 
 
 def _force(scene: Scene, numbered: Unknowns, size: int) -> Floats:

@@ -25,6 +25,7 @@ from romdam.core.system import GapLaw, System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
+from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.water import AddedMass, added_mass
@@ -126,7 +127,7 @@ def _reduced_scene(
         system = _system(scene, basis, acting, law, damping, columns)
         if water is not None:
             system, basis = with_water(system, basis, water, damping)
-        system = _with_dashpots(system, scene, basis)
+        system = _with_free_field(_with_dashpots(system, scene, basis), scene, basis, damping)
         report["cpu_seconds"] = time.process_time() - start
         models.append(ReducedModel(system=system, basis=basis, report=report, water=water))
     return models
@@ -180,8 +181,8 @@ def _system(
 def _over_coordinates(operators: dict[str, csr_matrix], basis: dict[str, BlockBasis], size: int) -> Floats:
     """Operators of blocks over the coordinates."""
     total = np.zeros((next(iter(operators.values())).shape[0], size))
-    for name, block in basis.items():
-        total[:, block.columns] += block.vectors.under(operators[name])
+    for name, operator in operators.items():
+        total[:, basis[name].columns] += basis[name].vectors.under(operator)
     return total
 
 
@@ -197,6 +198,18 @@ def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -
             part.vectors.under(boundary_dashpots(scene.blocks[name]))
         )
     return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
+
+
+def _with_free_field(
+    system: System, scene: Scene, basis: dict[str, BlockBasis], damping: DampingConfig
+) -> System:
+    """The system with the effective forces of the free field on absorbing faces."""
+    field, absorbing = scene.free_field, [name for name in basis if scene.blocks[name].absorbing]
+    if field is None:
+        return system
+    forces = {name: csr_matrix(boundary_load(scene.blocks[name], field).T) for name in absorbing}
+    load = np.hstack([system.load, -_over_coordinates(forces, basis, system.size).T])
+    return replace(system, load=load, drive=deconvolution(field, damping))
 
 
 def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: BlockStore | None) -> None:
@@ -228,13 +241,18 @@ def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[
 def _by_free_modes(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> ModeChoice | None:
     """The free-interface modes to keep of a part; None where Craig and Bampton's way serves it.
 
+    It does not where the part has a viscous boundary, whose forces are to be answered statically right.
+
     Free modes leave nothing to residual vectors: as many more modes are kept instead, at least half as
     many again, so that a finer choice is finer in this form too.
     """
     if len(part.blocks) == 1:
         (name,) = part.blocks
         interface = joint_interface(acting.operators[name], scene.fixed[name])
-        if not sees_more_nodes_than_gaps(acting.operators[name], interface, acting.directions):
+        by_springs = bool(scene.blocks[name].absorbing) and part.stands_free(scene)
+        if not by_springs and not sees_more_nodes_than_gaps(
+            acting.operators[name], interface, acting.directions
+        ):
             return None
     if choice.count is None or choice.keeps_all or not choice.residual_vectors:
         return choice

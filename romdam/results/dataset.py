@@ -30,6 +30,10 @@ from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
 
 log = logging.getLogger(__name__)
 
+_BASES = {
+    "uniform": "the ground's motion, which is that of the record",
+    "free_field": "the motion of the level rock surface far from the dam, which is that of the record",
+}
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
 COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
@@ -109,6 +113,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
             "record_peak_acceleration": float(np.abs(motion.acc).max()),
             "run_warnings": json.dumps(concerns(case.history.stats)),
             "model_order": job.config.model.order,
+            "base": _BASES[job.config.ground.input],
             "integrator": case.history.integrator,
             "versions": library_versions(),
             "machine": f"{platform.machine()}, {os.cpu_count()} cores",

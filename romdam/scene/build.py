@@ -14,6 +14,8 @@ from romdam.scene.arch_dam.generator import ArchDam, arch_dam
 from romdam.scene.boxes import box_block
 from romdam.scene.cutting.pieces import cut_block
 from romdam.scene.elements import Floats
+from romdam.scene.ground.free_field import free_field
+from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.joints import build_joint
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
@@ -24,7 +26,7 @@ from romdam.scene.stress_sites import stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import build_tie, merged_parts
 
-_NO_DAM = ArchDam({}, (), {}, frozenset(), frozenset())
+_NO_DAM = ArchDam({}, (), {}, frozenset())
 
 
 def build_scene(config: Config, folder: Path, source: str) -> Scene:
@@ -47,6 +49,9 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
     dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
     blocks = dam.blocks | _blocks(config, materials, folder, source)
+    rock = rock_of(config.ground, dam.viscous)
+    blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
+    waves = config.ground.input == "free_field"
     fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
     ties = (*dam.ties, *(build_tie(name, tie, blocks, source) for name, tie in config.ties.items()))
@@ -76,7 +81,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
             for piece in pieces_of(name, config.cut)
             if not block.weight
         },
-        radiating=dam.radiating,
+        radiating=frozenset() if waves else rock,
+        free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),

@@ -41,6 +41,7 @@ def say_odd(scene: Scene, materials: dict[str, Material], source: str) -> None:
         *(line for joint in scene.joints.values() for line in _stiffness(joint, scene.blocks)),
         *(line for joint in scene.joints.values() for line in _partly(joint, scene.blocks)),
         *_unjoined(scene),
+        *_sinking(scene),
     ]
     for line in remarks:
         log.warning("%s: %s", source, line)
@@ -153,3 +154,15 @@ def _unjoined(scene: Scene) -> list[str]:
                 "between them: they will pass through each other; name one, unless it is meant"
             )
     return found
+
+
+def _sinking(scene: Scene) -> list[str]:
+    """Rock whose weight acts on the springs of its viscous faces."""
+    if not scene.gravity.any() or scene.staged_weight:
+        return []
+    heavy = [n for n, b in scene.blocks.items() if b.absorbing and n not in scene.excluded_from_gravity]
+    return [
+        f"blocks.{name}: gravity lets the rock sink onto the springs of its viscous faces, the dam with it, "
+        "though its weight has acted before there was a dam; give it `weight: false`"
+        for name in heavy
+    ]

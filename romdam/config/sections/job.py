@@ -25,6 +25,7 @@ from romdam.config.quantities import (
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
+from romdam.config.sections.ground import GroundConfig, refuse_wrong_ground
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
 from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
@@ -243,6 +244,7 @@ class Config(Model):
     """Blocks that are cut into several, by name."""
     materials: dict[Name, MaterialConfig]
     supports: tuple[SupportConfig, ...] = ()
+    ground: GroundConfig = GroundConfig()
     joints: dict[Name, JointConfig] = Field(default_factory=dict)
     ties: dict[Name, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
@@ -287,11 +289,13 @@ class Config(Model):
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
         self._refuse_interval_that_no_steps_divide()
-        self._refuse_samples_of_coupled_modes()
+        refuse_wrong_ground(self.ground, self.arch_dam, self.suite.parameters if self.suite else {})
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):
             self._known(f"supports[{i}].block", support.block, blocks)
+        for key, name in self.ground.named.items():
+            self._known(f"ground.{key}", name, blocks)
         for kind, pairs in (("joints", self.joints), ("ties", self.ties)):
             for name, pair in pairs.items():
                 for block_name in pair.between:
@@ -353,16 +357,6 @@ class Config(Model):
             raise ValueError(
                 f"{key} must be a whole multiple of transient.finest_step ({step:g} s), "
                 f"got {interval:g} s; {max(1, stride) * step:g} s is the nearest"
-            )
-
-    def _refuse_samples_of_coupled_modes(self) -> None:
-        rock = self.arch_dam.rock if self.arch_dam else None
-        varied = self.suite.parameters if self.suite else {}
-        if rock is not None and rock.boundary == "viscous" and varied:
-            raise ValueError(
-                f"suite.parameters: {len(varied)} varied, limit 0 where arch_dam.rock.boundary is viscous: "
-                "samples share modes that nothing couples, and dashpots couple them; leave the parameters "
-                "out, or take `boundary: fixed` and rock with `mass: false`"
             )
 
     def _known_in_stress(self, stress: StressConfig, blocks: Collection[str]) -> None:

@@ -7,10 +7,11 @@ both sides of every joint and diagonalise a dense matrix of that size. Here the 
 
 Phi the open-joint modes below the cut-off (Lanczos on one factorisation) and A the static answers to a unit
 force in every gap, to the inertia of the ground's acceleration r and to the static loads f, among them the
-tractions of absorbing faces that move rigidly. It answers every joint force statically right, carries the
-mass of A, and A made orthogonal to Phi leaves Phi's frequencies those of the mesh; only the small rest, one
-vector for each gap direction, is diagonalised densely. What floats answers what its rigid acceleration leaves
-of a force (`inertia_relief`).
+tractions of absorbing faces that move rigidly and the forces that hold rock in the free field's shapes, so
+that rock alone moves as the mesh does whatever the number of modes. It answers every joint force statically
+right, carries the mass of A, and A made orthogonal to Phi leaves Phi's frequencies those of the mesh; only
+the small rest, one vector for each gap direction, is diagonalised densely. What floats answers what its rigid
+acceleration leaves of a force (`inertia_relief`).
 
 With as many vectors more modes do better than longer chains K^-1 M K^-1 B: on a dam of 1,796 unknowns 116
 vectors up to 50 Hz leave 0.9 % of the openings in L2, 125 with modes to 8 Hz and a second link 0.9 %, and a
@@ -35,7 +36,6 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Bools, Ints, Scene
-from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
@@ -44,6 +44,7 @@ from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.attachment_modes import Pencil, diagonalised
+from romdam.reduction.methods.boundary_forces import boundary_tractions, free_field_forces
 from romdam.reduction.methods.craig_bampton import (
     FREE_SHIFT,
     ModeChoice,
@@ -181,7 +182,8 @@ def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats)
         _sum(part, inertia, shaken),
         static[:, None],
         _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
-        _boundary_tractions(part, scene),
+        boundary_tractions(part, scene),
+        free_field_forces(part, scene),
     ]
     mesh, held = part.mesh(scene.blocks), part.stands_free(scene)
     motions = Motions(np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free])
@@ -216,20 +218,6 @@ def _sum(part: Part, inertia: dict[str, Floats], blocks: list[str]) -> Floats:
     """M r of some of the blocks, (3 nodes, 3)."""
     some = {name: values if name in blocks else np.zeros_like(values) for name, values in inertia.items()}
     return gather(part, some)
-
-
-def _boundary_tractions(part: Part, scene: Scene) -> Floats:
-    """Forces of every absorbing face's dashpots when it moves rigidly, (3 nodes, 6 faces)."""
-    columns = [np.zeros((3 * part.nodes, 0))]
-    for name in part.blocks:
-        block = scene.blocks[name]
-        for face in block.absorbing:
-            arm = block.points - block.points[face.facets].mean(axis=(0, 1))
-            turned = [np.cross(axis, arm).ravel() for axis in np.eye(3)]
-            rigid = np.column_stack([np.tile(np.eye(3), (len(arm), 1)), *turned])
-            alone = replace(block, absorbing=(face,))
-            columns.append(part.spread(name).T @ (boundary_dashpots(alone) @ rigid))
-    return np.hstack(columns)
 
 
 def _reduced(

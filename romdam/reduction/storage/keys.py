@@ -39,7 +39,8 @@ def part_keys(
     ]  # fmt: skip
     kinds = [sorted(names & set(part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)]
     slaves = () if part.slaves is None else (part.slaves,)
-    whole = _key(of_blocks, *slaves, kinds, operator, static, choice.stored)
+    waves = () if scene.free_field is None else (scene.free_field,)
+    whole = _key(of_blocks, *slaves, *waves, kinds, operator, static, choice.stored)
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 

@@ -17,7 +17,8 @@ from itertools import pairwise
 import numpy as np
 
 from romdam.config.sections.geometry.arch_dam import JOINT, PERIMETER, ROCK, ArchDamConfig
-from romdam.core.scene import Absorbing, Block, Bools, Ints, Material, Tie
+from romdam.config.sections.ground import ViscousConfig
+from romdam.core.scene import Block, Bools, Ints, Material, Tie
 from romdam.scene.arch_dam.rock import Ground, ground_grid
 from romdam.scene.arch_dam.shape import ArchShape
 from romdam.scene.boxes import split_into_tets, with_middle_nodes
@@ -39,14 +40,14 @@ class ArchDam:
     ties : contacts (and joints, where they are tied)
     held : block -> (n, 3) True where the ground holds a component
     excluded_from_gravity : blocks whose weight has acted before the dam is built
-    radiating : rock within a viscous boundary
+    viscous : outer faces of the rock that take waves up
     """
 
     blocks: dict[str, Block]
     ties: tuple[Tie, ...]
     held: dict[str, Bools]
     excluded_from_gravity: frozenset[str]
-    radiating: frozenset[str]
+    viscous: tuple[ViscousConfig, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,14 +93,12 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
         own = local.reshape(-1, cells.shape[1]).astype(np.int64)
         block = Block(name, config.element, points[numbers[name]], own, kinds[name], {})
         where = tags[k < config.cantilevers][numbers[name]]
-        faces = _faces(config, block, where, ground)
-        blocks[name] = replace(block, faces=faces, absorbing=_absorbing(config, faces))
+        blocks[name] = replace(block, faces=_faces(config, block, where, ground))
         refuse_bad_cells(blocks[name], place)
     zones = config.rock.zones if config.rock else {}
     excluded = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
-    viscous = config.rock is not None and config.rock.boundary == "viscous"
-    radiating = frozenset(f"{ROCK}_{zone}" for zone in zones if viscous)
-    return ArchDam(blocks, _ties(config, blocks, numbers), _held(config, blocks), excluded, radiating)
+    held, ties = _held(config, blocks), _ties(config, blocks, numbers)
+    return ArchDam(blocks, ties, held, excluded, _viscous(config, blocks))
 
 
 def _dam_points(shape: ArchShape) -> Floats:
@@ -258,14 +257,20 @@ def _rock_faces(config: ArchDamConfig, where: Floats, points: Floats, ground: Gr
     }
 
 
-def _absorbing(config: ArchDamConfig, faces: dict[str, Ints]) -> tuple[Absorbing, ...]:
+def _viscous(config: ArchDamConfig, blocks: dict[str, Block]) -> tuple[ViscousConfig, ...]:
     """Outer faces of the rock that take waves up, with their distance from the dam."""
     rock = config.rock
     if rock is None or rock.boundary == "fixed":
         return ()
     distance = {"base": rock.depth, "side_left": rock.half_width, "side_right": rock.half_width}
     distance |= {"side_upstream": rock.upstream, "side_downstream": rock.downstream}
-    return tuple(Absorbing(faces[name], away) for name, away in distance.items() if name in faces)
+    return tuple(
+        ViscousConfig(block=name, faces=(face,), distance=away)
+        for name, block in blocks.items()
+        if name.startswith(f"{ROCK}_")
+        for face, away in distance.items()
+        if face in block.faces
+    )
 
 
 def _ties(config: ArchDamConfig, blocks: dict[str, Block], numbers: dict[str, Ints]) -> tuple[Tie, ...]:

@@ -17,6 +17,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -28,7 +29,7 @@ from romdam.contact.solvers.state import iterations
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats, record
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import History, System
+from romdam.core.system import Complex, History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.energy import ENERGIES, ledger
 from romdam.timestepping.equilibrium import GapState, initial_state, system_gap_problem, take_over
@@ -58,6 +59,18 @@ def scheme(rho_inf: float) -> Scheme:
     return Scheme(a_m, a_f, 0.25 * (1.0 - a_m + a_f) ** 2, 0.5 - a_m + a_f)
 
 
+def scheme_rates(s: Scheme, dt: float, angle: Floats) -> tuple[Complex, Complex]:
+    """Inertia over mass [1/s2] and velocity [1/s] of a unit displacement that turns by angles (nf,) a step.
+
+    With them M a + C v + K u = f holds for the scheme's own motion, whose force is weighed as u and v are.
+    """
+    z = np.exp(1j * angle)
+    rate = 1.0 - s.gamma + s.gamma * z
+    moved = (rate + (z - 1.0) * (0.5 - s.beta + s.beta * z)) * dt
+    weight = ((1.0 - s.a_m) * z + s.a_m) / ((1.0 - s.a_f) * z + s.a_f)
+    return weight * (z - 1.0) ** 2 / (moved * dt), (z - 1.0) * rate / moved
+
+
 @dataclass(frozen=True)
 class _Stepper:
     """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
@@ -85,6 +98,11 @@ class _State:
         massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
         self.a = Factor(system.M + diags_array(massless.astype(float))).solve(np.where(massless, 0.0, rest))
         self.inertia = system.M @ self.a
+
+    def begin(self) -> None:
+        """Count works and impulses from here on."""
+        self.energies.input = self.energies.damping = self.energies.joint_work = self.energies.friction = 0.0
+        self.impulse[:], self.numerical = 0.0, 0.0
 
 
 def _compile(problem: GapProblem) -> None:
@@ -267,6 +285,12 @@ class GeneralizedAlpha:
                 outcomes.append(error)
         return outcomes
 
+    def _driven(self, system: System, ground: Floats, dt: float) -> tuple[Floats, int]:
+        """Histories of the load's columns, and the steps by which they begin before the record."""
+        if system.drive is None:
+            return ground, 0
+        return system.drive.histories(ground, dt, partial(scheme_rates, scheme(self.rho_inf), dt))
+
     def _integrate(self, simulation: Simulation, settings: Settings, progress: Progress) -> History:
         start = time.process_time()
         (prepared, ground), tolerance = simulation, settings.tolerance
@@ -275,17 +299,22 @@ class GeneralizedAlpha:
         memory = gap_memory(stepper.problem)
         q, gaps = initial_state(prepared, settings)
         take_over(memory, gaps)
-        state = _State(system, q, gaps, ground.T[0])
-        rows = _Rows(system, state, settings.steps, ground.shape[1])
+        history, lead = self._driven(system, ground, dt)
+        state = _State(system, q, gaps, history.T[0])
         _compile(stepper.problem)
         setup, loop = time.process_time() - start, time.process_time()
         worst, total = 0.0, ground.shape[1] - 1
-        for n in range(total):
-            residual = _step(stepper, memory, state, ground[:, n : n + 2], tolerance)
+        for n in range(-lead, total):
+            if n == 0:
+                state.begin()
+                rows = _Rows(system, state, settings.steps, ground.shape[1])
+            residual = _step(stepper, memory, state, history[:, lead + n : lead + n + 2], tolerance)
             if not residual <= tolerance:
                 place = system.law.place(int(memory.failure.gap))
                 raise ConvergenceError(not_converged(n + 1, settings, residual, place))
             worst = max(worst, residual)
+            if n < 0:
+                continue
             rows.keep(state, n + 1)
             if (n + 1) % 100 == 0 or n + 1 == total:
                 progress(n + 1, total)

@@ -1,0 +1,205 @@
+"""Waves that come up through the rock: effective forces on its viscous boundary, and their histories.
+
+Without a dam the rock would move as a column of its layers does (`romdam.fem.column`), whose free surface
+moves as the record says. All displacement is relative to that surface's, so that the ground's acceleration
+acts on every mass, rock and dam alike, and the rock at depth moves by w(z, t) against it. The boundary
+passes on what the rock beyond does in this free field: its tractions, and the forces of the dashpots and
+springs that its motion leaves unstrained,
+
+    F = int N sigma(w + beta w') n dA + C_b w' + K_b (w + beta w'),
+
+the bottom's traction being that on the column's lower end. A box of rock alone then moves as the column
+does; with a dam and a valley in it the boundary acts on what they scatter. w follows from the record's
+acceleration by its values up to a wave's travel time before and after, so that no drift of the record's
+displacement matters, and the rock begins to move before the record does: so does the integration.
+
+Motion that the mesh cannot carry (fewer than about three elements to a wavelength) has no such field: it is
+left out of the record.
+
+References
+----------
+Løkke, Chopra, Earthq. Eng. Struct. Dyn. 46 (2017) 1257 and 47 (2018) 1309 (direct method).
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.sparse import csr_matrix, eye_array, hstack, kron
+
+from romdam.config.sections.job import DampingConfig
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Absorbing, Block, FreeField
+from romdam.core.system import Complex, Rates
+from romdam.fem.absorbing import boundary_dashpots, boundary_springs
+from romdam.fem.column import respond, shapes, slopes, wave_moduli
+from romdam.fem.damping import rayleigh_coefficients
+from romdam.fem.material import lame
+from romdam.scene.elements import facet_element
+from romdam.scene.facets import area_elements
+
+log = logging.getLogger(__name__)
+
+_PASSED, _LEFT_OUT = 2.4, 3.1  # phase across an element up to which motion passes, and from which none does
+_RINGING = 2.0  # travel times of the slowest wave before the record from which integration begins
+_TOLD = 0.01  # share of the record left out, in L2, from which on it is told
+_LEVEL = 1e-6  # vertical component of a facet's normal that counts as none
+
+
+@dataclass(frozen=True)
+class Deconvolution:
+    """Histories of the free field from a record of its surface.
+
+    Attributes
+    ----------
+    field : the layers
+    damping : alpha [1/s], beta [s] of Rayleigh's
+    """
+
+    field: FreeField
+    damping: tuple[float, float]
+
+    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int]:
+        """Acceleration; motion and its rate times beta; rate; traction on the lower end: see `boundary_load`.
+
+        Parameters
+        ----------
+        acc : (3, nt) of the surface [m/s2]
+        """
+        height = -np.diff(self.field.levels)
+        moduli = np.array([wave_moduli(material) for material in self.field.materials])
+        speed = np.sqrt(moduli / np.array([[material.rho] for material in self.field.materials]))
+        lead = int(np.ceil(_RINGING * (height / speed[:, 0]).sum() / dt))
+        total = lead + acc.shape[1]
+        size = next_fast_len(total + 3 * lead, real=True)
+        ended = np.pad(acc, ((0, 0), (0, lead)), mode="linear_ramp")  # a record that is cut off would ring
+        spectrum = rfft(np.pad(ended, ((0, 0), (lead, size - total - lead))))
+        symbols = rates(2.0 * np.pi * rfftfreq(size))
+        columns = [
+            self._component(k, spectrum[k], symbols, float((height / speed[:, k]).max())) for k in range(3)
+        ]
+        by_kind = [np.stack(kind, axis=1).reshape(-1, len(symbols[0])) for kind in zip(*columns, strict=True)]
+        made = irfft(np.vstack(by_kind), size)[:, :total]
+        _tell(acc, made[:3, lead:])
+        return made, lead
+
+    def _component(
+        self, k: int, acc: Complex, symbols: tuple[Complex, Complex], crossing: float
+    ) -> tuple[Complex, Complex, Complex, Complex]:
+        """Spectra of one component, (rows, frequencies) of each kind; `crossing`: of an element [s]."""
+        phase = np.sqrt(np.abs(symbols[0])) * crossing
+        passed = phase < _LEFT_OUT
+        taper = np.clip((phase[passed] - _PASSED) / (_LEFT_OUT - _PASSED), 0.0, 1.0)
+        acc = np.where(passed, acc, 0.0)
+        acc[passed] *= np.cos(0.5 * np.pi * taper) ** 2
+        rates = (symbols[0][passed], symbols[1][passed])
+        answer = respond(self.field, k, rates, self.damping)
+        motion = np.zeros((answer.motion.shape[1], len(acc)), dtype=complex)
+        motion[:, passed] = answer.motion.T * acc[passed]
+        traction = np.zeros((1, len(acc)), dtype=complex)
+        traction[0, passed] = answer.traction * acc[passed]
+        rate = symbols[1] * motion
+        return acc[None], motion + self.damping[1] * rate, rate, traction
+
+
+def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolution | None:
+    """What drives a scene with a free field; None without one.
+
+    Raises
+    ------
+    ConfigError
+        for modal damping, which the free field of a column has not.
+    """
+    if field is None:
+        return None
+    if damping.modal is not None:
+        raise ConfigError(
+            "damping.modal: the free field is found for `rayleigh` damping of the rock only (modal ratios "
+            "are those of rock and dam together); give damping.rayleigh, or ground.input: uniform"
+        )
+    return Deconvolution(field, rayleigh_coefficients(damping.rayleigh))
+
+
+def _tell(acc: Floats, passed: Floats) -> None:
+    share = float(np.linalg.norm(acc - passed) / max(float(np.linalg.norm(acc)), np.finfo(float).tiny))
+    if share > _TOLD:
+        log.warning(
+            "free field: %.2g %% of the record's acceleration in L2 is of waves shorter than about three of "
+            "the rock's elements, or of steps, and left out; take smaller elements, or a finer step",
+            100.0 * share,
+        )
+
+
+def field_shapes(block: Block, field: FreeField) -> csr_matrix:
+    """Motion of a block that moves as the free field, (3 n, 3 nodes of the column)."""
+    return csr_matrix(kron(shapes(field, block.points[:, 2]), eye_array(3)))
+
+
+def boundary_load(block: Block, field: FreeField) -> csr_matrix:
+    """Effective forces on a block's absorbing faces, (3 n, 6 nodes of the column + 3).
+
+    For unit motion and unit rate of every node of the column below the surface along x, y, z, and for unit
+    traction on its lower end.
+    """
+    moving = field_shapes(block, field)
+    side = csr_matrix((moving.shape[0], moving.shape[1]))
+    bottom = csr_matrix((moving.shape[0], 3))
+    for face in block.absorbing:
+        side = side + _side_tractions(block, face, field)
+        bottom = bottom + _bottom_area(block, face)
+    follow = side + boundary_springs(block) @ moving
+    return csr_matrix(hstack([follow, boundary_dashpots(block) @ moving, bottom]))
+
+
+def _side_tractions(block: Block, face: Absorbing, field: FreeField) -> csr_matrix:
+    """int N_a sigma n dA of the strain of the column, on vertical facets, (3 n, 3 nodes)."""
+    lam, mu = lame(block.material)
+    up, size = np.eye(3)[2], len(block.points)
+    total = csr_matrix((3 * size, 3 * (field.order * len(field.materials))))
+    facets = face.facets[_is_side(block, face)]
+    if not len(facets):
+        return total
+    element = facet_element(facets)
+    xi, weight = element.rule
+    shape, normal = element.shape(xi), area_elements(block.points, facets, xi)
+    z = block.points[facets][..., 2] @ shape.T
+    for q in range(len(weight)):
+        n = weight[q] * normal[:, q]
+        across = lam * n[:, :, None] * up + mu * up[:, None] * n[:, None, :]
+        across += mu * n[:, 2, None, None] * np.eye(3)
+        forces = shape[q][None, :, None, None] * across[:, None]
+        total = total + _placed(facets, forces, size) @ kron(slopes(field, z[:, q]), eye_array(3))
+    return csr_matrix(total)
+
+
+def _bottom_area(block: Block, face: Absorbing) -> csr_matrix:
+    """int N_a dA of facets that are no sides, for each component, (3 n, 3) [m2]."""
+    facets = face.facets[~_is_side(block, face)]
+    if not len(facets):
+        return csr_matrix((3 * len(block.points), 3))
+    element = facet_element(facets)
+    xi, weight = element.rule
+    dA = weight * np.linalg.norm(area_elements(block.points, facets, xi), axis=2)
+    area = dA @ element.shape(xi)
+    forces = area[:, :, None, None] * np.eye(3)
+    whole = _placed(facets, forces, len(block.points))
+    return csr_matrix(whole @ kron(np.ones((len(facets), 1)), eye_array(3)))
+
+
+def _is_side(block: Block, face: Absorbing) -> np.ndarray:
+    """(nf,) True for vertical facets."""
+    element = facet_element(face.facets)
+    normal = area_elements(block.points, face.facets, element.rule[0]).sum(axis=1)
+    return np.asarray(np.abs(normal[:, 2]) <= _LEVEL * np.linalg.norm(normal, axis=1))
+
+
+def _placed(facets: np.ndarray, forces: Floats, nodes: int) -> csr_matrix:
+    """Forces (nf, nodes per facet, 3, 3) of what happens on each facet, (3 n, 3 nf)."""
+    rows = (3 * facets[:, :, None] + np.arange(3))[..., None]
+    columns = (3 * np.arange(len(facets))[:, None] + np.arange(3))[:, None, None, :]
+    where = [np.broadcast_to(one, forces.shape).ravel() for one in (rows, columns)]
+    return csr_matrix((forces.ravel(), tuple(where)), shape=(3 * nodes, 3 * len(facets)))

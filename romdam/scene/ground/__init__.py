@@ -1,0 +1,1 @@
+"""Rock whose boundary takes waves up, and its free field."""

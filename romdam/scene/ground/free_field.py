@@ -1,0 +1,154 @@
+"""The layers of rock that a free field comes up through, as its mesh has them along the sides."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, FreeField, Ints, Material
+from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.facets import boundary_facets, facet_normals
+
+log = logging.getLogger(__name__)
+
+_VERTICAL = 1e-6  # vertical component of the normal of a side
+_SAME = 1e-6  # of the rock's depth: elevations that are one
+
+
+def free_field(
+    blocks: Mapping[str, Block], rock: frozenset[str], surface: float | None, source: str
+) -> FreeField:
+    """Find the layers of the rock.
+
+    Parameters
+    ----------
+    rock : names of its blocks
+    surface : elevation of the level surface; the highest point of the sides where None [m]
+
+    Raises
+    ------
+    ConfigError
+        where the viscous faces are not vertical sides and one level bottom, and for rock that differs along
+        a level of its sides.
+    """
+    place = f"{source}: ground.input"
+    own = {name: blocks[name] for name in sorted(rock)}
+    bottom = _bottom(own, place)
+    sides = _sides(own)
+    ends = np.concatenate([_ends(own[name], facets) for name, facets in sides.items()])
+    top = float(ends.max(initial=bottom)) if surface is None else surface
+    if top - bottom <= 0.0:
+        raise ConfigError(
+            f"{place}: the rock's surface, {top:g} m, must be above its bottom, {bottom:g} m; correct "
+            "`ground.surface`, or give the rock sides"
+        )
+    levels = _levels(ends, top, bottom, place)
+    materials = _materials(own, sides, levels, place)
+    order = max(2 if ELEMENTS[block.element].quadratic else 1 for block in own.values())
+    log.info("%s: free field of %d layers of elements, surface at %g m", place, len(materials), top)
+    return FreeField(levels, materials, order, rock)
+
+
+def _normals(block: Block, facets: Ints) -> Floats:
+    return facet_normals(block.points, facets)[:, 2] if len(facets) else np.zeros(0)
+
+
+def _bottom(rock: Mapping[str, Block], place: str) -> float:
+    """Elevation of the viscous faces that are no sides [m]."""
+    found = []
+    for block in rock.values():
+        for face in block.absorbing:
+            up = _normals(block, face.facets)
+            found.append(block.points[face.facets[np.abs(up) > _VERTICAL], 2].ravel())
+    levels = np.concatenate(found)
+    low, high = levels.min(initial=np.inf), levels.max(initial=-np.inf)
+    lowest, highest = (float(f([f(b.points[:, 2]) for b in rock.values()])) for f in (np.min, np.max))
+    if not len(levels):
+        raise ConfigError(
+            f"{place}: free_field comes up through a viscous face at the bottom, and there is none (0 of "
+            f"{sum(len(block.absorbing) for block in rock.values())} faces); name it in ground.viscous"
+        )
+    if max(high - lowest, high - low) > _SAME * (highest - lowest):
+        raise ConfigError(
+            f"{place}: free_field takes viscous faces that are vertical, and one level bottom; those that "
+            f"are not vertical reach from {low:g} to {high:g} m, the rock's lowest point is {lowest:g} m; "
+            "mesh a level bottom, or take ground.input: uniform"
+        )
+    return lowest
+
+
+def _sides(rock: Mapping[str, Block]) -> dict[str, Ints]:
+    """Vertical facets of each block that are viscous, or, where none is, on its boundary."""
+    none = {name: block.cells[:0, :1] for name, block in rock.items()}
+    viscous = {n: np.vstack([face.facets for face in b.absorbing]) for n, b in rock.items() if b.absorbing}
+    boundary = {name: boundary_facets(block.cells, block.element) for name, block in rock.items()}
+    for facets in (viscous, boundary):
+        sides = {n: f[np.abs(_normals(rock[n], f)) <= _VERTICAL] for n, f in facets.items()}
+        if any(len(side) for side in sides.values()):
+            return none | sides
+    return none
+
+
+def _ends(block: Block, facets: Ints) -> Floats:
+    """Lowest and highest elevation of each facet, (nf, 2) [m]."""
+    z = block.points[facets, 2]
+    return np.stack([z.min(axis=1), z.max(axis=1)], axis=1) if len(facets) else np.zeros((0, 2))
+
+
+def _levels(ends: Floats, top: float, bottom: float, place: str) -> Floats:
+    """Ends of the column's elements from the top down, each as high as the sides' facets are there.
+
+    Parameters
+    ----------
+    ends : (nf, 2) lowest and highest elevation of each facet [m]
+
+    Raises
+    ------
+    ConfigError
+        where the sides leave a level out.
+    """
+    found, just = [top], _SAME * (top - bottom)
+    while found[-1] > bottom:
+        here = ends[(ends[:, 0] < found[-1] - just) & (ends[:, 1] > found[-1] - just)]
+        if not len(here):
+            raise ConfigError(
+                f"{place}: free_field comes up along the rock's sides from {bottom:g} to {top:g} m, and they "
+                f"have no facets (0) below {found[-1]:.4g} m; correct `ground.surface`, or name all rock in "
+                "ground.rock"
+            )
+        height = float(np.diff(here, axis=1).mean())
+        left = found[-1] - height - bottom
+        found.append(bottom if left < 0.5 * height else bottom + left)
+    return np.array(found)
+
+
+def _materials(
+    rock: Mapping[str, Block], sides: Mapping[str, Ints], levels: Floats, place: str
+) -> tuple[Material, ...]:
+    """The material of each layer.
+
+    Raises
+    ------
+    ConfigError
+        where the sides have several along one level, or none.
+    """
+    within: list[dict[Material, str]] = [{} for _ in levels[1:]]
+    for name, facets in sides.items():
+        ends = _ends(rock[name], facets)
+        for k, (high, low) in enumerate(pairwise(levels)):
+            middle = 0.5 * (high + low)
+            if ((ends[:, 0] < middle) & (ends[:, 1] > middle)).any():
+                within[k].setdefault(rock[name].material, name)
+    for k, here in enumerate(within):
+        if len(here) != 1:
+            what = f"of {' and of '.join(map(repr, here.values()))}" if here else "of no block"
+            raise ConfigError(
+                f"{place}: free_field takes rock whose layers are level: between {levels[k]:.4g} and "
+                f"{levels[k + 1]:.4g} m the sides are {what} ({len(here)} materials, limit 1); give the "
+                "sides one material at each level, or take ground.input: uniform"
+            )
+    return tuple(next(iter(here)) for here in within)

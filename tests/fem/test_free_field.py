@@ -1,0 +1,390 @@
+"""A free field at depth: rock alone returns the record, a dam on level rock moves as by uniform input."""
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simulating import simulated
+
+import romdam
+from romdam.config import load_config, parse_config
+from romdam.config.sections.job import DampingConfig, RayleighConfig
+from romdam.core.errors import ConfigError, ResultError
+from romdam.core.scene import FreeField, Material
+from romdam.fem.column import respond, shapes, wave_moduli
+from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.error.certify import certify
+from romdam.pipelines.run import run
+from romdam.records.processing.resampling import resample
+from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.build import build_scene
+from romdam.scene.ground.free_field import free_field
+
+DATA = Path(__file__).parents[2] / "data" / "records"
+MATERIALS = {
+    "hard": {"E": 20e9, "nu": 0.25, "rho": 2600.0},
+    "soft": {"E": 8e9, "nu": 0.3, "rho": 2400.0},
+    "concrete": {"E": 28e9, "nu": 0.2, "rho": 2400.0},
+}
+SIDES = ["xmin", "xmax", "ymin", "ymax"]
+DAMPED = DampingConfig(rayleigh=RayleighConfig(frequencies=(2.0, 15.0), ratio=0.03))
+REST = {
+    "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+    "model": {"order": "full"},
+    "transient": {"finest_step": 0.01},
+}
+
+
+def make(raw):
+    return build_scene(parse_config(REST | {"materials": MATERIALS} | raw, "s.yaml"), Path(), "s.yaml")
+
+
+def box(origin, size, material, element="hex8", size_of=20.0):
+    sizes = {"origin": origin, "size": size, "element_size": size_of, "element": element}
+    return {"material": material, "box": sizes}
+
+
+def rock(element="hex8", size_of=20.0, upper="soft", **ground):
+    """Two layers of rock, 100 m deep, with nodes at the middle and a corner of the top and at the bottom."""
+    return {
+        "blocks": {
+            "low": box([0, 0, 0], [80, 40, 60], "hard", element, size_of),
+            "high": box([0, 0, 60], [80, 40, 40], upper, element, size_of),
+        },
+        "ties": {"layers": {"between": ["low", "high"]}},
+        "ground": {
+            "input": "free_field",
+            "viscous": [{"block": "low", "faces": ["zmin", *SIDES]}, {"block": "high", "faces": SIDES}],
+        }
+        | ground,
+        "outputs": {
+            "nodes": {
+                "middle": {"block": "high", "at": [40, 20, 100]},
+                "corner": {"block": "high", "at": [80, 40, 100]},
+                "deep": {"block": "low", "at": [40, 20, 0]},
+            }
+        },
+    }
+
+
+@pytest.fixture(scope="module")
+def northridge():
+    """A record along x and y, and half of it up, 8 s at its own 0.01 s (3, nt) [m/s2]."""
+    across, along = (
+        np.loadtxt(DATA / f"northridge_mul{azimuth}_g_dt0.01.txt").ravel()[:801] * 9.81
+        for azimuth in ("009", "279")
+    )
+    return np.stack([across, along, 0.5 * across])
+
+
+def shaken(system, acc, dt):
+    """History, and the total acceleration of the probes (nt, probes, 3)."""
+    history = simulated(system, acc, dt, integrator="generalized_alpha", initial_state="undeformed")
+    return history, history.acc.reshape(len(history.time), -1, 3) + acc.T[:, None]
+
+
+def l2(values, reference):
+    return np.linalg.norm(values - reference) / np.linalg.norm(reference)
+
+
+@pytest.mark.parametrize("damping", [DampingConfig(), DAMPED])
+@pytest.mark.parametrize(("element", "dt"), [("hex8", 0.01), ("hex8", 0.0025), ("hex20", 0.01)])
+@pytest.mark.parametrize("upper", ["hard", "soft"])
+def test_rock_alone_returns_the_record_at_its_surface(element, dt, damping, upper, northridge):
+    """In the middle and at the corner, of shear and pressure waves, at any step: within 2e-4 of its peak."""
+    acc = resample(northridge, 0.01, dt)
+    history, total = shaken(assemble_full(make(rock(element, upper=upper)), damping), acc, dt)
+    assert np.abs(total[:, :2] - acc.T[:, None]).max() < 2e-4 * np.abs(acc).max()
+    assert l2(total[:, 2, 0], acc[0]) > 0.3  # the deep node moves otherwise
+    assert history.stats["ledger_imbalance"] < 1e-10
+
+
+def test_reduced_rock_alone_returns_the_record_whatever_the_modes(northridge):
+    made = reduce_scene(make(rock()), ModeChoice(count=2), DAMPED).system
+    history, total = shaken(made, northridge, 0.01)
+    assert not made.diagonal and made.size < 80
+    assert np.abs(total[:, :2] - northridge.T[:, None]).max() < 2e-4 * np.abs(northridge).max()
+    _, mesh = shaken(assemble_full(make(rock()), DAMPED), northridge, 0.01)
+    assert np.abs(total - mesh).max() < 2e-4 * np.abs(northridge).max()
+    assert history.stats["ledger_imbalance"] < 1e-10
+
+
+def test_single_block_of_rock_is_reduced_with_its_field(northridge):
+    raw = rock() | {"blocks": {"low": box([0, 0, 0], [80, 40, 100], "hard")}, "ties": {}}
+    raw["ground"] = {"input": "free_field", "viscous": [{"block": "low", "faces": ["zmin", *SIDES]}]}
+    raw["outputs"] = {"nodes": {"middle": {"block": "low", "at": [40, 20, 100]}}}
+    _, total = shaken(reduce_scene(make(raw), ModeChoice(count=2), DAMPED).system, northridge, 0.01)
+    assert np.abs(total[:, 0] - northridge.T).max() < 2e-4 * np.abs(northridge).max()
+
+
+def test_record_that_begins_at_once_is_returned_from_its_first_sample_on():
+    """The wave is on its way before the record begins."""
+    t = np.arange(101) * 0.005
+    acc = np.zeros((3, 101))
+    acc[0] = np.exp(-((t / 0.1) ** 2)) * np.sin(15.0 * t) ** 2
+    _, total = shaken(assemble_full(make(rock(size_of=10.0)), DampingConfig()), acc, 0.005)
+    assert np.abs(total[:, :2, 0] - acc[0, :, None]).max() < 1e-4
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_motion_at_depth_is_the_mean_of_the_waves_up_and_down(axis):
+    """Undamped: u(z, t) = (u_s(t + z/c) + u_s(t - z/c)) / 2, with elements of 1/30 of the wavelength."""
+    raw = rock(size_of=[20.0, 20.0, 5.0], upper="hard")
+    dt, modulus = 0.001, wave_moduli(Material(**MATERIALS["hard"]))[axis]
+    late = 100.0 / np.sqrt(modulus / 2600.0)
+    t = np.arange(701) * dt
+
+    def bump(t):
+        return np.exp(-(((t - 0.3) / 0.05) ** 2)) * np.sin(30.0 * (t - 0.3))
+
+    acc = np.zeros((3, len(t)))
+    acc[axis] = bump(t)
+    _, total = shaken(assemble_full(make(raw), DampingConfig()), acc, dt)
+    exact = 0.5 * (bump(t + late) + bump(t - late))
+    assert np.abs(total[:, 2, axis] - exact).max() < 0.01
+    assert np.abs(np.delete(total[:, 2], axis, axis=1)).max() < 1e-6
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_column_of_two_damped_layers_is_the_closed_form(order):
+    """u = cos(k z) in the upper layer; below, the waves that keep motion and traction at the interface."""
+    hard, soft = (Material(**MATERIALS[name]) for name in ("hard", "soft"))
+    alpha, beta = 0.4, 1e-3
+    levels = np.concatenate([np.linspace(0.0, -40.0, 81), np.linspace(-40.0, -100.0, 121)[1:]])
+    field = FreeField(levels, (soft,) * 80 + (hard,) * 120, order, frozenset())
+    omega = 2.0 * np.pi * np.array([0.5, 3.0, 9.0])
+    answer = respond(field, 0, (-(omega**2) + 0j, 1j * omega), (alpha, beta))
+    z = np.array([-25.0, -40.0, -70.0, -100.0])
+    moved = 1.0 + (shapes(field, z) @ answer.motion.T) * -(omega**2)  # of a unit motion of the surface
+    # relative to the surface C acts on w alone: rho omega^2 becomes rho (omega^2 - i alpha omega) on w only,
+    # so that w = -(1 - cos(k z)) omega^2 / (omega^2 - i alpha omega)
+    share = omega**2 / (omega**2 - 1j * alpha * omega)
+    k = [
+        np.sqrt(m.rho * (omega**2 - 1j * alpha * omega) / (wave_moduli(m)[0] * (1.0 + 1j * beta * omega)))
+        for m in (soft, hard)
+    ]
+    up = np.cos(k[0] * 40.0)
+    slope = wave_moduli(soft)[0] * k[0] * np.sin(k[0] * 40.0) / (wave_moduli(hard)[0] * k[1])
+    below = [up * np.cos(k[1] * d) - slope * np.sin(k[1] * d) for d in (30.0, 60.0)]
+    exact = 1.0 - share * (1.0 - np.array([np.cos(k[0] * 25.0), up, *below]))
+    assert np.abs(moved - exact).max() < (3e-4 if order == 1 else 1e-6)
+
+
+def test_field_of_an_irregular_mesh_returns_the_record_within_one_per_cent(northridge):
+    """Elements of 20 m bent by up to 3 m: no level of nodes is left but the top and the bottom."""
+    raw = {"blocks": {"low": box([0, 0, 0], [80, 80, 80], "hard", "hex20")}}
+    raw["ground"] = {"input": "free_field", "viscous": [{"block": "low", "faces": ["zmin", *SIDES]}]}
+    raw["outputs"] = {"nodes": {"middle": {"block": "low", "at": [40, 40, 80]}}}
+    scene = make(raw)
+    block = scene.blocks["low"]
+    x, y, z = block.points.T
+    bend = 3.0 * np.sin(np.pi * z / 80.0) * np.cos(np.pi * y / 80.0)
+    points = np.stack(
+        [x + bend * np.sin(np.pi * x / 80.0), y, z + bend * np.cos(2.0 * np.pi * x / 80.0)], axis=1
+    )
+    blocks = {"low": replace(block, points=points)}
+    field = free_field(blocks, frozenset(blocks), None, "s.yaml")
+    assert 4 <= len(field.materials) <= 5
+    bent = replace(scene, blocks=blocks, free_field=field)
+    _, total = shaken(assemble_full(bent, DAMPED), resample(northridge, 0.01, 0.005), 0.005)
+    record = resample(northridge, 0.01, 0.005).T
+    assert l2(total[:, 0], record) < 0.002
+    assert abs(np.abs(total[:, 0]).max() / np.abs(record).max() - 1.0) < 0.01
+
+
+@pytest.mark.parametrize(("element", "limit"), [("tet10", 0.006), ("tet4", 0.04)])
+def test_field_of_tetrahedra_returns_the_record(element, limit, northridge):
+    """Their nodes do not carry the column's mass alike; elements of 20 m."""
+    acc = resample(northridge, 0.01, 0.005)
+    _, total = shaken(assemble_full(make(rock(element)), DAMPED), acc, 0.005)
+    assert max(l2(total[:, node], acc.T) for node in (0, 1)) < limit
+
+
+def dam(stiffness, kind):
+    """Two blocks and their joint on level rock: without mass and held, or within viscous faces."""
+    free = kind == "massless"
+    raw = {
+        "materials": MATERIALS | {"hard": {"E": stiffness, "nu": 0.25, "rho": 2600.0}},
+        "blocks": {
+            "rock": box([-60, -60, -60], [120, 120, 60], "hard") | {"mass": not free},
+            "left": box([-20, -20, 0], [20, 40, 60], "concrete"),
+            "right": box([0, -20, 0], [20, 40, 60], "concrete"),
+        },
+        "joints": {"joint": {"between": ["left", "right"], "normal_stiffness": 20e9}},
+        "ties": {name: {"between": [name, "rock"]} for name in ("left", "right")},
+        "outputs": {"nodes": {"crest": {"block": "left", "at": [0, -20, 60]}}},
+    }
+    if free:
+        return make(raw | {"supports": [{"block": "rock", "face": "zmin"}]})
+    viscous = [{"block": "rock", "faces": ["zmin", *SIDES]}]
+    return make(raw | {"ground": {"input": kind, "viscous": viscous}})
+
+
+def motion(system, acc, dt=0.01):
+    history = simulated(system, acc, dt, integrator="generalized_alpha", initial_state="undeformed")
+    assert history.stats["ledger_imbalance"] < 1e-10
+    return history
+
+
+def test_dam_on_level_rock_moves_as_by_uniform_input(northridge):
+    """Relative to the surface's motion the forces of either formulation act on the dam alone."""
+    smooth = np.apply_along_axis(np.convolve, 1, northridge, np.hanning(15) / 7.0, "same")
+    one, other = (motion(assemble_full(dam(15e9, k), DAMPED), smooth) for k in ("uniform", "free_field"))
+    assert l2(other.disp, one.disp) < 1e-4
+    assert l2(other.jump, one.jump) < 2e-3
+    reduced = motion(reduce_scene(dam(15e9, "free_field"), ModeChoice(count=40), DAMPED).system, smooth)
+    assert l2(reduced.disp, other.disp) < 1e-2
+
+
+def test_dam_on_stiff_rock_moves_as_on_rock_without_mass(northridge):
+    one, other = (motion(assemble_full(dam(5e12, k), DAMPED), northridge) for k in ("massless", "free_field"))
+    assert l2(other.disp, one.disp) < 0.01
+    soft = [motion(assemble_full(dam(15e9, k), DAMPED), northridge) for k in ("massless", "free_field")]
+    assert l2(soft[1].disp, soft[0].disp) > 0.02
+
+
+def test_what_elements_cannot_carry_is_left_out_and_told(caplog, northridge):
+    with caplog.at_level(logging.WARNING):
+        shaken(assemble_full(make(rock(size_of=20.0)), DAMPED), northridge, 0.01)
+    assert "of waves shorter than about three of the rock's elements" in caplog.text
+
+
+def test_faces_without_a_distance_take_it_from_the_foot():
+    scene = dam(15e9, "uniform")
+    assert sorted(face.distance for face in scene.blocks["rock"].absorbing) == [60.0] * 5
+    assert scene.radiating == {"rock"} and scene.free_field is None
+    assert dam(15e9, "free_field").radiating == frozenset()
+    with pytest.raises(ConfigError, match=r"viscous\[0\].faces\[0\]: its springs follow from its distance"):
+        make(rock() | {"ground": {"rock": ["low"], "viscous": [{"block": "high", "faces": ["zmax"]}]}})
+
+
+@pytest.mark.parametrize(
+    ("ground", "message"),
+    [
+        ({"viscous": []}, r"ground.input: free_field is of rock with viscous faces, and there are 0"),
+        ({"viscous": [], "input": "uniform", "rock": ["low"]}, r"ground.rock is of rock with viscous faces"),
+        ({"viscous": [{"block": "low", "faces": SIDES}]}, r"viscous face at the bottom, and there is none"),
+        (
+            {
+                "viscous": [
+                    {"block": "low", "faces": ["zmin"]},
+                    {"block": "high", "faces": ["zmax"], "distance": 9},
+                ]
+            },
+            r"vertical, and one level bottom; those that are not vertical reach from 0 to 100 m",
+        ),
+        ({"viscous": [{"block": "low", "faces": ["zmin"]}]}, None),
+        ({"surface": -1.0}, r"the rock's surface, -1 m, must be above its bottom, 0 m"),
+        ({"input": "uniform", "surface": 1.0}, r"ground: `surface` is that of `input: free_field`"),
+        ({"rock": ["none"]}, r"ground.rock\[0\]: no 'none' is defined"),
+    ],
+)
+def test_fields_that_cannot_be_are_refused(ground, message):
+    if (
+        message is None
+    ):  # sides that no face names: those of the blocks' boundary, up to where blocks are rock
+        assert make(rock(**ground)).free_field.levels[0] == 60.0
+        return
+    with pytest.raises(ConfigError, match=message):
+        make(rock(**ground))
+
+
+def test_rock_that_differs_along_a_level_is_refused():
+    raw = {
+        "blocks": {k: box([x, 0, 0], [40, 40, 40], k) for k, x in (("hard", 0), ("soft", 40))},
+        "ties": {"t": {"between": ["hard", "soft"]}},
+    }
+    faces = ["zmin", "ymin", "ymax"]
+    raw["ground"] = {
+        "input": "free_field",
+        "viscous": [{"block": "hard", "faces": faces}, {"block": "soft", "faces": faces}],
+    }
+    with pytest.raises(ConfigError, match=r"between 40 and 20 m the sides are of 'hard' and of 'soft'"):
+        make(raw)
+
+
+def test_weight_of_rock_on_springs_is_told(caplog):
+    with caplog.at_level(logging.WARNING):
+        make(rock() | {"loads": {"gravity": [0, 0, -9.81]}})
+    assert caplog.text.count("gravity lets the rock sink onto the springs of its viscous faces") == 2
+
+
+@pytest.mark.parametrize("inner", ["hard", "soft"])
+def test_inner_rock_may_be_any(inner, northridge):
+    """A plug of the same rock, without viscous faces, is rock; a softer one scatters the field."""
+    where = {
+        "left": ([0, 0, 60], [20, 60, 40]),
+        "right": ([40, 0, 60], [20, 60, 40]),
+        "front": ([20, 0, 60], [20, 20, 40]),
+        "back": ([20, 40, 60], [20, 20, 40]),
+    }
+    blocks = {name: box(*place, "hard") for name, place in where.items()}
+    blocks |= {"low": box([0, 0, 0], [60, 60, 60], "hard"), "plug": box([20, 20, 60], [20, 20, 40], inner)}
+    pairs = [("low", name) for name in (*where, "plug")] + [("plug", name) for name in where]
+    pairs += [(side, end) for side in ("left", "right") for end in ("front", "back")]
+    outer = {"low": ["zmin", *SIDES], "left": ["xmin", "ymin", "ymax"], "right": ["xmax", "ymin", "ymax"]}
+    outer |= {"front": ["ymin"], "back": ["ymax"]}
+    raw = {
+        "blocks": blocks,
+        "ties": {f"t{k}": {"between": pair} for k, pair in enumerate(pairs)},
+        "ground": {
+            "input": "free_field",
+            "rock": ["plug"],
+            "viscous": [{"block": name, "faces": faces} for name, faces in outer.items()],
+        },
+        "outputs": {"nodes": {"top": {"block": "plug", "at": [40, 20, 100]}}},
+    }
+    _, total = shaken(assemble_full(make(raw), DAMPED), northridge, 0.01)
+    error = np.abs(total[:, 0] - northridge.T).max() / np.abs(northridge).max()
+    assert error < 2e-4 if inner == "hard" else error > 0.02
+
+
+def test_rock_without_mass_and_modal_damping_are_refused():
+    raw = rock()
+    raw["blocks"]["low"]["mass"] = False
+    with pytest.raises(ConfigError, match=r"viscous\[0\].block: block 'low' has no mass to carry waves"):
+        make(raw)
+    with pytest.raises(ConfigError, match=r"damping.modal: the free field is found for `rayleigh`"):
+        reduce_scene(make(rock()), ModeChoice(count=2), DampingConfig(modal=0.05))
+
+
+def test_run_says_what_its_displacement_is_relative_to(tmp_path):
+    """From YAML to NetCDF: a node far from the dam has no acceleration but the record's."""
+    job = {
+        "materials": MATERIALS,
+        "blocks": {
+            "rock": box([-60, -60, -60], [120, 120, 60], "hard"),
+            "left": box([-20, -20, 0], [20, 40, 60], "concrete"),
+            "right": box([0, -20, 0], [20, 40, 60], "concrete"),
+        },
+        "joints": {"joint": {"between": ["left", "right"], "normal_stiffness": 20e9}},
+        "ties": {name: {"between": [name, "rock"]} for name in ("left", "right")},
+        "ground": {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]},
+        "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},
+        "outputs": {"nodes": {"far": {"block": "rock", "at": [60, 60, 0]}}, "plots": False},
+        "records": [
+            {
+                "file": str(DATA / "northridge_mul009_g_dt0.01.txt"),
+                "unit": "g",
+                "dt": 0.01,
+                "components": {"y": 1},
+            }
+        ],
+        "model": {"modes": 10},
+        "transient": {"finest_step": 0.01, "duration": 6.0},
+    }
+    (tmp_path / "s.yaml").write_text(json.dumps(job))
+    (path,) = run(load_config(tmp_path / "s.yaml"), tmp_path).paths
+    with romdam.open_result(path).dataset as data:
+        assert data.attrs["base"].startswith("the motion of the level rock surface")
+        assert data.attrs["integrator"] == "generalized_alpha"
+        assert len(data.time) == 601
+        far = np.abs(data.acceleration.sel(node="far")).max() / np.abs(data.ground_acceleration).max()
+        assert 1e-4 < far < 0.1  # what the dam sends there
+        assert np.abs(data.energy_residual).max() < 1e-9 * data.energy_input.max()
+    with pytest.raises(ResultError, match=r"dashpots of viscous faces couple its \d+ modes"):
+        certify(path)
