@@ -31,7 +31,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.sparse import csr_matrix, eye_array, hstack, kron
 
 from romdam.config.sections.job import DampingConfig
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Absorbing, Block, FreeField
 from romdam.core.system import Complex, Rates
@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 _PASSED, _LEFT_OUT = 2.4, 3.1  # phase across an element up to which motion passes, and from which none does
 _RINGING = 2.0  # travel times of the slowest wave before the record from which integration begins
 _TOLD = 0.01  # share of the record left out, in L2, from which on it is told
-_LEVEL = 1e-6  # vertical component of a facet's normal that counts as none
+_UPRIGHT = 0.5  # vertical component of a facet's normal: the scene has sides, with none, and a bottom, with 1
 
 
 @dataclass(frozen=True)
@@ -190,14 +190,14 @@ def _bottom_area(block: Block, face: Absorbing) -> csr_matrix:
     return csr_matrix(whole @ kron(np.ones((len(facets), 1)), eye_array(3)))
 
 
-def _is_side(block: Block, face: Absorbing) -> np.ndarray:
+def _is_side(block: Block, face: Absorbing) -> Bools:
     """(nf,) True for vertical facets."""
     element = facet_element(face.facets)
     normal = area_elements(block.points, face.facets, element.rule[0]).sum(axis=1)
-    return np.asarray(np.abs(normal[:, 2]) <= _LEVEL * np.linalg.norm(normal, axis=1))
+    return np.asarray(np.abs(normal[:, 2]) <= _UPRIGHT * np.linalg.norm(normal, axis=1))
 
 
-def _placed(facets: np.ndarray, forces: Floats, nodes: int) -> csr_matrix:
+def _placed(facets: Ints, forces: Floats, nodes: int) -> csr_matrix:
     """Forces (nf, nodes per facet, 3, 3) of what happens on each facet, (3 n, 3 nf)."""
     rows = (3 * facets[:, :, None] + np.arange(3))[..., None]
     columns = (3 * np.arange(len(facets))[:, None] + np.arange(3))[:, None, None, :]

@@ -217,7 +217,26 @@ def _others() -> dict[str, Any]:
     return raw
 
 
-BASES: dict[str, dict[str, Any]] = {"two": _TWO, "arch": _arch(), "suite": _suite(), "others": _others()}
+def _waves() -> dict[str, Any]:
+    """Rock within viscous faces in place of supports."""
+    raw = copy.deepcopy(_TWO)
+    del raw["comparison"], raw["supports"]
+    rock = {**_BOX, "origin": [0, -5, -10], "size": [5, 15, 10]}
+    raw["blocks"]["rock"] = {"material": "concrete", "weight": False, "box": rock}
+    raw["ties"] = {name: {"between": [name, "rock"]} for name in ("left", "right")}
+    sides = {"block": "rock", "faces": ["xmin", "xmax", "ymin", "ymax"], "distance": "20 m"}
+    bottom = {"block": "rock", "faces": [{"axis": "z", "at": -10.0}]}
+    raw["ground"] = {"input": "free_field", "viscous": [sides, bottom], "rock": ["rock"], "surface": 0.0}
+    return raw
+
+
+BASES: dict[str, dict[str, Any]] = {
+    "two": _TWO,
+    "arch": _arch(),
+    "suite": _suite(),
+    "others": _others(),
+    "waves": _waves(),
+}
 
 
 def write_files(folder: Path) -> None:

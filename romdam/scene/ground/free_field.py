@@ -15,8 +15,8 @@ from romdam.scene.facets import boundary_facets, facet_normals
 
 log = logging.getLogger(__name__)
 
-_VERTICAL = 1e-6  # vertical component of the normal of a side
-_SAME = 1e-6  # of the rock's depth: elevations that are one
+_VERTICAL = 1e-3  # vertical component of the normal of a side; mesh files round to five digits
+_SAME = 1e-4  # of the rock's depth: elevations that are one
 
 
 def free_field(
