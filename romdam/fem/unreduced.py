@@ -15,7 +15,8 @@ from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
-from romdam.fem.water import added_mass, sparse_added_mass
+from romdam.fem.water.added_mass import added_mass, sparse_added_mass
+from romdam.fem.water.compressible import reservoir_waves, with_waves
 from romdam.scene.ties import scene_parts
 
 _ENTRIES = 40_000_000  # of incompressible water's added mass, at most: 0.5 GB, and as much in its factors
@@ -57,7 +58,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     water = added_mass(scene)
     added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, _ENTRIES)
     mass = csr_matrix(mass + added)
-    return System(
+    system = System(
         M=mass,
         C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
         K=stiffness,
@@ -71,6 +72,8 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         floating=not all(held),
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
     )
+    waves = reservoir_waves(scene)
+    return system if waves is None else with_waves(system, waves, waves.on(numbered.of_block))
 
 
 def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:

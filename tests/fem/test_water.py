@@ -17,8 +17,8 @@ from romdam.config import parse_config
 from romdam.core.errors import ConfigError, ReductionError
 from romdam.core.scene import Material
 from romdam.fem.unreduced import assemble_full
-from romdam.fem.water import added_mass, sparse_added_mass
-from romdam.fem.wet_mesh import wet_mesh
+from romdam.fem.water.added_mass import added_mass, sparse_added_mass
+from romdam.fem.water.wet_mesh import wet_mesh
 from romdam.reduction.basis import Lazy
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
@@ -339,7 +339,8 @@ TWICE = "faces[1]: the face is not wet:"
         ({"bottom": 9.0}, "water.bottom: the floor at 9 m must be below the level of 7 m"),
         ({"faces": [{"block": "z", "face": "ymin"}]}, "water.faces[0].block: no 'z' is defined"),
         ({"density": -1}, "water.density"),
-        ({"model": "compressible"}, "water.model"),
+        ({"model": "shallow"}, "water.model"),
+        ({"sound_speed": 1440}, "water: sound_speed: water that is 'incompressible' knows no waves"),
     ],
 )  # fmt: skip
 def test_water_that_cannot_be_is_refused_with_numbers(water, says):

@@ -60,7 +60,10 @@ def scheme(rho_inf: float) -> Scheme:
 
 @dataclass(frozen=True)
 class _Stepper:
-    """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
+    """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-T B^T.
+
+    C of water is skew where it meets the dam; H is symmetric all the same, as B does not see the water.
+    """
 
     system: System
     scheme: Scheme
@@ -99,7 +102,7 @@ def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
     s = scheme(options.rho_inf)
     A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
     factor = Factor(A)
-    X = factor.solve(system.B.T.toarray())
+    X = factor.solve(system.B.T.toarray(), transposed=system.free_field is not None)
     H = s.beta * dt**2 * np.asarray(system.B @ X)
     problem = system_gap_problem(system, H, dt, s.a_f / (1.0 - s.a_f) if options.midpoint else 0.0)
     return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), problem)
@@ -269,8 +272,9 @@ class GeneralizedAlpha:
 
     def _integrate(self, simulation: Simulation, settings: Settings, progress: Progress) -> History:
         start = time.process_time()
-        (prepared, ground), tolerance = simulation, settings.tolerance
+        prepared, tolerance = simulation.prepared, settings.tolerance
         dt, system = settings.steps.base, prepared.system
+        ground = system.inputs(simulation.ground, dt)
         stepper = prepared.cache.get_or_compute(("stepper", dt), lambda: _stepper(system, self, dt))
         memory = gap_memory(stepper.problem)
         q, gaps = initial_state(prepared, settings)
