@@ -79,10 +79,10 @@ def certify(
 
 
 def _refuse_waves(job: Job) -> None:
-    if job.config.water is not None and job.config.water.model == "compressible":
+    if job.config.water is not None and job.config.water.has_waves:
         raise ConfigError(
-            f"{job.path}: water.model: a certificate replays joint forces through dams whose water is an added "
-            "mass, got compressible; take `romdam verify`, which runs the mesh itself, or incompressible water"
+            f"{job.path}: water.model: a certificate replays joint forces through models whose water is an "
+            "added mass, got compressible; take `romdam verify`, which runs the mesh itself"
         )
 
 

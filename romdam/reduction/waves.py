@@ -1,8 +1,8 @@
 """Compressible water beside a reduced dam: the reservoir's own modes, and the rest as added mass.
 
 The reservoir's basis X has its modes below the cut-off, what the forces of their damping make statically,
-K^-1 C phi, which the modes by themselves approach slowly, and what the ground's motion makes. What these leave
-of the static answer to the dam's motion,
+K^-1 C phi, which the modes by themselves approach slowly, and what the ground's motion makes. What these
+leave of the static answer to the dam's motion,
 
     F = Q^T (K^-1 - X (X^T K X)^-1 X^T) Q,
 

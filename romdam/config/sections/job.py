@@ -32,7 +32,7 @@ from romdam.config.sections.places import Axis, ElementName, FaceRef, LengthUnit
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.transient import ModalName, TransientConfig
-from romdam.config.sections.water import WaterConfig
+from romdam.config.sections.water import WaterConfig, refuse_waves
 from romdam.core.errors import listed, shown
 from romdam.core.integrators import INTEGRATORS
 
@@ -288,7 +288,7 @@ class Config(Model):
         self._refuse_no_blocks()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_samples_of_coupled_modes()
-        self._refuse_waves_where_modes_are_uncoupled()
+        refuse_waves(self.water, self.transient.integrator, self.suite.parameters if self.suite else {})
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):
@@ -354,22 +354,6 @@ class Config(Model):
             raise ValueError(
                 f"{key} must be a whole multiple of transient.finest_step ({step:g} s), "
                 f"got {interval:g} s; {max(1, stride) * step:g} s is the nearest"
-            )
-
-    def _refuse_waves_where_modes_are_uncoupled(self) -> None:
-        name = self.transient.integrator
-        if self.water is None or self.water.model != "compressible":
-            return
-        if self.suite and self.suite.parameters:
-            raise ValueError(
-                f"suite.parameters: {len(self.suite.parameters)} varied, limit 0 where water.model is "
-                "compressible: samples share modes that nothing couples, and water couples them; leave the "
-                "parameters out, or set water.model: incompressible"
-            )
-        if name is not None and INTEGRATORS[name].uncoupled:
-            raise ValueError(
-                f"transient.integrator: {name} needs modes that nothing couples, and compressible water "
-                "couples them; leave the integrator out, or set water.model: incompressible"
             )
 
     def _refuse_samples_of_coupled_modes(self) -> None:

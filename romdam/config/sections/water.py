@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 from romdam.config.base import Model
 from romdam.config.quantities import Density, Dimensionless, Frequency, Length, Velocity
 from romdam.config.sections.places import BlockFace, Direction
+from romdam.core.integrators import INTEGRATORS
 
 Positive = Field(gt=0.0)
 _OF_SOUND = ("sound_speed", "bottom_reflection", "cutoff")
@@ -50,3 +52,36 @@ class WaterConfig(Model):
                 "model: compressible"
             )
         return self
+
+    @property
+    def has_waves(self) -> bool:
+        """Tell whether the reservoir has motions of its own."""
+        return self.model == "compressible"
+
+
+def refuse_waves(water: WaterConfig | None, integrator: str | None, varied: Collection[str]) -> None:
+    """Refuse compressible water where a run needs modes that nothing couples.
+
+    Parameters
+    ----------
+    integrator : that is asked for, if any
+    varied : parameters that samples of a suite vary
+
+    Raises
+    ------
+    ValueError
+        with the key and the remedy.
+    """
+    if water is None or not water.has_waves:
+        return
+    if varied:
+        raise ValueError(
+            f"suite.parameters: {len(varied)} varied, limit 0 where water.model is compressible: samples "
+            "share modes that nothing couples, and water couples them; leave the parameters out, or set "
+            "water.model: incompressible"
+        )
+    if integrator is not None and INTEGRATORS[integrator].uncoupled:
+        raise ValueError(
+            f"transient.integrator: {integrator} needs modes that nothing couples, and compressible water "
+            "couples them; leave the integrator out, or set water.model: incompressible"
+        )

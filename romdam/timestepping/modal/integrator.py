@@ -56,8 +56,8 @@ class ModalIntegrator:
         if not system.diagonal:
             raise ConfigError(
                 f"transient.integrator: {self.name} needs a reduced model whose modes nothing "
-                "couples; use generalized_alpha, or model.order: reduced, rock without viscous faces and water "
-                "that is not compressible"
+                "couples; use generalized_alpha, or model.order: reduced, rock without viscous faces and "
+                "incompressible water"
             )
 
     def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:
