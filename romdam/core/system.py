@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.arrays import Bools, Floats
@@ -91,36 +91,12 @@ class GapLaw:
         return len(self.gap)
 
 
-@dataclass(frozen=True)
-class FreeField:
-    """Oscillators y'' + c y' + k y = drive v_g that the ground's velocity shakes and nothing else.
+class Drive(Protocol):
+    """Histories of what drives a system besides the ground's acceleration."""
 
-    Attributes
-    ----------
-    c : (N, N) [1/s]
-    k : (N,) [1/s2]
-    drive : (N, 3)
-    """
-
-    c: Floats
-    k: Floats
-    drive: Floats
-
-    def histories(self, ground: Floats, dt: float) -> Floats:
-        """Ground velocity, y and y' at every step, (3 + 2 N, nt); exact where `ground` (3, nt) is linear."""
-        n, N = 6 + 2 * len(self.k), len(self.k)
-        velocity, y, rate = slice(0, 3), slice(3, 3 + N), slice(3 + N, 3 + 2 * N)
-        A = np.zeros((n + 3, n + 3))  # v_g, y, y', acceleration, its slope
-        A[velocity, n - 3 : n] = A[n - 3 : n, n:] = np.eye(3)
-        A[y, rate], A[rate, y], A[rate, rate] = np.eye(N), -np.diag(self.k), -self.c
-        A[rate, velocity] = self.drive
-        step = expm(dt * A)[: n - 3]
-        own, after = step[:, : n - 3], step[:, n - 3 : n] @ ground[:, :-1]
-        after += step[:, n:] @ np.diff(ground) / dt
-        states = np.zeros((n - 3, ground.shape[1]))
-        for i in range(ground.shape[1] - 1):
-            states[:, i + 1] = own @ states[:, i] + after[:, i]
-        return states
+    def histories(self, acc: Floats, dt: float) -> Floats:
+        """All histories (columns of `System.load`, nt), of the ground's acceleration (3, nt) [m/s2]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -135,8 +111,7 @@ class System:
     ----------
     M, C, K : (n, n) sparse
     B : (directions * ng, n) sparse; rows of gap m are directions*m + (0: normal, 1: j, 2: k)
-    load : (n, 3) M r for unit ground acceleration along x, y, z; (n, 6 + 2 N) with a free field, where the
-        ground's velocity, the oscillators' y and their rates act too
+    load : (n, 3) M r for unit ground acceleration along x, y, z; (n, 3 + m) with what else a drive has
     force : (n,) static force
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
     at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
@@ -146,7 +121,8 @@ class System:
     diagonal : whether M is the identity (zero where there is no mass) and C, K are diagonal
     floating : whether the system has motions that no support and no stiffness holds
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
-    free_field : N oscillators whose motion is prescribed, or None
+    drive : of the load's columns from the fourth on; None where the ground's acceleration is all
+    gyroscopic : whether C is skew between dam and water, where it does no work; B does not see the water
     """
 
     M: csr_matrix
@@ -162,13 +138,8 @@ class System:
     floating: bool
     reduced: bool = False
     at_point: csr_matrix | None = None
-    free_field: FreeField | None = None
-
-    def inputs(self, ground: Floats, dt: float) -> Floats:
-        """Give what `load` multiplies at every step, (columns, nt), of ground acceleration (3, nt)."""
-        if self.free_field is None:
-            return ground
-        return np.concatenate([ground, self.free_field.histories(ground, dt)])
+    drive: Drive | None = None
+    gyroscopic: bool = False
 
     @property
     def size(self) -> int:

@@ -29,8 +29,9 @@ import numpy as np
 from scipy.sparse import block_diag, bmat, csr_matrix, hstack
 
 from romdam.core.scene import Ints, Scene
-from romdam.core.system import FreeField, System
+from romdam.core.system import System
 from romdam.fem.water.added_mass import wet_coupling
+from romdam.fem.water.drive import ChannelDrive
 from romdam.fem.water.prism import far_section, floor, laplacian, prism, storage
 from romdam.fem.water.radiation import radiating_end
 from romdam.fem.water.wet_mesh import wet_mesh
@@ -48,8 +49,8 @@ class Waves:
     M, C, K : (n, n)
     at_dam : (n, r) the unknowns of the r wet nodes
     coupling : block name -> B (r, 3 * nodes) sparse
-    load : (n, k) of the ground's velocity and the free field, see `System.load`
-    free_field : of the channel beyond the far end
+    load : (n, k) of the drive's histories but for the ground's acceleration
+    drive : what the ground's motion makes of the channel
     """
 
     M: csr_matrix
@@ -58,7 +59,7 @@ class Waves:
     at_dam: csr_matrix
     coupling: dict[str, csr_matrix]
     load: Floats
-    free_field: FreeField
+    drive: ChannelDrive
 
     def on(self, maps: Mapping[str, csr_matrix]) -> csr_matrix:
         """B (r, m) of coordinates that give each block's displacement by a (3 n, m) map."""
@@ -88,7 +89,7 @@ def reservoir_waves(scene: Scene) -> Waves | None:
         for part, own in zip(whole, (end.M, end.C, end.K), strict=True)
     )
     coupling = {name: Q[under] for name, Q in wet_coupling(scene.blocks, mesh).items()}
-    return Waves(M, C, K, _chosen(dam, size), coupling, fluxes, end.free_field)
+    return Waves(M, C, K, _chosen(dam, size), coupling, fluxes, end.drive)
 
 
 def _placed(matrix: csr_matrix, rows: Ints, size: int) -> csr_matrix:
@@ -121,7 +122,8 @@ def with_waves(system: System, waves: Waves, B: csr_matrix) -> System:
         parts=system.parts | {"reservoir": slice(n, n + m)},
         diagonal=False,
         at_point=None if more is None else _widened(more, m),
-        free_field=waves.free_field,
+        drive=waves.drive,
+        gyroscopic=True,
     )
 
 

@@ -29,13 +29,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.sparse import block_diag, csr_matrix, diags_array, hstack, identity, kron
 
 from romdam.core.scene import Ints, Sound
-from romdam.core.system import FreeField
+from romdam.fem.water.drive import ChannelDrive
 from romdam.fem.water.prism import Section
-from romdam.linalg.eigen import modes_below
-from romdam.linalg.factor import Factor
 from romdam.scene.elements import Floats
 
 _NETWORK = np.array(  # w_j, k_j, l_j
@@ -56,15 +55,15 @@ class FarEnd:
     Attributes
     ----------
     M, C, K : (k + m, k + m) sparse
-    load : (k + m, 2 N) of the free field and its rate
-    free_field : N section modes that radiate
+    load : (k + m, 2 N) of the waves of sections by themselves and of their rates
+    drive : these waves, of N section modes that radiate
     """
 
     M: csr_matrix
     C: csr_matrix
     K: csr_matrix
     load: Floats
-    free_field: FreeField
+    drive: ChannelDrive
 
 
 def impedance_network() -> tuple[Floats, Floats, Floats]:
@@ -86,7 +85,8 @@ def radiating_end(section: Section, nodes: Ints, sound: Sound, admittance: float
     """
     c = sound.speed
     H, G, B = (csr_matrix(m[nodes][:, nodes]) for m in (section.H, section.G, section.floor))
-    square, phi = modes_below(H, G, None, _RADIATING * sound.cutoff / c, Factor(H))
+    highest = (_RADIATING * 2.0 * np.pi * sound.cutoff / c) ** 2
+    square, phi = eigh(H.toarray(), G.toarray(), subset_by_value=(0.0, highest))
     damped, flux, wave = admittance * (phi.T @ (B @ phi)), phi.T @ section.rigid[nodes], np.sqrt(square)
     M, C, K = impedance_network()
     spread = identity(len(wave) * (len(M) - 1))
@@ -99,5 +99,5 @@ def radiating_end(section: Section, nodes: Ints, sound: Sound, admittance: float
         C=csr_matrix(onto.T @ (kron(C, dashpot) + kron(M, slow)) @ onto),
         K=csr_matrix(onto.T @ kron(K, spring) @ onto),
         load=(onto.T @ load).toarray(),
-        free_field=FreeField(c**2 * damped, c**2 * square, density * c**2 * flux),
+        drive=ChannelDrive(c**2 * damped, c**2 * square, density * c**2 * flux),
     )

@@ -62,7 +62,7 @@ def scheme(rho_inf: float) -> Scheme:
 class _Stepper:
     """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-T B^T.
 
-    C of water is skew where it meets the dam; H is symmetric all the same, as B does not see the water.
+    H is symmetric with a gyroscopic C too, whose transpose has the signs of the water changed.
     """
 
     system: System
@@ -102,7 +102,7 @@ def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
     s = scheme(options.rho_inf)
     A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
     factor = Factor(A)
-    X = factor.solve(system.B.T.toarray(), transposed=system.free_field is not None)
+    X = factor.solve(system.B.T.toarray(), transposed=system.gyroscopic)
     H = s.beta * dt**2 * np.asarray(system.B @ X)
     problem = system_gap_problem(system, H, dt, s.a_f / (1.0 - s.a_f) if options.midpoint else 0.0)
     return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), problem)
@@ -274,7 +274,8 @@ class GeneralizedAlpha:
         start = time.process_time()
         prepared, tolerance = simulation.prepared, settings.tolerance
         dt, system = settings.steps.base, prepared.system
-        ground = system.inputs(simulation.ground, dt)
+        ground, drive = simulation.ground, system.drive
+        ground = ground if drive is None else drive.histories(ground, dt)
         stepper = prepared.cache.get_or_compute(("stepper", dt), lambda: _stepper(system, self, dt))
         memory = gap_memory(stepper.problem)
         q, gaps = initial_state(prepared, settings)
