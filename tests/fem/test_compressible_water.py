@@ -1,13 +1,12 @@
 """Compressible water: closed forms on a rigid wall, the ledger, the reduction, two published dams."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from gravity_sections import FOOT, KOYNA, PINE_FLAT, channel_inputs, first_period, inputs, section_scene
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 from simulating import simulated
-from test_water import KOYNA, PINE_FLAT, SERIES, job, rigid_mass, wall
+from test_water import SERIES, job, rigid_mass, section_system, wall
 
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError
@@ -24,14 +23,6 @@ BELOW = (0.05, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
 ABOVE = (1.05, 1.1, 1.2, 1.5, 2.0, 2.5, 2.9)
 
 
-def inputs(drive, omega, axis):
-    """What the load multiplies, of unit ground acceleration exp(i omega t)."""
-    velocity = np.eye(3)[axis] / (1j * omega)
-    matrix = np.diag(drive.k - omega**2) + 1j * omega * drive.c
-    y = np.linalg.solve(matrix, drive.drive @ velocity)
-    return np.concatenate([velocity, y, 1j * omega * y])
-
-
 def force(scene, waves, omega, axis=1):
     """Force along y on a rigid wall, (frequencies,) complex, of unit ground acceleration."""
     rigid = {name: np.tile(np.eye(3), (len(b.points), 1)) for name, b in scene.blocks.items()}
@@ -39,7 +30,7 @@ def force(scene, waves, omega, axis=1):
     found = []
     for o in omega:
         A = csc_matrix(waves.K - o**2 * waves.M + 1j * o * waves.C)
-        x = splu(A).solve(waves.load @ inputs(waves.drive, o, axis))
+        x = splu(A).solve(waves.load @ channel_inputs(waves.drive, o, axis))
         found.append(1j * o * swept @ (waves.at_dam.T @ x))
     return np.array(found)
 
@@ -190,47 +181,16 @@ def test_transient_becomes_the_harmonic_answer():
     ground = np.zeros((3, len(t)))
     ground[1] = np.sin(omega * t) * np.minimum(t / 1.2, 1.0)
     history = simulated(system, ground, dt, integrator="generalized_alpha", rho_inf=1.0)
-    x = np.concatenate([np.eye(3)[1], inputs(system.drive, omega, 1)])
+    x = inputs(system, omega, 1)
     A = csc_matrix(system.K - omega**2 * system.M + 1j * omega * system.C)
     exact = np.abs(system.observe @ splu(A).solve(-system.load @ x))[1]
     assert np.abs(history.disp[-250:, 1]).max() == pytest.approx(exact, rel=5e-3)
 
 
-def peak_period(section, level, **keys):
-    """Period of the largest crest response, plane stress, 1 % hysteretic damping, to 0.1 %."""
-    top = section.heights[-1]
-    faces = [{"block": "a", "face": "ymin"}]
-    water = {"level": level, "faces": faces, "model": "compressible", "cutoff": 30.0, **keys}
-    box = {"a": ([0, 0, 0], [4.0, 40.0, top], [4.0, 10.0, top / 12])}
-    scene, config = job(water, box, "hex20", damping={})
-    block, held = scene.blocks["a"], scene.fixed["a"].copy()
-    x, y, z = block.points.T
-    held[:, 0] |= x == 2.0
-    up, down = (np.interp(z, section.heights, side) for side in (section.upstream, section.downstream))
-    points = np.stack([x, up + y / 40.0 * (down - up), z], axis=1)
-    moved = replace(block, points=points, material=section.material)
-    system = assemble_full(replace(scene, blocks={"a": moved}, fixed={"a": held}), config.damping)
-    crest = np.flatnonzero((z == top) & (y == 0.0) & (x == 2.0))[0]
-    dof = int((~held.ravel())[: 3 * crest + 1].sum())
-    K = system.K.tocoo()
-    dam = (K.row < system.parts["a"].stop) & (K.col < system.parts["a"].stop)
-    hysteretic = csc_matrix((0.02j * K.data[dam], (K.row[dam], K.col[dam])), shape=K.shape)
-
-    def response(omega):
-        x = np.concatenate([np.eye(3)[1], inputs(system.drive, omega, 1)])
-        A = csc_matrix(system.K - omega**2 * system.M + 1j * omega * system.C) + hysteretic
-        return abs(splu(csc_matrix(A)).solve(-system.load @ x)[dof])
-
-    return response
-
-
-def largest(response, low, high):
-    """Period between two where the response is largest, by golden sections."""
-    ratio = (np.sqrt(5.0) - 1.0) / 2.0
-    while high / low > 1.001:
-        left, right = high - ratio * (high - low), low + ratio * (high - low)
-        low, high = (low, right) if response(2 * np.pi / left) > response(2 * np.pi / right) else (left, high)
-    return 0.5 * (low + high)
+def compressible(section, level):
+    water = {"level": level, "model": "compressible", "cutoff": 30.0}
+    scene, config = section_scene(section, water, (4, 12), {})
+    return assemble_full(scene, config.damping)
 
 
 def test_pine_flat_full_has_the_published_period():
@@ -238,16 +198,13 @@ def test_pine_flat_full_has_the_published_period():
 
     Fenves & Chopra, UCB/EERC-85/10 (1986), as handed down, see `test_water`: incompressible it is 5 % short.
     """
-    response = peak_period(PINE_FLAT, 381 * 0.3048)
-    assert largest(response, 0.36, 0.43) == pytest.approx(0.397, rel=0.015)
+    assert first_period(compressible(PINE_FLAT, 381 * FOOT), 0.36, 0.43) == pytest.approx(0.397, rel=0.015)
 
 
 def test_koyna_full_is_the_closed_form():
     """A vertical face that moves with its first mode phi: w^2 (1 + m(w)) = w_1^2, with the added mass m(w) =
     2 rho/H sum I_n^2/sqrt(lambda_n^2 - w^2/c^2) of compressible water (Chopra 1967); within 0.5 %.
     """
-    from test_water import section_system
-
     level = 96.5
     omega_1, z, phi = section_system(KOYNA)
     t = np.linspace(0.0, level, 4001)
@@ -258,7 +215,9 @@ def test_koyna_full_is_the_closed_form():
         mass = 8.0 * RHO / level * (integral**2 / np.sqrt(n**2 - (omega / C) ** 2)).sum()
         omega = 0.5 * (omega + omega_1 / np.sqrt(1.0 + mass))
     period = 2.0 * np.pi / omega
-    assert largest(peak_period(KOYNA, level), 0.95 * period, 1.05 * period) == pytest.approx(period, rel=5e-3)
+    assert first_period(compressible(KOYNA, level), 0.95 * period, 1.05 * period) == pytest.approx(
+        period, rel=5e-3
+    )
 
 
 @pytest.mark.parametrize(
