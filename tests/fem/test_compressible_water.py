@@ -224,7 +224,11 @@ def test_koyna_full_is_the_closed_form():
     ("change", "says"),
     [
         ({"transient": {"finest_step": 0.01, "integrator": "modal"}}, "integrator: modal needs modes"),
-        ({"suite": {"parameters": {"joints.*.friction": {"uniform": [0, 1]}}}}, "suite.parameters"),
+        ({"model": {"modes": "auto"}, "transient": {"accuracy": 0.01}}, "model.modes: auto judges modes"),
+        (
+            {"suite": {"parameters": {"mu": {"path": "joints.a-b.friction", "values": [0.1, 0.5]}}}},
+            "limit 0 where water.model is",
+        ),
         ({"water.bottom_reflection": 1.2}, "water.bottom_reflection"),
         ({"water.sound_speed": 0}, "water.sound_speed"),
         ({"water.cutoff": -1}, "water.cutoff"),

@@ -288,7 +288,8 @@ class Config(Model):
         self._refuse_no_blocks()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_samples_of_coupled_modes()
-        refuse_waves(self.water, self.transient.integrator, self.suite.parameters if self.suite else {})
+        varied = self.suite.parameters if self.suite else {}
+        refuse_waves(self.water, self.transient.integrator, self.model.modes, varied)
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):

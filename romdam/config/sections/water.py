@@ -59,12 +59,15 @@ class WaterConfig(Model):
         return self.model == "compressible"
 
 
-def refuse_waves(water: WaterConfig | None, integrator: str | None, varied: Collection[str]) -> None:
+def refuse_waves(
+    water: WaterConfig | None, integrator: str | None, modes: object, varied: Collection[str]
+) -> None:
     """Refuse compressible water where a run needs modes that nothing couples.
 
     Parameters
     ----------
     integrator : that is asked for, if any
+    modes : `model.modes`
     varied : parameters that samples of a suite vary
 
     Raises
@@ -79,6 +82,11 @@ def refuse_waves(water: WaterConfig | None, integrator: str | None, varied: Coll
             f"suite.parameters: {len(varied)} varied, limit 0 where water.model is compressible: samples "
             "share modes that nothing couples, and water couples them; leave the parameters out, or set "
             "water.model: incompressible"
+        )
+    if modes == "auto":
+        raise ValueError(
+            "model.modes: auto judges modes by an estimate, and with compressible water there is none; give a "
+            "number, 60 is a good start, or set water.model: incompressible"
         )
     if integrator is not None and INTEGRATORS[integrator].uncoupled:
         raise ValueError(
