@@ -85,7 +85,7 @@ def refuse_waves(
         )
     if modes == "auto":
         raise ValueError(
-            "model.modes: auto judges modes by an estimate, and with compressible water there is none; give a "
+            "model.modes: auto judges modes by an estimate; there is none with compressible water: give a "
             "number, 60 is a good start, or set water.model: incompressible"
         )
     if integrator is not None and INTEGRATORS[integrator].uncoupled:

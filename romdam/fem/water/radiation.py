@@ -10,10 +10,10 @@ four oscillators and one dashpot that has the impedance Z(s)/s, scaled by lambda
 
     K = [[1 + sum k_j^2/w_j^2, -k], [-k, diag w_j^2]],   M = diag(0, 1, ..),   C = l l^T,   l = (1, l_j).
 
-Any network of this form takes energy and makes none. The numbers are those that have Z within 0.7 % at every
-frequency, but for 1 % on either side of it; statically, and at infinite frequency,
-they are exact. (Graded layers that damp, up to sixteen depths long, were 70 % off at 1 % from the cut-off.)
-Higher section modes decay before they reach the far end, which is rigid to them.
+Any network of this form takes energy and makes none. With these numbers it has Z within 0.7 % at every
+frequency, but for 1 % on either side of the cut-off; statically, and at infinite frequency, it is exact.
+(Graded layers that damp, up to sixteen depths long, were 70 % off at 1 % from the cut-off.) Higher section
+modes decay before they reach the far end, which is rigid to them.
 
 The ground's motion across the channel makes waves all along it, which do not come from the dam. They are
 those of a section by itself, y'' + c^2 b y' + (lambda c)^2 y = rho c^2 r v_g, and pass the far end unseen:
@@ -81,7 +81,8 @@ def radiating_end(section: Section, nodes: Ints, sound: Sound, admittance: float
     Parameters
     ----------
     nodes : (k,) of the section, below the surface
-    admittance : q of the floor [s/m]; beyond the end it damps each section mode by itself
+    admittance : q of the floor [s/m]
+    density : of the water [kg/m3]
     """
     c = sound.speed
     H, G, B = (csr_matrix(m[nodes][:, nodes]) for m in (section.H, section.G, section.floor))
