@@ -61,6 +61,7 @@ def certify(
     """
     run = read_run(Path(result))
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
+    _refuse_waves(job)
     motion = _motion(job, run)
     model = build_model(job, clock)
     run.refuse_other(model.scene.gap_position, model.system.size)
@@ -80,6 +81,14 @@ def certify(
     cpu = {f"cpu_seconds_{name}": seconds for name, seconds in clock.cpu.items()}
     statement = replace(statement, details={**statement.details, **cpu})
     return Certified(statement, write_certificate(run.path, statement), correction.corrected)
+
+
+def _refuse_waves(job: Job) -> None:
+    if job.config.water is not None and job.config.water.has_waves:
+        raise ConfigError(
+            f"{job.path}: water.model: a certificate replays joint forces through models whose water is an "
+            "added mass, got compressible; take `romdam verify`, which runs the mesh itself"
+        )
 
 
 def job_of(run: StoredRun, config: str | Path | None) -> Job:

@@ -27,7 +27,8 @@ def reduced_models(
     """
     model, damping = job.config.model, job.config.damping
     wanted = job.config.outputs.error_estimate and job.config.every_joint and model.modes != "all"
-    coupled = any(block.absorbing for block in scene.blocks.values())
+    waves = scene.reservoir is not None and scene.reservoir.sound is not None
+    coupled = waves or any(block.absorbing for block in scene.blocks.values())
     if not wanted or coupled or not damping.acts:
         return reduce_scene(scene, model, damping, store), None
     reduced, fine = reduce_scene_twice(scene, model, damping, store)

@@ -113,6 +113,11 @@ def _refuse(job: Job) -> None:
         raise ConfigError(
             f"{job.path}: model.order is full, a study is about reduced models; set it to reduced"
         )
+    if job.config.water is not None and job.config.water.has_waves:
+        raise ConfigError(
+            f"{job.path}: water.model: a study compares integrators of modes that nothing couples, got "
+            "compressible water, which couples them; set water.model: incompressible"
+        )
     if not job.config.every_joint:
         raise ConfigError(f"{job.path}: joints: there is none, and openings are what is compared; name one")
 

@@ -55,7 +55,11 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
     JointConfig: _JOINT,
     JointProperties: _JOINT,
     HydrostaticConfig: {"density": _WATER},
-    WaterConfig: {"density": _WATER},
+    WaterConfig: {
+        "density": _WATER,
+        "sound_speed": (1000.0, 1600.0, "m/s", "water has 1440 m/s, with bubbles less"),
+        "cutoff": (5.0, 200.0, "Hz", "records shake dams up to 30 Hz"),
+    },
     PressureConfig: {"value": (0.0, 1e7, "Pa", "1000 m of water have 10 MPa")},
     TemperatureConfig: {"change": (0.0, 60.0, "K", "dams warm and cool by up to 20 K")},
     RayleighConfig: {

@@ -15,8 +15,8 @@ class IntegratorEntry:
     Attributes
     ----------
     source : "module:class", see `romdam.timestepping.integrators.protocol.Integrator`
-    uncoupled : whether it needs modes that nothing couples: a reduced model, and no dashpots in the rock.
-        Then `accuracy` can choose its step, and a study compare it
+    uncoupled : whether it needs modes that nothing couples: a reduced model, with neither dashpots in the
+        rock nor compressible water. Then `accuracy` can choose its step, and a study compare it
     damped : whether it suits scenes with damping
     keys : of the section `transient`, those that it alone reads
     """

@@ -209,6 +209,22 @@ class WetFace:
 
 
 @dataclass(frozen=True)
+class Sound:
+    """Waves in water.
+
+    Attributes
+    ----------
+    speed : of sound [m/s]
+    reflection : of a wave that meets the floor, 1 where it is rigid
+    cutoff : frequency up to which a reduced model has the reservoir's own modes [Hz]
+    """
+
+    speed: float
+    reflection: float
+    cutoff: float
+
+
+@dataclass(frozen=True)
 class Reservoir:
     """Water that moves with the dam.
 
@@ -218,18 +234,20 @@ class Reservoir:
     level : elevation of its surface [m]
     depth : of the level above the floor [m]
     density : [kg/m3]
-    incompressible : solved for in a prismatic reservoir; else Westergaard's pressure
+    prismatic : solved for in a prismatic reservoir; else Westergaard's pressure
     upstream : (3,) horizontal unit vector away from the dam
     length : of the prismatic reservoir, from its farthest wet point [m]
+    sound : of compressible water; None where it is incompressible
     """
 
     faces: tuple[WetFace, ...]
     level: float
     depth: float
     density: float
-    incompressible: bool
+    prismatic: bool
     upstream: Floats
     length: float
+    sound: Sound | None = None
 
 
 @dataclass(frozen=True)

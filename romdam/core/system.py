@@ -135,6 +135,7 @@ class System:
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
     drive : of the load's columns from the fourth on, and of the acceleration that goes with them; None
         where the ground's acceleration is all
+    gyroscopic : whether C is skew between dam and water, where it does no work; B does not see the water
     """
 
     M: csr_matrix
@@ -151,6 +152,7 @@ class System:
     reduced: bool = False
     at_point: csr_matrix | None = None
     drive: Drive | None = None
+    gyroscopic: bool = False
 
     @property
     def size(self) -> int:

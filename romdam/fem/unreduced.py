@@ -16,7 +16,8 @@ from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
-from romdam.fem.water import added_mass, sparse_added_mass
+from romdam.fem.water.added_mass import added_mass, sparse_added_mass
+from romdam.fem.water.compressible import reservoir_waves, with_waves
 from romdam.scene.ties import scene_parts
 
 _ENTRIES = 40_000_000  # of incompressible water's added mass, at most: 0.5 GB, and as much in its factors
@@ -61,7 +62,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     driven: Floats | csr_matrix = shaken + wet
     if scene.free_field is not None:
         driven = csr_matrix(hstack([driven, -_free_field_load(scene, scene.free_field, numbered)]))
-    return System(
+    system = System(
         M=mass,
         C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
         K=stiffness,
@@ -76,6 +77,8 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
         drive=deconvolution(scene.free_field, damping),
     )
+    waves = reservoir_waves(scene)
+    return system if waves is None else with_waves(system, waves, waves.on(numbered.of_block))
 
 
 def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:

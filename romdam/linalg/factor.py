@@ -1,4 +1,4 @@
-"""Factor a sparse symmetric matrix once, solve with it many times."""
+"""Factor a sparse matrix once, solve with it many times."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from romdam.core.errors import ReductionError
 
 
 class Factor:
-    """LU factors of a symmetric matrix, held once.
+    """LU factors of a matrix, held once.
 
     SuperLU with an ordering for symmetric patterns and no pivoting off the diagonal, which fills the factors
     of a stiffness less than SciPy's defaults.
 
     Parameters
     ----------
-    matrix : (n, n) sparse, symmetric
+    matrix : (n, n) sparse, of symmetric pattern and with a positive definite symmetric part
 
     Raises
     ------
@@ -41,9 +41,10 @@ class Factor:
                 "look for nodes that no element uses and for missing supports"
             ) from error
 
-    def solve(self, right: Floats) -> Floats:
+    def solve(self, right: Floats, transposed: bool = False) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides."""
-        return np.asarray(self._lu.solve(np.ascontiguousarray(right, dtype=float)))
+        wanted = "T" if transposed else "N"
+        return np.asarray(self._lu.solve(np.ascontiguousarray(right, dtype=float), wanted))
 
     def negative(self) -> int:
         """Number of negative eigenvalues: that of the negative pivots, which lie on the diagonal."""

@@ -40,6 +40,6 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
         a, b = fine.basis[name], coarse.basis[name]
         matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble(block)[1]))
     if fine.water is not None:
-        onto, of = (on_unknowns(m.system.size, m.basis, fine.water) for m in (fine, coarse))
+        onto, of = (on_unknowns(m.system.size, m.basis, fine.water.coupling) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)
     return csr_matrix(matrix)

@@ -28,7 +28,7 @@ from romdam.fem.damping import modal_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.loads import surface_force, weight_acts
-from romdam.fem.water import AddedMass, added_mass
+from romdam.fem.water.added_mass import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import Dense
@@ -40,6 +40,7 @@ from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_la
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.water import with_water
+from romdam.reduction.waves import with_reservoir
 from romdam.scene.meshes.quality import refuse_loose_nodes
 from romdam.scene.supports import has_no_rigid_body_mode, rigid_motions
 from romdam.scene.ties import Part, scene_parts
@@ -128,6 +129,7 @@ def _reduced_scene(
         if water is not None:
             system, basis = with_water(system, basis, water, damping)
         system = _with_free_field(_with_dashpots(system, scene, basis), scene, basis, damping)
+        system = with_reservoir(system, scene, basis)
         report["cpu_seconds"] = time.process_time() - start
         models.append(ReducedModel(system=system, basis=basis, report=report, water=water))
     return models

@@ -21,7 +21,7 @@ from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.system import System
 from romdam.fem.damping import modal_coefficients
-from romdam.fem.water import AddedMass
+from romdam.fem.water.added_mass import AddedMass
 from romdam.linalg.dense import eigh
 from romdam.reduction.basis import Dense, Lazy
 from romdam.reduction.methods.craig_bampton import without_roundoff
@@ -70,7 +70,7 @@ def with_water(
     ReductionError
         where the eigenproblem fails.
     """
-    B = on_unknowns(system.size, basis, water)
+    B = on_unknowns(system.size, basis, water.coupling)
     wet, k = _wet_unknowns(system, B), system.K.diagonal()
     omega2, V = _wet_modes(k[wet], B[:, wet], water)
     change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
@@ -92,10 +92,10 @@ def with_water(
     return turned, {name: _changed(part, change, omega2) for name, part in basis.items()}
 
 
-def on_unknowns(size: int, basis: dict[str, BlockBasis], water: AddedMass) -> Floats:
-    """The water's operator (r, size) on the unknowns of a reduced system."""
-    B = np.zeros((water.ground.shape[0], size))
-    for name, operator in water.coupling.items():
+def on_unknowns(size: int, basis: dict[str, BlockBasis], coupling: dict[str, csr_matrix]) -> Floats:
+    """The water's operator (r, size) on the unknowns of a reduced system, from those on the blocks."""
+    B = np.zeros((next(iter(coupling.values())).shape[0], size))
+    for name, operator in coupling.items():
         B[:, basis[name].columns] += basis[name].vectors.under(operator)
     return B
 

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, Joint, Reservoir, Tie, WetFace
+from romdam.core.scene import Block, Bools, Joint, Reservoir, Sound, Tie, WetFace
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import area_vectors, facet_normals
 from romdam.scene.mortar.segments import segments
@@ -57,7 +57,7 @@ def build_reservoir(
     _refuse_floor(config, place)
     bottom = min(float(height.min()) for height in heights)
     upstream = _upstream(config, blocks, faces, place)
-    if config.model == "incompressible":
+    if config.model != "westergaard":
         _refuse_behind(upstream, blocks, faces, place)
         _refuse_cracks(blocks, faces, place)
     return Reservoir(
@@ -65,10 +65,17 @@ def build_reservoir(
         level=config.level,
         depth=config.level - (bottom if config.bottom is None else config.bottom),
         density=config.density,
-        incompressible=config.model == "incompressible",
+        prismatic=config.model != "westergaard",
         upstream=upstream,
         length=config.length or _DEPTHS * (config.level - bottom),
+        sound=_sound(config),
     )
+
+
+def _sound(config: WaterConfig) -> Sound | None:
+    if config.model != "compressible":
+        return None
+    return Sound(config.sound_speed, config.bottom_reflection, config.cutoff)
 
 
 def refuse_level(level: float, heights: list[Floats], place: str) -> None:
@@ -141,7 +148,7 @@ def _refuse_cracks(blocks: dict[str, Block], faces: list[WetFace], place: str) -
             at = ", ".join(f"{x:.6g}" for x in middle[i])
             raise ConfigError(
                 f"{place}: the wet faces of {owner[i]!r} and {owner[beside[0]]!r} do not share their nodes "
-                f"along their common edge, at ({at}) for one: incompressible water would be cut there by a "
+                f"along their common edge, at ({at}) for one: the reservoir would be cut there by a "
                 "wall; mesh both alike there, or set water.model: westergaard"
             )
 

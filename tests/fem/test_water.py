@@ -1,12 +1,13 @@
 """Added mass: total force on a rigid wall, a published dam, the reduced model against the mesh, refusals."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from gravity_sections import FOOT, KOYNA, PINE_FLAT, section_scene
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 from simulating import simulated
@@ -15,10 +16,9 @@ import romdam.reduction.storage.model_file
 import romdam.reduction.water
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError, ReductionError
-from romdam.core.scene import Material
 from romdam.fem.unreduced import assemble_full
-from romdam.fem.water import added_mass, sparse_added_mass
-from romdam.fem.wet_mesh import wet_mesh
+from romdam.fem.water.added_mass import added_mass, sparse_added_mass
+from romdam.fem.water.wet_mesh import wet_mesh
 from romdam.reduction.basis import Lazy
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
@@ -29,16 +29,6 @@ from romdam.scene.build import build_scene
 from romdam.scene.elements import SOLIDS
 
 SERIES = 16 / np.pi**3 * sum(1 / (2 * k - 1) ** 3 for k in range(1, 200))  # 0.5427, Westergaard's total force
-
-
-@dataclass(frozen=True)
-class Section:
-    """A gravity dam's section: upstream and downstream faces over height [m], and its concrete."""
-
-    heights: np.ndarray
-    upstream: np.ndarray
-    downstream: np.ndarray
-    material: Material
 
 
 def job(water, boxes, element="hex8", **other):
@@ -130,41 +120,17 @@ def test_inclined_face_of_a_reservoir_between_moving_walls():
     np.testing.assert_allclose(ground[:, 2], [0.0, -0.5, -0.25], atol=1e-6)
 
 
-FOOT = 0.3048
-PINE_FLAT = (
-    Section(  # tallest monolith, 400 ft high: 32 ft at the crest, 314 ft at the base, upstream 1 in 20
-        heights=np.array([0.0, 335.0, 400.0]) * FOOT,
-        upstream=np.array([0.0, 16.75, 16.75]) * FOOT,
-        downstream=np.array([314.3, 48.75, 48.75]) * FOOT,
-        material=Material(22.41e9, 0.2, 2483.0),
-    )
-)
-KOYNA = Section(  # tallest monolith, 103 m high: 14.8 m at the crest, 70 m at the base, upstream vertical
-    heights=np.array([0.0, 66.5, 103.0]),
-    upstream=np.zeros(3),
-    downstream=np.array([70.0, 19.25, 14.8]),
-    material=Material(31.027e9, 0.2, 2643.0),
-)
-
-
 def section_system(section, level=None):
-    """A slice 4 m thick of 6 x 16 hex20, free to widen along the axis (plane stress), base fixed."""
-    top = section.heights[-1]
-    water = {"level": level, "faces": [{"block": "a", "face": "ymin"}], "model": "incompressible"}
-    box = {"a": ([0, 0, 0], [4.0, 40.0, top], [4.0, 40.0 / 6, top / 16])}
-    scene, config = job(water if level else None, box, "hex20")
-    block, held = scene.blocks["a"], scene.fixed["a"].copy()
-    x, y, z = block.points.T
-    up, down = (np.interp(z, section.heights, side) for side in (section.upstream, section.downstream))
-    held[:, 0] |= x == 2.0
-    points = np.stack([x, up + y / 40.0 * (down - up), z], axis=1)
-    moved = replace(block, points=points, material=section.material)
-    scene = replace(scene, blocks={"a": moved}, fixed={"a": held})
+    """First frequency of 6 x 16 hex20, and the first mode along the upstream face."""
+    water = {"level": level, "model": "incompressible"} if level else None
+    scene, config = section_scene(section, water, (6, 16), {})
+    held = scene.fixed["a"]
+    x, _, z = scene.blocks["a"].points.T
     system = assemble_full(scene, config.damping)
     omega2, mode = eigsh(system.K, 1, system.M, sigma=0.0, v0=np.ones(system.size))
     whole = np.zeros(held.size)
     whole[~held.ravel()] = mode[:, 0]
-    face = (y == 0.0) & (x == 2.0)
+    face = np.isin(np.arange(len(x)), scene.blocks["a"].faces["ymin"]) & (x == 2.0)
     order = np.argsort(z[face])
     return np.sqrt(omega2[0]), z[face][order], whole[1::3][face][order]
 
@@ -339,7 +305,8 @@ TWICE = "faces[1]: the face is not wet:"
         ({"bottom": 9.0}, "water.bottom: the floor at 9 m must be below the level of 7 m"),
         ({"faces": [{"block": "z", "face": "ymin"}]}, "water.faces[0].block: no 'z' is defined"),
         ({"density": -1}, "water.density"),
-        ({"model": "compressible"}, "water.model"),
+        ({"model": "shallow"}, "water.model"),
+        ({"sound_speed": 1440}, "water: sound_speed: water that is 'incompressible' knows no waves"),
     ],
 )  # fmt: skip
 def test_water_that_cannot_be_is_refused_with_numbers(water, says):

@@ -11,6 +11,7 @@ from romdam.config.base import Model
 from romdam.config.quantities import Length
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.places import FaceRef
+from romdam.config.sections.water import WaterConfig
 
 
 class ViscousConfig(Model):
@@ -57,9 +58,9 @@ class GroundConfig(Model):
 
 
 def refuse_wrong_ground(
-    ground: GroundConfig, dam: ArchDamConfig | None, varied: Mapping[str, object]
+    ground: GroundConfig, dam: ArchDamConfig | None, water: WaterConfig | None, varied: Mapping[str, object]
 ) -> None:
-    """Raise where a suite forbids viscous faces, or waves have none to come through.
+    """Raise where a suite forbids viscous faces, waves have none to come through, or water is for one motion.
 
     Parameters
     ----------
@@ -76,6 +77,11 @@ def refuse_wrong_ground(
             f"{'arch_dam.rock.boundary' if of_dam else 'a face of ground.viscous'} is viscous: samples "
             "share modes that nothing couples, and dashpots couple them; leave the parameters out, or hold "
             "the rock by supports (`boundary: fixed`) and give it `mass: false`"
+        )
+    if ground.input == "free_field" and water is not None and water.has_waves:
+        raise ValueError(
+            "ground.input: free_field moves each depth of the rock on its own, and water.model: compressible "
+            "has one motion of its floor and banks; set water.model: incompressible, or ground.input: uniform"
         )
     key = "rock" if ground.rock else "input: free_field" if ground.input == "free_field" else ""
     if key and not (of_dam or ground.viscous):

@@ -33,7 +33,7 @@ from romdam.config.sections.places import Axis, ElementName, FaceRef, LengthUnit
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.transient import ModalName, TransientConfig
-from romdam.config.sections.water import WaterConfig
+from romdam.config.sections.water import WaterConfig, refuse_waves
 from romdam.core.errors import listed, shown
 from romdam.core.integrators import INTEGRATORS
 
@@ -289,7 +289,9 @@ class Config(Model):
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
         self._refuse_interval_that_no_steps_divide()
-        refuse_wrong_ground(self.ground, self.arch_dam, self.suite.parameters if self.suite else {})
+        varied = self.suite.parameters if self.suite else {}
+        refuse_wrong_ground(self.ground, self.arch_dam, self.water, varied)
+        refuse_waves(self.water, self.transient.integrator, self.model.modes, varied)
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):

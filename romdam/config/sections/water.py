@@ -2,32 +2,94 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Collection
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from romdam.config.base import Model
-from romdam.config.quantities import Density, Length
+from romdam.config.quantities import Density, Dimensionless, Frequency, Length, Velocity
 from romdam.config.sections.places import BlockFace, Direction
+from romdam.core.integrators import INTEGRATORS
 
 Positive = Field(gt=0.0)
+_OF_SOUND = ("sound_speed", "bottom_reflection", "cutoff")
 
 
 class WaterConfig(Model):
-    """Added mass of the reservoir on wet faces, up to `level` (elevation along z).
+    """The reservoir on wet faces, up to `level` (elevation along z).
 
     `westergaard`: the pressure 7/8 rho sqrt(depth y) of the local normal acceleration at y below the level.
     `incompressible`: water in a prismatic reservoir that reaches `length` upstream (three depths if not
     given) from the wet faces, along `upstream` (the horizontal mean normal of the faces if not given).
+    `compressible`: waves in the same reservoir, which leave it at its far end as in a channel that goes on
+    without end, and are reflected by the floor and by banks that lean. A reduced model has its own modes up
+    to `cutoff`; above, the water answers as incompressible.
     `bottom` is the elevation of the floor for Westergaard's depth, the lowest wet point if not given.
     """
 
     level: Length
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
-    model: Literal["westergaard", "incompressible"]
+    model: Literal["westergaard", "incompressible", "compressible"]
     """How the water answers."""
     density: Annotated[Density, Positive] = 1000.0
     """Of the water."""
     bottom: Length | None = None
     upstream: Direction | None = None
     length: Annotated[Length, Positive] | None = None
+    sound_speed: Annotated[Velocity, Positive] = 1440.0
+    """Of compressible water."""
+    bottom_reflection: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 1.0
+    """Share of a pressure wave that the floor sends back (compressible): 1 rigid, 0 takes all up."""
+    cutoff: Annotated[Frequency, Positive] = 50.0
+
+    @model_validator(mode="after")
+    def _sound_in_compressible_water(self) -> Self:
+        idle = [key for key in _OF_SOUND if key in self.model_fields_set]
+        if idle and self.model != "compressible":
+            raise ValueError(
+                f"{idle[0]}: water that is {self.model!r} knows no waves; leave it out, or set "
+                "model: compressible"
+            )
+        return self
+
+    @property
+    def has_waves(self) -> bool:
+        """Tell whether the reservoir has motions of its own."""
+        return self.model == "compressible"
+
+
+def refuse_waves(
+    water: WaterConfig | None, integrator: str | None, modes: object, varied: Collection[str]
+) -> None:
+    """Refuse compressible water where a run needs modes that nothing couples.
+
+    Parameters
+    ----------
+    integrator : that is asked for, if any
+    modes : `model.modes`
+    varied : parameters that samples of a suite vary
+
+    Raises
+    ------
+    ValueError
+        with the key and the remedy.
+    """
+    if water is None or not water.has_waves:
+        return
+    if varied:
+        raise ValueError(
+            f"suite.parameters: {len(varied)} varied, limit 0 where water.model is compressible: samples "
+            "share modes that nothing couples, and water couples them; leave the parameters out, or set "
+            "water.model: incompressible"
+        )
+    if modes == "auto":
+        raise ValueError(
+            "model.modes: auto judges modes by an estimate; there is none with compressible water: give a "
+            "number, 60 is a good start, or set water.model: incompressible"
+        )
+    if integrator is not None and INTEGRATORS[integrator].uncoupled:
+        raise ValueError(
+            f"transient.integrator: {integrator} needs modes that nothing couples, and compressible water "
+            "couples them; leave the integrator out, or set water.model: incompressible"
+        )

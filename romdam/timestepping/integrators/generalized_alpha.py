@@ -73,7 +73,10 @@ def scheme_rates(s: Scheme, dt: float, angle: Floats) -> tuple[Complex, Complex]
 
 @dataclass(frozen=True)
 class _Stepper:
-    """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-1 B^T."""
+    """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-T B^T.
+
+    H is symmetric with a gyroscopic C too, whose transpose has the signs of the water changed.
+    """
 
     system: System
     scheme: Scheme
@@ -117,7 +120,7 @@ def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
     s = scheme(options.rho_inf)
     A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
     factor = Factor(A)
-    X = factor.solve(system.B.T.toarray())
+    X = factor.solve(system.B.T.toarray(), transposed=system.gyroscopic)
     H = s.beta * dt**2 * np.asarray(system.B @ X)
     problem = system_gap_problem(system, H, dt, s.a_f / (1.0 - s.a_f) if options.midpoint else 0.0)
     return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), problem)

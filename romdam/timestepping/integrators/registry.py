@@ -32,7 +32,7 @@ def suitable_integrator(system: System) -> str:
 
     Uncoupled modes with plain joints but no damping at all get the scheme that conserves energy, any other
     uncoupled modes the one that cuts its steps where contact changes; the unreduced mesh, and modes that the
-    dashpots of absorbing faces couple, generalised-alpha.
+    dashpots of absorbing faces or compressible water couple, generalised-alpha.
     """
     if not system.diagonal:
         return FULL_ORDER

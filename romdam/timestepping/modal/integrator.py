@@ -55,8 +55,9 @@ class ModalIntegrator:
         """
         if not system.diagonal:
             raise ConfigError(
-                f"transient.integrator: {self.name} needs a reduced model whose modes no dashpots "
-                "couple; use generalized_alpha, or model.order: reduced and rock without viscous faces"
+                f"transient.integrator: {self.name} needs a reduced model whose modes nothing "
+                "couples; use generalized_alpha, or model.order: reduced, rock without viscous faces and "
+                "incompressible water"
             )
 
     def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:

@@ -28,11 +28,11 @@ from scipy.sparse.linalg import splu
 
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Block, Ints, Reservoir, Scene
-from romdam.fem.wet_mesh import WetMesh, WetPieces, wet_mesh
+from romdam.fem.water.prism import laplacian, prism
+from romdam.fem.water.wet_mesh import WetMesh, wet_mesh
 from romdam.scene.elements import Floats
 
 _WESTERGAARD = 7.0 / 8.0
-_GROWTH = 1.2  # of a layer's thickness over the one before it, away from the dam
 
 
 @dataclass(frozen=True)
@@ -60,17 +60,17 @@ class AddedMass:
 
 
 def added_mass(scene: Scene) -> AddedMass | None:
-    """The added mass of a scene's reservoir; None without one.
+    """The added mass of a scene's reservoir; None without one, and where its water is compressible.
 
     Raises
     ------
     ReductionError
         where the reservoir's equations cannot be factored.
     """
-    if scene.reservoir is None:
+    if scene.reservoir is None or scene.reservoir.sound is not None:
         return None
     mesh = wet_mesh(scene.blocks, scene.reservoir)
-    if scene.reservoir.incompressible:
+    if scene.reservoir.prismatic:
         return _incompressible(scene.blocks, scene.reservoir, mesh)
     return _westergaard(scene.blocks, scene.reservoir, mesh)
 
@@ -141,10 +141,9 @@ def _operator(rows: Ints, nodes: Ints, values: Floats, shape: tuple[int, int]) -
 
 def _incompressible(blocks: dict[str, Block], water: Reservoir, mesh: WetMesh) -> AddedMass:
     """Solve the reservoir once for a unit flux at every wet node below the surface."""
-    layers = _layers(water, mesh)
-    L, rigid = _laplacian(water, mesh, layers)
-    wet = np.flatnonzero(~mesh.surface)
-    free = np.flatnonzero(np.tile(~mesh.surface, len(layers)))
+    channel = prism(water, mesh)
+    L, rigid = laplacian(channel)
+    wet, free = np.flatnonzero(~mesh.surface), channel.under_water
     place = np.searchsorted(free, wet)  # the wet nodes are the first layer
     try:
         factor = splu(
@@ -160,11 +159,11 @@ def _incompressible(blocks: dict[str, Block], water: Reservoir, mesh: WetMesh) -
     unit[place, np.arange(len(wet))] = 1.0
     flexibility = water.density * factor.solve(unit)[place]
     ground = water.density * factor.solve(np.ascontiguousarray(rigid[free]))[place]
-    coupling = {name: Q[wet] for name, Q in _coupling(blocks, mesh).items()}
+    coupling = {name: Q[wet] for name, Q in wet_coupling(blocks, mesh).items()}
     return AddedMass(coupling, (flexibility + flexibility.T) / 2.0, ground)
 
 
-def _coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
+def wet_coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
     """Q (wet nodes, 3 n) of every block: int N_p n . N_u dA, outward from the dam [m2]."""
     found: dict[str, csr_matrix] = {}
     for piece in mesh.pieces:
@@ -176,63 +175,3 @@ def _coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
         )
         found[piece.block] = csr_matrix(found[piece.block] + Q) if piece.block in found else Q
     return found
-
-
-def _layers(water: Reservoir, mesh: WetMesh) -> Floats:
-    """Share of the way from the dam to the far end of every layer of nodes, from 0 to 1."""
-    edges = [mesh.points[p.nodes] - mesh.points[np.roll(p.nodes, 1, axis=1)] for p in mesh.pieces]
-    size = np.mean([np.linalg.norm(edge, axis=2).mean() for edge in edges])
-    count = int(np.ceil(np.log1p(water.length / size * (_GROWTH - 1.0)) / np.log(_GROWTH)))
-    thickness = _GROWTH ** np.arange(max(count, 2))
-    return np.concatenate([[0.0], np.cumsum(thickness) / thickness.sum()])
-
-
-def _laplacian(water: Reservoir, mesh: WetMesh, layers: Floats) -> tuple[csr_matrix, Floats]:
-    """Laplacian of the extruded reservoir [m], and the flux (nodes, 3) of its walls' unit rigid motions [m2].
-
-    The flux through all walls follows from the divergence theorem, less the far end, which stays.
-    """
-    along = mesh.points @ water.upstream
-    way = along.max() + water.length - along
-    points = np.concatenate([mesh.points + np.outer(way * s, water.upstream) for s in layers])
-    k, size = len(mesh.points), len(points)
-    L, rigid = csr_matrix((size, size)), np.zeros((size, 3))
-    for piece in mesh.pieces:
-        base = np.arange(len(layers) - 1)[:, None, None] * k + piece.nodes
-        cells = np.concatenate([base, base + k], axis=2).reshape(-1, 2 * piece.nodes.shape[1])
-        gradient, volume = _prism_gradients(points[cells], piece)
-        local = np.einsum("nqka,nqkb,nq->nab", gradient, gradient, volume, optimize=True)
-        rows, columns = (np.broadcast_to(n, local.shape).ravel() for n in (cells[:, :, None], cells[:, None]))
-        L = L + csr_matrix((local.ravel(), (rows, columns)), shape=(size, size))
-        np.add.at(rigid, cells, -np.einsum("nqka,nq->nak", gradient, volume, optimize=True))
-        far = points[piece.nodes + (len(layers) - 1) * k]
-        np.add.at(rigid, piece.nodes + (len(layers) - 1) * k, _far_end(far, piece, water.upstream))
-    return csr_matrix(L), rigid
-
-
-def _prism_gradients(x: Floats, piece: WetPieces) -> tuple[Floats, Floats]:
-    """Gradients (n, nq, 3, 2c) of the linear shape functions of prisms (n, 2c, 3), volumes (n, nq) [m3]."""
-    base = piece.element
-    eta, w_base = base.rule_of(2)
-    t, w_line = np.polynomial.legendre.leggauss(2)
-    t, w_line = (t + 1.0) / 2.0, w_line / 2.0
-    shape, slope = base.shape(eta), base.gradient(eta)
-    up = np.stack([1.0 - t, t], axis=1)
-    across = np.einsum("qda,lj->qldja", slope, up).reshape(len(eta) * len(t), 2, -1)
-    through = np.einsum("qa,j->qja", shape, np.array([-1.0, 1.0])).reshape(len(eta), 1, 1, -1)
-    through = np.broadcast_to(through, (len(eta), len(t), 1, through.shape[-1])).reshape(
-        -1, 1, through.shape[-1]
-    )
-    local = np.concatenate([across, through], axis=1)
-    jacobian = np.einsum("qda,nak->nqdk", local, x)
-    volume = np.abs(np.linalg.det(jacobian)) * np.outer(w_base, w_line).ravel()
-    return np.asarray(np.linalg.solve(jacobian, local[None]), dtype=float), volume
-
-
-def _far_end(x: Floats, piece: WetPieces, upstream: Floats) -> Floats:
-    """int N n dA (n, c, 3) over the plane far end, whose normal out of the water is `upstream`."""
-    base = piece.element
-    eta, weight = base.rule
-    tangents = np.einsum("qda,nak->nqdk", base.gradient(eta), x)
-    area = np.abs(np.cross(tangents[:, :, 0], tangents[:, :, 1]) @ upstream) * weight
-    return np.einsum("qa,nq->na", base.shape(eta), area)[..., None] * upstream
