@@ -278,6 +278,10 @@ def test_faces_without_a_distance_take_it_from_the_foot():
             r"vertical, and one level bottom; those that are not vertical reach from 0 to 100 m",
         ),
         ({"viscous": [{"block": "low", "faces": ["zmin"]}]}, None),
+        (
+            {"viscous": [{"block": "low", "faces": ["zmin", "xmin", {"axis": "z", "at": 0.0}]}]},
+            r"ground.viscous\[0\].faces\[2\]: 8 of 8 facets of block 'low' are viscous already",
+        ),
         ({"surface": -1.0}, r"the rock's surface, -1 m, must be above its bottom, 0 m"),
         ({"input": "uniform", "surface": 1.0}, r"ground: `surface` is that of `input: free_field`"),
         ({"rock": ["none"]}, r"ground.rock\[0\]: no 'none' is defined"),

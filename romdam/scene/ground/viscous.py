@@ -46,10 +46,22 @@ def with_viscous_faces(
             )
         for i, face in enumerate(one.faces):
             facets = select_facets(block, face, f"{place}.faces[{i}]")
+            _refuse_twice(block, facets, f"{place}.faces[{i}]")
             away = one.distance or _distance(block.points, facets, foot, f"{place}.faces[{i}]")
             block = replace(block, absorbing=(*block.absorbing, Absorbing(facets, away)))
         found[one.block] = block
     return found
+
+
+def _refuse_twice(block: Block, facets: Ints, place: str) -> None:
+    """A facet of two entries would take up waves twice."""
+    seen = {tuple(sorted(facet)) for face in block.absorbing for facet in face.facets.tolist()}
+    again = sum(tuple(sorted(facet)) in seen for facet in facets.tolist())
+    if again:
+        raise ConfigError(
+            f"{place}: {again} of {len(facets)} facets of block {block.name!r} are viscous already, limit 0; "
+            "name each face once"
+        )
 
 
 def _foot(blocks: Mapping[str, Block], rock: frozenset[str]) -> Floats:
