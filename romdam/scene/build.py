@@ -10,10 +10,11 @@ from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
-from romdam.scene.arch_dam.generator import ArchDam, arch_dam
+from romdam.scene.arch_dam.generator import Dam, arch_dam
 from romdam.scene.boxes import box_block
 from romdam.scene.cutting.pieces import cut_block
 from romdam.scene.elements import Floats
+from romdam.scene.gravity_dam.generator import gravity_dam
 from romdam.scene.joints import build_joint
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
@@ -24,7 +25,7 @@ from romdam.scene.stress_sites import stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import build_tie, merged_parts
 
-_NO_DAM = ArchDam({}, (), {}, frozenset(), frozenset())
+_NO_DAM = Dam({}, (), {}, frozenset(), frozenset())
 
 
 def build_scene(config: Config, folder: Path, source: str) -> Scene:
@@ -45,7 +46,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     """
     refuse_large(config, source)
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
-    dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
+    dam = _dam(config, materials, source)
     blocks = dam.blocks | _blocks(config, materials, folder, source)
     fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
@@ -83,6 +84,12 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     )
     say_odd(scene, materials, source)
     return scene
+
+
+def _dam(config: Config, materials: dict[str, Material], source: str) -> Dam:
+    if config.gravity_dam:
+        return gravity_dam(config.gravity_dam, materials, f"{source}: gravity_dam")
+    return arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
 
 
 def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:

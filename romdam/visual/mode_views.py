@@ -14,6 +14,7 @@ from romdam.core.arrays import Floats
 from romdam.core.scene import Scene
 from romdam.visual.plots import save_figure
 from romdam.visual.rendering import EDGES, Bounds, Image, Picture, fitting_size, grid, surface
+from romdam.visual.scene_view import rock_blocks
 from romdam.visual.style import COLOURS, GREY, STYLE, image_grid
 
 _DRAWN = 6  # modes
@@ -25,16 +26,14 @@ _COLOURS = "viridis"
 
 
 def draw_modes(scene: Scene, dataset: xr.Dataset, path: Path) -> Path:
-    """Draw the lowest shapes of the blocks with mass that joints touch (all blocks where none is).
+    """Draw the lowest shapes of the dam's blocks.
 
     Raises
     ------
     ResultError
         where 3-D pictures cannot be drawn.
     """
-    jointed = {name for joint in scene.joints.values() for name in joint.blocks}
-    dam = [name for name in scene.blocks if name in jointed and scene.blocks[name].material.rho > 0.0]
-    dam = dam or list(scene.blocks)
+    dam = [name for name in scene.blocks if name not in rock_blocks(scene)]
     points = np.concatenate([scene.blocks[name].points for name in dam])
     low, high = points.min(axis=0), points.max(axis=0)
     scale = _SHOWN * float(np.linalg.norm(high - low))
