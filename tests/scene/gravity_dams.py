@@ -21,4 +21,4 @@ def gravity_dam(**keys: Any) -> dict[str, Any]:
         "rock": FOUNDATION | {"left": 60, "right": 60},
         "joints": {"base": JOINT, "contraction": JOINT},
     }
-    return {"materials": {"concrete": CONCRETE, "rock": ROCK}, "gravity_dam": dam | keys}
+    return {"materials": {"concrete": dict(CONCRETE), "rock": dict(ROCK)}, "gravity_dam": dam | keys}
