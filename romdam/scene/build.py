@@ -82,7 +82,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
     )
-    say_odd(scene, materials, source)
+    say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
 
 

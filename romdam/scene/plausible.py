@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from itertools import combinations
 
 import numpy as np
@@ -26,20 +27,26 @@ _COVERED = 0.99  # share of a face from which on a joint covers it
 _EDGE = 1e-3  # share of a facet below which blocks only meet at an edge
 
 
-def say_odd(scene: Scene, materials: dict[str, Material], source: str) -> None:
+def say_odd(scene: Scene, materials: dict[str, Material], source: str, made: Collection[str] = ()) -> None:
     """Log as warnings what of a scene is odd.
 
     Parameters
     ----------
     materials : by name, as they stand in the configuration
     source : name of the configuration file
+    made : joints that a dam's own keys make, which cover what these say
     """
     remarks = [
         *(line for name, material in materials.items() for line in _material(name, material)),
         *_extent(scene.blocks),
         *(line for block in scene.blocks.values() for line in _slender(block)),
         *(line for joint in scene.joints.values() for line in _stiffness(joint, scene.blocks)),
-        *(line for joint in scene.joints.values() for line in _partly(joint, scene)),
+        *(
+            line
+            for name, joint in scene.joints.items()
+            if name not in made
+            for line in _partly(joint, scene.blocks)
+        ),
         *_unjoined(scene),
     ]
     for line in remarks:
@@ -112,25 +119,17 @@ def _stiffness(joint: Joint, blocks: dict[str, Block]) -> list[str]:
     return []
 
 
-def _partly(joint: Joint, scene: Scene) -> list[str]:
-    """A joint that covers, with the others in its plane, only part of the face of either block there."""
+def _partly(joint: Joint, blocks: dict[str, Block]) -> list[str]:
+    """A joint that covers only part of the face of either block in its plane."""
     area = float(joint.whole_area.sum())
     normal, at = joint.axes[:, 0].mean(axis=0), joint.position.mean(axis=0)
     if np.abs((joint.position - at) @ normal).max() > _TOUCH:
         return []  # curved: no plane tells the face
-    faces = [_in_plane(scene.blocks[name], normal, at) for name in joint.blocks]
-    joined = [_joined(scene, name, normal, at) for name in joint.blocks]
-    if any(own >= _COVERED * face for own, face in zip(joined, faces, strict=True)):
+    faces = [_in_plane(blocks[name], normal, at) for name in joint.blocks]
+    if area >= _COVERED * min(faces):
         return []
     names = " and ".join(f"{face:.4g} m2 of {name!r}" for name, face in zip(joint.blocks, faces, strict=True))
     return [f"joints.{joint.name}: the faces lie on each other over {area:.4g} m2, of {names} in that plane"]
-
-
-def _joined(scene: Scene, name: str, normal: Floats, at: Floats) -> float:
-    """Area of a block's joints in a plane [m2]."""
-    own = [joint for joint in scene.joints.values() if name in joint.blocks]
-    there = [joint for joint in own if np.abs((joint.position - at) @ normal).max() <= _TOUCH]
-    return float(sum(joint.whole_area.sum() for joint in there))
 
 
 def _in_plane(block: Block, normal: Floats, at: Floats) -> float:

@@ -73,6 +73,11 @@ def test_gallery_is_cut_out_exactly(make, element):
     assert (at.min(axis=0)[1:], at.max(axis=0)[1:]) == (pytest.approx([5, 12]), pytest.approx([7.5, 15]))
 
 
+def test_steps_cover_part_of_a_face_and_nothing_odd_is_said(make, caplog):
+    make(gravity_dam(rock=FOUNDATION | {"left": 60, "right": 60, "banks": [40.0, 20.0]}))
+    assert not caplog.text
+
+
 def test_names_of_blocks_and_joints(make):
     lifts = make(gravity_dam(lifts=[15.0, 66.5], joints={"base": JOINT, "contraction": JOINT, "lift": JOINT}))
     assert list(lifts.blocks) == [

@@ -48,6 +48,7 @@ class GalleryConfig(Model):
     floor: Length
     """Elevation."""
     height: Size
+    """From its floor to its roof."""
     upstream: Length
     """y of its upstream wall."""
     width: Size
