@@ -1,10 +1,13 @@
 """The gravity dam generator: the shape asked for, its joints, and refusals with numbers."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from gravity_dams import DIVISIONS, FOUNDATION, JOINT, KOYNA, gravity_dam
 from scipy.sparse.linalg import spsolve
 
+from romdam.config import load_config
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
@@ -12,10 +15,12 @@ from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import part_matrices, unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.natural_modes import natural_modes
+from romdam.scene.build import build_scene
 from romdam.scene.elements import SOLIDS
 from romdam.scene.facets import area_vectors, boundary_facets
 from romdam.scene.ties import scene_parts
 
+ROOT = Path(__file__).parents[2]
 SLOPED = {"upstream": [[-10, -4], [30, 0], [100, 1]], "downstream": [[-10, 80], [60, 20], [90, 9], [100, 9]]}
 GALLERY = {"floor": 12.0, "height": 3.0, "upstream": 5.0, "width": 2.5}
 FIXED = {"rock": None, "joints": {"base": "tied", "contraction": JOINT, "lift": JOINT}}
@@ -209,6 +214,17 @@ def test_frequencies_of_open_monoliths_are_those_of_another_mesh_and_code(make):
     freq = natural_modes(make(raw), DampingConfig(), 8).freq
     assert freq == pytest.approx(opensees, rel=0.03)
     assert freq[3:6] == pytest.approx(opensees[3:6], rel=0.01)  # in the plane, where both meshes are fine
+
+
+def test_koyna_is_five_monoliths_on_rock():
+    job = load_config(ROOT / "configs" / "koyna.yaml")
+    scene = build_scene(job.config, job.folder, "koyna.yaml")
+    assert len(scene.blocks) == 12 and len(scene.joints) == 11
+    assert all(joint.has_friction for joint in scene.joints.values())
+    mass = sum(volume_and_centroid(scene.blocks[f"monolith_{k}"])[0] for k in range(1, 6))
+    areas = [area_and_centroid(section(KOYNA, base))[0] for base in job.config.gravity_dam.bases]
+    assert mass == pytest.approx(15.24 * sum(areas), rel=1e-12)
+    assert all(scene.blocks[name].material.rho == 0.0 for name in scene.excluded_from_gravity)
 
 
 WRONG = {

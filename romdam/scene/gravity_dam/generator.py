@@ -206,12 +206,12 @@ def _faces(
     if name not in config.monolith_names:
         return _rock_faces(lines, (i, j, k), shared)
     low, high = k.min(), k.max()
-    base = min(config.bases[int(name.split("_")[1]) - 1], config.crest)
+    base = lines.row(config.bases[int(name.split("_")[1]) - 1])
     found = {
         "upstream": at(j, lines.dam[0]),
         "downstream": at(j, lines.dam[1]),
         "crest" if high == len(lines.z) - 1 else "top": at(k, high),
-        "base" if low == lines.row(base) else "bottom": at(k, low),
+        "base" if low == base else "bottom": at(k, low),
         "left": at(i, i.min()),
         "right": at(i, i.max()),
     }
