@@ -7,7 +7,7 @@ above it and between the faces, and else to nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -67,30 +67,32 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], place:
     owner = _owner(config, lines)
     points, cells, tags = _elements(config, lines, owner)
     owner = np.repeat(owner[owner >= 0], len(cells) // int((owner >= 0).sum()))
-    rock = materials[config.rock.material].with_mass(config.rock.mass) if config.rock else None
-    concrete = materials[config.material]
-    outside = {name: boundary_facets(cells[owner == n], config.element) for n, name in _numbered(config)}
+    facets = [boundary_facets(cells[owner == n], config.element) for n in range(len(config.block_names))]
+    shared = _shared(facets)
     blocks, numbers = {}, {}
-    for n, name in _numbered(config):
+    for n, (name, material) in enumerate(_materials(config, materials).items()):
         numbers[name], local = np.unique(cells[owner == n], return_inverse=True)
-        kind = concrete if name in config.monolith_names or rock is None else rock
         own = local.reshape(-1, cells.shape[1]).astype(np.int64)
-        block = Block(name, config.element, points[numbers[name]], own, kind, {})
-        facets = outside[name]
-        others = [outside[other] for other in outside if other != name]
-        on = _faces(config, lines, name, tags[facets], _shared(facets, others))
+        on = _faces(config, lines, name, tags[facets[n]], shared[n])
         faces = {
-            face: np.searchsorted(numbers[name], facets[which]) for face, which in on.items() if which.any()
+            face: np.searchsorted(numbers[name], facets[n][which])
+            for face, which in on.items()
+            if which.any()
         }
-        blocks[name] = replace(block, faces=faces)
+        blocks[name] = Block(name, config.element, points[numbers[name]], own, material, faces)
         refuse_bad_cells(blocks[name], place)
-    still = frozenset(blocks) - set(config.monolith_names)
-    excluded = still if config.rock and not config.rock.weight else frozenset()
-    return Dam(blocks, _ties(config, numbers), _held(config, blocks), excluded, frozenset())
+    rock = frozenset(blocks) - set(config.monolith_names)
+    settled = rock if config.rock and not config.rock.weight else frozenset()
+    return Dam(blocks, _ties(config, numbers), _held(config, blocks), settled, frozenset())
 
 
-def _numbered(config: GravityDamConfig) -> list[tuple[int, str]]:
-    return list(enumerate(config.block_names))
+def _materials(config: GravityDamConfig, materials: dict[str, Material]) -> dict[str, Material]:
+    """Material of every block."""
+    found = dict.fromkeys(config.block_names, materials[config.material])
+    if config.rock is not None:
+        rock = materials[config.rock.material].with_mass(config.rock.mass)
+        found |= dict.fromkeys((name for name in found if name not in config.monolith_names), rock)
+    return found
 
 
 def _lines(config: GravityDamConfig, place: str) -> _Lines:
@@ -156,7 +158,7 @@ def _along(config: GravityDamConfig) -> tuple[Floats, Ints]:
 
 def _owner(config: GravityDamConfig, lines: _Lines) -> Ints:
     """(ni, nj, nk) number of every cell's block, -1 for none."""
-    number = {name: n for n, name in _numbered(config)}
+    number = {name: n for n, name in enumerate(config.block_names)}
     middle = (lines.z[1:] + lines.z[:-1]) / 2.0
     owner = np.full((len(lines.slices), *lines.gallery.shape), -1)
     first, last = lines.dam
@@ -187,11 +189,11 @@ def _elements(config: GravityDamConfig, lines: _Lines, owner: Ints) -> tuple[Flo
     return np.ascontiguousarray(both[:, :3]), cells, both[:, 3:]
 
 
-def _shared(facets: Ints, others: list[Ints]) -> Bools:
-    """True for facets that another block has too."""
-    rows = np.sort(np.vstack([facets, *others]), axis=1)
-    key = row_numbers(rows)
-    return np.isin(key[: len(facets)], key[len(facets) :])
+def _shared(facets: list[Ints]) -> list[Bools]:
+    """True for facets that two blocks have, block by block."""
+    key = row_numbers(np.sort(np.vstack(facets), axis=1))
+    _, number, count = np.unique(key, return_inverse=True, return_counts=True)
+    return np.split(count[number] > 1, np.cumsum([len(own) for own in facets])[:-1])
 
 
 def _faces(
