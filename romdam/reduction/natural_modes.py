@@ -85,12 +85,17 @@ def natural_modes(
     Raises
     ------
     ConfigError
-        for a rigid joint that is to be bonded.
+        for a rigid joint that is to be bonded, and where nothing has mass.
     ReductionError
         where the mesh does not fit in memory or modes do not converge.
     """
     numbered, water = unknowns(scene), added_mass(scene)
     pencil = _pencil(scene, numbered, bonded)
+    if not pencil.M.diagonal().any():
+        raise ConfigError(
+            f"blocks: nothing that moves has mass ({len(scene.blocks)} blocks), at least one must; leave out "
+            "`mass: false`"
+        )
     solver = _solver(pencil, pencil.M, count, solving)
     omega2, modes = _solved(pencil, pencil.M, count, solver)
     M, load, dry = pencil.M, pencil.load, None

@@ -50,7 +50,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     blocks = dam.blocks | _blocks(config, materials, folder, source)
     fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
-    ties = (*dam.ties, *(build_tie(name, tie, blocks, source) for name, tie in config.ties.items()))
+    stated = (build_tie(name, tie, blocks, f"{source}: ties.{name}") for name, tie in config.ties.items())
+    ties = (*dam.ties, *stated)
     rigid = merged_parts(fixed, ties)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))

@@ -113,8 +113,12 @@ class Part:
         return Block(self.name, first.element, points, cells, first.material, {}, absorbing)
 
 
-def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) -> Tie:
+def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -> Tie:
     """Pair the nodes of two blocks' coinciding faces, or let one face follow the other.
+
+    Parameters
+    ----------
+    place : file and key, for messages
 
     Raises
     ------
@@ -124,7 +128,6 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) 
         when node_to_node is asked for and the two meshes do not conform.
     """
     I, J = (blocks[b] for b in tie.between)
-    place = f"{source}: ties.{name}"
     if tie.discretization == "mortar":
         return _mortar(name, tie, (I, J), place)
     try:
@@ -156,7 +159,7 @@ def tie_joints(scene: Scene, names: Collection[str], joints: Mapping[str, JointC
     made = []
     for name in names:
         tie = TieConfig(**{key: getattr(joints[name], key) for key in keys})
-        made.append(build_tie(name, tie, scene.blocks, source))
+        made.append(build_tie(name, tie, scene.blocks, f"{source}: joints.{name}"))
     rest = {name: joint for name, joint in scene.joints.items() if name not in names}
     return replace(scene, joints=rest, ties=(*scene.ties, *made))
 

@@ -148,6 +148,14 @@ def test_rigid_joints_are_not_bonded_by_springs():
         natural_modes(scene, NONE, 2, bonded=True)
 
 
+def test_a_scene_without_mass_has_no_modes():
+    raw = rods(("left", "right"), sizes=(10.0, 10.0), side=10.0)
+    for block in raw["blocks"].values():
+        block["mass"] = False
+    with pytest.raises(ConfigError, match="nothing that moves has mass"):
+        natural_modes(built(raw, "tied"), NONE, 2)
+
+
 def test_modes_of_one_frequency_are_all_there():
     """Two square rods alike, apart in the middle: each bending frequency four times."""
     raw = rods(("left", "right"), gap=0.0)
