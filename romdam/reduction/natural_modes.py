@@ -28,7 +28,9 @@ from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import scene_parts
 
 _SHIFT = (2.0 * np.pi * 3.0) ** 2  # [1/s2], where rigid motions are: of the order of a dam's lowest omega^2
-_RIGID = 1e-13  # of the largest k_ii / m_ii, up to which omega^2 is round-off of a rigid motion's zero
+_RIGID = (
+    1e-13  # of the blocks' largest k_ii / m_ii, up to which omega^2 is round-off of a rigid motion's zero
+)
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,22 @@ class NaturalModes:
 
 @dataclass(frozen=True)
 class _Pencil:
-    """Stiffness, structure's mass, its M r (n, 3) for unit translations; shift [1/s2], rows' motions."""
+    """Equations of the structure without water.
+
+    Attributes
+    ----------
+    K, M : (n, n); K with the springs of joints that are bonded
+    load : (n, 3) M r for unit translations
+    shift : [1/s2], at which K - shift M is definite
+    rigid : omega^2 up to which it is round-off [1/s2]
+    motions : nodes and rigid motions of the rows
+    """
 
     K: csr_matrix
     M: csr_matrix
     load: Floats
     shift: float
+    rigid: float
     motions: Motions
 
 
@@ -123,8 +135,10 @@ def natural_modes(
 def _pencil(scene: Scene, numbered: Unknowns, bonded: bool) -> _Pencil:
     system = assemble_full(replace(scene, reservoir=None), DampingConfig())
     K = csr_matrix(system.K + _springs(scene, numbered)) if bonded else system.K
+    heavy = system.M.diagonal() > 0.0
+    stiffest = (system.K.diagonal()[heavy] / system.M.diagonal()[heavy]).max(initial=0.0)
     shift = -_SHIFT if system.floating else 0.0
-    return _Pencil(K, system.M, system.load, shift, _motions(scene, numbered))
+    return _Pencil(K, system.M, system.load, shift, _RIGID * float(stiffest), _motions(scene, numbered))
 
 
 def _springs(scene: Scene, numbered: Unknowns) -> csr_matrix:
@@ -162,9 +176,7 @@ def _solver(pencil: _Pencil, M: csr_matrix, count: int, solving: Solving) -> Sol
 def _solved(pencil: _Pencil, M: csr_matrix, count: int, solver: Solver) -> tuple[Floats, Floats]:
     """Squared frequencies, zero of rigid motions, and M-orthonormal modes."""
     omega2, modes = lowest_modes_by_blocks(pencil.K, M, count, solver, pencil.shift)
-    heavy = M.diagonal() > 0.0
-    stiffest = float((pencil.K.diagonal()[heavy] / M.diagonal()[heavy]).max(initial=0.0))
-    return np.where(omega2 < _RIGID * stiffest, 0.0, omega2), modes
+    return np.where(omega2 < pencil.rigid, 0.0, omega2), modes
 
 
 def _shapes(of_block: csr_matrix, modes: Floats) -> Floats:
