@@ -10,8 +10,8 @@ from romdam.config.variants import variant_jobs
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
+from romdam.pipelines.automatic_modes import FIRST, with_modes
 from romdam.pipelines.doubts import doubts_of
-from romdam.pipelines.modes import FIRST, with_modes
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.simulation import refuse_large, settings_for
 from romdam.pipelines.sizes import refuse_lengths, run_bytes

@@ -1,58 +1,139 @@
-"""`model.modes: auto`: as many modes as the wanted accuracy needs, on the strongest record."""
+"""Natural modes of a job, as a vibration test finds them: `romdam modes`."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import xarray as xr
 
 from romdam.config.load import Job
-from romdam.core.errors import ConfigError
-from romdam.core.motion import GroundMotion
+from romdam.core.errors import ConfigError, ResultError, placed
+from romdam.core.files import prepare_folder
 from romdam.core.scene import Scene
-from romdam.pipelines.error.estimate import estimate_run, reduced_models
-from romdam.pipelines.simulation import prepare, simulate_motion
-from romdam.reduction.storage.model_file import BlockStore
+from romdam.core.threads import one_thread
+from romdam.linalg.solvers import Solving
+from romdam.pipelines.run import Clock, Stage, silent
+from romdam.postprocess.measured_modes import match_modes
+from romdam.reduction.natural_modes import natural_modes
+from romdam.results.dataset import write_dataset
+from romdam.results.modes import add_measured, modes_dataset, read_measured, write_shapes
+from romdam.scene.build import build_scene
+from romdam.scene.ties import tie_joints
 
-FIRST = 20  # modes of each block
-GROWTH = 1.5
+log = logging.getLogger(__name__)
+
+Joints = Literal["tied", "bonded", "open"]
 
 
-def with_modes(job: Job, modes: int | str) -> Job:
-    """The job with a number of modes, or "all"."""
-    model = job.config.model.model_copy(update={"modes": modes})
-    return replace(job, config=job.config.model_copy(update={"model": model}))
+@dataclass(frozen=True)
+class ModesOptions:
+    """What is wanted of a job's natural modes.
+
+    Attributes
+    ----------
+    joints : tied (their faces are one), bonded (K_n and K_s act in every gap, rigid joints are tied) or open
+    count : how many modes
+    measured : CSV file of measured frequencies, if any
+    vtu : whether the shapes are written for ParaView
+    """
+
+    joints: Joints = "tied"
+    count: int = 10
+    measured: Path | None = None
+    vtu: bool = False
 
 
-def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: BlockStore | None = None) -> Job:
-    """The job with the fewest modes of those tried whose estimated reduction error meets `accuracy`.
+@dataclass(frozen=True)
+class ModesOutcome:
+    """The modes, and the files that were written."""
 
-    Every count is run on the record of the largest acceleration and judged by the estimate that every run
-    makes of itself; the step follows from `accuracy` in the same run. Where half of a block's modes do not
-    do, all are taken.
+    dataset: xr.Dataset
+    paths: tuple[Path, ...]
+
+
+@one_thread()
+def modes(
+    job: Job, out: str | Path, options: ModesOptions = ModesOptions(), show: Stage = silent
+) -> ModesOutcome:
+    """Find a job's natural modes on the unreduced mesh; they land as `out`/<configuration>-modes-<joints>.nc.
 
     Raises
     ------
-    ConfigError
-        where no estimate can be made (no joints, no damping).
-    ConvergenceError
-        where a step does not converge.
+    RomdamError
+        for a scene that cannot be built or solved, and a wrong file of measured modes.
     """
-    accuracy = job.config.transient.accuracy
-    assert accuracy is not None  # the configuration asks for it
-    free = min(int((~fixed).sum()) for fixed in scene.fixed.values())
-    motion = max(motions, key=lambda m: m.peak)
-    count = FIRST
-    while count < free / 2:
-        trial = with_modes(job, count)
-        reduced, finer = reduced_models(trial, scene, store)
-        if finer is None:
-            raise ConfigError(
-                f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
-                "estimate the error of leaving out modes; give a number, 60 is a good start"
-            )
-        prepared = prepare(trial, reduced.system)
-        history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
-        if estimate_run(trial, finer, motion, history).errors["opening"].l2 <= accuracy:
-            return trial
-        count = math.ceil(GROWTH * count)
-    return with_modes(job, "all")
+    if job.config.water is not None and job.config.water.has_waves:
+        raise ConfigError(
+            f"{job.path}: water.model: compressible has waves of its own, which couple with the dam's motion, "
+            "and undamped modes have none; set water.model: incompressible"
+        )
+    clock = Clock(show)
+    measured = [] if options.measured is None else read_measured(options.measured, options.count)
+    folder = prepare_folder(Path(out))
+    with clock.stage("scene", "building the scene"), placed(job.path):
+        built = build_scene(job.config, job.folder, str(job.path))
+        scene = _with_joints(job, built, options.joints)
+    with clock.stage("modes", "finding the modes"), placed(job.path):
+        dataset = _dataset(job, scene, options)
+    if measured:
+        numbers = match_modes(measured, dataset.frequency.values, dataset.motion_share.values)
+        dataset = add_measured(dataset, measured, numbers)
+    dataset.attrs |= {f"cpu_seconds_{name}": seconds for name, seconds in clock.cpu.items()}
+    stem = f"{job.path.stem}-modes-{options.joints}"
+    write_dataset(dataset, folder / f"{stem}.nc")
+    paths = [folder / f"{stem}.nc"]
+    if options.vtu:
+        paths.append(write_shapes(scene, dataset, folder / f"{stem}.vtu"))
+    with clock.stage("figures", "drawing the modes"):
+        paths += _draw(built, dataset, folder, stem)
+    return ModesOutcome(dataset, tuple(paths))
+
+
+def _with_joints(job: Job, scene: Scene, joints: Joints) -> Scene:
+    """The scene with all joints tied, only the rigid ones, or none."""
+    rigid = [name for name, joint in scene.joints.items() if joint.is_rigid]
+    names = {"tied": list(scene.joints), "bonded": rigid, "open": []}[joints]
+    if joints == "bonded" and rigid:
+        log.info("%s: joints %s are rigid and tied", job.path, ", ".join(rigid))
+    wide = max((float(joint.gap.max()) for joint in scene.joints.values()), default=0.0)
+    if joints != "open" and wide > 0.0:
+        log.warning("%s: initial gaps of up to %.3g mm are taken as closed", job.path, 1e3 * wide)
+    if any(block.absorbing for block in scene.blocks.values()):
+        log.warning("%s: modes are undamped: the dashpots of the viscous boundary are left out", job.path)
+    return tie_joints(scene, names, job.config.every_joint, str(job.path))
+
+
+def _dataset(job: Job, scene: Scene, options: ModesOptions) -> xr.Dataset:
+    model = job.config.model
+    solving = Solving(model.solver, model.memory)
+    bonded = options.joints == "bonded" and bool(scene.joints)
+    found = natural_modes(scene, job.config.damping, options.count, bonded, solving)
+    values = {
+        "frequency": found.freq,
+        "dry_frequency": found.dry_freq,
+        "damping_ratio": found.damping_ratio,
+        "modal_mass": found.modal_mass,
+        "participation_factor": found.participation,
+        "effective_mass": found.effective_mass,
+        "motion_share": found.motion,
+        "total_mass": found.total_mass,
+        "shape": found.shapes,
+    }
+    return modes_dataset(scene, values, job, options.joints)
+
+
+def _draw(scene: Scene, dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
+    """Draw the shapes, where this machine can, and the comparison with what was measured."""
+    from romdam.visual.mode_views import draw_measured, draw_modes  # here: matplotlib
+
+    paths = []
+    try:
+        paths.append(draw_modes(scene, dataset, folder / f"{stem}.png"))
+    except ResultError as error:
+        log.warning("the shapes are not drawn: %s", error)
+    if "measured" in dataset.dims:
+        paths.append(draw_measured(dataset, folder / f"{stem}-measured.png"))
+    return paths

@@ -23,9 +23,9 @@ from romdam.error.estimate import FinerModel
 from romdam.error.statement import read_verification
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
-from romdam.pipelines.modes import choose_modes
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of

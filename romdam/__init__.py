@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from romdam.config.load import load_config
     from romdam.pipelines.error.comparison import compare
+    from romdam.pipelines.modes import modes
     from romdam.pipelines.run import run
     from romdam.pipelines.suites.run import run_suite
     from romdam.reduction.storage.user_cache import cache_folder
@@ -22,14 +23,15 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0.dev0"
 __all__ = [
-    "Result", "__version__", "cache_folder", "compare", "load_config", "open_result", "open_suite", "run",
-    "run_suite",
+    "Result", "__version__", "cache_folder", "compare", "load_config", "modes", "open_result", "open_suite",
+    "run", "run_suite",
 ]  # fmt: skip
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
     "compare": "romdam.pipelines.error.comparison",
     "load_config": "romdam.config.load",
+    "modes": "romdam.pipelines.modes",
     "open_result": "romdam.results.fields",
     "open_suite": "romdam.results.suite.summary",
     "Result": "romdam.results.fields",

@@ -10,6 +10,7 @@ import typer
 import romdam
 from romdam.commands.caches import cache
 from romdam.commands.errors import certify, study, verify
+from romdam.commands.modes import modes
 from romdam.commands.options import BAD_INPUT, EXIT_CODES, FAILED
 from romdam.commands.runs import check, run
 from romdam.commands.suites import clean, report
@@ -26,7 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, report, clean, check, verify, certify, study, info, show, plot, records, cache):
+for command in (run, report, clean, check, modes, verify, certify, study, info, show, plot, records, cache):
     app.command(epilog=EXIT_CODES)(command)
 
 

@@ -139,6 +139,50 @@ def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
     return made
 
 
+def modes_table(dataset: xr.Dataset) -> Table:
+    """Natural modes: frequency, period, damping, participation and effective mass of each."""
+    dry = "dry_frequency" in dataset
+    head = ["frequency [Hz]", *(["without water [Hz]"] if dry else []), "period [s]", "damping [%]"]
+    axes = dataset.direction.values.tolist()
+    head += [f"participation {axis}" for axis in axes] + [f"mass {axis} [%]" for axis in axes]
+    table = _table(f"Modes, joints {dataset.attrs['joints']}", ("mode",), tuple(head))
+    shares = 100.0 * dataset.effective_mass / dataset.total_mass
+    for mode in dataset.mode.values:
+        one, share = dataset.sel(mode=mode), shares.sel(mode=mode).values
+        freq, ratio = float(one.frequency), float(one.damping_ratio)
+        row = [f"{freq:.4f}", *([f"{float(one.dry_frequency):.4f}"] if dry else [])]
+        row += [f"{1.0 / freq:.4f}", f"{100.0 * ratio:.2f}"] if freq > 0.0 else ["rigid motion", "-"]
+        row += [f"{value:.3f}" for value in one.participation_factor.values.round(3) + 0.0]  # no -0.000
+        table.add_row(str(mode), *row, *(f"{value:.2f}" for value in share))
+    sums = (f"{value:.2f}" for value in shares.sum("mode").values)
+    table.add_row("sum", *[""] * (len(head) - len(axes)), *sums)
+    totals = (f"{float(value):.4g}" for value in dataset.total_mass.values)
+    table.caption = f"total mass along {', '.join(axes)}: {', '.join(totals)} kg"
+    return table
+
+
+def measured_table(dataset: xr.Dataset) -> Table:
+    """Measured modes beside the computed ones."""
+    table = _table(
+        "Measured",
+        ("name",),
+        ("measured [Hz]", "mode", "computed [Hz]", "difference [%]", "damping measured [%]", "computed [%]"),
+    )
+    for name in dataset.measured.values:
+        one = dataset.sel(measured=name)
+        own = dataset.sel(mode=int(one.measured_mode))
+        ratios = (float(one.measured_damping_ratio), float(own.damping_ratio))
+        table.add_row(
+            str(name),
+            f"{float(one.measured_frequency):.4f}",
+            str(int(own.mode)),
+            f"{float(own.frequency):.4f}",
+            f"{100.0 * float(one.frequency_difference):+.2f}",
+            *(f"{100.0 * ratio:.2f}" if ratio == ratio else "-" for ratio in ratios),
+        )
+    return table
+
+
 def check_tables(found: Check) -> list[Table]:
     """Blocks, joints and records of a job that was checked."""
     blocks = _table(

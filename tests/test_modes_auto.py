@@ -10,7 +10,7 @@ import romdam
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
-from romdam.pipelines.modes import FIRST, choose_modes
+from romdam.pipelines.automatic_modes import FIRST, choose_modes
 from romdam.pipelines.run import read_motions
 from romdam.scene.build import build_scene
 

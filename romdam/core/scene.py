@@ -134,6 +134,11 @@ class Joint:
         return self.area + self.share
 
     @property
+    def is_rigid(self) -> bool:
+        """Tell whether any of its gaps is rigid when closed."""
+        return bool(np.isinf(self.K_n).any())
+
+    @property
     def has_friction(self) -> bool:
         """Tell whether the tangential directions carry force."""
         return bool(self.mu.max(initial=0.0) > 0.0)

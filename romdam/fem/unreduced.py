@@ -20,7 +20,7 @@ from romdam.fem.water.added_mass import added_mass, sparse_added_mass
 from romdam.fem.water.compressible import reservoir_waves, with_waves
 from romdam.scene.ties import scene_parts
 
-_ENTRIES = 40_000_000  # of incompressible water's added mass, at most: 0.5 GB, and as much in its factors
+MOST_WET = 40_000_000  # entries of incompressible water's added mass: 0.5 GB, and as much in its factors
 
 
 def assemble_full(scene: Scene, damping: DampingConfig) -> System:
@@ -57,7 +57,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     mass, stiffness, shaken = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
     water = added_mass(scene)
-    added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, _ENTRIES)
+    added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, MOST_WET)
     mass = csr_matrix(mass + added)
     driven: Floats | csr_matrix = shaken + wet
     if scene.free_field is not None:

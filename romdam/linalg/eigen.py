@@ -100,6 +100,15 @@ def modes_below(
         count = min(2 * count, K.shape[0])  # round-off in the pivots of a mode at the limit itself
 
 
+def lowest_modes_by_blocks(
+    K: spmatrix, M: spmatrix, count: int, solver: Solver, shift: float = 0.0
+) -> tuple[Floats, Floats]:
+    """As `lowest_modes`, by several vectors at once on every size: modes of one frequency are all there."""
+    if K.shape[0] <= _DENSE_SIZE or count > _DENSE_SHARE * np.count_nonzero(M.diagonal()):
+        return lowest_modes(K, M, count, solver, shift)
+    return _large_modes(K, M, Wanted(count), solver, shift)
+
+
 def _large_modes(
     K: spmatrix, M: spmatrix, wanted: Wanted, solver: Solver, shift: float
 ) -> tuple[Floats, Floats]:

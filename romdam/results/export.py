@@ -6,13 +6,13 @@ components `stress` (NaN elsewhere) and the envelope `max_principal_stress`; cel
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
 from romdam.core.files import replacing
 from romdam.results.fields import Result
@@ -56,18 +56,22 @@ def _collection(names: list[str], times: Floats) -> str:
     return f"{head}\n  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n"
 
 
-def _mesh(result: Result) -> meshio.Mesh:
-    """All blocks, one after another, with what does not change."""
+def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> meshio.Mesh:
+    """Meshes of blocks (points, element, cells), one after another, with cell data `block`."""
     import meshio
 
     points, cells, number, first = [], [], [], 0
-    for k, name in enumerate(result.blocks):
-        element, own = result.cells(name)
-        points.append(result.points(name))
+    for k, (at, element, own) in enumerate(blocks):
+        points.append(at)
         cells.append((ELEMENTS[element].cell.name, own + first))
         number.append(np.full(len(own), k, dtype=np.int32))
-        first += len(points[-1])
-    mesh = meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})
+        first += len(at)
+    return meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})
+
+
+def _mesh(result: Result) -> meshio.Mesh:
+    """All blocks, one after another, with what does not change."""
+    mesh = mesh_of((result.points(name), *result.cells(name)) for name in result.blocks)
     dataset = result.dataset
     if "max_principal_stress" in dataset:
         mesh.point_data["max_principal_stress"] = _spread(

@@ -72,6 +72,14 @@ def _grid_cells(divisions: tuple[int, int, int]) -> Ints:
     return first[:, None] + np.concatenate([ring, ring + nx * ny])[None]
 
 
+def hexahedra(number: Ints) -> Ints:
+    """Cells (n, 8) of a grid of node numbers, VTK order, the last axis running fastest."""
+    low, high = slice(None, -1), slice(1, None)
+    corners = [(low, low), (high, low), (high, high), (low, high)]
+    rings = [number[i, j, k] for k in (low, high) for i, j in corners]
+    return np.stack([ring.ravel() for ring in rings], axis=1)
+
+
 _CORNER_AT = {(0, 0, 0): 0, (1, 0, 0): 1, (1, 1, 0): 2, (0, 1, 0): 3}
 _CORNER_AT |= {(x, y, 1): corner + 4 for (x, y, _), corner in _CORNER_AT.items()}
 

@@ -10,10 +10,11 @@ from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
-from romdam.scene.arch_dam.generator import ArchDam, arch_dam
+from romdam.scene.arch_dam.generator import Dam, arch_dam
 from romdam.scene.boxes import box_block
 from romdam.scene.cutting.pieces import cut_block
 from romdam.scene.elements import Floats
+from romdam.scene.gravity_dam.generator import gravity_dam
 from romdam.scene.ground.free_field import free_field
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.joints import build_joint
@@ -26,7 +27,7 @@ from romdam.scene.stress_sites import stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import build_tie, merged_parts
 
-_NO_DAM = ArchDam({}, (), {}, frozenset())
+_NO_DAM = Dam({}, (), {}, frozenset())
 
 
 def build_scene(config: Config, folder: Path, source: str) -> Scene:
@@ -47,14 +48,15 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     """
     refuse_large(config, source)
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
-    dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
+    dam = _dam(config, materials, source)
     blocks = dam.blocks | _blocks(config, materials, folder, source)
     rock = rock_of(config.ground, dam.viscous)
     blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
     waves = config.ground.input == "free_field"
     fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
-    ties = (*dam.ties, *(build_tie(name, tie, blocks, source) for name, tie in config.ties.items()))
+    stated = (build_tie(name, tie, blocks, f"{source}: ties.{name}") for name, tie in config.ties.items())
+    ties = (*dam.ties, *stated)
     rigid = merged_parts(fixed, ties)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
@@ -87,8 +89,14 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
         stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
     )
-    say_odd(scene, materials, source)
+    say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
+
+
+def _dam(config: Config, materials: dict[str, Material], source: str) -> Dam:
+    if config.gravity_dam:
+        return gravity_dam(config.gravity_dam, materials, f"{source}: gravity_dam")
+    return arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
 
 
 def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from itertools import combinations
 
 import numpy as np
@@ -26,20 +27,26 @@ _COVERED = 0.99  # share of a face from which on a joint covers it
 _EDGE = 1e-3  # share of a facet below which blocks only meet at an edge
 
 
-def say_odd(scene: Scene, materials: dict[str, Material], source: str) -> None:
+def say_odd(scene: Scene, materials: dict[str, Material], source: str, made: Collection[str] = ()) -> None:
     """Log as warnings what of a scene is odd.
 
     Parameters
     ----------
     materials : by name, as they stand in the configuration
     source : name of the configuration file
+    made : joints that a dam's own keys make, which cover what these say
     """
     remarks = [
         *(line for name, material in materials.items() for line in _material(name, material)),
         *_extent(scene.blocks),
         *(line for block in scene.blocks.values() for line in _slender(block)),
         *(line for joint in scene.joints.values() for line in _stiffness(joint, scene.blocks)),
-        *(line for joint in scene.joints.values() for line in _partly(joint, scene.blocks)),
+        *(
+            line
+            for name, joint in scene.joints.items()
+            if name not in made
+            for line in _partly(joint, scene.blocks)
+        ),
         *_unjoined(scene),
         *_sinking(scene),
     ]

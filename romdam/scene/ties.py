@@ -10,14 +10,14 @@ that a support holds stays held and does not follow: there the support carries w
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array, csr_matrix, diags_array, eye_array, hstack, kron, vstack
 from scipy.sparse.csgraph import connected_components
 
-from romdam.config.sections.joints import TieConfig
+from romdam.config.sections.joints import JointConfig, TieConfig
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Bools, Ints, Scene, Tie
 from romdam.scene.mortar.interface import mortar_interface
@@ -113,8 +113,12 @@ class Part:
         return Block(self.name, first.element, points, cells, first.material, {}, absorbing)
 
 
-def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) -> Tie:
+def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -> Tie:
     """Pair the nodes of two blocks' coinciding faces, or let one face follow the other.
+
+    Parameters
+    ----------
+    place : file and key, for messages
 
     Raises
     ------
@@ -124,7 +128,6 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) 
         when node_to_node is asked for and the two meshes do not conform.
     """
     I, J = (blocks[b] for b in tie.between)
-    place = f"{source}: ties.{name}"
     if tie.discretization == "mortar":
         return _mortar(name, tie, (I, J), place)
     try:
@@ -136,6 +139,29 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], source: str) 
         return _mortar(name, tie, (I, J), place)
     nodes = np.unique(facets)
     return Tie(name, tie.between, (nodes, partner[nodes]))
+
+
+def tie_joints(scene: Scene, names: Collection[str], joints: Mapping[str, JointConfig], source: str) -> Scene:
+    """The scene with some joints closed for good: their faces are one, whatever gap lay between them.
+
+    Parameters
+    ----------
+    names : of the joints to tie
+    joints : of the configuration, by name
+    source : name of the configuration file, for messages
+
+    Raises
+    ------
+    ConfigError, MeshError
+        as `build_tie`, and where nodes would follow each other round in a circle.
+    """
+    keys = set(TieConfig.model_fields) - {"discretization"}  # what coincides is one, for mortar joints too
+    made = []
+    for name in names:
+        tie = TieConfig(**{key: getattr(joints[name], key) for key in keys})
+        made.append(build_tie(name, tie, scene.blocks, f"{source}: joints.{name}"))
+    rest = {name: joint for name, joint in scene.joints.items() if name not in names}
+    return replace(scene, joints=rest, ties=(*scene.ties, *made))
 
 
 def _mortar(name: str, tie: TieConfig, blocks: tuple[Block, Block], place: str) -> Tie:

@@ -42,7 +42,7 @@ def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
     """
     colours = _colours(scene)
     before, behind = _directions(scene)
-    dam = [name for name in scene.blocks if name not in _rock(scene)]
+    dam = [name for name in scene.blocks if name not in rock_blocks(scene)]
     images = [_view(scene, colours, list(scene.blocks), before), _view(scene, colours, dam, behind)]
     with mpl.rc_context(STYLE):
         figure, _ = image_panels(images, title)
@@ -56,7 +56,7 @@ def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
 
 def _view(scene: Scene, colours: dict[str, str], shown: list[str], direction: Floats) -> Image:
     points = np.concatenate([scene.blocks[name].points for name in shown])
-    picture, rock = Picture((points.min(axis=0), points.max(axis=0)), direction), _rock(scene)
+    picture, rock = Picture((points.min(axis=0), points.max(axis=0)), direction), rock_blocks(scene)
     for name in shown:
         block = scene.blocks[name]
         shell = surface(grid(block.element, block.points, block.cells, straight=True))
@@ -79,14 +79,15 @@ def _directions(scene: Scene) -> tuple[Floats, Floats]:
     return along + 0.5 * aside + up, -along + 0.5 * aside + up
 
 
-def _rock(scene: Scene) -> list[str]:
-    """Blocks that no joint touches, in a scene whose other blocks have joints."""
-    jointed = {name for joint in scene.joints.values() for name in joint.blocks}
-    return [name for name in scene.blocks if name not in jointed] if jointed else []
+def rock_blocks(scene: Scene) -> list[str]:
+    """Blocks that no joint touches, that have no mass or whose weight has acted before, beside others."""
+    dam = {name for joint in scene.joints.values() for name in joint.blocks} - scene.excluded_from_gravity
+    dam -= {name for name, block in scene.blocks.items() if block.material.rho == 0.0}
+    return [name for name in scene.blocks if name not in dam] if dam else []
 
 
 def _colours(scene: Scene) -> dict[str, str]:
-    rock = _rock(scene)
+    rock = rock_blocks(scene)
     dam = [name for name in scene.blocks if name not in rock]
     return {name: BLOCKS[k % len(BLOCKS)] for k, name in enumerate(dam)} | {
         name: ROCK[k % len(ROCK)] for k, name in enumerate(rock)

@@ -9,7 +9,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 ROOMS = ("contact", "timestepping", "reduction", "linalg", "error")
-STAGES = ("modes", "error/estimate", "error/certify", "error/verify", "error/study")  # of pipelines
+STAGES = ("automatic_modes", "error/estimate", "error/certify", "error/verify", "error/study")  # of pipelines
 CODES = {  # indices and states
     "OPEN", "STICK", "SLIP", "_SPENT", "_RESTS", "_CONVERGED", "_SLOW", "_CHANGED", "_ALL", "BASE",
     "DISP", "VEL", "FORCE", "RATE", "_WORK", "_LOSS",

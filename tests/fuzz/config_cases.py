@@ -18,6 +18,7 @@ from romdam.config.sections.joint_laws import UserLaw
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
 from arch_dams import ROCK, arch_dam
+from gravity_dams import FOUNDATION, JOINT, gravity_dam
 
 Rng = np.random.Generator
 Place = tuple[str | int, ...]
@@ -155,6 +156,24 @@ def _arch() -> dict[str, Any]:
     }
 
 
+def _gravity() -> dict[str, Any]:
+    """Two monoliths with lifts and a gallery."""
+    divisions = {"along": 1, "through": 3, "up": 4, "depth": 1, "upstream": 1, "downstream": 1, "banks": 1}
+    rock = FOUNDATION | {"weight": False, "left": 50.0, "right": 50.0, "banks": [20.0, 20.0]}
+    raw = gravity_dam(
+        monoliths=[16.0, "16 m"],
+        base=[20.0, 0.0],
+        lifts=["66.5 m"],
+        gallery={"floor": 40.0, "height": "4 m", "upstream": "4 m", "width": 3.0},
+        element="hex8",
+        divisions=divisions | {"growth": 2.0},
+        rock=rock,
+        joints={"base": JOINT, "contraction": JOINT, "lift": "tied"},
+    )
+    rest = {key: _TWO[key] for key in ("damping", "records", "model", "transient")}
+    return raw | rest | {"outputs": {"error_estimate": False, "plots": False}}
+
+
 def _suite() -> dict[str, Any]:
     raw = copy.deepcopy(_TWO)
     raw["records"] = [
@@ -233,6 +252,7 @@ def _waves() -> dict[str, Any]:
 BASES: dict[str, dict[str, Any]] = {
     "two": _TWO,
     "arch": _arch(),
+    "gravity": _gravity(),
     "suite": _suite(),
     "others": _others(),
     "waves": _waves(),

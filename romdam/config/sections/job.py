@@ -25,6 +25,7 @@ from romdam.config.quantities import (
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
+from romdam.config.sections.geometry.gravity_dam import GravityDamConfig, joint_between
 from romdam.config.sections.ground import GroundConfig, refuse_wrong_ground
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
 from romdam.config.sections.loads import LoadsConfig
@@ -240,6 +241,7 @@ class Config(Model):
     """Of figures and reports."""
     blocks: dict[Name, BlockConfig] = Field(default_factory=dict)
     arch_dam: ArchDamConfig | None = None
+    gravity_dam: GravityDamConfig | None = None
     cut: dict[Name, CutConfig] = Field(default_factory=dict)
     """Blocks that are cut into several, by name."""
     materials: dict[Name, MaterialConfig]
@@ -261,19 +263,24 @@ class Config(Model):
     comparison: ComparisonConfig | None = None
 
     @property
+    def dam(self) -> ArchDamConfig | GravityDamConfig | None:
+        """The dam that is made of a few keys, if any."""
+        return self.arch_dam or self.gravity_dam
+
+    @property
     def block_names(self) -> tuple[str, ...]:
-        """Every block, those of the arch dam first."""
-        made = self.arch_dam.block_names if self.arch_dam else ()
+        """Every block, those of such a dam first."""
+        made = self.dam.block_names if self.dam else ()
         return (*made, *(piece for name in self.blocks for piece in pieces_of(name, self.cut)))
 
     @property
     def every_joint(self) -> dict[str, JointConfig]:
-        """Every joint, those of the arch dam first, then those of cuts."""
-        made: dict[str, JointConfig] = {}
+        """Every joint, those of a dam first, then those of cuts."""
+        made = self.gravity_dam.made_joints if self.gravity_dam else {}
         for one in (*((self.arch_dam,) if self.arch_dam else ()), *self.cut.values()):
             if isinstance(one.joints, JointProperties):
-                keys = {key: getattr(one.joints, key) for key in one.joints.model_fields_set}
-                made |= {name: JointConfig(between=pair, **keys) for name, pair in one.joint_pairs.items()}
+                own = one.joints
+                made |= {name: joint_between(pair, own) for name, pair in one.joint_pairs.items()}
         return made | self.joints
 
     @model_validator(mode="after")
@@ -325,19 +332,21 @@ class Config(Model):
 
     def _refuse_no_blocks(self) -> None:
         if not self.block_names:
-            raise ValueError("blocks: name at least one block, or give `arch_dam`")
-        dam = self.arch_dam
+            raise ValueError("blocks: name at least one block, or give `arch_dam` or `gravity_dam`")
+        if self.arch_dam and self.gravity_dam:
+            raise ValueError("gravity_dam: a scene has one dam, and arch_dam is given too; leave one out")
+        dam, key = self.dam, "gravity_dam" if self.gravity_dam else "arch_dam"
         for name in dam.block_names if dam else ():
             if name in self.blocks:
-                raise ValueError(f"blocks.{name}: arch_dam makes a block of that name; rename this one")
+                raise ValueError(f"blocks.{name}: {key} makes a block of that name; rename this one")
         refuse_wrong_cuts(self.cut, self.blocks, dam.block_names if dam else ())
-        makers = dict.fromkeys(dam.joint_pairs if dam else (), "arch_dam")
-        makers |= {name: f"cut.{key}" for key, cut in self.cut.items() for name in cut.joint_pairs}
+        makers = dict.fromkeys(dam.joint_pairs if dam else (), key)
+        makers |= {name: f"cut.{whole}" for whole, cut in self.cut.items() for name in cut.joint_pairs}
         for name in self.joints:
             if name in makers:
                 raise ValueError(f"joints.{name}: {makers[name]} makes a joint of that name; rename this one")
-        for key, material in (dam.materials if dam else {}).items():
-            self._known(f"arch_dam.{key}", material, self.materials)
+        for inner, material in (dam.materials if dam else {}).items():
+            self._known(f"{key}.{inner}", material, self.materials)
 
     def _refuse_damping_that_the_integrator_does_not_know(self) -> None:
         name = self.transient.integrator

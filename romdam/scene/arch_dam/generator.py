@@ -21,7 +21,7 @@ from romdam.config.sections.ground import ViscousConfig
 from romdam.core.scene import Block, Bools, Ints, Material, Tie
 from romdam.scene.arch_dam.rock import Ground, ground_grid
 from romdam.scene.arch_dam.shape import ArchShape
-from romdam.scene.boxes import split_into_tets, with_middle_nodes
+from romdam.scene.boxes import hexahedra, split_into_tets, with_middle_nodes
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets
 from romdam.scene.meshes.quality import refuse_bad_cells
@@ -31,12 +31,12 @@ _ON = 1e-6  # of the rock's size: distance from a plane that counts as on it
 
 
 @dataclass(frozen=True)
-class ArchDam:
-    """Blocks, ties and supports that an arch dam adds to a scene.
+class Dam:
+    """Blocks, ties and supports that a dam made of a few keys adds to a scene.
 
     Attributes
     ----------
-    blocks : cantilevers, perimeter, rock
+    blocks : of concrete, then of rock
     ties : contacts (and joints, where they are tied)
     held : block -> (n, 3) True where the ground holds a component
     excluded_from_gravity : blocks whose weight has acted before the dam is built
@@ -64,7 +64,7 @@ class _Grid:
     tags: dict[bool, Floats]
 
 
-def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) -> ArchDam:
+def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) -> Dam:
     """Mesh an arch dam.
 
     Parameters
@@ -98,7 +98,7 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
     zones = config.rock.zones if config.rock else {}
     excluded = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
     held, ties = _held(config, blocks), _ties(config, blocks, numbers)
-    return ArchDam(blocks, ties, held, excluded, _viscous(config, blocks))
+    return Dam(blocks, ties, held, excluded, _viscous(config, blocks))
 
 
 def _dam_points(shape: ArchShape) -> Floats:
@@ -123,7 +123,7 @@ def _grid(config: ArchDamConfig, dam: Floats, ground: Ground | None) -> _Grid:
     a = np.repeat(np.arange(na), nb * nc)
     inner = _Grid(
         points=dam.reshape(-1, 3),
-        cells=_hexahedra(number),
+        cells=hexahedra(number),
         owner=a // config.divisions.along,
         mirrored=2 * a < na,
         tags={True: _tags(number, number.size)},
@@ -136,7 +136,7 @@ def _with_ground(inner: _Grid, dam: Ints, ground: Ground, names: list[str]) -> _
     number = ground.number(dam, first)
     fresh = number >= first
     count = first + int(fresh.sum())
-    cells = _hexahedra(number[:, :, ::-1]).reshape(*(n - 1 for n in number.shape), 8)[:, :, ::-1]
+    cells = hexahedra(number[:, :, ::-1]).reshape(*(n - 1 for n in number.shape), 8)[:, :, ::-1]
     part = ground.parts(names)
     filled = part >= 0
     left = np.broadcast_to(2 * np.arange(len(part))[:, None, None] < len(part), part.shape)
@@ -156,14 +156,6 @@ def _tags(number: Ints, count: int) -> Floats:
     there = number >= 0
     tags[number[there]] = np.argwhere(there)
     return tags
-
-
-def _hexahedra(number: Ints) -> Ints:
-    """Cells (n, 8) of a grid of node numbers, VTK order, the last axis running fastest."""
-    low, high = slice(None, -1), slice(1, None)
-    corners = [(low, low), (high, low), (high, high), (low, high)]
-    rings = [number[i, j, k] for k in (low, high) for i, j in corners]
-    return np.stack([ring.ravel() for ring in rings], axis=1)
 
 
 def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Floats]]:

@@ -104,8 +104,8 @@ def ground_grid(config: ArchDamConfig, dam: Floats, place: str) -> Ground | None
     _refuse_small(config, config.rock, layers[-1], place)
     outer = _box(config, config.rock, layers[-1], rays)
     for key in ("rock", "upstream", "downstream"):
-        _refuse_thin(getattr(config.divisions, key), config.divisions.growth, f"{place}.divisions.{key}")
-    share = _graded(config.divisions.rock, config.divisions.growth)[1:]
+        refuse_thin(getattr(config.divisions, key), config.divisions.growth, f"{place}.divisions.{key}")
+    share = graded(config.divisions.rock, config.divisions.growth)[1:]
     layers += [layers[count] + s * (outer - layers[count]) for s in share]
     points, under = _rows(config, config.rock, np.stack(layers, axis=2))
     return _zoned(config, config.rock, (points, under, count, contact), place)
@@ -162,15 +162,15 @@ def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -
     return outer
 
 
-def _graded(count: int, growth: float) -> Floats:
+def graded(count: int, growth: float) -> Floats:
     """Shares 0 to 1 with sizes that grow by a ratio."""
     sizes = growth ** np.arange(count)
     return np.concatenate([[0.0], np.cumsum(sizes) / sizes.sum()])
 
 
-def _refuse_thin(count: int, growth: float, place: str) -> None:
+def refuse_thin(count: int, growth: float, place: str) -> None:
     """A few layers that grow too fast leave the first ones no thickness: their nodes would coincide."""
-    first = float(_graded(count, growth)[1])
+    first = float(graded(count, growth)[1])
     if first < _THIN:
         raise ConfigError(
             f"{place}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the "
@@ -181,7 +181,7 @@ def _refuse_thin(count: int, growth: float, place: str) -> None:
 def _rows(config: ArchDamConfig, rock: RockConfig, points: Floats) -> tuple[Floats, tuple[int, int]]:
     """Continue the grid (p, b, l) up- and downstream to the ends of the box."""
     d = config.divisions
-    up, down = _graded(d.upstream, d.growth)[:0:-1], _graded(d.downstream, d.growth)[1:]
+    up, down = graded(d.upstream, d.growth)[:0:-1], graded(d.downstream, d.growth)[1:]
     ends = (points[:, :1], -rock.upstream, up), (points[:, -1:], rock.downstream, down)
     rows = []
     for start, at, share in ends:

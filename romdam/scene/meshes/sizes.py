@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import prod
 
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
+from romdam.config.sections.geometry.gravity_dam import GravityDamConfig
 from romdam.config.sections.job import BoxConfig, Config
 from romdam.core.errors import ConfigError
 from romdam.core.machine import memory_limit, shown_size
@@ -34,6 +35,8 @@ def refuse_large(config: Config, source: str) -> None:
             needs[f"blocks.{name}.box.element_size"] = (_box_nodes(block.box), block.box.element)
     if config.arch_dam is not None:
         needs["arch_dam.divisions"] = (_arch_nodes(config.arch_dam), config.arch_dam.element)
+    if config.gravity_dam is not None:
+        needs["gravity_dam.divisions"] = (_gravity_nodes(config.gravity_dam), config.gravity_dam.element)
     total = sum(nodes * ELEMENTS[element].bytes_per_node for nodes, element in needs.values())
     if total <= limit:
         return
@@ -49,7 +52,7 @@ def refuse_large(config: Config, source: str) -> None:
 
 
 def _remedy(config: Config, key: str, coarser: float) -> str:
-    if key.startswith("arch_dam"):
+    if key.endswith("dam.divisions"):
         return f"divide by {coarser:.2g} in every direction"
     box = config.blocks[key.split(".")[1]].box
     assert box is not None
@@ -77,6 +80,17 @@ def _arch_nodes(dam: ArchDamConfig) -> float:
     layers = (d.perimeter if dam.perimeter else 0) + (d.rock if dam.rock else 0)
     rows = d.through + (d.upstream + d.downstream if dam.rock else 0)
     return nodes + (_nodes([along + 2 * d.up, rows, layers], dam.element) if layers else 0.0)
+
+
+def _gravity_nodes(dam: GravityDamConfig) -> float:
+    """Of the dam's grid and, as wide as the dam and its banks, of the rock's below."""
+    d, wide = dam.divisions, len(dam.monoliths) * dam.divisions.along
+    nodes = _nodes([wide, d.through, d.up], dam.element)
+    if dam.rock is None:
+        return nodes
+    wide += sum(d.banks for side in (dam.rock.left, dam.rock.right) if side)
+    rise = (max(dam.slices.values()) - dam.lowest) / (dam.crest - dam.lowest)
+    return nodes + _nodes([wide, d.through + d.upstream + d.downstream, d.depth + d.up * rise], dam.element)
 
 
 def _nodes(counts: Sequence[float], element: str) -> float:

@@ -1,0 +1,58 @@
+"""`model.modes: auto`: as many modes as the wanted accuracy needs, on the strongest record."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from romdam.config.load import Job
+from romdam.core.errors import ConfigError
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.pipelines.error.estimate import estimate_run, reduced_models
+from romdam.pipelines.simulation import prepare, simulate_motion
+from romdam.reduction.storage.model_file import BlockStore
+
+FIRST = 20  # modes of each block
+GROWTH = 1.5
+
+
+def with_modes(job: Job, modes: int | str) -> Job:
+    """The job with a number of modes, or "all"."""
+    model = job.config.model.model_copy(update={"modes": modes})
+    return replace(job, config=job.config.model_copy(update={"model": model}))
+
+
+def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: BlockStore | None = None) -> Job:
+    """The job with the fewest modes of those tried whose estimated reduction error meets `accuracy`.
+
+    Every count is run on the record of the largest acceleration and judged by the estimate that every run
+    makes of itself; the step follows from `accuracy` in the same run. Where half of a block's modes do not
+    do, all are taken.
+
+    Raises
+    ------
+    ConfigError
+        where no estimate can be made (no joints, no damping).
+    ConvergenceError
+        where a step does not converge.
+    """
+    accuracy = job.config.transient.accuracy
+    assert accuracy is not None  # the configuration asks for it
+    free = min(int((~fixed).sum()) for fixed in scene.fixed.values())
+    motion = max(motions, key=lambda m: m.peak)
+    count = FIRST
+    while count < free / 2:
+        trial = with_modes(job, count)
+        reduced, finer = reduced_models(trial, scene, store)
+        if finer is None:
+            raise ConfigError(
+                f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
+                "estimate the error of leaving out modes; give a number, 60 is a good start"
+            )
+        prepared = prepare(trial, reduced.system)
+        history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
+        if estimate_run(trial, finer, motion, history).errors["opening"].l2 <= accuracy:
+            return trial
+        count = math.ceil(GROWTH * count)
+    return with_modes(job, "all")
