@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from romdam.config.load import Job
 from romdam.config.variants import variant_jobs
 from romdam.core.motion import GroundMotion
@@ -33,7 +35,7 @@ class Check:
     Attributes
     ----------
     blocks : name -> plain numbers (element, nodes, cells, modes, lowest open-joint frequencies [Hz])
-    joints : name -> plain numbers (gaps, area [m2], friction)
+    joints : name -> plain numbers (gaps, area [m2], friction, resultant of its water [N])
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
     seconds, memory, file_size : estimates for all records [s], [bytes], [bytes]
@@ -112,6 +114,7 @@ def _joints(scene: Scene) -> dict[str, dict[str, object]]:
             "gaps": len(joint.area),
             "area": float(joint.whole_area.sum()),
             "friction": float(joint.mu.max(initial=0.0)),
+            "water": float(np.linalg.norm(joint.water_resultant)),
         }
         for name, joint in scene.joints.items()
     }

@@ -154,7 +154,7 @@ def check_tables(found: Check) -> list[Table]:
             for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")
         )
         blocks.add_row(name, str(block["element"]), *map(str, counts), shown)
-    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction"))
+    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction", "water [N]"))
     for name, joint in found.joints.items():
         joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
     records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))

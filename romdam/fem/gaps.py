@@ -50,6 +50,11 @@ def _law(joints: list[Joint], law: LawSource) -> LawRows:
     return LawRows(law, values, on, shear)
 
 
+def water_force(scene: Scene) -> Floats:
+    """Force of the water in the joints along the gaps' normals, pushing them apart, (ng,) [N]."""
+    return np.concatenate([np.zeros(0), *(joint.water for joint in scene.joints.values())])
+
+
 def gap_operators(scene: Scene, directions: int) -> dict[str, csr_matrix]:
     """Jump of every gap, as joint forces see it, from each block's displacement, without the initial gap.
 

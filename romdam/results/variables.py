@@ -18,6 +18,10 @@ def _has_joints(case: Case) -> bool:
     return bool(case.scene.joints)
 
 
+def _has_water(case: Case) -> bool:
+    return any(joint.water.any() for joint in case.joints)
+
+
 def _frictional(case: Case) -> bool:
     return case.frictional
 
@@ -155,7 +159,7 @@ VARIABLES: dict[str, Variable] = {
     "normal_force": Variable(
         ("time", "gap"),
         "N",
-        "normal force of the gap, compression negative",
+        "normal force of the gap, compression negative; the effective one where there is water",
         lambda c: -c.history.traction[:, :, 0],
         _has_joints,
     ),
@@ -179,6 +183,20 @@ VARIABLES: dict[str, Variable] = {
         "mean shear force on block J over the writing interval that ends at the time",
         lambda c: c.history.mean_traction[:, :, 1:],
         _frictional,
+    ),
+    "water_pressure": Variable(
+        ("gap",),
+        "Pa",
+        "pressure of the water in the joint, mean over the gap's area",
+        lambda c: c.of_gaps("water") / c.of_gaps("area"),
+        _has_water,
+    ),
+    "water_force": Variable(
+        ("joint", "component"),
+        "N",
+        "resultant of the water in the joint on block J; block I has the opposite",
+        lambda c: np.array([joint.water_resultant for joint in c.joints]),
+        _has_water,
     ),
     "joint_state": Variable(
         ("time", "gap"),

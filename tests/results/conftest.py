@@ -45,7 +45,7 @@ def make_joint(name: str, gaps: int, mu: float) -> Joint:
     coefficients = np.full((gaps, 2), mu)
     return Joint(
         name, ("left", "right"), nodes, position, 0.5 * ones, 0 * ones, axes, (eye(gaps).tocsr(),) * 2,
-        1e-3 * ones, 1e10 * ones, 0 * ones, 5e9 * ones, coefficients, 0 * ones, 0 * ones,
+        1e-3 * ones, 1e10 * ones, 0 * ones, 5e9 * ones, coefficients, 0 * ones, 2e5 * ones,
     )  # fmt: skip
 
 
