@@ -103,6 +103,7 @@ class Joint:
     K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
     mu : (n, 2) friction coefficients along j and k
     viscosity : (n,) normal dashpot of each gap [N s/m]
+    grout : (n,) force of the grouting that stays in the gaps [N]
     water : (n,) force of the water in the joint that pushes its sides apart, and no part of K_n's [N]
     laws : further laws that the joint has
     at_point : as `weights`, of the jump at the gaps' very positions; None where it is the same
@@ -124,6 +125,7 @@ class Joint:
     K_s: Floats
     mu: Floats
     viscosity: Floats
+    grout: Floats
     water: Floats
     laws: tuple[LawRows, ...] = ()
     at_point: tuple[csr_matrix, csr_matrix] | None = None

@@ -28,6 +28,7 @@ def gap_law(scene: Scene) -> GapLaw:
         joints={joint.name: slice(a, b) for joint, a, b in zip(joints, ends[:-1], ends[1:], strict=True)},
         laws=_laws(joints),
         viscosity=stacked("viscosity"),
+        grout=stacked("grout"),
     )
 
 

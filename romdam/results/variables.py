@@ -173,7 +173,8 @@ VARIABLES: dict[str, Variable] = {
     "mean_normal_force": Variable(
         ("time", "gap"),
         "N",
-        "mean normal force over the writing interval that ends at the time, compression negative",
+        "mean normal force, with crack_water_force, over the writing interval that ends at the time, "
+        "compression negative",
         lambda c: -c.history.mean_traction[:, :, 0],
         _has_joints,
     ),
@@ -197,6 +198,13 @@ VARIABLES: dict[str, Variable] = {
         "resultant of the water in the joint on block J; block I has the opposite",
         lambda c: np.array([joint.water_resultant for joint in c.joints]),
         _has_water,
+    ),
+    "crack_water_force": Variable(
+        ("time", "gap"),
+        "N",
+        "force of the water that entered the gap as it opened, besides that of water_pressure",
+        lambda c: c.history.water,
+        lambda c: bool(c.history.water.any()),
     ),
     "joint_state": Variable(
         ("time", "gap"),

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from romdam.config.sections.joints import GapTable, JointConfig
 from romdam.contact.laws import LAWS
-from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import Law
 from romdam.core.arrays import Bools, Ints
@@ -178,7 +178,9 @@ def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str
         for a wrong gap table.
     """
     place = f"{source}: joints.{joint.name}"
-    return replace(joint, **_properties(config, joint.area, joint.position, folder, place))
+    properties = _properties(config, joint.area, joint.position, folder, place)
+    loads = tuple(rows for rows in joint.laws if not find_law(rows.law).parameters)  # as water in cracks
+    return replace(joint, **properties | {"laws": (*properties["laws"], *loads)})
 
 
 def _properties(
@@ -333,6 +335,7 @@ def _select(joint: Joint, keep: Ints) -> Joint:
         "K_s",
         "mu",
         "viscosity",
+        "grout",
         "water",
     )
     return replace(

@@ -29,7 +29,9 @@ class DrainsConfig(Model):
     at: Annotated[Length, Positive]
     """Distance downstream of the heel."""
     rule: Literal["usace", "usbr"]
+    """Formula of the head there."""
     effectiveness: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] | None = None
+    """E; `usbr` has 2/3 if not given."""
     gallery: Length | None = None
     """Elevation of the gallery's floor, to which the drains rise: below it they lower no head."""
 
@@ -65,6 +67,8 @@ class JointWaterConfig(Model):
     drains: DrainsConfig | None = None
     waterstop: Annotated[Length, Positive] | None = None
     """Distance downstream of the upstream edge."""
+    crack: Literal["unchanged", "full"] = "unchanged"
+    """What an open gap has: the diagram's pressure too (USACE, FERC), or at once that of `level` (ICOLD)."""
     density: Annotated[Density, Positive] = 1000.0
     """Of the water."""
 
@@ -75,6 +79,13 @@ class JointWaterConfig(Model):
             raise ValueError(f"`{needing[0]}` needs `downstream`, such as [0, 1, 0], from heel to toe")
         if self.drains is not None and self.waterstop is not None:
             raise ValueError("`drains` and `waterstop` exclude each other; leave one out")
+        if self.crack == "full" and (self.waterstop is not None or self.downstream is None):
+            why = (
+                "a waterstop keeps it from the joint"
+                if self.waterstop
+                else "without `downstream` it is there"
+            )
+            raise ValueError(f"`crack: full` lets in the reservoir's pressure, and {why}; leave it out")
         if self.downstream is not None and not any(self.downstream):
             raise ValueError("`downstream` must have a length above 0, got [0, 0, 0]")
         for key, height in (("tailwater", self.tailwater), ("drains.gallery", self._gallery)):

@@ -9,9 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from romdam.config.sections.joint_water import JointWaterConfig
+from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.crack_water import CrackWater
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Joint
+from romdam.core.system import LawRows
 from romdam.scene.joint_water.diagram import Diagram, Outline
 from romdam.scene.joint_water.faces import mean_pressure
 
@@ -49,12 +52,19 @@ def with_water(
         _refuse_outside(joint, water, outline, points, place)
     pressure = mean_pressure(points, joint.face, diagram)[joint.corner]
     wet = replace(joint, water=pressure * joint.area)
+    if water.crack == "full":
+        full = mean_pressure(points, joint.face, replace(diagram, outline=None))[joint.corner]
+        wet = replace(wet, laws=(*joint.laws, _entering((full - pressure) * joint.area)))
     force = ", ".join(f"{f / 1e6:.6g}" for f in wet.water_resultant)
     _log.info(
         "%s: joint %s: up to %.4g kPa; on %s: (%s) MN",
         place, joint.name, pressure.max() / 1e3, joint.blocks[1], force,
     )  # fmt: skip
     return wet
+
+
+def _entering(excess: Floats) -> LawRows:
+    return LawRows(source_of(CrackWater), excess[:, None], excess > 0.0, shear=False)
 
 
 def _outline(joint: Joint, water: JointWaterConfig, points: Floats, place: str) -> Outline:
