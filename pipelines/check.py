@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from romdam.config.load import Job
 from romdam.config.variants import variant_jobs
@@ -114,7 +113,7 @@ def _joints(scene: Scene) -> dict[str, dict[str, object]]:
             "gaps": len(joint.area),
             "area": float(joint.whole_area.sum()),
             "friction": float(joint.mu.max(initial=0.0)),
-            "water": float(np.linalg.norm(joint.water_resultant)),
+            "water": math.hypot(*joint.water_resultant),
         }
         for name, joint in scene.joints.items()
     }

@@ -8,8 +8,10 @@ import pytest
 from scene_builders import box
 
 from romdam.config import parse_config
+from romdam.config.sections.joints import JointConfig
 from romdam.core.errors import ConfigError
 from romdam.scene.build import build_scene
+from romdam.scene.joints import with_properties
 
 RHO_G = 1000.0 * 9.81
 LENGTH, WIDTH, HEEL, BASE = 12.0, 3.0, 2.0, 4.0  # of the dam's base; y of its heel, its height
@@ -128,6 +130,19 @@ def test_water_in_a_vertical_joint_stands_up_to_its_level():
     assert joint.water @ joint.position[:, 2] == pytest.approx(force * 7.3 / 3, rel=1e-12)
 
 
+def test_a_sample_of_a_suite_keeps_the_water():
+    """Joint laws change, what the water does in the gaps stays."""
+    joint = build(water(crack="full"))
+    sample = JointConfig(between=("rock", "dam"), normal_stiffness=2e10, tensile_strength=1e6, cohesion=2e6,
+                         friction=0.5, shear_stiffness=1e10)  # fmt: skip
+    varied = with_properties(joint, sample, Path(), "dam.yaml")
+    assert np.array_equal(varied.water, joint.water)
+    assert [rows.law.name for rows in varied.laws] == ["Bond", "CrackWater"]
+    # full pressure in all gaps together, less what is there already
+    whole = RHO_G * H1 * WIDTH * LENGTH
+    assert varied.laws[1].values.sum() == pytest.approx(whole - joint.water.sum(), rel=1e-12)
+
+
 WRONG = [
     (water(joints=["bas"]), "no 'bas' is defined; defined are base"),
     (water(joints=["base", "base"]), "stands in joint_water[0] already; name it once"),
@@ -149,6 +164,8 @@ WRONG = [
         "`effectiveness` is missing; EM 1110-2-2200 has 0.25 to 0.5",
     ),
     (water(drains={"at": 2.0, "rule": "usbr", "gallery": 30.0}), "`drains.gallery` at 30 m is above `level`"),
+    (water(crack="full", waterstop=1.0), "`crack: full` lets in the reservoir's pressure, and a waterstop"),
+    (water(crack="full", downstream=None), "and without `downstream` it is there; leave it out"),
     (water(drains={"at": 2.0, "rule": "usbr"}, waterstop=1.0), "`drains` and `waterstop` exclude each other"),
 ]
 
