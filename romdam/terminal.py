@@ -270,8 +270,23 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"written        {attrs['date_created']} by {attrs['source']}",
         f"error          {stated.pop('verification', _NOT_STATED)}",
         *stated.values(),
+        *_water_lines(dataset),
         *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),
     ]
+
+
+def _water_lines(dataset: xr.Dataset) -> list[str]:
+    """Resultants of the water in joints, and what the joints carry beside it in the first row."""
+    lines = []
+    for joint in dataset.joint.values if "water_force" in dataset else ():
+        x, y, z = 1e-6 * dataset.water_force.sel(joint=joint).values
+        carried = 1e-6 * float(dataset.normal_force[0, dataset.gap_joint.values == joint].sum())
+        block = str(dataset.joint_blocks.sel(joint=joint).values[1])
+        lines.append(
+            f"water          {joint}: ({x:.4g}, {y:.4g}, {z:.4g}) MN on {block}; "
+            f"effective normal force at the start {carried:.4g} MN"
+        )
+    return lines
 
 
 def verification_lines(statement: Mapping[str, object]) -> list[str]:

@@ -12,6 +12,7 @@ from romdam.config import load_config
 from romdam.fem.loads import surface_force
 from romdam.results.stored_run import read_run
 from romdam.scene.build import build_scene
+from romdam.terminal import info_lines
 
 RECORDS = Path(__file__).parents[2] / "data" / "records"
 WIDTH, BASE, HEIGHT, LEVEL, G = 8.0, 24.0, 32.0, 28.0, 9.81
@@ -93,3 +94,8 @@ def test_reactions_rest_and_ledger(crack, tmp_path):
     assert float(result.attrs["solver_ledger_imbalance"]) < 1e-10
     thrust = 3 * 1000 * G * WIDTH * LEVEL**2 / 2
     assert surface_force(scene, "M2")[:, 1].sum() == pytest.approx(thrust / 3, rel=1e-9)
+    first = normal[result.gap_joint.values == "B1"].sum()
+    lines = [line for line in info_lines(result) if line.startswith("water ")]
+    assert (
+        len(lines) == 5 and f"MN on M1; effective normal force at the start {1e-6 * first:.4g} MN" in lines[2]
+    )
