@@ -238,7 +238,7 @@ VARIABLES: dict[str, Variable] = {
     "ground_acceleration": Variable(
         ("time", "component"), "m s-2", "ground acceleration at the base", _ground_acceleration
     ),
-    "energy_input": _energy("input", "work of inertia forces and static loads"),
+    "energy_input": _energy("input", "work of inertia forces, static loads and water that enters gaps"),
     "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),
     "energy_strain": _energy("strain", "strain energy of the blocks"),
     "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),

@@ -226,6 +226,11 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
             step = _proximal_step(system, max(_SHRINK * step.shift, least, _SHIFT))
             memory = _afresh(memory, gaps)
+    if not _keeps_water(step.problem, memory, gaps):
+        raise ConvergenceError(
+            f"initial state: after {_MAX_ITERATIONS} iterations gaps still open and close with the water "
+            "that enters them; set loads.joint_water[].crack: unchanged, or loads.initial_state: undeformed"
+        )
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
         f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "

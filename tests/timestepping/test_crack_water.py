@@ -9,8 +9,9 @@ from simulating import simulated
 
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.crack_water import CrackWater
-from romdam.core.errors import ConfigError
+from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.system import LawRows
+from romdam.timestepping import equilibrium
 from romdam.timestepping.equilibrium import static_equilibrium
 
 M, K = 1000.0, 1e6  # kg, N/m
@@ -113,3 +114,10 @@ def test_an_open_gap_stays_at_rest(integrator):
 def test_conserving_knows_no_water_in_cracks():
     with pytest.raises(ConfigError, match=r"conserving knows no loads.joint_water.crack; use adaptive"):
         simulated(on_a_wall("modal"), np.zeros((3, 5)), 1e-3, "conserving")
+
+
+def test_a_crack_that_finds_no_state_is_told(monkeypatch):
+    monkeypatch.setattr(equilibrium, "_keeps_water", lambda *_: False)
+    monkeypatch.setattr(equilibrium, "_MAX_ITERATIONS", 3)
+    with pytest.raises(ConvergenceError, match="gaps still open and close with the water that enters them"):
+        static_equilibrium(on_a_wall("modal"), 1e-10)
