@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +34,7 @@ class Check:
     Attributes
     ----------
     blocks : name -> plain numbers (element, nodes, cells, modes, lowest open-joint frequencies [Hz])
-    joints : name -> plain numbers (gaps, area [m2], friction)
+    joints : name -> plain numbers (gaps, area [m2], friction, resultant of its water [N])
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
     seconds, memory, file_size : estimates for all records [s], [bytes], [bytes]
@@ -112,6 +113,7 @@ def _joints(scene: Scene) -> dict[str, dict[str, object]]:
             "gaps": len(joint.area),
             "area": float(joint.whole_area.sum()),
             "friction": float(joint.mu.max(initial=0.0)),
+            "water": math.hypot(*joint.water_resultant),
         }
         for name, joint in scene.joints.items()
     }

@@ -67,7 +67,7 @@ def modes(
     """
     if job.config.water is not None and job.config.water.has_waves:
         raise ConfigError(
-            f"{job.path}: water.model: compressible has waves of its own, which couple with the dam's motion, "
+            f"{job.path}: water.model: compressible has waves of its own that couple with the dam's motion, "
             "and undamped modes have none; set water.model: incompressible"
         )
     clock = Clock(show)

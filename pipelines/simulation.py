@@ -12,6 +12,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
+from romdam.timestepping.grouting import grouted
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
 from romdam.timestepping.prepared import Prepared
@@ -22,7 +23,7 @@ from romdam.timestepping.steps import Steps, whole_steps
 
 
 def prepare(job: Job, system: System, integrator: str | None = None) -> Prepared:
-    """Make a system ready for the configured integrator, or for the one that suits it.
+    """Make a system ready for the configured integrator, or for the one that suits it, its joints grouted.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def prepare(job: Job, system: System, integrator: str | None = None) -> Prepared
     """
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
-    return Prepared(system, integrator_class(name).configured(transient))
+    return Prepared(grouted(system, transient.tolerance), integrator_class(name).configured(transient))
 
 
 def simulate_motions(

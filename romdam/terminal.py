@@ -198,7 +198,7 @@ def check_tables(found: Check) -> list[Table]:
             for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")
         )
         blocks.add_row(name, str(block["element"]), *map(str, counts), shown)
-    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction"))
+    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction", "water [N]"))
     for name, joint in found.joints.items():
         joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
     records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))
@@ -314,8 +314,23 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"written        {attrs['date_created']} by {attrs['source']}",
         f"error          {stated.pop('verification', _NOT_STATED)}",
         *stated.values(),
+        *_water_lines(dataset),
         *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),
     ]
+
+
+def _water_lines(dataset: xr.Dataset) -> list[str]:
+    """Resultants of the water in joints, and what the joints carry beside it in the first row."""
+    lines = []
+    for joint in dataset.joint.values if "water_force" in dataset else ():
+        x, y, z = 1e-6 * dataset.water_force.sel(joint=joint).values
+        carried = 1e-6 * float(dataset.normal_force[0, dataset.gap_joint.values == joint].sum())
+        block = str(dataset.joint_blocks.sel(joint=joint).values[1])
+        lines.append(
+            f"water          {joint}: ({x:.4g}, {y:.4g}, {z:.4g}) MN on {block}; "
+            f"effective normal force at the start {carried:.4g} MN"
+        )
+    return lines
 
 
 def verification_lines(statement: Mapping[str, object]) -> list[str]:

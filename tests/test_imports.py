@@ -44,6 +44,7 @@ TYPES = {
     "romdam.contact.laws": LAWS,
     "romdam.contact.laws.catalogue": LAWS,
     "romdam.contact.laws.coulomb": LAWS,
+    "romdam.contact.laws.crack_water": LAWS,
     "romdam.contact.laws.law": LAWS,
     "romdam.reduction.storage.keys": {"results"},
     "romdam.reduction.storage.model_file": {"results"},

@@ -42,7 +42,7 @@ from romdam.contact.components import NORMAL, SHEAR_J
 from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.compiled import Functions, compiled
 from romdam.contact.laws.coulomb import Coulomb
-from romdam.contact.laws.law import MU_J, Law
+from romdam.contact.laws.law import ENTRIES, MU_J, MU_K, Law
 from romdam.contact.solvers.state import solver_state
 from romdam.core.arrays import Bools, Floats, Record, record, record_type
 from romdam.core.errors import ConfigError
@@ -61,6 +61,7 @@ class Laws(NamedTuple):
     parameters : (L, n, p) as the laws' functions get them, filled up with zeros
     on : (L, n) which gaps have which
     start : (L, n, s) memory of the unloaded gaps
+    strength : (L,) whether what a law gives up is strength
     dashpot_share : (n,) share of a normal dashpot in the closed gap's stiffness over the step
     per_second : (1,) 1 over the step, 0 in statics [1/s]
     functions : of the laws
@@ -69,6 +70,7 @@ class Laws(NamedTuple):
     parameters: Floats
     on: Bools
     start: Floats
+    strength: Bools
     dashpot_share: Floats
     per_second: Floats
     functions: Functions
@@ -136,7 +138,8 @@ class GapMemory(NamedTuple):
     limits : in force now
     history : (L, n, s) what the further laws keep of each gap, moved by accepted steps only
     trial : (L, n, s) the same within a step
-    limit : (5,) scratch, what the laws put of one gap
+    limit : (6,) scratch, what the laws put of one gap
+    water : (n,) force of the water that laws put into the gaps, now; empty without further laws [N]
     spring : (N,) deformation of the gaps' springs at the last accepted step: the opening where it is
         below zero, and the jump from the accumulated slip [m]
     failure : `FAILURE`: the gap farthest from a solution, where the last step did not converge
@@ -149,6 +152,7 @@ class GapMemory(NamedTuple):
     history: Floats
     trial: Floats
     limit: Floats
+    water: Floats
     spring: Floats
     failure: Record
     solver: Any
@@ -244,9 +248,9 @@ def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:
     for k, one in enumerate(rows):
         parameters[k, :, : one.values.shape[1]], on[k] = one.values, one.on
     start = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
-    return Laws(
-        parameters, on, start, _dashpot_share(law, stiffness, dt), np.array([1.0 / dt]), compiled(laws)
-    )
+    strength = np.array([each.strength for each in laws], dtype=np.bool_)
+    share = _dashpot_share(law, stiffness, dt)
+    return Laws(parameters, on, start, strength, share, np.array([1.0 / dt]), compiled(laws))
 
 
 def every_law(law: GapLaw) -> tuple[LawRows, ...]:
@@ -270,10 +274,10 @@ def law_memory(law: GapLaw, memory_of: Callable[[type[Law], Floats, int], Sequen
 def _friction(mu: Floats) -> Floats:
     """Friction as its law puts it, (n, 2), once for all steps where no further law changes it."""
     rows, which = np.unique(mu, axis=0, return_inverse=True)
-    limits = np.zeros((len(rows), 5))
+    limits = np.zeros((len(rows), ENTRIES))
     for row, limit in zip(rows, limits, strict=True):
         Coulomb.limit(row, np.zeros(0), limit)
-    return limits[which.reshape(-1), MU_J:]
+    return limits[which.reshape(-1), MU_J : MU_K + 1]
 
 
 def _dashpot_share(law: GapLaw, stiffness: Floats, dt: float) -> Floats:
@@ -319,7 +323,8 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         limits=Limits(np.zeros((n, 2)), problem.mu.copy(), np.zeros(n)),
         history=start.copy(),
         trial=start.copy(),
-        limit=np.zeros(5),
+        limit=np.zeros(ENTRIES),
+        water=np.zeros(0 if problem.laws is None else n),
         spring=np.zeros(N),
         failure=record(FAILURE),
         solver=solver_state(n, n != N),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from romdam.contact.components import ALONG_J, ALONG_K, SHEAR_J, SHEAR_K
 from romdam.contact.cone import slides
-from romdam.contact.laws.law import COHESION_J, MU_J, TENSION
+from romdam.contact.laws.law import COHESION_J, MU_J, TENSION, WATER
 from romdam.contact.problem import GapMemory, GapProblem, Laws
 from romdam.contact.solvers.newton import add_row
 from romdam.core.arrays import Floats
@@ -39,7 +39,7 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
         for k in range(len(laws.on)):
             if laws.on[k, i]:
                 laws.functions.limit[k](laws.parameters[k, i], memory.trial[k, i], limit)
-        limits.tension[i] = limit[TENSION] / whole[i]
+        limits.tension[i], memory.water[i] = limit[TENSION] / whole[i], limit[WATER]
         for a in range(2):
             limits.mu[i, a] = max(limit[MU_J + a], 0.0) * whole[i]
             limits.cohesion[i, a] = max(limit[COHESION_J + a] - limits.mu[i, a] * limits.tension[i], 0.0)
@@ -49,7 +49,7 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
 def bond_forces(
     laws: Laws | None, problem: GapProblem, memory: GapMemory, y_free: Floats, sign: float
 ) -> None:
-    """Count the force from the tension of what is left of the bonds on (sign 1), or from zero again (-1)."""
+    """Count the force from the bonds' tension on, with the water's jumps (sign 1), or undo it (-1)."""
     if laws is None:
         return
     for i in range(len(problem.gap)):
@@ -59,6 +59,9 @@ def bond_forces(
             memory.force[b] = max(memory.force[b], 0.0)
         if tension > 0.0:
             add_row(problem.W[b], -sign * tension, y_free)
+        if memory.water[i] != 0.0:  # moves the gap, but is not in its spring
+            add_row(problem.W[b], sign * memory.water[i], y_free)
+            y_free[b] -= sign * problem.compliance[b] * memory.water[i]
 
 
 @njit(cache=True)
@@ -95,7 +98,7 @@ def commit_laws(
     for k in range(len(laws.on)):
         kept, trial = memory.history[k, i], memory.trial[k, i]
         for entry in range(len(kept)):
-            given_up = given_up or kept[entry] != trial[entry]
+            given_up = given_up or (laws.strength[k] and kept[entry] != trial[entry])
             kept[entry] = trial[entry]
         if laws.on[k, i]:
             laws.functions.commit[k](laws.parameters[k, i], kept, opening, sliding, rate_j, rate_k)

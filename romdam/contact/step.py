@@ -131,7 +131,7 @@ def commit_gaps(
     jump: Floats,
     force: Floats,
     state: NDArray[np.uint8],
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Accept a step: jumps, whole joint forces and states at its end from the solution; the slip is added up.
 
     The accumulated slip of a gap grows by y_t, whatever its state: nothing while it sticks, the slip while it
@@ -146,8 +146,9 @@ def commit_gaps(
 
     Returns
     -------
-    (stored, lost) : energy stored in the gaps now, and taken in the step by sliding; in gaps that lost
-        strength or have a dashpot, all that their force did not do as work [J]
+    (stored, lost, water) : energy stored in the gaps now, and taken in the step by sliding; in gaps that lost
+        strength or have a dashpot, all that their force did not do as work; work in the step of the water
+        that laws put into gaps [J]
     """
     return _commit(problem.laws, problem, memory, y, (jump, force, state))
 
@@ -159,16 +160,17 @@ def _commit(
     memory: GapMemory,
     y: Floats,
     gaps: tuple[Floats, Floats, NDArray[np.uint8]],
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     jump, force, state = gaps
     if laws is None:
-        return _move(problem, memory, y, jump, force, state)
+        stored, slid = _move(problem, memory, y, jump, force, state)
+        return stored, slid, 0.0
     n = len(problem.gap)
     before, old = _energies(problem, laws.dashpot_share, jump, force), jump.copy()
     for i in range(n):
         y[len(y) // n * i] += laws.dashpot_share[i] * memory.spring[len(y) // n * i]
     lost = _move(problem, memory, y, jump, force, state)[1]
-    after = _energies(problem, laws.dashpot_share, jump, force)
+    after, fed = _energies(problem, laws.dashpot_share, jump, force), 0.0
     for i in range(n):
         p, slid, slip = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0, (0.0, 0.0)
         state[i] = OPEN if p <= 0.0 else max(state[i], STICK)
@@ -181,7 +183,8 @@ def _commit(
             or laws.dashpot_share[i] > 0.0
         ):
             lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
-    return after.sum(), lost
+        fed += memory.water[i] * (jump[i, NORMAL] - old[i, NORMAL])
+    return after.sum(), lost, fed
 
 
 @njit(cache=True)

@@ -83,6 +83,20 @@ class Block:
 
 
 @dataclass(frozen=True)
+class JointFace:
+    """Facets of one of a joint's blocks, at whose corners its gaps stand.
+
+    Attributes
+    ----------
+    block : its name
+    facets : of one kind in each array, (nf, corners) node numbers; linear, those of quadratic faces in pieces
+    """
+
+    block: str
+    facets: tuple[Ints, ...]
+
+
+@dataclass(frozen=True)
 class Joint:
     """Gap elements between the faces I and J of two blocks.
 
@@ -107,8 +121,12 @@ class Joint:
     K_n, K_nz, K_s : (n,) stiffness of each gap [N/m]; K_n is inf where rigid
     mu : (n, 2) friction coefficients along j and k
     viscosity : (n,) normal dashpot of each gap [N s/m]
+    grout : (n,) force of the grouting that stays in the gaps [N]
+    water : (n,) force of the water in the joint that pushes its sides apart, and no part of K_n's [N]
     laws : further laws that the joint has
     at_point : as `weights`, of the jump at the gaps' very positions; None where it is the same
+    face : that the gaps stand on
+    corner : (n,) node of the face's block at which each gap stands
     """
 
     name: str
@@ -125,8 +143,12 @@ class Joint:
     K_s: Floats
     mu: Floats
     viscosity: Floats
+    grout: Floats
+    water: Floats
     laws: tuple[LawRows, ...] = ()
     at_point: tuple[csr_matrix, csr_matrix] | None = None
+    face: JointFace | None = None
+    corner: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def whole_area(self) -> Floats:
@@ -137,6 +159,11 @@ class Joint:
     def is_rigid(self) -> bool:
         """Tell whether any of its gaps is rigid when closed."""
         return bool(np.isinf(self.K_n).any())
+
+    @property
+    def water_resultant(self) -> Floats:
+        """(3,) force of its water on block J, block I has the opposite [N]."""
+        return np.asarray(self.water @ self.axes[:, 0])
 
     @property
     def has_friction(self) -> bool:

@@ -60,6 +60,7 @@ class GapLaw:
     joints : name -> slice of its gaps
     laws : further laws, in the order in which they apply; empty without any
     viscosity : (ng,) normal dashpot [N s/m]; empty without any
+    grout : (ng,) force of the grouting that is still to be done [N]; empty without any
     """
 
     K_n: Floats
@@ -70,6 +71,7 @@ class GapLaw:
     joints: dict[str, slice]
     laws: tuple[LawRows, ...] = ()
     viscosity: Floats = field(default_factory=lambda: np.zeros(0))
+    grout: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def directions(self) -> int:
@@ -196,7 +198,8 @@ class History:
     time : (nt,) [s]
     jump : (nt, ng, d) opening (with the initial gap) and slip of every gap, at its very position [m]
     traction : (nt, ng, d) joint force on side J, compression positive, shear along j and k [N]
-    mean_traction : (nt, ng, d) its mean over the interval that ends at each time; zero at the first [N]
+    mean_traction : (nt, ng, d) its mean, with that of `water`, over the interval that ends at each time;
+        zero at the first [N]
     state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
     q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
@@ -205,6 +208,7 @@ class History:
         jumps that differ from those that joint forces see, of written rows and what these reach between them
     stats : counts and CPU seconds of the run
     integrator : key of `romdam.core.integrators.INTEGRATORS`
+    water : (nt, ng) force of the water that entered gaps as they opened; empty without such laws [N]
     """
 
     time: Floats
@@ -221,3 +225,4 @@ class History:
     peaks: dict[str, Floats]
     stats: dict[str, float]
     integrator: str
+    water: Floats = field(default_factory=lambda: np.zeros((0, 0)))

@@ -28,6 +28,7 @@ def gap_law(scene: Scene) -> GapLaw:
         joints={joint.name: slice(a, b) for joint, a, b in zip(joints, ends[:-1], ends[1:], strict=True)},
         laws=_laws(joints),
         viscosity=stacked("viscosity"),
+        grout=stacked("grout"),
     )
 
 
@@ -48,6 +49,11 @@ def _law(joints: list[Joint], law: LawSource) -> LawRows:
                 values = values if values.size else np.zeros((size, rows.values.shape[1]))
                 on[gaps], values[gaps], shear = True, rows.values, shear or rows.shear
     return LawRows(law, values, on, shear)
+
+
+def water_force(scene: Scene) -> Floats:
+    """Force of the water in the joints along the gaps' normals, pushing them apart, (ng,) [N]."""
+    return np.concatenate([np.zeros(0), *(joint.water for joint in scene.joints.values())])
 
 
 def gap_operators(scene: Scene, directions: int) -> dict[str, csr_matrix]:

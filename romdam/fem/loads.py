@@ -18,7 +18,7 @@ from romdam.scene.elements import (
     jacobians,
     simplex_rule,
 )
-from romdam.scene.facets import area_elements, area_vectors
+from romdam.scene.facets import area_elements, area_vectors, below
 
 _CUTS = 6  # parts of an edge of a facet that the water's level cuts
 
@@ -122,7 +122,7 @@ def _wet_rule(points: Floats, element: Element, level: float) -> Rule:
     found: list[tuple[Floats, Floats]] = []
     for triangle, shape in _small_triangles(element.name):
         above = shape @ points[:, 2] - level
-        for part in _below(triangle, above):
+        for part in below(triangle, above):
             edges = part[1:] - part[0]
             found.append((part[0] + xi @ edges, weight * abs(np.linalg.det(edges))))
     if not found:
@@ -143,17 +143,3 @@ def _small_triangles(name: str) -> list[tuple[Floats, Floats]]:
     else:
         found = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
     return [(triangle, element.shape(triangle)) for triangle in found]
-
-
-def _below(triangle: Floats, above: Floats) -> list[Floats]:
-    """Triangles that fill the part of a triangle where a linear function with corner values is negative."""
-    if (above <= 0.0).all():
-        return [triangle]
-    ring: list[Floats] = []
-    for k in range(3):
-        a, b = above[k], above[(k + 1) % 3]
-        if a <= 0.0:
-            ring.append(triangle[k])
-        if a * b < 0.0:
-            ring.append(triangle[k] + a / (a - b) * (triangle[(k + 1) % 3] - triangle[k]))
-    return [np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)]

@@ -13,7 +13,7 @@ from romdam.core.system import System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
-from romdam.fem.gaps import gap_law, gap_operators, point_operators
+from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
 from romdam.fem.water.added_mass import added_mass, sparse_added_mass
@@ -58,7 +58,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     mass, stiffness, shaken = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
     water = added_mass(scene)
     added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, MOST_WET)
-    mass = csr_matrix(mass + added)
+    mass, jumps = csr_matrix(mass + added), csr_matrix(hstack(B))
     driven: Floats | csr_matrix = shaken + wet
     if scene.free_field is not None:
         driven = csr_matrix(hstack([driven, -_free_field_load(scene, scene.free_field, numbered)]))
@@ -66,9 +66,9 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         M=mass,
         C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
         K=stiffness,
-        B=csr_matrix(hstack(B)),
+        B=jumps,
         load=driven,
-        force=_force(scene, numbered, len(shaken)),
+        force=_force(scene, numbered, len(shaken)) + jumps[:: law.directions].T @ water_force(scene),
         observe=_observe(scene, numbered),
         law=law,
         parts=numbered.parts,

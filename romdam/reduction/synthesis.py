@@ -26,7 +26,7 @@ from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
-from romdam.fem.gaps import gap_law, gap_operators, point_operators
+from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.water.added_mass import AddedMass, added_mass
 from romdam.linalg.multigrid import Motions
@@ -169,7 +169,7 @@ def _system(
         K=csr_matrix(diags_array(omega2)),
         B=csr_matrix(B),
         load=load,
-        force=force,
+        force=force + B[:: law.directions].T @ water_force(scene),
         observe=_observe(scene, basis, size),
         law=law,
         parts=parts,

@@ -24,7 +24,8 @@ class StoredRun:
     path : the file
     attributes : of the file
     time : (nt,) [s]
-    jump, traction, mean : (nt, ng, d) jump, joint force and its mean since the row before, on side J [m], [N]
+    jump, traction, mean : (nt, ng, d) jump, joint force with that of water that entered, and its mean since
+        the row before, on side J [m], [N]
     q : (nt, m) reduced coordinates
     disp : (nt, 3 * probes) [m]
     strain : (nt,) strain energy [J]
@@ -73,13 +74,16 @@ def read_run(path: Path) -> StoredRun:
     """
     with open_run(path) as dataset:
         _refuse(dataset, path)
+        traction = _gap_vector(dataset, "normal_force", "shear_force", -1.0)
+        if "crack_water_force" in dataset:
+            traction[..., 0] += dataset.crack_water_force.values
         disp = dataset.displacement.values if "displacement" in dataset else np.zeros((dataset.time.size, 0))
         return StoredRun(
             path=path,
             attributes=dict(dataset.attrs),
             time=dataset.time.values,
             jump=_gap_vector(dataset, "opening", "slip", 1.0),
-            traction=_gap_vector(dataset, "normal_force", "shear_force", -1.0),
+            traction=traction,
             mean=_gap_vector(dataset, "mean_normal_force", "mean_shear_force", -1.0),
             q=dataset.reduced_coordinates.values,
             disp=disp.reshape(len(disp), -1),

@@ -18,6 +18,10 @@ def _has_joints(case: Case) -> bool:
     return bool(case.scene.joints)
 
 
+def _has_water(case: Case) -> bool:
+    return any(joint.water.any() for joint in case.joints)
+
+
 def _frictional(case: Case) -> bool:
     return case.frictional
 
@@ -155,7 +159,7 @@ VARIABLES: dict[str, Variable] = {
     "normal_force": Variable(
         ("time", "gap"),
         "N",
-        "normal force of the gap, compression negative",
+        "normal force of the gap, compression negative; the effective one where there is water",
         lambda c: -c.history.traction[:, :, 0],
         _has_joints,
     ),
@@ -169,7 +173,8 @@ VARIABLES: dict[str, Variable] = {
     "mean_normal_force": Variable(
         ("time", "gap"),
         "N",
-        "mean normal force over the writing interval that ends at the time, compression negative",
+        "mean normal force, with crack_water_force, over the writing interval that ends at the time, "
+        "compression negative",
         lambda c: -c.history.mean_traction[:, :, 0],
         _has_joints,
     ),
@@ -179,6 +184,27 @@ VARIABLES: dict[str, Variable] = {
         "mean shear force on block J over the writing interval that ends at the time",
         lambda c: c.history.mean_traction[:, :, 1:],
         _frictional,
+    ),
+    "water_pressure": Variable(
+        ("gap",),
+        "Pa",
+        "pressure of the water in the joint, mean over the gap's area",
+        lambda c: c.of_gaps("water") / c.of_gaps("area"),
+        _has_water,
+    ),
+    "water_force": Variable(
+        ("joint", "component"),
+        "N",
+        "resultant of the water in the joint on block J; block I has the opposite",
+        lambda c: np.array([joint.water_resultant for joint in c.joints]),
+        _has_water,
+    ),
+    "crack_water_force": Variable(
+        ("time", "gap"),
+        "N",
+        "force of the water that entered the gap as it opened, besides that of water_pressure",
+        lambda c: c.history.water,
+        lambda c: bool(c.history.water.any()),
     ),
     "joint_state": Variable(
         ("time", "gap"),
@@ -212,7 +238,7 @@ VARIABLES: dict[str, Variable] = {
     "ground_acceleration": Variable(
         ("time", "component"), "m s-2", "ground acceleration at the base", _ground_acceleration
     ),
-    "energy_input": _energy("input", "work of inertia forces and static loads"),
+    "energy_input": _energy("input", "work of inertia forces, static loads and water that enters gaps"),
     "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),
     "energy_strain": _energy("strain", "strain energy of the blocks"),
     "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),

@@ -9,7 +9,17 @@ import numpy as np
 from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, FacePressure, Hydrostatic, Material, PointForce, Probe, Scene
+from romdam.core.scene import (
+    Block,
+    Bools,
+    FacePressure,
+    Hydrostatic,
+    Joint,
+    Material,
+    PointForce,
+    Probe,
+    Scene,
+)
 from romdam.scene.arch_dam.generator import Dam, arch_dam
 from romdam.scene.boxes import box_block
 from romdam.scene.cutting.pieces import cut_block
@@ -17,6 +27,7 @@ from romdam.scene.elements import Floats
 from romdam.scene.gravity_dam.generator import gravity_dam
 from romdam.scene.ground.free_field import free_field
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
+from romdam.scene.joint_water.build import with_water
 from romdam.scene.joints import build_joint
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
@@ -62,6 +73,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
         for name, joint in config.every_joint.items()
     }
+    _fill_joints(config, joints, blocks, source)
     refuse_free_blocks(blocks, joints, fixed, source, ties)
     for part in rigid.values():
         refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
@@ -144,9 +156,20 @@ def _pressures(config: Config, blocks: dict[str, Block], source: str) -> tuple[F
     return tuple(found)
 
 
-def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:
+def _gravity_of_water(config: Config) -> float:
     gravity = config.loads.gravity
-    size = 9.81 if gravity is None else float(np.linalg.norm(gravity))
+    return 9.81 if gravity is None else float(np.linalg.norm(gravity))
+
+
+def _fill_joints(config: Config, joints: dict[str, Joint], blocks: dict[str, Block], source: str) -> None:
+    for k, water in enumerate(config.loads.joint_water):
+        place = f"{source}: loads.joint_water[{k}]"
+        for name in water.joints:
+            joints[name] = with_water(joints[name], water, blocks, _gravity_of_water(config), place)
+
+
+def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:
+    size = _gravity_of_water(config)
     found = []
     for k, load in enumerate(config.loads.hydrostatic):
         place = f"{source}: loads.hydrostatic[{k}]"

@@ -153,3 +153,17 @@ def facets_in_plane(points: Floats, facets: Ints, axis: int, at: float, toleranc
     """The facets whose nodes all lie in the plane x[axis] = at, within `tolerance` [m]."""
     inside: Bools = np.abs(points[facets, axis] - at) <= tolerance
     return facets[inside.all(axis=1)]
+
+
+def below(triangle: Floats, above: Floats) -> list[Floats]:
+    """Triangles that fill the part of a triangle where a linear function with corner values is negative."""
+    if (above <= 0.0).all():
+        return [triangle]
+    ring: list[Floats] = []
+    for k in range(3):
+        a, b = above[k], above[(k + 1) % 3]
+        if a <= 0.0:
+            ring.append(triangle[k])
+        if a * b < 0.0:
+            ring.append(triangle[k] + a / (a - b) * (triangle[(k + 1) % 3] - triangle[k]))
+    return [np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)]

@@ -14,12 +14,12 @@ from scipy.spatial import cKDTree
 
 from romdam.config.sections.joints import GapTable, JointConfig
 from romdam.contact.laws import LAWS
-from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import Law
 from romdam.core.arrays import Bools, Ints
 from romdam.core.errors import ConfigError, MeshError
-from romdam.core.scene import Block, Joint
+from romdam.core.scene import Block, Joint, JointFace
 from romdam.core.system import LawRows
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import gap_weights, node_normals, second_moments
@@ -85,8 +85,21 @@ def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: P
         axes=local_axes(normal),
         weights=face.weights,
         at_point=face.at_point,
+        water=np.zeros(len(face.area)),
+        face=_linear_face(surface, face.corner),
+        corner=face.corner,
         **_properties(joint, face.area, face.position, folder, place),
     )
+
+
+def _linear_face(surface: Surface, corner: Ints) -> JointFace:
+    """The facets of a surface, in the pieces that the nodes with gaps cut them into."""
+    element = surface.element
+    every = bool(np.isin(surface.facets, corner).all())
+    pieces = element.pieces if every else (tuple(range(element.corners)),)
+    kinds = {len(piece): [other for other in pieces if len(other) == len(piece)] for piece in pieces}
+    facets = [np.concatenate([surface.facets[:, list(p)] for p in kind]) for kind in kinds.values()]
+    return JointFace(surface.block, tuple(facets))
 
 
 def _say_rotation(face: FaceGaps, surface: Surface, side: int, place: str) -> None:
@@ -133,6 +146,7 @@ def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints,
         opposite=points_J[partner[at]],
         normal=node_normals(points_I, facets)[at],
         area=area,
+        corner=at,
         weights=(weights, weights),
         at_point=(point, point) if facet_element(facets).quadratic else None,
     )
@@ -164,7 +178,9 @@ def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str
         for a wrong gap table.
     """
     place = f"{source}: joints.{joint.name}"
-    return replace(joint, **_properties(config, joint.area, joint.position, folder, place))
+    properties = _properties(config, joint.area, joint.position, folder, place)
+    loads = tuple(rows for rows in joint.laws if not find_law(rows.law).parameters)  # as water in cracks
+    return replace(joint, **properties | {"laws": (*properties["laws"], *loads)})
 
 
 def _properties(
@@ -307,7 +323,21 @@ def _select(joint: Joint, keep: Ints) -> Joint:
     seen = [np.unique(np.concatenate([side.indices for side in sides])) for sides in zip(*rows, strict=True)]
     cut = [tuple(side[:, s] for side, s in zip(sides, seen, strict=True)) for sides in rows]
     laws = tuple(replace(each, values=each.values[keep], on=each.on[keep]) for each in joint.laws)
-    of_gaps = ("position", "area", "share", "axes", "gap", "K_n", "K_nz", "K_s", "mu", "viscosity")
+    of_gaps = (
+        "position",
+        "corner",
+        "area",
+        "share",
+        "axes",
+        "gap",
+        "K_n",
+        "K_nz",
+        "K_s",
+        "mu",
+        "viscosity",
+        "grout",
+        "water",
+    )
     return replace(
         joint,
         nodes=(joint.nodes[0][seen[0]], joint.nodes[1][seen[1]]),

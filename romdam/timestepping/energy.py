@@ -2,11 +2,11 @@
 
     residual = kinetic + strain + joint_stored + damping + friction + contact + numerical - input - initial
 
-`input` is the work of the inertia forces and static loads, `contact` what the implicit joint force
-takes away at closure and opening (numerical, never negative: the force times the jump's change is at least
-the change of the stored energy, see `romdam.contact.problem`), `friction` the work done in sliding, and
-`numerical` what a scheme that damps by itself (generalised-alpha) takes from the motion; others have no such
-term. The residual is round-off with every scheme.
+`input` is the work of the inertia forces, the static loads and the water that enters gaps, `contact` what the
+implicit joint force takes away at closure and opening (numerical, never negative: the force times the
+jump's change is at least the change of the stored energy, see `romdam.contact.problem`), `friction` the work
+done in sliding, and `numerical` what a scheme that damps by itself (generalised-alpha) takes from the motion;
+others have no such term. The residual is round-off with every scheme.
 """
 
 from __future__ import annotations

@@ -51,6 +51,7 @@ class GapState:
     accumulated_slip : (n, 2) [m]; empty without friction
     stored : energy in the gaps [J]
     history : (L, n, s) see `romdam.contact.problem.GapMemory`; empty where it is that of unloaded gaps
+    water : (n,) force of the water that laws put into the gaps; empty without further laws [N]
     """
 
     jump: Floats
@@ -60,6 +61,20 @@ class GapState:
     accumulated_slip: Floats
     stored: float
     history: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    water: Floats = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def acting(self) -> Floats:
+        """(n, d) force on side J of contact and of that water [N]."""
+        return with_water(self.force, self.water)
+
+
+def with_water(force: Floats, water: Floats) -> Floats:
+    """Joint forces (..., n, d) with water (..., n) along the normals, or without where it is empty [N]."""
+    total = force.copy()
+    if water.shape[-1]:
+        total[..., NORMAL] += water
+    return total
 
 
 def system_gap_problem(
@@ -112,6 +127,7 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
         p_c=np.zeros(n * d),
         accumulated_slip=np.zeros((n if d == 3 else 0, 2)),
         stored=float((0.5 * stiffness * law.gap**2).sum()),
+        water=_water_at_start(system) if law.has_memory else np.zeros(0),
     )
     return np.zeros(system.size), empty
 
@@ -129,6 +145,15 @@ def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapSt
         ("initial", static, tolerance if static else 0.0),
         lambda: static_equilibrium(system, tolerance) if static else undeformed(system),
     )
+
+
+def _water_at_start(system: System) -> Floats:
+    """What laws put into the unloaded gaps (ng,), empty without any [N]."""
+    N = len(system.law) * system.law.directions
+    problem = system_gap_problem(system, np.zeros((N, N)))
+    memory = gap_memory(problem)
+    set_limits(problem.laws, problem.whole, memory)
+    return memory.water
 
 
 def resumed(system: System, start: Start) -> GapState:
@@ -150,7 +175,14 @@ def resumed(system: System, start: Start) -> GapState:
     stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, NORMAL]).sum()
     closed = (p_c[:, NORMAL] > 0.0).astype(np.uint8)
     return GapState(
-        start.jump.copy(), start.traction.copy(), closed, p_c.ravel(), slip, float(stored), history
+        start.jump.copy(),
+        start.traction.copy(),
+        closed,
+        p_c.ravel(),
+        slip,
+        float(stored),
+        history,
+        memory.water.copy(),
     )
 
 
@@ -185,14 +217,20 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
             calm, step = 0, _proximal_step(system, max(_GROWTH * step.shift, _SHIFT))
             memory = _afresh(memory, gaps)
             continue
-        moved = free + step.X @ gaps.force.ravel() - q
+        moved = free + step.X @ gaps.acting.ravel() - q
         q, calm = q + moved, calm + 1
         slowed = max(step.shift / _SHIFT, 1.0)
-        if step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12):
+        still = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12)
+        if still and _keeps_water(step.problem, memory, gaps):
             return q, gaps
         if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
             step = _proximal_step(system, max(_SHRINK * step.shift, least, _SHIFT))
             memory = _afresh(memory, gaps)
+    if not _keeps_water(step.problem, memory, gaps):
+        raise ConvergenceError(
+            f"initial state: after {_MAX_ITERATIONS} iterations gaps still open and close with the water "
+            "that enters them; set loads.joint_water[].crack: unchanged, or loads.initial_state: undeformed"
+        )
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
         f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "
@@ -213,6 +251,13 @@ def _proximal_step(system: System, shift: float) -> _ProximalStep:
     factor = Factor(system.K + shift * system.M)
     X = factor.solve(system.B.T.toarray())
     return _ProximalStep(shift, factor, X, system_gap_problem(system, np.asarray(system.B @ X)))
+
+
+def _keeps_water(problem: GapProblem, memory: GapMemory, gaps: GapState) -> bool:
+    """Tell whether the gaps as they are now have the water that brought them there."""
+    memory.trial[:] = memory.history
+    set_limits(problem.laws, problem.whole, memory)
+    return bool(np.array_equal(memory.water, gaps.water))
 
 
 def _afresh(memory: GapMemory, gaps: GapState) -> GapMemory:
@@ -240,6 +285,6 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tupl
             "or set loads.initial_state: undeformed"
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
-    stored, _ = commit_gaps(problem, memory, y, jump, force, state)
+    stored = commit_gaps(problem, memory, y, jump, force, state)[0]
     p_c, slip, history = memory.force.copy(), memory.accumulated_slip.copy(), memory.history.copy()
-    return GapState(jump, force, state, p_c, slip, stored, history)
+    return GapState(jump, force, state, p_c, slip, stored, history, memory.water.copy())

@@ -107,7 +107,7 @@ def solve(
     y, residual = solve_step(problem, memory, case.w_free)
     assert residual <= TOLERANCE, f"not converged: {residual:.3g}"
     jump, force, state = np.empty((n, N // n)), np.empty((n, N // n)), np.empty(n, dtype=np.uint8)
-    stored, friction = commit_gaps(problem, memory, y, jump, force, state)
+    stored, friction, _ = commit_gaps(problem, memory, y, jump, force, state)
     return jump, force, state, memory, stored, friction
 
 

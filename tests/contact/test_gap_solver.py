@@ -123,7 +123,7 @@ def test_within_the_step_no_gap_gives_more_than_it_took(K_n, mu):
         for _ in range(30):
             y, residual = solve_step(problem, memory, 1e-3 * rng.standard_normal(6 * d))
             assert residual <= TOLERANCE
-            stored, slid = commit_gaps(problem, memory, y, jump, force, state)
+            stored, slid, _ = commit_gaps(problem, memory, y, jump, force, state)
             taken = -(memory.force * (jump - old).ravel()).sum()
             size = np.abs(memory.force).max() * np.abs(jump - old).max() + stored
             assert slid >= -1e-7 * size
@@ -445,7 +445,7 @@ def test_no_gaps(d):
     energies = commit_gaps(
         problem, memory, y, np.zeros((0, d)), np.zeros((0, d)), np.zeros(0, dtype=np.uint8)
     )
-    assert energies == (0.0, 0.0)
+    assert energies == (0.0, 0.0, 0.0)
 
 
 def test_all_gaps_open_after_all_were_closed():

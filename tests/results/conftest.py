@@ -46,6 +46,7 @@ def make_joint(name: str, gaps: int, mu: float) -> Joint:
     return Joint(
         name, ("left", "right"), nodes, position, 0.5 * ones, 0 * ones, axes, (eye(gaps).tocsr(),) * 2,
         1e-3 * ones, 1e10 * ones, 0 * ones, 5e9 * ones, coefficients, 0 * ones, 0 * ones,
+        2e5 * ones,
     )  # fmt: skip
 
 
@@ -71,7 +72,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     mean = 0.5 * traction
     return History(
         time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
-        q=q, v=v, energy=energy, peaks=peaks, stats=stats, integrator="modal",
+        water=traction[:, :, 0], q=q, v=v, energy=energy, peaks=peaks, stats=stats, integrator="modal",
     )  # fmt: skip
 
 

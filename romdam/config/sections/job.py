@@ -314,6 +314,9 @@ class Config(Model):
         for i, water in enumerate(self.loads.hydrostatic):
             for k, face in enumerate(water.faces):
                 self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, blocks)
+        for i, wet in enumerate(self.loads.joint_water):
+            for joint_name in wet.joints:
+                self._known(f"loads.joint_water[{i}].joints", joint_name, self.every_joint)
         for i, warm in enumerate(self.loads.temperature):
             for block_name in warm.blocks or ():
                 self._known(f"loads.temperature[{i}].blocks", block_name, blocks)

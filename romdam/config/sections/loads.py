@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from romdam.config.base import Model
 from romdam.config.quantities import Acceleration, Density, Force, Length, Pressure, TemperatureChange
+from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.config.sections.places import BlockFace, FaceRef, Tolerance, Vector
+from romdam.core.errors import shown
 
 Positive = Field(gt=0.0)
 
@@ -66,4 +68,17 @@ class LoadsConfig(Model):
     temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
+    joint_water: tuple[JointWaterConfig, ...] = ()
     initial_state: Literal["static", "undeformed"] = "static"
+
+    @model_validator(mode="after")
+    def _wet_once(self) -> Self:
+        seen: dict[str, int] = {}
+        for k, water in enumerate(self.joint_water):
+            for name in water.joints:
+                if seen.setdefault(name, k) != k or water.joints.count(name) > 1:
+                    raise ValueError(
+                        f"joint_water[{k}].joints: joint {shown(name)} stands in joint_water[{seen[name]}] "
+                        "already; name it once"
+                    )
+        return self

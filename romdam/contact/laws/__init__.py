@@ -3,6 +3,7 @@
 from romdam.contact.laws.bond import Bond
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.dashpot import Dashpot
+from romdam.contact.laws.grouting import Grouting
 from romdam.contact.laws.law import Law
 from romdam.contact.laws.penalty import Penalty
 from romdam.contact.laws.shear_key import ShearKey
@@ -17,6 +18,7 @@ LAWS: tuple[type[Law], ...] = (
     TensionStiffness,
     ShearStiffness,
     Dashpot,
+    Grouting,
     Coulomb,
     StaticFriction,
     VelocityFriction,

@@ -13,11 +13,12 @@ from types import ModuleType
 import numpy as np
 
 from romdam.contact.laws import LAWS
-from romdam.contact.laws.law import AXES, COHESION_J, Law, Parameter
+from romdam.contact.laws.crack_water import CrackWater
+from romdam.contact.laws.law import AXES, COHESION_J, ENTRIES, MU_K, Law, Parameter
 from romdam.core.errors import ConfigError, listed, shown
 from romdam.core.system import GapLaw, LawSource
 
-_OWN = {law.__name__: law for law in LAWS}
+_OWN = {law.__name__: law for law in (*LAWS, CrackWater)}
 _UNITS = ("", "axes", "m", "s", "m/s", "Pa", "N", "N/m", "N/m^3", "N*s/m^3", "1/s", "Hz")
 _RESERVED = {"between", "law", "gap", "gaps", "normal", "tolerance"}  # keys of a joint that no law may add
 _LOADED: dict[LawSource, type[Law]] = {}
@@ -25,7 +26,7 @@ _LOADED: dict[LawSource, type[Law]] = {}
 
 def source_of(law: type[Law]) -> LawSource:
     """Find the source of a law of romdam, or of one that `user_law` has loaded."""
-    if law in LAWS:
+    if law in _OWN.values():
         return LawSource(law.__name__)
     return next(source for source, loaded in _LOADED.items() if loaded is law)
 
@@ -150,7 +151,7 @@ def _try(law: type[Law], place: str) -> None:
     """Call the functions once: what they raise, and shear that no direction would carry, is told now."""
     values = {p.name: AXES if p.unit == "axes" else _sample(p) for p in law.parameters}
     joint = {law.section: values} if law.section else values
-    limit, name = np.zeros(5), "row"
+    limit, name = np.zeros(ENTRIES), "row"
     try:
         parameters = np.array(law.row(joint, 1.0), dtype=float)
         memory = np.array(law.initial(parameters, 0.0), dtype=float)
@@ -166,7 +167,7 @@ def _try(law: type[Law], place: str) -> None:
         raise ConfigError(f"{place}.{name} cannot be called: {type(error).__name__}: {error}") from error
     if len(memory) != len(law.memory):
         raise ConfigError(f"{place}.initial gives {len(memory)} numbers for {len(law.memory)} of `memory`")
-    if limit[COHESION_J:].any() and not law.shear:
+    if limit[COHESION_J : MU_K + 1].any() and not law.shear:
         raise ConfigError(f"{place}.limit bounds the shear, which no gap carries; set `shear = True`")
 
 

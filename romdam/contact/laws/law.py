@@ -10,7 +10,8 @@ release     looks at the solution and gives up what the gap cannot hold; the ste
 commit      moves the memory, once the step is accepted.
 
 The shear of a closed gap is bounded by |t| <= c + mu p with p the compression, along j and k each, or on the
-resultant where both bounds are equal; a bond of the strength T lets p go down to -T. Laws come one after
+resultant where both bounds are equal; a bond of the strength T lets p go down to -T. Water pushes the sides
+apart by a force of its own, which is no part of p. Laws come one after
 another, in the order of `romdam.contact.laws.LAWS` with a user's own at the end, and each sees what those
 before it have put.
 """
@@ -25,7 +26,7 @@ from typing import Any, ClassVar, NamedTuple
 from romdam.core.arrays import Floats
 
 # what bounds the force of a gap: the entries of `limit` [N], [1]
-TENSION, COHESION_J, COHESION_K, MU_J, MU_K = range(5)
+TENSION, COHESION_J, COHESION_K, MU_J, MU_K, WATER = range(ENTRIES := 6)
 AXES = ("j", "k")
 
 Row = Sequence[float] | Floats
@@ -83,12 +84,13 @@ class Law:
     parameters : what the law adds to a joint
     memory : names of what a gap keeps from step to step
     shear : whether it lets a gap carry shear, so that the tangential directions are needed
+    strength : whether what `release` gives up is strength, whose energy is lost with it
     array : the array of `romdam.core.system.GapLaw` that its one parameter is, where it has one of its own
 
     The functions of one gap take arrays: `parameters` as `row` makes them, `memory` in the order above:
 
-    limit(parameters, memory, limit) : put entries TENSION, COHESION_J, COHESION_K, MU_J, MU_K of `limit`;
-        bounds below zero count as zero
+    limit(parameters, memory, limit) : put entries TENSION, COHESION_J, COHESION_K, MU_J, MU_K, WATER of
+        `limit`; bounds below zero count as zero
     release(parameters, memory, opening, pulled, sliding) : whether something was given up, noted in `memory`
         (a step that gives up more often than the memory has entries does not converge);
         `opening` with the initial gap [m], `pulled` where the gap opens against all its tension, `sliding`
@@ -101,6 +103,7 @@ class Law:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     memory: ClassVar[tuple[str, ...]] = ()
     shear: ClassVar[bool] = False
+    strength: ClassVar[bool] = True
     array: ClassVar[str] = ""
 
     limit: ClassVar[Callable[..., None] | None] = None

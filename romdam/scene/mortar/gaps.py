@@ -26,6 +26,7 @@ class FaceGaps:
     position, opposite : (n, 3) where they stand on block I's face and on block J's [m]
     normal : (n, 3) from I to J
     area : (n,) all positive [m2]
+    corner : (n,) node of the face's block at which each stands
     weights : (n, nodes) of either side, rows sum to 1
     at_point : the same for the jump at the very position, or None where it is the same
     """
@@ -35,6 +36,7 @@ class FaceGaps:
     opposite: Floats
     normal: Floats
     area: Floats
+    corner: Ints
     weights: tuple[csr_matrix, csr_matrix]
     at_point: tuple[csr_matrix, csr_matrix] | None
 
@@ -73,6 +75,7 @@ def mortar_gaps(interface: MortarInterface) -> FaceGaps:
         opposite=where[order[1]],
         normal=sign * interface.normals[nodes],
         area=np.asarray(area),
+        corner=nodes,
         weights=(own[order[0]], own[order[1]]),
         at_point=None if same else (exact[order[0]], exact[order[1]]),
     )

@@ -32,7 +32,13 @@ from romdam.core.errors import ConvergenceError
 from romdam.core.system import Complex, History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.energy import ENERGIES, ledger
-from romdam.timestepping.equilibrium import GapState, initial_state, system_gap_problem, take_over
+from romdam.timestepping.equilibrium import (
+    GapState,
+    initial_state,
+    system_gap_problem,
+    take_over,
+    with_water,
+)
 from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.peaks import first_peaks, named_peaks, raise_peaks
 from romdam.timestepping.prepared import Simulation
@@ -94,10 +100,11 @@ class _State:
         self.u = q
         self.v = np.zeros_like(q)
         self.jump, self.force, self.state = gaps.jump.copy(), gaps.force.copy(), gaps.state.copy()
+        self.water = gaps.water.copy()
         self.energies, self.impulse = record(ENERGIES), np.zeros_like(gaps.force)
         self.energies.stored = gaps.stored
         self.numerical = 0.0
-        rest = system.force - system.load @ ground + system.B.T @ gaps.force.ravel() - system.K @ q
+        rest = system.force - system.load @ ground + system.B.T @ gaps.acting.ravel() - system.K @ q
         massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
         self.a = Factor(system.M + diags_array(massless.astype(float))).solve(np.where(massless, 0.0, rest))
         self.inertia = system.M @ self.a
@@ -144,8 +151,10 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
         return residual
     jump_old = state.jump.copy()
     energies = state.energies
-    energies.stored, friction = commit_gaps(stepper.problem, memory, y, state.jump, state.force, state.state)
-    acting = memory.force.reshape(state.force.shape).copy()
+    gaps = state.jump, state.force, state.state
+    energies.stored, friction, fed = commit_gaps(stepper.problem, memory, y, *gaps)
+    state.water = memory.water.copy()
+    acting = with_water(memory.force.reshape(state.force.shape), state.water)
     acting[:, NORMAL] -= stepper.problem.tension * state.jump[:, NORMAL]
     right += stepper.operator.T @ acting.ravel()
     state.a = stepper.factor.solve(right)
@@ -155,9 +164,9 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     state.inertia = system.M @ state.a
     moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
     damping = system.C @ rate
-    energies.input += float((system.force - system.load @ ground.mean(axis=1)) @ moved)
+    energies.input += float((system.force - system.load @ ground.mean(axis=1)) @ moved) + fed
     energies.damping += dt * float(rate @ damping)
-    energies.joint_work += float((acting * (state.jump - jump_old)).sum())
+    energies.joint_work += float((acting * (state.jump - jump_old)).sum()) - fed
     energies.friction += friction
     state.numerical += _numerical(stepper, moved, state.v - v_old, state.inertia - inertia_old, ground)
     state.numerical += float((moved - dt * rate) @ damping)
@@ -191,6 +200,7 @@ class _Rows:
         rows, probes = (samples - 1) // steps.stride + 1, system.observe.shape[0]
         self.jump = np.zeros((rows, *state.jump.shape))
         self.force = np.zeros((rows, *state.force.shape))
+        self.water = np.zeros((rows, len(state.water)))
         self.gap_state = np.zeros((rows, len(state.state)), dtype=np.uint8)
         self.impulse = np.zeros_like(self.force)
         self.disp, self.vel, self.acc = np.zeros((3, rows, probes))
@@ -214,7 +224,7 @@ class _Rows:
     def _write(self, state: _State, row: int) -> None:
         system = self.system
         self.jump[row], self.force[row] = self._at_points(state), state.force
-        self.gap_state[row] = state.state
+        self.gap_state[row], self.water[row] = state.state, state.water
         self.impulse[row], state.impulse = state.impulse, np.zeros_like(state.impulse)
         for kept, field in zip((self.disp, self.vel, self.acc), (state.u, state.v, state.a), strict=True):
             kept[row] = system.observe @ field
@@ -232,6 +242,7 @@ class _Rows:
             time=np.arange(len(self.jump), dtype=np.float64) * self.steps.interval,
             jump=self.jump,
             traction=self.force,
+            water=self.water,
             mean_traction=self.impulse / self.steps.interval,
             state=self.gap_state,
             disp=self.disp,

@@ -106,6 +106,7 @@ class ModalState(NamedTuple):
     f : (m,) external modal force
     s, u_r : (N,) relaxed joint force and the jump it makes, R s [N], [m]
     jump, force : (n, d) of the gaps
+    water : (n,) force of the water that laws put into the gaps; empty without further laws [N]
     mean : (N,) joint force that acted over the last step [N]
     w : (N,) jump of the states, G q (conserving only) [m]
     state : (n,) of the gaps
@@ -123,6 +124,7 @@ class ModalState(NamedTuple):
     u_r: Floats
     jump: Floats
     force: Floats
+    water: Floats
     mean: Floats
     w: Floats
     state: NDArray[np.uint8]
@@ -171,6 +173,7 @@ class HistoryBuffer(NamedTuple):
     q, v : (rows, m)
     s : (rows, N)
     jump, force, impulse : (rows, n, d)
+    water : (rows, n) or (rows, 0)
     state : (rows, n)
     energies : (rows,) `romdam.timestepping.energy.ENERGIES` [J]
     """
@@ -181,6 +184,7 @@ class HistoryBuffer(NamedTuple):
     s: Floats
     jump: Floats
     force: Floats
+    water: Floats
     impulse: Floats
     state: NDArray[np.uint8]
     energies: Record

@@ -69,6 +69,7 @@ def _gaps_of(levels: StepHierarchy, runs: Batch, run: int) -> tuple[GapProblem, 
         history=one.history,
         trial=one.trial,
         limit=one.limit,
+        water=one.water,
         spring=one.spring,
         failure=one.failure,
         solver=at(runs.solver, (run, level)),
@@ -97,6 +98,7 @@ def _record(buffer: HistoryBuffer, state: ModalState, row: int) -> None:
     copy(state.s, buffer.s[row])
     copy(state.jump.ravel(), buffer.jump[row].ravel())
     copy(state.force.ravel(), buffer.force[row].ravel())
+    copy(state.water, buffer.water[row])
     copy(state.state, buffer.state[row])
     copy(state.impulse.ravel(), buffer.impulse[row].ravel())
     buffer.energies[row] = state.energies
@@ -190,7 +192,7 @@ def _accept(
 ) -> None:
     """Commit the gaps of a solved step."""
     problem, memory = _gaps_of(levels, runs, run)
-    stored, friction = commit_gaps(problem, memory, work.y[run], state.jump, state.force, state.state)
+    stored, friction, fed = commit_gaps(problem, memory, work.y[run], state.jump, state.force, state.state)
     changed, d = False, state.force.shape[1]
     for i in range(len(state.closed)):
         closed = memory.force[d * i] > -memory.limits.tension[i]
@@ -201,9 +203,14 @@ def _accept(
             state.mean[b] = memory.force[b]
         for i in range(len(problem.tension)):
             state.mean[d * i] -= problem.tension[i] * state.jump[i, NORMAL]
+    for i in range(len(memory.water)):
+        state.water[i] = memory.water[i]
+        state.mean[d * i] += memory.water[i]
     runs.clock[run].calm_steps = 0 if changed else runs.clock[run].calm_steps + 1
     state.energies.friction += friction
     state.energies.stored = stored
+    state.energies.input += fed
+    state.energies.joint_work -= fed
 
 
 @njit(cache=True, inline="always")

@@ -17,7 +17,7 @@ from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
 from romdam.timestepping.energy import ENERGIES, ledger
-from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over
+from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over, with_water
 from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.modal.arrays import (
     CLOCK,
@@ -225,7 +225,7 @@ def _states(arrays: tuple[ModalModel, ModeSplit], starts: Sequence[Initial], run
     gaps = [start.gaps for start in starts]
     jump, force = np.stack([gap.jump for gap in gaps]), np.stack([gap.force for gap in gaps])
     state = np.stack([gap.state for gap in gaps])
-    p = force.reshape(len(gaps), -1)
+    p = np.stack([gap.acting for gap in gaps]).reshape(len(gaps), -1)
     relaxed = len(model.R) > 0
     energies = np.zeros(len(gaps), ENERGIES)
     energies["stored"] = [gap.stored for gap in gaps]
@@ -237,6 +237,7 @@ def _states(arrays: tuple[ModalModel, ModeSplit], starts: Sequence[Initial], run
         u_r=p @ model.R if relaxed else p[:, :0].copy(),
         jump=jump,
         force=force,
+        water=np.stack([gap.water for gap in gaps]),
         mean=p.copy(),
         w=q @ split.G.T,
         state=state,
@@ -261,6 +262,7 @@ def _history_buffer(states: ModalState, stride: int, runs: Batch) -> HistoryBuff
         s=kept(states.s),
         jump=kept(states.jump),
         force=kept(states.force),
+        water=kept(states.water),
         impulse=kept(states.impulse),
         state=kept(states.state),
         energies=kept(states.energies),
@@ -342,7 +344,7 @@ def _history(
     k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
     seen = system.observe.toarray().T[split.dynamic]
     rate = model.static @ seen + acc.T @ (model.load @ seen)
-    rate += buffer.force.reshape(len(disp), -1) @ (split.G @ seen)
+    rate += with_water(buffer.force, buffer.water).reshape(len(disp), -1) @ (split.G @ seen)
     rate -= buffer.v @ (c[:, None] * seen) + buffer.q @ (k[:, None] * seen)
     strain = 0.5 * (buffer.q**2) @ k
     if len(model.R):
@@ -351,6 +353,7 @@ def _history(
         time=np.arange(len(disp), dtype=np.float64) * settings.steps.interval,
         jump=_at_points(system, split, buffer),
         traction=buffer.force,
+        water=buffer.water,
         mean_traction=buffer.impulse / settings.steps.interval,
         state=buffer.state,
         disp=disp,

@@ -1,0 +1,114 @@
+"""The pressure of the water in a joint: piecewise linear heads along the lines from heel to toe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from romdam.config.sections.joint_water import JointWaterConfig
+from romdam.core.arrays import Floats
+from romdam.core.scene import JointFace
+
+_NEAR = 1e-9  # of the outline's extent: the same line
+_SHORT = 1e-9  # [m] a line that only touches a corner
+_AT_ONCE = 2_000_000  # points times edges
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The outline of a joint's face, by which heel and toe of every line are told.
+
+    Attributes
+    ----------
+    ends : (n, 2, 3) of its edges [m]
+    downstream, across : (3,) unit vectors
+    """
+
+    ends: Floats
+    downstream: Floats
+    across: Floats
+
+    @classmethod
+    def of(cls, points: Floats, face: JointFace, downstream: Floats, across: Floats) -> Outline:
+        """The edges that one facet alone has."""
+        pairs = [np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2) for f in face.facets]
+        edges, count = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0, return_counts=True)
+        return cls(points[edges[count == 1]], downstream, across)
+
+    def lines(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """Where the lines through points (m, 3) begin and end along `downstream`; the toe's height [m]."""
+        size = max(1, _AT_ONCE // len(self.ends))
+        chunks = [self._lines(points[i : i + size]) for i in range(0, len(points), size)]
+        heel, toe, height = (np.concatenate(column) for column in zip(*chunks, strict=True))
+        return heel, toe, height
+
+    def _lines(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        s, (s_0, s_1) = points @ self.across, (self.ends @ self.across).T
+        near = _NEAR * float(np.ptp(self.ends.reshape(-1, 3), axis=0).max())
+        slanted = np.abs(s_1 - s_0) > near  # its neighbours know the ends of one along the lines
+        ends, s_0, s_1 = self.ends[slanted], s_0[slanted], s_1[slanted]
+        share = (s[:, None] - s_0) / (s_1 - s_0)
+        on = (s[:, None] - np.minimum(s_0, s_1) >= -near) & (s[:, None] - np.maximum(s_0, s_1) <= near)
+        along, up = ends @ self.downstream, ends[:, :, 2]
+        x = along[:, 0] + share * (along[:, 1] - along[:, 0])
+        z = up[:, 0] + share * (up[:, 1] - up[:, 0])
+        last = np.where(on, x, -np.inf).argmax(axis=1)
+        row = np.arange(len(points))
+        return np.where(on, x, np.inf).min(axis=1), x[row, last], z[row, last]
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """Pressure of the water in a joint.
+
+    Attributes
+    ----------
+    water : the configuration's
+    weight : of the water per volume [N/m3]
+    outline : where the head depends on the distance from the heel
+    """
+
+    water: JointWaterConfig
+    weight: float
+    outline: Outline | None
+
+    def pressure(self, points: Floats) -> Floats:
+        """Pressure at points (m, 3) of the joint [Pa]."""
+        x, starts, heads = self._sections(points)
+        section = (x[:, None] >= starts[:, 1:]).sum(axis=1)
+        return self.weight * np.maximum(heads[np.arange(len(points)), section] - points[:, 2], 0.0)
+
+    def kinks(self, points: Floats) -> Floats:
+        """Functions (m, k) between whose zeros the pressure is linear [m]."""
+        x, starts, heads = self._sections(points)
+        return np.column_stack([x[:, None] - starts[:, 1:], heads - points[:, 2:]])
+
+    def _sections(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """Distance from the heel (m,); where sections start and the head that each has, (m, k) [m]."""
+        water, z = self.water, points[:, 2]
+        level = np.full(len(points), water.level)
+        if self.outline is None:
+            return np.zeros(len(points)), np.zeros((len(points), 1)), level[:, None]
+        heel, toe, height = self.outline.lines(points)
+        x, length = points @ self.outline.downstream - heel, toe - heel
+        tail = np.full(len(points), -np.inf) if water.tailwater is None else np.full_like(z, water.tailwater)
+        if water.waterstop is not None:
+            starts, heads = [np.zeros_like(x), np.full_like(x, water.waterstop)], [level, np.maximum(tail, z)]
+            return x, np.column_stack(starts), np.column_stack(heads)
+        low = np.minimum(np.maximum(tail, height), level)
+        if water.drains is None:
+            share = np.divide(x, length, out=np.zeros_like(x), where=length > _SHORT)
+            return x, np.zeros((len(x), 1)), (level + (low - level) * share)[:, None]
+        at, drained = water.drains.at, self._drained(low, length)
+        behind = drained + (low - drained) * (x - at) / (length - at)
+        starts, heads = [np.zeros_like(x), np.full_like(x, at)], [level + (drained - level) * x / at, behind]
+        return x, np.column_stack(starts), np.column_stack(heads)
+
+    def _drained(self, low: Floats, length: Floats) -> Floats:
+        """Head at the drains [m]; `low` is that at the toe."""
+        drains, level = self.water.drains, self.water.level
+        assert drains is not None
+        least = low if drains.gallery is None else np.maximum(low, drains.gallery)
+        left = 1.0 - drains.at / length if drains.rule == "usace" else 1.0
+        return least + drains.share_left * (level - least) * left
