@@ -179,6 +179,9 @@ class History:
         jumps that differ from those that joint forces see, of written rows and what these reach between them
     stats : counts and CPU seconds of the run
     integrator : key of `romdam.core.integrators.INTEGRATORS`
+    strength : (nt, ng, 2) shear along j and k that the laws let the gaps carry now, inf where nothing bounds
+        it [N]; empty without shear
+    bonded : (nt, ng) whether a gap has any of it without compression; empty without shear
     """
 
     time: Floats
@@ -195,3 +198,5 @@ class History:
     peaks: dict[str, Floats]
     stats: dict[str, float]
     integrator: str
+    strength: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))

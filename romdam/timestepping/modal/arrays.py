@@ -172,6 +172,7 @@ class HistoryBuffer(NamedTuple):
     s : (rows, N)
     jump, force, impulse : (rows, n, d)
     state : (rows, n)
+    memory : (rows, L, n, s) what the gaps' further laws keep
     energies : (rows,) `romdam.timestepping.energy.ENERGIES` [J]
     """
 
@@ -183,6 +184,7 @@ class HistoryBuffer(NamedTuple):
     force: Floats
     impulse: Floats
     state: NDArray[np.uint8]
+    memory: Floats
     energies: Record
 
 
