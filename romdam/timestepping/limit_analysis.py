@@ -75,18 +75,17 @@ def _holds(motions: Floats, loads: Floats, limits: Limits, factor: float) -> boo
 
 def _cone(limits: Limits, factor: float, size: float) -> tuple[csr_matrix, Floats]:
     """Rows and right-hand side of n . t <= factor (c + mu p_n), forces in units of a size [N]."""
-    disc = (limits.mu[:, 0] == limits.mu[:, 1]) & (limits.cohesion[:, 0] == limits.cohesion[:, 1])
+    mu, cohesion = limits.mu, limits.cohesion
+    disc = (mu[:, ALONG_J] == mu[:, ALONG_K]) & (cohesion[:, ALONG_J] == cohesion[:, ALONG_K])
     rows, most = [], []
     for side in range(_SIDES):
         angle = 2.0 * np.pi * side / _SIDES
         along = np.array([np.cos(angle), np.sin(angle)])
         a = int(abs(along[ALONG_K]) > abs(along[ALONG_J]))
-        gaps = np.flatnonzero(
-            (disc | (np.abs(along).max() > 1.0 - 1e-9)) & np.isfinite(limits.cohesion[:, a])
-        )
-        values = np.column_stack([-factor * limits.mu[gaps, a], np.tile(along, (len(gaps), 1))])
+        gaps = np.flatnonzero((disc | (np.abs(along).max() > 1.0 - 1e-9)) & np.isfinite(cohesion[:, a]))
+        values = np.column_stack([-factor * mu[gaps, a], np.tile(along, (len(gaps), 1))])
         rows.append((gaps, values))
-        most.append(factor * limits.cohesion[gaps, a] / size)
+        most.append(factor * cohesion[gaps, a] / size)
     gaps, values = (np.concatenate([one[i] for one in rows]) for i in range(2))
     columns = 3 * gaps[:, None] + np.arange(3)
     number = np.repeat(np.arange(len(gaps)), 3)
