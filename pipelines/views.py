@@ -57,7 +57,7 @@ def plot_result(result: Result, out: str | Path, pictures: PlotOptions, show: St
     RomdamError
         for a result without fields, and where 3-D pictures cannot be drawn or files not be written.
     """
-    from romdam.results.table import write_maxima
+    from romdam.results.table import write_maxima, write_sliding
     from romdam.visual.plots import write_plots
     from romdam.visual.rendering import refuse_without_renderer
 
@@ -66,6 +66,7 @@ def plot_result(result: Result, out: str | Path, pictures: PlotOptions, show: St
     folder, clock, stem = prepare_folder(Path(out)), Clock(show), result.path.stem
     with clock.stage("figures", "drawing figures"):
         paths = [*write_plots(result.dataset, folder, stem), write_maxima(result.dataset, folder, stem)]
+        paths += write_sliding(result.dataset, folder, stem)
     if pictures.fields:
         from romdam.visual.field_views import draw_fields
 

@@ -115,6 +115,17 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     return table
 
 
+def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
+    """Sliding of every block on the one below it, a row for each record and joint; none without shear."""
+    from romdam.postprocess.sliding import HEAD, sliding_rows
+
+    table = _table("Sliding", ("record", *HEAD[:4]), HEAD[4:])
+    for record, dataset in results.items():
+        for row in sliding_rows(dataset):
+            table.add_row(record, *row)
+    return [table] if table.row_count else []
+
+
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
     from romdam.postprocess.maxima import HEAD, maxima

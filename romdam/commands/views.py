@@ -21,7 +21,7 @@ def info(
     ],
 ) -> None:
     """Tell what a result is, its peaks and error where measured; or what a file of reduced blocks holds."""
-    from romdam.terminal import info_lines, open_terminal, peaks_table
+    from romdam.terminal import info_lines, open_terminal, peaks_table, sliding_tables
 
     _, say = open_terminal(quiet=False, verbose=False)
     if result.suffix == ".h5":
@@ -31,7 +31,8 @@ def info(
         return
     with romdam.open_result(result) as opened:
         say(*info_lines(opened.dataset))
-        say(peaks_table({str(opened.dataset.attrs["record"]): opened.dataset}))
+        results = {str(opened.dataset.attrs["record"]): opened.dataset}
+        say(peaks_table(results), *sliding_tables(results))
 
 
 def show(

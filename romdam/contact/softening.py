@@ -27,6 +27,16 @@ def begin_step(laws: Laws | None, memory: GapMemory, w_free: Floats) -> None:
         w_free[d * i] -= laws.dashpot_share[i] * memory.spring[d * i]
 
 
+@njit(cache=True, inline="always")
+def put_limit(laws: Laws, history: Floats, i: int, limit: Floats) -> None:
+    """Put what bounds the force of gap i, which keeps `history`."""
+    for entry in range(len(limit)):
+        limit[entry] = 0.0
+    for k in range(len(laws.on)):
+        if laws.on[k, i]:
+            laws.functions.limit[k](laws.parameters[k, i], history[k, i], limit)
+
+
 @njit(cache=True)
 def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
     """Put what bounds the gaps' force now, in terms of p_c."""
@@ -34,11 +44,7 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
         return
     limit, limits = memory.limit, memory.limits
     for i in range(len(whole)):
-        for entry in range(len(limit)):
-            limit[entry] = 0.0
-        for k in range(len(laws.on)):
-            if laws.on[k, i]:
-                laws.functions.limit[k](laws.parameters[k, i], memory.trial[k, i], limit)
+        put_limit(laws, memory.trial, i, limit)
         limits.tension[i], memory.water[i] = limit[TENSION] / whole[i], limit[WATER]
         for a in range(2):
             limits.mu[i, a] = max(limit[MU_J + a], 0.0) * whole[i]

@@ -209,6 +209,9 @@ class History:
     stats : counts and CPU seconds of the run
     integrator : key of `romdam.core.integrators.INTEGRATORS`
     water : (nt, ng) force of the water that entered gaps as they opened; empty without such laws [N]
+    strength : (nt, ng, 2) shear along j and k that the laws let the gaps carry now, inf where nothing bounds
+        it [N]; empty without shear
+    bonded : (nt, ng) whether a gap has any of it without compression; empty without shear
     """
 
     time: Floats
@@ -226,3 +229,5 @@ class History:
     stats: dict[str, float]
     integrator: str
     water: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    strength: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
+    bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))

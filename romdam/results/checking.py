@@ -12,6 +12,7 @@ import xarray as xr
 
 from romdam.core.errors import ResultError, shown
 from romdam.core.sealed import Opened
+from romdam.results.sliding import UNDEFINED
 from romdam.results.stress.variables import STRESS_VARIABLES
 from romdam.results.suite.rows import ROWS, STATED, attributes_of, dims_of
 from romdam.results.variables import COORDINATES, VARIABLES
@@ -92,7 +93,7 @@ def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
         if name in dataset.variables:
             yield from _variable_flaws(name, variable.dims, variable.units, dataset.variables[name])
     yield from _missing(dataset)
-    for name in sorted(known.infinite | (known.undefined - set(STRESS_VARIABLES))):
+    for name in sorted(known.infinite | (known.undefined - {*STRESS_VARIABLES, *UNDEFINED})):
         if name in _KNOWN:
             yield f"{name} has values that are no numbers"
     yield from _value_flaws(dataset)

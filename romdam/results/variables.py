@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from romdam.results.case import Array, Attributes, Case, Variable
+from romdam.results.sliding import SLIDING_VARIABLES
 from romdam.results.stress.variables import STRESS_COORDINATES, STRESS_VARIABLES
 
 
@@ -305,5 +306,6 @@ VARIABLES: dict[str, Variable] = {
         lambda c: -c.history.peaks["compression"],
         _has_joints,
     ),
+    **SLIDING_VARIABLES,
     **STRESS_VARIABLES,
 }

@@ -8,11 +8,16 @@ With friction in planes that meet, the whole load at once may be more than Newto
 and what slides (three monoliths on three bases and two joints: residual 0.004 at 0.5 and 1.5 Hz, 10
 iterations at 3 Hz). A larger s lets the blocks follow the load in smaller steps, the slip carried along
 as in a quasi-static loading; so s grows where a step does not converge, and shrinks where several have.
+
+Gaps that are rigid in meeting planes determine each other (where three blocks meet, two jumps give the
+third), and W is singular. Then the iteration is proximal in the forces too: W + c I, with -c p of the last
+iteration on the other side: a compliance against changes of the force alone. What sticks gives by c times its
+shear on the way, 1e-4 of what the structure gives, and sticks where it is; at rest every law holds exactly.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +32,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
+from romdam.timestepping.limit_analysis import needed_strength
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
 
@@ -34,7 +40,10 @@ _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded 
 _GROWTH, _CALM, _SHRINK = 16.0, 4, 0.25  # of it: where a step fails, and after so many that did not
 _MOST_SHIFT = (2.0 * np.pi * 1000.0) ** 2  # [1/s2] where the blocks no longer move
 _MAX_ITERATIONS = 2000
+_DOUBTFUL = 30  # iterations, most scenes rest within 10, after which limit analysis is asked
 _REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
+_SINGULAR = 1e-9  # of W's diagonal: a smaller part of W does not tell forces apart
+_YIELDING = 1e-4  # of W's mean diagonal, the proximal compliance where W is singular
 _TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can converge
 
 
@@ -206,11 +215,13 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     least, rest, calm = rest_shift(system), max(_REST, 100.0 * tolerance), 0
     step, (q, gaps) = _proximal_step(system, least), _unloaded(system)
     memory = gap_memory(step.problem)
-    for _ in range(_MAX_ITERATIONS):
+    for iteration in range(_MAX_ITERATIONS):
+        if iteration == _DOUBTFUL:
+            _refuse_what_slides(system, step.problem)
         free = step.factor.solve(system.force + step.shift * (system.M @ q))
         hasty = step.shift < _MOST_SHIFT
         try:
-            gaps = _solve(step.problem, memory, np.asarray(system.B @ free), (tolerance, hasty))
+            gaps, unsettled = _solve_step(step, memory, gaps, np.asarray(system.B @ free), (tolerance, hasty))
         except ConvergenceError:
             if not hasty:
                 raise
@@ -220,8 +231,8 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         moved = free + step.X @ gaps.acting.ravel() - q
         q, calm = q + moved, calm + 1
         slowed = max(step.shift / _SHIFT, 1.0)
-        still = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12)
-        if still and _keeps_water(step.problem, memory, gaps):
+        rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12)
+        if rests and unsettled <= rest and _keeps_water(step.problem, memory, gaps):
             return q, gaps
         if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
             step = _proximal_step(system, max(_SHRINK * step.shift, least, _SHIFT))
@@ -238,19 +249,65 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     )
 
 
+def _refuse_what_slides(system: System, problem: GapProblem) -> None:
+    """Refuse loads on what floats that no forces of the joints balance, before the iteration is given up."""
+    factor = needed_strength(system, problem)
+    if factor > 1.0:
+        needs = (
+            f"{factor:.3g} times their shear strength" if np.isfinite(factor) else "more than shear strength"
+        )
+        raise ConvergenceError(
+            "initial state: no static equilibrium can be: some block is held by joints alone and no forces "
+            f"of them balance its loads, that would take {needs}; add a support or friction, lower loads, "
+            "or set loads.initial_state: undeformed"
+        )
+
+
 class _ProximalStep(NamedTuple):
-    """K + shift M factored, what it makes of B^T, and the gap-space problem with it."""
+    """K + shift M factored, what it makes of B^T, the gap-space problem, its proximal compliance [m/N]."""
 
     shift: float
     factor: Factor
     X: Floats
     problem: GapProblem
+    compliance: float
 
 
 def _proximal_step(system: System, shift: float) -> _ProximalStep:
     factor = Factor(system.K + shift * system.M)
     X = factor.solve(system.B.T.toarray())
-    return _ProximalStep(shift, factor, X, system_gap_problem(system, np.asarray(system.B @ X)))
+    problem = system_gap_problem(system, np.asarray(system.B @ X))
+    compliance = _YIELDING * float(problem.W.diagonal().mean()) if _is_singular(problem) else 0.0
+    if compliance > 0.0:
+        problem = problem._replace(W=problem.W + compliance * np.eye(len(problem.W)))
+    return _ProximalStep(shift, factor, X, problem, compliance)
+
+
+def _is_singular(problem: GapProblem) -> bool:
+    """Tell whether gaps with shear, rigid or nearly, determine each other."""
+    diagonal = problem.W.diagonal()
+    if not len(problem.slip) or (problem.compliance >= _SINGULAR * diagonal).all():
+        return False
+    try:
+        np.linalg.cholesky(problem.W - np.diag(_SINGULAR * diagonal))
+    except np.linalg.LinAlgError:
+        return True
+    return False
+
+
+def _solve_step(
+    step: _ProximalStep, memory: GapMemory, gaps: GapState, w_free: Floats, control: tuple[float, bool]
+) -> tuple[GapState, float]:
+    """Solve for the gaps; and how far the proximal compliance still gives, of the largest jump."""
+    if step.compliance == 0.0:
+        return _solve(step.problem, memory, w_free, control), 0.0
+    new = _solve(step.problem, memory, w_free - step.compliance * gaps.p_c, control)
+    gives = step.compliance * (new.p_c - gaps.p_c).reshape(new.jump.shape)
+    jump = new.jump - gives
+    slip = jump[:, 1:] + step.problem.compliance.reshape(jump.shape)[:, 1:] * new.force[:, 1:]
+    memory.accumulated_slip[:] = slip
+    share = float(np.abs(gives).max() / max(np.abs(jump).max(), 1e-300))
+    return replace(new, jump=jump, accumulated_slip=slip), share
 
 
 def _keeps_water(problem: GapProblem, memory: GapMemory, gaps: GapState) -> bool:

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
+from romdam.visual.sliding_plots import sliding_histories
 from romdam.visual.stress_plots import stress_damage, stress_histories
 from romdam.visual.style import COLOURS, GREY, STYLE, new_figure, scaled
 
@@ -133,6 +134,7 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "top_displacements": top_displacements,
     "joint_opening": joint_opening,
     "opening_envelope": opening_envelope,
+    "sliding": sliding_histories,
     "energy": energy_ledger,
     "stress": stress_histories,
     "stress_damage": stress_damage,

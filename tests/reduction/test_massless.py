@@ -1,7 +1,6 @@
 """Parts without mass that joints alone connect: rock below blocks that slide on it."""
 
 import dataclasses
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -65,36 +64,6 @@ def pulse(dt: float, acceleration: float, duration: float = 0.4, end: float = 2.
     """Ground acceleration along the slope: a pulse from 0.1 s on, linear over a step at its ends."""
     t = np.arange(round(end / dt) + 1) * dt
     return np.where((t > 0.1) & (t < 0.1 + duration - 0.5 * dt), acceleration, 0.0)
-
-
-def newmark(along: Floats, dt: float, slope: float) -> float:
-    """Residual slip down the slope of a rigid block under the ground's acceleration along it [m].
-
-    Newmark's sliding block: it moves against the ground with a - N, N = g (mu cos - sin), until it rests.
-    """
-    resisting, rate, slip = G * (MU * np.cos(slope) - np.sin(slope)), 0.0, 0.0
-    for a, b in pairwise(along):
-        for k in range(100):
-            pull = a + (b - a) * (k + 0.5) / 100.0
-            new = max(rate + dt / 100.0 * (pull - resisting), 0.0)
-            slip += 0.5 * dt / 100.0 * (rate + new)
-            rate = new
-    return slip
-
-
-@pytest.mark.parametrize("contact", [{}, {"normal_stiffness": "rigid"}], ids=["K_n", "rigid"])
-@pytest.mark.parametrize("slope", [0.0, np.radians(10.0)], ids=["level", "10 degrees"])
-def test_a_block_slides_as_newmark_has_it(slope, contact):
-    dt, strength = 0.001, 6.0
-    built = block_on_rock(slope, **contact)
-    along = pulse(dt, strength)
-    ground = np.outer([np.cos(slope), 0.0, np.sin(slope)], along)
-    h = march(
-        reduced(built, DAMPING, modes=4).system, dt, ground, initial_state="static", integrator="adaptive"
-    )
-    slip = np.linalg.norm(h.jump[:, :, 1:].mean(axis=1) - h.jump[0, :, 1:].mean(axis=0), axis=1)
-    assert slip[-1] == pytest.approx(newmark(along, dt, slope), rel=0.005)
-    assert imbalance(h.energy) <= 1e-9
 
 
 def shaken(dt: float, duration: float = 0.6) -> Floats:

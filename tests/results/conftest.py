@@ -70,9 +70,12 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     q, v = (q, v) if reduced else (None, None)
     disp, vel, acc = motion
     mean = 0.5 * traction
+    strength = 0.6 * traction[..., :1] * np.ones(2) if directions == 3 else np.zeros((0, gaps, 2))
+    bonded = rng.random(size=(len(strength), gaps)) < 0.5
     return History(
         time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
         water=traction[:, :, 0], q=q, v=v, energy=energy, peaks=peaks, stats=stats, integrator="modal",
+        strength=strength, bonded=bonded,
     )  # fmt: skip
 
 

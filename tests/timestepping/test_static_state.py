@@ -8,7 +8,8 @@ from simulating import simulated
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS
 from romdam.timestepping import equilibrium
-from romdam.timestepping.equilibrium import static_equilibrium
+from romdam.timestepping.equilibrium import static_equilibrium, system_gap_problem
+from romdam.timestepping.limit_analysis import needed_strength
 
 # `conserving` is for scenes without damping, below a step of its own
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]
@@ -163,3 +164,52 @@ def test_what_does_not_suit_is_refused():
         simulated(system, np.zeros((3, 2)), 0.01)
     with pytest.raises(ConfigError, match="no integrator 'euler'"):
         simulated(system, np.zeros((3, 2)), 0.01, integrator="euler")
+
+
+def _pushed(push, mu):
+    """A loose block of 20 kN on two gaps, pushed along x."""
+    law = gap_law(2, K_n=1e9, K_s=5e8, mu=mu)
+    B = np.kron([[1.0], [1.0]], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    force = [push, 0.0, -20e3]
+    return modal_twin(sparse_system(2000.0 * np.eye(3), np.zeros((3, 3)), B, law, force=force, floating=True))
+
+
+@pytest.mark.parametrize("needs", [1.2, 3.0])
+def test_limit_analysis_finds_the_strength_that_holds(needs):
+    """20 kN with friction 0.3 hold 6 kN; a push of so many times that needs as much more."""
+    system = _pushed(needs * 6e3, 0.3)
+    problem = system_gap_problem(system, np.eye(6))
+    assert needed_strength(system, problem) == pytest.approx(needs, rel=0.02)
+    assert needed_strength(_pushed(5.9e3, 0.3), problem) == 1.0
+    with pytest.raises(
+        ConvergenceError, match=r"no static equilibrium can be: .* times their shear strength"
+    ):
+        _static(system)
+
+
+def test_no_strength_holds_what_is_lifted():
+    system = _loose_block([0.0, 0.0, 5e3], K_n=1e9, K_s=5e8, mu=0.5)
+    assert needed_strength(modal_twin(system), system_gap_problem(system, np.eye(3))) == np.inf
+
+
+def test_gaps_that_are_rigid_in_meeting_planes_find_rest():
+    """Two columns beside each other on a table, one point for all three joints: two jumps give the third.
+
+    Column 1 is pushed with 1 kN against column 2; nothing but shear holds them.
+    """
+    m, g, push = 1000.0, 10.0, 1e3
+    table, between = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    none = np.zeros((3, 3))
+    B = np.block([[table, none], [none, table], [-between, between]])
+    law = gap_law(3, K_n=np.inf, K_s=np.inf, mu=0.5)
+    K = np.zeros((6, 6))
+    force = [push, 0.0, -m * g, 0.0, 0.0, -m * g]
+    system = sparse_system(m * np.eye(6), K, B, law, force=force, floating=True)
+    assert np.linalg.matrix_rank(B) < len(B)
+    _, gaps = static_equilibrium(modal_twin(system), 1e-10)
+    assert gaps.force[:2, 0].sum() == pytest.approx(2.0 * m * g, rel=1e-6)
+    assert gaps.force[:2, 1].sum() == pytest.approx(-push, rel=1e-6)
+    assert (np.linalg.norm(gaps.force[:, 1:], axis=1) <= 0.5 * gaps.force[:, 0] * (1.0 + 1e-9)).all()
+    alone = push / (m * (2.0 * np.pi * 0.5) ** 2)  # how far the push moves a column in one proximal step
+    assert np.abs(gaps.jump).max() <= 2e-4 * alone
+    assert np.abs(gaps.jump[:, 0]).max() <= 1e-9 * alone

@@ -10,11 +10,12 @@ import numpy as np
 import romdam
 from romdam.core.arrays import Floats
 from romdam.core.system import History
+from romdam.postprocess.sliding import REST
 from romdam.postprocess.stress import MEASURES as STRESS
 from romdam.results.case import Array, Case, Variable
+from romdam.results.sliding import SLIDING_ROWS
 from romdam.results.variables import VARIABLES
 
-REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
 OPEN, SLIP = 0, 2
 DONE, FAILED = 0, 1
 SOURCE = f"romdam {romdam.__version__}"
@@ -134,6 +135,7 @@ ROWS: dict[str, Variable] = {
     "sliding_duration": Variable(
         _JOINT, "s", "time in which any gap slides, by the written rows", _time_in(SLIP), _WITH_SHEAR
     ),
+    **SLIDING_ROWS,
     "peak_displacement": Variable(
         ("node", "component"),
         "m",

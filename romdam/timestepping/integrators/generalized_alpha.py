@@ -27,6 +27,7 @@ from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
 from romdam.contact.solvers.state import iterations
 from romdam.contact.step import commit_gaps, solve_gaps
+from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, record
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import Complex, History, System
@@ -195,12 +196,15 @@ def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, ground: 
 class _Rows:
     """Histories at the written steps, and peaks over all steps."""
 
-    def __init__(self, system: System, state: _State, steps: Steps, samples: int) -> None:
-        self.system, self.steps = system, steps
+    def __init__(
+        self, system: System, state: _State, steps: Steps, samples: int, gaps: tuple[GapProblem, GapMemory]
+    ) -> None:
+        self.system, self.steps, (self.problem, self.gap_memory) = system, steps, gaps
         rows, probes = (samples - 1) // steps.stride + 1, system.observe.shape[0]
         self.jump = np.zeros((rows, *state.jump.shape))
         self.force = np.zeros((rows, *state.force.shape))
         self.water = np.zeros((rows, len(state.water)))
+        self.memory = np.zeros((rows, *self.gap_memory.history.shape))
         self.gap_state = np.zeros((rows, len(state.state)), dtype=np.uint8)
         self.impulse = np.zeros_like(self.force)
         self.disp, self.vel, self.acc = np.zeros((3, rows, probes))
@@ -225,6 +229,7 @@ class _Rows:
         system = self.system
         self.jump[row], self.force[row] = self._at_points(state), state.force
         self.gap_state[row], self.water[row] = state.state, state.water
+        self.memory[row] = self.gap_memory.history
         self.impulse[row], state.impulse = state.impulse, np.zeros_like(state.impulse)
         for kept, field in zip((self.disp, self.vel, self.acc), (state.u, state.v, state.a), strict=True):
             kept[row] = system.observe @ field
@@ -238,6 +243,7 @@ class _Rows:
     def history(self, stats: dict[str, float]) -> History:
         """The finished history."""
         q, v = (None, None) if self.unknowns is None else self.unknowns
+        strength, bonded = shear_strength(self.system.law.mu, self.problem.laws, self.memory, self.force)
         return History(
             time=np.arange(len(self.jump), dtype=np.float64) * self.steps.interval,
             jump=self.jump,
@@ -254,6 +260,8 @@ class _Rows:
             peaks=named_peaks(self.peaks),
             stats=stats,
             integrator=GeneralizedAlpha.name,
+            strength=strength,
+            bonded=bonded,
         )
 
 
@@ -317,18 +325,20 @@ class GeneralizedAlpha:
         state = _State(system, q, gaps, history.T[0])
         _compile(stepper.problem)
         setup, loop = time.process_time() - start, time.process_time()
-        worst, total = 0.0, ground.shape[1] - 1
-        for n in range(-lead, total):
-            if n == 0:
-                state.begin()
-                rows = _Rows(system, state, settings.steps, ground.shape[1])
+        total = ground.shape[1] - 1
+
+        def advance(n: int) -> float:
             residual = _step(stepper, memory, state, history[:, lead + n : lead + n + 2], tolerance)
             if not residual <= tolerance:
                 place = system.law.place(int(memory.failure.gap))
                 raise ConvergenceError(not_converged(n + 1, settings, residual, place))
-            worst = max(worst, residual)
-            if n < 0:
-                continue
+            return residual
+
+        worst = max((advance(n) for n in range(-lead, 0)), default=0.0)
+        state.begin()
+        rows = _Rows(system, state, settings.steps, ground.shape[1], (stepper.problem, memory))
+        for n in range(total):
+            worst = max(worst, advance(n))
             rows.keep(state, n + 1)
             if (n + 1) % 100 == 0 or n + 1 == total:
                 progress(n + 1, total)

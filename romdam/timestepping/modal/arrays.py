@@ -175,6 +175,7 @@ class HistoryBuffer(NamedTuple):
     jump, force, impulse : (rows, n, d)
     water : (rows, n) or (rows, 0)
     state : (rows, n)
+    memory : (rows, L, n, s) what the gaps' further laws keep
     energies : (rows,) `romdam.timestepping.energy.ENERGIES` [J]
     """
 
@@ -187,6 +188,7 @@ class HistoryBuffer(NamedTuple):
     water: Floats
     impulse: Floats
     state: NDArray[np.uint8]
+    memory: Floats
     energies: Record
 
 

@@ -91,7 +91,7 @@ def _raise_peaks(state: ModalState, time: float) -> None:
 
 
 @njit(**ARRAYS)
-def _record(buffer: HistoryBuffer, state: ModalState, row: int) -> None:
+def _record(buffer: HistoryBuffer, state: ModalState, memory: Floats, row: int) -> None:
     """Copy the state into a row of the history, and begin a new impulse."""
     copy(state.q, buffer.q[row])
     copy(state.v, buffer.v[row])
@@ -101,6 +101,7 @@ def _record(buffer: HistoryBuffer, state: ModalState, row: int) -> None:
     copy(state.water, buffer.water[row])
     copy(state.state, buffer.state[row])
     copy(state.impulse.ravel(), buffer.impulse[row].ravel())
+    copy(memory.ravel(), buffer.memory[row].ravel())
     buffer.energies[row] = state.energies
     state.impulse[:] = 0.0
 
@@ -268,7 +269,8 @@ def _advance_clock(
         return
     clock.base_steps += 1
     if clock.base_steps % buffer.stride == 0:
-        _record(buffer, state, runs.rows[run] + clock.base_steps // buffer.stride)
+        row = runs.rows[run] + clock.base_steps // buffer.stride
+        _record(buffer, state, runs.memory.history[run], row)
     if clock.base_steps < runs.last[run]:
         _open_base_step(model, runs, work, run)
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory
 from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
+from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
@@ -20,6 +21,7 @@ from romdam.timestepping.energy import ENERGIES, ledger
 from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over, with_water
 from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.modal.arrays import (
+    BASE,
     CLOCK,
     TRIES,
     VARIANT,
@@ -166,8 +168,9 @@ def _constant(
 def _begin(arrays: Arrays) -> None:
     """Write the first row of every run, and bring the external force at both ends of its first base step."""
     model, runs, states, work = arrays.model, arrays.runs, arrays.states, arrays.work
+    now = states._asdict() | {"memory": runs.memory.history}
     for name in _ROWS:
-        getattr(arrays.buffer, name)[runs.rows] = getattr(states, name)
+        getattr(arrays.buffer, name)[runs.rows] = now[name]
     work.f_0[:] = states.f
     work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
     if len(model.shift):
@@ -265,6 +268,7 @@ def _history_buffer(states: ModalState, stride: int, runs: Batch) -> HistoryBuff
         water=kept(states.water),
         impulse=kept(states.impulse),
         state=kept(states.state),
+        memory=kept(runs.memory.history),
         energies=kept(states.energies),
     )
 
@@ -302,7 +306,9 @@ def _outcomes(
         written = buffer._replace(**{name: getattr(buffer, name)[rows] for name in _ROWS})
         history = _history(prepared, (model, split), written, acc, settings)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
-        outcomes.append(replace(history, peaks=peaks, stats=stats))
+        laws = at(levels.problem.laws, (runs.variant[run].problem, BASE))
+        strength, bonded = shear_strength(prepared.system.law.mu, laws, written.memory, written.force)
+        outcomes.append(replace(history, peaks=peaks, stats=stats, strength=strength, bonded=bonded))
     return outcomes
 
 

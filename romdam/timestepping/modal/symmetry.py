@@ -132,6 +132,8 @@ def expand(history: History, symmetry: Symmetry) -> History:
         traction=history.traction[:, gaps] * share,
         mean_traction=history.mean_traction[:, gaps] * share,
         state=history.state[:, gaps],
+        strength=history.strength[:, gaps] / symmetry.count[gaps, None],
+        bonded=history.bonded[:, gaps],
         peaks=peaks,
         q=None if history.q is None else history.q @ symmetry.modes.T,
         v=None if history.v is None else history.v @ symmetry.modes.T,

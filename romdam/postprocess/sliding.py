@@ -1,0 +1,180 @@
+"""Sliding of joints: the factor of safety over time, what is left of the slip, and the verdict.
+
+References
+----------
+USACE, EM 1110-2-2200 (1995), Gravity Dam Design, chapter 4: FS = (N tan phi + c L) / T, the resisting over
+the applied shear along the plane. USBR, Design Criteria for Concrete Arch and Gravity Dams, Engineering
+Monograph 19 (1977): the shear-friction factor of safety Q = (C A + N tan phi) / V.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from romdam.core.arrays import Floats
+
+REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
+_OPEN, _STICK, _SLIP = range(3)
+
+
+def safety_factor(strength: Floats, shear: Floats) -> Floats:
+    """Factor of safety against sliding, (...): strength over shear, NaN where there is no shear or no bound.
+
+    Equal strengths along j and k bound the resultant, as the gaps' laws do; else the lesser of two counts.
+
+    Parameters
+    ----------
+    strength, shear : (..., 2) of whole joints along their local axes j and k [N]
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        resultant = strength[..., 0] / np.hypot(shear[..., 0], shear[..., 1])
+        each = (strength / np.abs(shear)).min(axis=-1)
+    factor = np.where(strength[..., 0] == strength[..., 1], resultant, each)
+    return np.where(np.isfinite(factor), factor, np.nan)
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """Sliding of block J on block I in a joint, by the written rows.
+
+    Attributes
+    ----------
+    joint, blocks : names of the joint, and of the blocks I and J
+    factor, factor_time : least factor of safety, and when [s]; NaN where the joint carries no shear
+    sliding_time, open_time : time in which every closed gap slides, and in which no gap is closed [s]
+    slipped : whether any gap has slid
+    residual : (3,) mean displacement of J over I that is left, along x, y, z [m]
+    residual_slip, largest_slip : its part along the joint's mean plane; the largest of a gap [m]
+    rotation : of J over I about the plane's normal, least squares [rad]
+    cumulative_slip : path of the mean displacement along the plane while some gap slides [m]
+    """
+
+    joint: str
+    blocks: tuple[str, str]
+    factor: float
+    factor_time: float
+    sliding_time: float
+    open_time: float
+    slipped: bool
+    residual: Floats
+    residual_slip: float
+    largest_slip: float
+    rotation: float
+    cumulative_slip: float
+
+    @property
+    def verdict(self) -> str:
+        """The joint slides where all its closed gaps do at once, and slips in part where some do."""
+        if np.isnan(self.factor):
+            return "carries no shear"
+        words = [
+            "slides" if self.sliding_time > 0.0 else "slips in part" if self.slipped else "does not slide"
+        ]
+        return ", ".join([*words, *(["opens wholly"] if self.open_time > 0.0 else [])])
+
+
+def sliding(dataset: xr.Dataset) -> list[Sliding]:
+    """Sliding of every joint of a result; nothing where no joint carries shear."""
+    if "sliding_safety_factor" not in dataset:
+        return []
+    return [_of_joint(dataset, str(name)) for name in dataset.joint.values]
+
+
+def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
+    """Mean slip of block J over block I along every joint's mean plane since the start, (time, joint) [m]."""
+    slip = xr.zeros_like(dataset.sliding_safety_factor).rename("mean_slip")
+    for name in dataset.joint.values:
+        normal = _mean_normal(dataset.isel(gap=dataset.gap_joint.values == name))
+        along = _along(dataset.joint_displacement.sel(joint=name).values, normal)
+        slip.loc[{"joint": name}] = np.linalg.norm(along, axis=1)
+    return slip.assign_attrs(units="m")
+
+
+def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
+    own, gaps = dataset.sel(joint=name), dataset.isel(gap=dataset.gap_joint.values == name)
+    time, state = own.time.values, gaps.joint_state.values
+    factor, interval = own.sliding_safety_factor.values, float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    least = int(np.nanargmin(factor)) if np.isfinite(factor).any() else 0
+    moves, stays = (state == _SLIP).any(axis=1), (state == _STICK).any(axis=1)
+    normal = _mean_normal(gaps)
+    along = _along(own.joint_displacement.values, normal)
+    residual, rotation = _rigid_motion(gaps, normal)
+    steps = np.linalg.norm(np.diff(along, axis=0), axis=1)
+    return Sliding(
+        joint=name,
+        blocks=(str(own.joint_blocks.values[0]), str(own.joint_blocks.values[1])),
+        factor=float(factor[least]),
+        factor_time=float(time[least]),
+        sliding_time=interval * float((moves & ~stays).sum()),
+        open_time=interval * float((state == _OPEN).all(axis=1).sum()),
+        slipped=bool(moves.any()),
+        residual=residual,
+        residual_slip=float(np.linalg.norm(_along(residual, normal))),
+        largest_slip=float(np.linalg.norm(_left(gaps.slip), axis=1).max()),
+        rotation=rotation,
+        cumulative_slip=float(steps[moves[1:]].sum()),
+    )
+
+
+def _mean_normal(gaps: xr.Dataset) -> Floats:
+    normal = gaps.gap_area.values @ gaps.gap_normal.values
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def _along(displacement: Floats, normal: Floats) -> Floats:
+    """(..., 3) part of it along the plane."""
+    return displacement - (displacement @ normal)[..., None] * normal
+
+
+def _left(values: xr.DataArray) -> Floats:
+    """Mean of a variable over the last `REST`, less its first row."""
+    time = values.time.values
+    return np.asarray(values.values[time >= time[-1] - REST].mean(axis=0) - values.values[0], dtype=float)
+
+
+def _rigid_motion(gaps: xr.Dataset, normal: Floats) -> tuple[Floats, float]:
+    """Rigid motion of J over I that is left: (3,) of the joint's middle [m], rotation about the normal [rad].
+
+    Of w = d + r x (x - middle) over the gaps, least squares by their areas.
+    """
+    area, position = gaps.gap_area.values, gaps.gap_position.values
+    jump = np.column_stack([_left(gaps.opening), _left(gaps.slip)])
+    axes = np.concatenate([gaps.gap_normal.values[:, None], gaps.gap_tangent.values], axis=1)
+    arm = position - area @ position / area.sum()
+    motions = np.tile(np.eye(3, 6), (len(area), 1, 1))
+    motions[:, :, 3:] = -np.cross(arm[:, None], np.eye(3)).transpose(0, 2, 1)  # r x arm
+    root = np.sqrt(area)[:, None]
+    moved = np.einsum("gd,gdx->gx", jump, axes)
+    fit = np.linalg.lstsq((root[..., None] * motions).reshape(-1, 6), (root * moved).ravel(), rcond=None)[0]
+    return fit[:3], float(fit[3:] @ normal)
+
+
+Row = tuple[str, ...]
+HEAD: Row = (
+    "joint", "block", "on", "verdict", "least factor of safety", "at [s]", "slides [s]", "open [s]",
+    "residual slip [mm]", "largest [mm]", "x [mm]", "y [mm]", "z [mm]", "rotation [mrad]", "path [mm]",
+)  # fmt: skip
+
+
+def sliding_rows(dataset: xr.Dataset) -> list[Row]:
+    """The table of a result under `HEAD`: how block J slides on block I, a row for each joint."""
+    return [_row(one) for one in sliding(dataset)]
+
+
+def _row(one: Sliding) -> Row:
+    factor = ("-", "-") if np.isnan(one.factor) else (f"{one.factor:.4g}", f"{one.factor_time:.3f}")
+    lengths = (one.residual_slip, one.largest_slip, *one.residual, one.rotation, one.cumulative_slip)
+    times = (f"{one.sliding_time:.3g}", f"{one.open_time:.3g}")
+    block_I, block_J = one.blocks
+    return (
+        one.joint,
+        block_J,
+        block_I,
+        one.verdict,
+        *factor,
+        *times,
+        *(f"{1e3 * value:.4g}" for value in lengths),
+    )

@@ -1,0 +1,119 @@
+"""Variables of a result that tell of sliding: forces of whole joints, what they bear, how far they move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from romdam.postprocess.sliding import REST, safety_factor
+from romdam.results.case import Array, Case, Variable
+
+
+def _carries_shear(case: Case) -> bool:
+    return case.history.strength.size > 0
+
+
+def _has_bonds(case: Case) -> bool:
+    return bool(case.history.bonded.any())
+
+
+def _sum(case: Case, of_gaps: Array) -> Array:
+    """(nt, joints, ...) sums of (nt, gaps, ...) over the gaps of each joint."""
+    stops = np.cumsum([len(joint.area) for joint in case.joints])
+    return np.add.reduceat(of_gaps, np.append(0, stops[:-1]), axis=1)
+
+
+def _shear(case: Case) -> Array:
+    return _sum(case, case.history.traction[..., 1:])
+
+
+def _strength(case: Case) -> Array:
+    strength = _sum(case, case.history.strength)
+    return np.where(np.isfinite(strength), strength, np.nan)
+
+
+def _safety_factor(case: Case) -> Array:
+    return safety_factor(_strength(case), _shear(case))
+
+
+def _displacement(case: Case) -> Array:
+    """Area-weighted mean of the jumps in global axes, less that of the first row."""
+    area, jump = case.of_gaps("whole_area"), case.history.jump
+    moved = np.einsum(
+        "tgd,gdx->tgx", jump - jump[0], case.of_gaps("axes") * area[:, None, None], optimize=True
+    )
+    return _sum(case, moved) / _sum(case, area[None])[..., None]
+
+
+def _demand_ratio(case: Case) -> Array:
+    with np.errstate(divide="ignore"):
+        ratio = 1.0 / _safety_factor(case)
+    return np.fmax.reduce(ratio, axis=0)
+
+
+def _residual(case: Case) -> Array:
+    """Mean displacement that is left, along the joints' mean planes."""
+    time, moved = case.history.time, _displacement(case)
+    left = moved[time >= time[-1] - REST].mean(axis=0)
+    area = case.of_gaps("whole_area")
+    normal = _sum(case, (area[:, None] * case.of_gaps("axes")[:, 0])[None])[0]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.linalg.norm(left - (left * normal).sum(axis=1, keepdims=True) * normal, axis=1)
+
+
+UNDEFINED = ("joint_shear_strength", "sliding_safety_factor")  # may be no numbers
+SLIDING_VARIABLES: dict[str, Variable] = {
+    "joint_normal_force": Variable(
+        ("time", "joint"),
+        "N",
+        "normal force of the whole joint, sum over its gaps, compression negative",
+        lambda c: _sum(c, -c.history.traction[..., 0]),
+        _carries_shear,
+    ),
+    "joint_shear_force": Variable(
+        ("time", "joint", "tangent"), "N", "shear force of the whole joint on block J", _shear, _carries_shear
+    ),
+    "joint_shear_strength": Variable(
+        ("time", "joint", "tangent"),
+        "N",
+        "shear that the gaps' laws let the whole joint carry now, c A + mu N; NaN where a shear key holds",
+        _strength,
+        _carries_shear,
+    ),
+    "sliding_safety_factor": Variable(
+        ("time", "joint"),
+        "1",
+        "factor of safety against sliding, strength over shear; NaN where the joint carries no shear",
+        _safety_factor,
+        _carries_shear,
+    ),
+    "bonded_area": Variable(
+        ("time", "joint"),
+        "m2",
+        "area whose bond is intact",
+        lambda c: _sum(c, c.history.bonded * c.of_gaps("area")),
+        _has_bonds,
+    ),
+    "joint_displacement": Variable(
+        ("time", "joint", "component"),
+        "m",
+        "displacement of block J relative to block I since the start, mean over the joint's area",
+        _displacement,
+        _carries_shear,
+    ),
+}
+SLIDING_ROWS: dict[str, Variable] = {
+    "sliding_demand_ratio": Variable(
+        ("joint",),
+        "1",
+        "largest shear over shear strength, 1 / least factor of safety against sliding, by the written rows",
+        _demand_ratio,
+        _carries_shear,
+    ),
+    "residual_sliding": Variable(
+        ("joint",),
+        "m",
+        f"displacement along the joint that is left, mean over its area and over the last {REST:g} s",
+        _residual,
+        _carries_shear,
+    ),
+}

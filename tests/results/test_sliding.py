@@ -1,0 +1,168 @@
+"""Factor of safety, table and verdict of sliding: closed forms of a block on a plane, a synthetic result."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+from simulating import simulated
+
+from romdam.config import parse_config
+from romdam.core.motion import GroundMotion
+from romdam.postprocess.responses import response_of
+from romdam.postprocess.sliding import HEAD, safety_factor, sliding, sliding_rows
+from romdam.reduction.synthesis import reduce_scene
+from romdam.results.dataset import build_dataset
+from romdam.results.suite.rows import row_values
+from romdam.results.table import write_sliding
+from romdam.results.variables import Case
+from romdam.scene.build import build_scene
+from romdam.terminal import sliding_tables
+
+from .conftest import make_case
+
+G, MU, RHO, SIDE, HEIGHT, DT = 9.81, 0.4, 2400.0, 4.0, 1.0, 0.002
+WEIGHT = RHO * SIDE**2 * HEIGHT * G
+
+
+def block(**joint):
+    """A block of 4 x 4 x 1 m on held rock of the same, its joint of nine gaps."""
+    springs = {"normal_stiffness": 200e9, "shear_stiffness": 100e9, "friction": MU}
+    return {
+        "materials": {"stiff": {"E": 3e13, "nu": 0.2, "rho": RHO}},
+        "blocks": {
+            name: {
+                "material": "stiff",
+                "mass": name == "block",
+                "box": {"origin": [0, 0, z], "size": [SIDE, SIDE, HEIGHT], "element_size": [2.0, 2.0, 1.0]},
+            }
+            for name, z in (("rock", -HEIGHT), ("block", 0.0))
+        },
+        "supports": [{"block": "rock", "face": "zmin"}],
+        "joints": {"base": {"between": ["rock", "block"]} | springs | joint},
+        "loads": {"gravity": [0, 0, -G]},
+        "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"x": 1}}],
+        "damping": {"rayleigh": {"alpha": 0.0, "beta": 1e-4}},
+        "model": {"modes": 4},
+        "transient": {"finest_step": 0.001},
+    }
+
+
+def run(job, timing, acc, integrator="adaptive", **joint):
+    """Result of a block under ground acceleration along x, as a case and a dataset."""
+    import pathlib
+
+    config = parse_config(block(**joint), "s.yaml")
+    scene = build_scene(config, pathlib.Path(), "s.yaml")
+    ground = np.stack([acc, 0.0 * acc, 0.0 * acc])
+    system = reduce_scene(scene, config.model, config.damping).system
+    history = simulated(system, ground, DT, integrator=integrator, initial_state="static")
+    case = Case(scene, GroundMotion("pulse", ground, DT, {}, ()), history)
+    return case, build_dataset(case, job, timing, None)
+
+
+def ramp(*corners):
+    """Ground acceleration linear between (time, acceleration)."""
+    t, a = np.array(corners).T
+    return np.interp(np.arange(round(t[-1] / DT) + 1) * DT, t, a)
+
+
+def test_a_block_that_holds_has_friction_over_inertia(job, timing):
+    """FS = mu W / (m a), at a = 2 m/s2 along x 1.96; it does not slide, and stays where it is."""
+    _, ds = run(job, timing, ramp((0.0, 0.0), (0.5, 2.0), (1.0, 2.0), (1.5, 0.0)))
+    slow = ds.sel(time=slice(0.7, 0.9))
+    assert slow.sliding_safety_factor.values == pytest.approx(MU * G / 2.0, rel=1e-6)
+    assert ds.joint_normal_force.values == pytest.approx(-WEIGHT, rel=1e-6)
+    assert abs(slow.joint_shear_force).max("tangent").values == pytest.approx(2.0 * WEIGHT / G, rel=1e-6)
+    (one,) = sliding(ds)
+    assert (one.verdict, one.blocks, one.sliding_time) == ("does not slide", ("rock", "block"), 0.0)
+    assert one.factor == pytest.approx(MU * G / 2.0, rel=1e-3)
+    assert one.residual_slip <= RHO * HEIGHT * 2.0 / 100e9  # the shear spring's deformation
+    assert "bonded_area" not in ds
+
+
+@pytest.mark.parametrize("integrator", ["adaptive", "generalized_alpha"])
+def test_cohesion_is_lost_with_the_first_slip(integrator, job, timing):
+    """c A + mu N before, mu N for good after: FS at 2 m/s2 is 5.1, then 1.96, and 1 while it slides."""
+    cohesion = 0.64 * MU * WEIGHT / SIDE**2 * 2.5  # 1.6 times the friction
+    acc = ramp((0.0, 0.0), (0.3, 2.0), (0.6, 2.0), (1.0, 12.0), (1.2, 2.0), (3.0, 2.0))
+    case, ds = run(job, timing, acc, integrator, cohesion=cohesion)
+    factor = ds.sliding_safety_factor.sel(joint="base")
+    assert factor.sel(time=0.5, method="nearest") == pytest.approx(2.6 * MU * G / 2.0, rel=1e-3)
+    assert factor.sel(time=2.1, method="nearest") == pytest.approx(MU * G / 2.0, rel=1e-3)
+    area = ds.bonded_area.sel(joint="base").values
+    assert area[0] == pytest.approx(SIDE**2) and area[-1] == 0.0 and (np.diff(area) <= 0.0).all()
+    (one,) = sliding(ds)
+    assert one.verdict.startswith("slides") and one.sliding_time > 0.1
+    assert one.factor == pytest.approx(1.0, abs=1e-9) and (factor.dropna("time") >= 1.0 - 1e-9).all()
+    assert one.residual[0] < 0.0 and abs(one.residual[1]) <= 1e-9  # against the ground's acceleration
+    assert one.residual_slip == pytest.approx(one.largest_slip, rel=1e-3)
+    assert one.cumulative_slip == pytest.approx(one.residual_slip, rel=0.02)
+    values = row_values(case, {})
+    assert values["sliding_demand_ratio"] == pytest.approx([1.0 / one.factor])
+    assert values["residual_sliding"] == pytest.approx([one.residual_slip])
+
+
+def test_two_coefficients_bound_each_direction(job, timing):
+    """mu_k = 0.2 along x, where k points: FS = 0.2 g / a, of the lesser direction."""
+    _, ds = run(job, timing, ramp((0.0, 0.0), (0.5, 1.0), (1.0, 1.0)), friction=(0.6, 0.2))
+    assert float(ds.sliding_safety_factor[-1, 0]) == pytest.approx(0.2 * G / 1.0, rel=1e-3)
+    assert ds.joint_shear_strength.values[-1, 0] == pytest.approx([0.6 * WEIGHT, 0.2 * WEIGHT], rel=1e-6)
+
+
+def test_a_shear_key_has_no_bound(job, timing):
+    _, ds = run(job, timing, ramp((0.0, 0.0), (0.2, 1.0)), shear_key={"depth": 0.1})
+    assert ds.sliding_safety_factor.isnull().all() and ds.joint_shear_strength.isnull().all()
+    assert sliding(ds)[0].verdict == "carries no shear"
+
+
+@pytest.mark.parametrize(
+    ("strength", "shear", "factor"),
+    [
+        ([10.0, 10.0], [3.0, 4.0], 2.0),  # the resultant
+        ([10.0, 8.0], [5.0, 2.0], 2.0),  # the lesser of 2 and 4
+        ([0.0, 0.0], [0.0, 0.0], np.nan),  # open
+        ([10.0, 10.0], [0.0, 0.0], np.nan),  # no shear
+        ([np.nan, np.nan], [1.0, 0.0], np.nan),  # a shear key
+    ],
+)
+def test_the_factor_of_a_joint(strength, shear, factor):
+    assert safety_factor(np.array(strength), np.array(shear)) == pytest.approx(factor, nan_ok=True)
+
+
+def test_rigid_motion_of_a_joint_is_read_off_its_gaps(job, timing):
+    """Gaps in a row displaced by d + r x (x - middle): the table has d and the turn about the normal y."""
+    case = make_case()
+    ds = build_dataset(case, job, timing, None)
+    gaps = ds.gap_joint.values == "J2"
+    middle = ds.gap_position.values[gaps].mean(axis=0)
+    d, turn = np.array([3e-3, 0.0, -2e-3]), np.array([0.0, 1e-3, 0.0])
+    moved = d + np.cross(turn, ds.gap_position.values[gaps] - middle)
+    opening, slip = ds.opening.values.copy(), ds.slip.values.copy()
+    opening[:, gaps], slip[:, gaps] = 0.0, 0.0
+    slip[1:, gaps] = moved[:, [2, 0]]  # the axes j and k are z and x
+    ds = ds.assign(opening=ds.opening.copy(data=opening), slip=ds.slip.copy(data=slip))
+    one = sliding(ds)[1]
+    assert one.residual == pytest.approx(d, abs=1e-15)
+    assert one.rotation == pytest.approx(1e-3, rel=1e-9)
+    assert one.residual_slip == pytest.approx(np.linalg.norm(d), rel=1e-12)
+
+
+def test_the_table_is_written(case, job, timing, tmp_path):
+    ds = build_dataset(case, job, timing, None)
+    rows = sliding_rows(ds)
+    assert [row[0] for row in rows] == ["J1", "J2"] and all(len(row) == len(HEAD) for row in rows)
+    (path,) = write_sliding(ds, tmp_path, "quake")
+    with path.open() as file:
+        assert list(csv.reader(file)) == [list(HEAD), *map(list, rows)]
+    (table,) = sliding_tables({"quake": ds})
+    assert table.row_count == 2
+    without = build_dataset(make_case(mu=0.0), job, timing, None)
+    assert sliding_tables({"quake": without}) == write_sliding(without, tmp_path, "quake") == []
+
+
+def test_a_response_of_a_suite_is_that_of_the_worst_joint():
+    runs = ("record", "scale", "sample", "joint")
+    ratio = xr.DataArray([[[[0.4, 0.7]], [[np.nan, 0.9]]]], dims=runs, attrs={"long_name": "largest shear"})
+    found = response_of(xr.Dataset({"sliding_demand_ratio": ratio}), "sliding_demand_ratio")
+    assert found.values.ravel() == pytest.approx([0.7, 0.9])
