@@ -223,11 +223,18 @@ class StressNodes:
     nodes : (k,) ascending node numbers
     up : (k, 3) cantilever direction: up along the face on stress faces, else vertical
     arch : (k, 3) horizontal tangent; NaN where neither a face nor a joint gives it
+    ring : (k,) True where stress is that of the mesh, which headlines leave out; None for nowhere
     """
 
     nodes: Ints
     up: Floats
     arch: Floats
+    ring: Bools | None = None
+
+    @property
+    def counted(self) -> Bools:
+        """(k,) True where headlines take the stress."""
+        return np.ones(len(self.nodes), dtype=bool) if self.ring is None else ~self.ring
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,23 @@ from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.names import Name
-from romdam.config.quantities import Pressure
+from romdam.config.quantities import Length, Pressure
 from romdam.config.sections.places import BlockFace, NodeConfig
 
 BlockNames = Annotated[
     Annotated[tuple[str, ...], Tag("list")] | Annotated[Literal["all"], Tag("word")],
     by_shape('a list of block names, or "all"', "all"),
 ]
+
+
+class RingConfig(Model):
+    """What headlines of stress leave out, because there it is that of the mesh."""
+
+    edges: Annotated[Length, Field(ge=0.0)] | None = None
+    """Distance from re-entrant edges, and from where supports or other materials meet a free face; one
+    element where it is not given, which moves with the mesh."""
+    contacts: Annotated[Length, Field(ge=0.0)] = 0.0
+    """Distance from the contact faces of joints; 0 leaves out their own nodes."""
 
 
 class StressConfig(Model):
@@ -28,6 +38,7 @@ class StressConfig(Model):
     faces: tuple[BlockFace, ...] = ()
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     strength: Annotated[Pressure, Field(gt=0.0)] | None = None
+    ring: RingConfig = RingConfig()
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:

@@ -11,7 +11,9 @@ import romdam
 from romdam.core.arrays import Floats
 from romdam.core.system import History
 from romdam.postprocess.stress import MEASURES as STRESS
+from romdam.postprocess.stress_faces import HEADLINE
 from romdam.results.case import Array, Case, Variable
+from romdam.results.stress.faces import headline_stress, of_faces
 from romdam.results.variables import VARIABLES
 
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
@@ -144,9 +146,16 @@ ROWS: dict[str, Variable] = {
     "peak_stress": Variable(
         ("stress_measure",),
         "Pa",
-        "largest stress over all nodes and written times",
+        "largest stress over all nodes and written times, those in the ring too",
         _peak_stress,
         VARIABLES["worst_stress"].when,
+    ),
+    "face_stress": Variable(
+        ("stress_measure",),
+        "Pa",
+        f"largest stress over time that {HEADLINE:g} % of all faces' area outside the ring do not exceed",
+        headline_stress,
+        of_faces,
     ),
     **{f"energy_{term}": _at_the_end(f"energy_{term}") for term in _ENERGIES},
     "ledger_imbalance": _stat(
