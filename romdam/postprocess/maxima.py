@@ -14,7 +14,7 @@ HEAD = ("quantity", "value", "unit", "where", "time [s]")
 
 def maxima(dataset: xr.Dataset) -> list[Row]:
     """Rows of quantity, value, unit, where, when: motion, joints, stress, what the result has of each."""
-    return [*_motion(dataset), *_joints(dataset), *_stress(dataset)]
+    return [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
 
 
 def _motion(dataset: xr.Dataset) -> list[Row]:
@@ -40,6 +40,20 @@ def _joints(dataset: xr.Dataset) -> list[Row]:
         rows.append(("joint compression", float(own.peak_compressive_stress), "Pa", str(joint), ""))
         if "peak_slip" in own:
             rows.append(("joint slip", float(own.peak_slip), "m", str(joint), ""))
+    return rows
+
+
+def _sections(dataset: xr.Dataset) -> list[Row]:
+    """Extremes over time of forces, moments and linearised stress on sections, tension positive."""
+    rows: list[Row] = []
+    for name, dim in (("force", "axis"), ("moment", "axis"), ("stress", "side")):
+        for section in dataset.section.values if f"section_{name}" in dataset else ():
+            own = dataset[f"section_{name}"].sel(section=section)
+            for along in own[f"section_{dim}"].values:
+                values = own.sel({f"section_{dim}": along}).values
+                for side, k in (("largest", int(values.argmax())), ("smallest", int(values.argmin()))):
+                    label, when = f"{side} section {name}, {along}", f"{float(own.time[k]):.3f}"
+                    rows.append((label, float(values[k]), str(own.attrs["units"]), str(section), when))
     return rows
 
 

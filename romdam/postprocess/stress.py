@@ -31,15 +31,17 @@ class StressHistory:
     fields : block -> (k, 6, m) stress of every reduced coordinate at its stress nodes; empty at full order
     coordinates : block -> (nt, m) its reduced coordinates; at full order (nt, 6 k) the stress itself
     offset : block -> (k, 6) stress without displacement (of held-back thermal expansion) [Pa]
+    sections : (nt, sections, 6) forces along and moments about the axes of named sections [N], [N m]
     """
 
     fields: Mapping[str, Floats]
     coordinates: Mapping[str, Floats]
     offset: Mapping[str, Floats] = field(default_factory=dict)
+    sections: Floats = field(default_factory=lambda: np.zeros((0, 0, 6)))
 
     @classmethod
     def observed(cls, stress: Floats, nodes: Mapping[str, int], offset: Mapping[str, Floats]) -> Self:
-        """Of stress that was observed itself.
+        """Of stress that was observed itself, without sections.
 
         Parameters
         ----------
@@ -81,6 +83,7 @@ class StressSummary:
     duration_of_change : as `duration`, of that
     probes : (nt, p, 6) histories of the named nodes [Pa]
     probe_axes : (p, 2, 3) cantilever and arch direction of the named nodes
+    sections : (nt, sections, 6) forces along and moments about the axes of named sections [N], [N m]
     """
 
     largest: dict[str, Floats]
@@ -95,6 +98,7 @@ class StressSummary:
     duration_of_change: Floats | None
     probes: Floats
     probe_axes: Floats
+    sections: Floats
 
 
 def principal_stresses(stress: Floats) -> Floats:
@@ -172,6 +176,7 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
         duration_of_change=joined.get("duration of change"),
         probes=_probe_histories(sites, history, len(time)),
         probe_axes=_probe_axes(sites),
+        sections=history.sections,
     )
 
 

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
-from romdam.visual.stress_plots import stress_damage, stress_histories
+from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
 from romdam.visual.style import COLOURS, GREY, STYLE, new_figure, scaled
 
 Array = np.ndarray
@@ -136,6 +136,7 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "energy": energy_ledger,
     "stress": stress_histories,
     "stress_damage": stress_damage,
+    "stress_sections": stress_sections,
 }
 
 

@@ -44,6 +44,31 @@ def stress_histories(dataset: xr.Dataset) -> Figure | None:
     return figure
 
 
+def stress_sections(dataset: xr.Dataset) -> Figure | None:
+    """Force, moment and linearised stress of every section over time, one row a section."""
+    if "section_force" not in dataset:
+        return None
+    names = [str(name) for name in dataset.section.values]
+    figure = Figure(figsize=(11.0, 0.9 + 2.1 * len(names)), layout="constrained")
+    axes = figure.subplots(len(names), 3, squeeze=False, sharex=True)
+    kinds = (("force", "axis", "N"), ("moment", "axis", "N m"), ("stress", "side", "Pa"))
+    for column, (kind, dim, unit) in zip(axes.T, kinds, strict=True):
+        values, dim = dataset[f"section_{kind}"], f"section_{dim}"
+        for ax, name in zip(column, names, strict=True):
+            for k, along in enumerate(values[dim].values):
+                own = 1e-6 * values.sel({"section": name, dim: along})
+                ax.plot(dataset.time, own, color=COLOURS[k], lw=0.8, label=str(along))
+            ax.set_ylabel(f"{name}\n{kind} [M{unit}]")
+        column[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4 if kind == "stress" else 3,
+                         fontsize=7, columnspacing=0.8, handlelength=1.2)  # fmt: skip
+        column[-1].set_xlabel("time [s]")
+    axes[0, 0].set_xlim(float(dataset.time[0]), float(dataset.time[-1]))
+    figure.suptitle(
+        f"Sections, tension positive  ·  {dataset.attrs['record']}", fontsize=9, x=0.02, ha="left"
+    )
+    return figure
+
+
 def stress_damage(dataset: xr.Dataset) -> Figure | None:
     """Duration and extent of stress above multiples of the strength, beside the limits of linear analysis.
 

@@ -60,7 +60,7 @@ def swinging(at_rest, swing, ring=()):
     case, time = make_case(), np.linspace(0.0, 5.0, 5001)
     sites = case.scene.stress
     left = dataclasses.replace(sites.blocks["left"], ring=np.isin(np.arange(8), ring))
-    sites = dataclasses.replace(sites, blocks={"left": left}, probes={})
+    sites = dataclasses.replace(sites, blocks={"left": left}, probes={}, sections=())
     factor = 1.0 + np.isin(np.arange(8), ring)
     stress = np.zeros((len(time), 8, 6))
     stress[..., 2] = STRENGTH * (at_rest + swing * np.sin(2 * np.pi * time))[:, None] * factor

@@ -9,7 +9,7 @@ from pydantic import Field, Tag, model_validator
 from romdam.config.base import Model, by_shape
 from romdam.config.names import Name
 from romdam.config.quantities import Length, Pressure
-from romdam.config.sections.places import BlockFace, NodeConfig
+from romdam.config.sections.places import BlockFace, Direction, NodeConfig, Vector
 
 BlockNames = Annotated[
     Annotated[tuple[str, ...], Tag("list")] | Annotated[Literal["all"], Tag("word")],
@@ -27,6 +27,17 @@ class RingConfig(Model):
     """Distance from the contact faces of joints; 0 leaves out their own nodes."""
 
 
+class SectionConfig(Model):
+    """A plane through blocks on which normal force, shear, moment and linearised stress are written."""
+
+    blocks: BlockNames
+    """Blocks that count: those on one side of a joint that the plane lies in, all that stand side by side."""
+    point: Vector
+    """A point of the plane."""
+    normal: Direction = (0.0, 0.0, 1.0)
+    """Towards the side whose loads the section bears."""
+
+
 class StressConfig(Model):
     """Envelopes and worst fields at every node of `blocks` and `faces`, histories at `nodes`.
 
@@ -37,6 +48,7 @@ class StressConfig(Model):
     blocks: BlockNames = ()
     faces: tuple[BlockFace, ...] = ()
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
+    sections: dict[Name, SectionConfig] = Field(default_factory=dict)
     strength: Annotated[Pressure, Field(gt=0.0)] | None = None
     ring: RingConfig = RingConfig()
 

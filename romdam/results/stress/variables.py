@@ -20,6 +20,7 @@ from romdam.postprocess.stress import (
 )
 from romdam.results.case import Array, Case, Variable
 from romdam.results.stress.faces import FACE_COORDINATES, FACE_VARIABLES
+from romdam.results.stress.sections import SECTION_COORDINATES, SECTION_VARIABLES
 
 _NODE = ("stress_node",)
 _NAMES = {
@@ -170,6 +171,7 @@ STRESS_COORDINATES: dict[str, Variable] = {
         _has_probes,
     ),
     **FACE_COORDINATES,
+    **SECTION_COORDINATES,
 }
 
 STRESS_VARIABLES: dict[str, Variable] = {
@@ -226,4 +228,5 @@ STRESS_VARIABLES: dict[str, Variable] = {
     "vertical_stress": Variable(("time", "stress_probe"), "Pa", _NAMES["vertical"], _along(0), _has_probes),
     "arch_stress": Variable(("time", "stress_probe"), "Pa", _NAMES["arch"], _along(1), _has_probes),
     **FACE_VARIABLES,
+    **SECTION_VARIABLES,
 }

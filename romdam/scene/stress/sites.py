@@ -13,7 +13,9 @@ from romdam.scene.elements import Floats
 from romdam.scene.facets import gap_weights, node_normals
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.ring import near_contacts, near_edges, singular_edges
+from romdam.scene.stress.sections import build_section
 
+_NO_NODES = np.zeros(0, dtype=np.int64)
 _UP = np.array([0.0, 0.0, 1.0])
 _LEVEL = 1e-6  # length of a unit normal's horizontal part below which it has no direction
 
@@ -56,19 +58,24 @@ def stress_sites(config: StressConfig | None, structure: Structure, place: str) 
         name: (p.block, nearest_node(blocks[p.block], p.at, p.tolerance, f"{place}.nodes.{name}.at"))
         for name, p in config.nodes.items()
     }
+    sections = tuple(
+        build_section(name, section, blocks, f"{place}.sections.{name}")
+        for name, section in config.sections.items()
+    )
     sites = {}
     for name, block in blocks.items():
         wanted = [np.arange(len(block.points))] if name in whole else []
         wanted += [facets.ravel() for owner, _, facets in faces if owner == name]
         wanted += [np.array([node]) for owner, node in probes.values() if owner == name]
-        if wanted:
+        if wanted or any(name in section.step for section in sections):
             own = [facets for owner, _, facets in faces if owner == name]
-            sites[name] = _with_axes(block, np.unique(np.concatenate(wanted)), own, joints)
+            sites[name] = _with_axes(block, np.unique(np.concatenate([_NO_NODES, *wanted])), own, joints)
     return StressSites(
         blocks=_with_rings(sites, structure, config.ring),
         faces=tuple(_face(sites[owner], blocks[owner], name, facets) for owner, name, facets in faces),
         probes={name: (b, int(np.searchsorted(sites[b].nodes, n))) for name, (b, n) in probes.items()},
         strength=config.strength,
+        sections=sections,
     )
 
 

@@ -1,0 +1,155 @@
+"""Named sections: planes through blocks on which normal force, shear and moment are stated.
+
+A section is a function of the nodes that steps from 0 below its plane to 1 above. With it the internal
+nodal forces K u of the blocks add up to the resultant of the stress on the plane: virtual work of a rigid
+motion of all that is above, in which only the cells of the step deform. That resultant is in equilibrium
+with the loads and inertia of the discrete model, whatever the error of its stresses.
+
+Step and arm, which grows from 0 as the distance above the plane, are linear between up to five levels of the
+mesh's nodes, which its elements follow exactly. Their values at the levels in between are such that loads
+that are quadratic along the normal do the work that they would on the plane itself. The area and its moments
+follow from the same step, as int d(step)/dn dV over the cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from romdam.config.sections.stress import SectionConfig
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Ints, Section
+from romdam.scene.elements import ELEMENTS, Floats, jacobians
+from romdam.scene.facets import boundary_facets
+
+_WINDOWS = 4
+_APART = 0.5  # of a cell's height, at least, from level to level
+_ON = 1e-6  # of the blocks' height: what is on the plane
+_UPRIGHT = 0.99  # cosine beyond which a normal is taken to be along an axis
+
+
+def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block], place: str) -> Section:
+    """Find the step, the axes and the shape of a section.
+
+    Raises
+    ------
+    ConfigError
+        for a normal without length, and a plane that does not meet the blocks.
+    """
+    chosen = {key: blocks[key] for key in (blocks if config.blocks == "all" else config.blocks)}
+    axes, point = _axes(np.array(config.normal), place), np.array(config.point)
+    height = {key: (block.points - point) @ axes[0] for key, block in chosen.items()}
+    levels = _levels(chosen, height, place)
+    step, arm = ({key: _above(own, levels, degree) for key, own in height.items()} for degree in (0, 1))
+    area, first, second = (
+        sum(parts) for parts in zip(*(_moments(chosen[k], step[k], axes[0]) for k in chosen), strict=True)
+    )
+    centroid = first / area
+    second = axes[1:] @ (second - area * np.outer(centroid, centroid)) @ axes[1:].T
+    centroid -= ((centroid - point) @ axes[0]) * axes[0]
+    rim = np.concatenate([_rim(chosen[key], height[key]) for key in chosen])
+    return Section(name, step, arm, axes, centroid, float(area), second, _sides(rim, axes, centroid))
+
+
+def _axes(normal: Floats, place: str) -> Floats:
+    """Normal, and two axes in the plane: the first as near as can be to x, or to y where the normal is x."""
+    length = float(np.linalg.norm(normal))
+    if length == 0.0:
+        raise ConfigError(f"{place}.normal: must have a length, got 0, 0, 0; for example [0, 0, 1]")
+    normal = normal / length
+    first = np.eye(3)[1 if abs(normal[0]) > _UPRIGHT else 0]
+    first = first - (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    return np.stack([normal, first, np.cross(normal, first)])
+
+
+def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], place: str) -> Floats:
+    """Up to five levels of corner nodes around the plane, above it [m]."""
+    corners = {key: height[key][b.cells[:, : ELEMENTS[b.element].corners]] for key, b in blocks.items()}
+    low, high = min(c.min() for c in corners.values()), max(c.max() for c in corners.values())
+    on = _ON * (high - low)
+    if low > on or high < -on:
+        raise ConfigError(
+            f"{place}: the plane does not meet {', '.join(blocks)}, which reach from {low:.6g} to {high:.6g} "
+            "m along the normal from `point`; move `point`, or name the blocks that it cuts"
+        )
+    bottom, top = (np.concatenate([f(c, axis=1) for c in corners.values()]) for f in (np.min, np.max))
+    size = _APART * float(np.median((top - bottom)[(bottom <= on) & (top >= -on)]))
+    levels = np.unique(np.concatenate([c.ravel() for c in corners.values()]))
+    below = _spaced(levels[levels <= on][::-1], size)
+    above = _spaced(levels[levels > below[0] + size], size)
+    least = _WINDOWS // 2 + (abs(below[0]) <= on)
+    taken = max(least, _WINDOWS + 1 - len(above))
+    return np.r_[below[:taken][::-1], above][: _WINDOWS + 1]
+
+
+def _spaced(levels: Floats, size: float) -> Floats:
+    """The first level, and each that is farther than `size` from the one taken before it."""
+    taken = list(levels[:1])
+    for level in levels[1:]:
+        if abs(level - taken[-1]) > size:
+            taken.append(level)
+        if len(taken) > _WINDOWS:
+            break
+    return np.array(taken)
+
+
+def _above(height: Floats, levels: Floats, degree: int) -> Floats:
+    """Values (n,) of the function that stands for height^degree above the plane, and for 0 below.
+
+    It is linear between the levels, and has the integrals of that function times 1, s, s^2 between them.
+    """
+    xi, weight = np.polynomial.legendre.leggauss(_WINDOWS)
+    half = 0.5 * np.diff(levels)[:, None]
+    s, w = (half * xi + levels[:-1, None] + half).ravel(), (half * weight).ravel()
+    hats = np.stack([np.interp(s, levels, one) for one in np.eye(len(levels))], axis=1)
+    top = levels[-1]
+    values = np.zeros(len(levels))
+    values[-1] = top**degree
+    power = np.arange(len(levels) - 2)
+    wanted = top ** (power + degree + 1) / (power + degree + 1)
+    moments = (s[:, None] ** power * w[:, None]).T @ hats
+    values[1:-1] = np.linalg.solve(moments[:, 1:-1], wanted - moments[:, -1] * values[-1])
+    return np.where(height > top, height**degree, np.interp(height, levels, values, left=0.0))
+
+
+def stepping_cells(block: Block, step: Floats) -> Ints:
+    """The cells in which the step is not constant."""
+    return np.flatnonzero(np.ptp(step[block.cells], axis=1) > 0.0)
+
+
+def _moments(block: Block, step: Floats, normal: Floats) -> tuple[float, Floats, Floats]:
+    """Area, first (3,) and second (3, 3) moments about the origin of a block's share of the section."""
+    cells = block.cells[stepping_cells(block, step)]
+    element = ELEMENTS[block.element]
+    xi, weight = element.rule
+    jacobian = jacobians(block.points, cells, element, xi)
+    gradient = np.linalg.solve(jacobian, element.gradient(xi)[None])  # (nc, nq, 3, nn)
+    slope = np.einsum("cqka,ca,k->cq", gradient, step[cells], normal, optimize=True)
+    dA = slope * np.linalg.det(jacobian) * weight
+    at = np.einsum("qa,cak->cqk", element.shape(xi), block.points[cells], optimize=True)
+    first = np.einsum("cq,cqk->k", dA, at)
+    return float(dA.sum()), first, np.einsum("cq,cqk,cql->kl", dA, at, at, optimize=True)
+
+
+def _rim(block: Block, height: Floats) -> Floats:
+    """Points (r, 3) where edges of the block's outline meet the plane."""
+    facets = boundary_facets(block.cells, block.element)
+    corners = facets[:, : ELEMENTS[ELEMENTS[block.element].facet].corners]
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends = ends[np.argsort(height[ends], axis=1)[:, 0] == 0]  # each edge once, upwards
+    low, high = height[ends].T
+    on = _ON * np.ptp(height)
+    cut = (low <= on) & (high >= -on)
+    rise = (high - low)[cut]
+    share = np.clip(np.divide(-low[cut], rise, out=np.zeros_like(rise), where=rise > on), 0.0, 1.0)
+    start, end = block.points[ends[cut]].transpose(1, 0, 2)
+    return start + share[:, None] * (end - start)
+
+
+def _sides(rim: Floats, axes: Floats, centroid: Floats) -> Floats:
+    """The section's ends through its centroid along either axis, (4, 3) [m]."""
+    along = (rim - centroid) @ axes[1:].T
+    reach = np.stack([along.min(axis=0), along.max(axis=0)], axis=1)  # (axis, end)
+    return centroid + (reach[:, :, None] * axes[1:, None, :]).reshape(4, 3)
