@@ -7,8 +7,7 @@ with the loads and inertia of the discrete model, whatever the error of its stre
 
 Step and arm, which grows from 0 as the distance above the plane, are linear between up to five levels of the
 mesh's nodes, which its elements follow exactly. Their values at the levels in between are such that loads
-that are quadratic along the normal do the work that they would on the plane itself. The area and its moments
-follow from the same step, as int d(step)/dn dV over the cells.
+that are quadratic along the normal do the work that they would on the plane itself.
 """
 
 from __future__ import annotations
@@ -20,12 +19,18 @@ import numpy as np
 from romdam.config.sections.stress import SectionConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Ints, Section
-from romdam.scene.elements import ELEMENTS, Floats, jacobians
-from romdam.scene.facets import boundary_facets
+from romdam.scene.elements import ELEMENTS, Floats
 
 _WINDOWS = 4
 _APART = 0.5  # of a cell's height, at least, from level to level
 _ON = 1e-6  # of the blocks' height: what is on the plane
+_ASIDE = 1e-9  # of the blocks' height: how far from nodes on the plane its area is taken
+_TETRAHEDRA = np.array([(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)])
+_CUTS = {  # corners above the plane, of four from low to high -> triangles of points on edges
+    1: (((0, 3), (1, 3), (2, 3)),),
+    2: (((0, 2), (0, 3), (1, 3)), ((0, 2), (1, 3), (1, 2))),
+    3: (((0, 1), (0, 2), (0, 3)),),
+}
 _UPRIGHT = 0.99  # cosine beyond which a normal is taken to be along an axis
 
 
@@ -42,14 +47,13 @@ def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block],
     height = {key: (block.points - point) @ axes[0] for key, block in chosen.items()}
     levels = _levels(chosen, height, place)
     step, arm = ({key: _above(own, levels, degree) for key, own in height.items()} for degree in (0, 1))
-    area, first, second = (
-        sum(parts) for parts in zip(*(_moments(chosen[k], step[k], axes[0]) for k in chosen), strict=True)
-    )
-    centroid = first / area
-    second = axes[1:] @ (second - area * np.outer(centroid, centroid)) @ axes[1:].T
-    centroid -= ((centroid - point) @ axes[0]) * axes[0]
-    rim = np.concatenate([_rim(chosen[key], height[key]) for key in chosen])
-    return Section(name, step, arm, axes, centroid, float(area), second, _sides(rim, axes, centroid))
+    whole = np.concatenate(list(height.values()))
+    aside = _ASIDE * np.ptp(whole)
+    aside *= 1.0 if whole.max() > aside else -1.0  # below the blocks' own end
+    triangles = np.concatenate([_triangles(block, height[key] - aside) for key, block in chosen.items()])
+    area, centroid, second = _shape(triangles)
+    sides = _sides(triangles.reshape(-1, 3), axes, centroid)
+    return Section(name, step, arm, axes, centroid, area, axes[1:] @ second @ axes[1:].T, sides)
 
 
 def _axes(normal: Floats, place: str) -> Floats:
@@ -119,37 +123,35 @@ def stepping_cells(block: Block, step: Floats) -> Ints:
     return np.flatnonzero(np.ptp(step[block.cells], axis=1) > 0.0)
 
 
-def _moments(block: Block, step: Floats, normal: Floats) -> tuple[float, Floats, Floats]:
-    """Area, first (3,) and second (3, 3) moments about the origin of a block's share of the section."""
-    cells = block.cells[stepping_cells(block, step)]
-    element = ELEMENTS[block.element]
-    xi, weight = element.rule
-    jacobian = jacobians(block.points, cells, element, xi)
-    gradient = np.linalg.solve(jacobian, element.gradient(xi)[None])  # (nc, nq, 3, nn)
-    slope = np.einsum("cqka,ca,k->cq", gradient, step[cells], normal, optimize=True)
-    dA = slope * np.linalg.det(jacobian) * weight
-    at = np.einsum("qa,cak->cqk", element.shape(xi), block.points[cells], optimize=True)
-    first = np.einsum("cq,cqk->k", dA, at)
-    return float(dA.sum()), first, np.einsum("cq,cqk,cql->kl", dA, at, at, optimize=True)
+def _triangles(block: Block, height: Floats) -> Floats:
+    """Triangles (t, 3, 3) that the plane cuts out of a block's cells, as tetrahedra of their corners [m]."""
+    cells = block.cells[:, : ELEMENTS[block.element].corners]
+    tets = cells if cells.shape[1] == 4 else cells[:, _TETRAHEDRA].reshape(-1, 4)
+    tets = np.take_along_axis(tets, np.argsort(height[tets], axis=1), axis=1)
+    above = (height[tets] > 0.0).sum(axis=1)
+    found = [np.zeros((0, 3, 3))]
+    for count, edges in _CUTS.items():
+        ends = tets[above == count][:, np.array(edges)]  # (tets, triangles, 3, 2)
+        low, high = height[ends[..., 0]], height[ends[..., 1]]
+        share = (low / (low - high))[..., None]
+        points = (1.0 - share) * block.points[ends[..., 0]] + share * block.points[ends[..., 1]]
+        found.append(points.reshape(-1, 3, 3))
+    return np.concatenate(found)
 
 
-def _rim(block: Block, height: Floats) -> Floats:
-    """Points (r, 3) where edges of the block's outline meet the plane."""
-    facets = boundary_facets(block.cells, block.element)
-    corners = facets[:, : ELEMENTS[ELEMENTS[block.element].facet].corners]
-    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
-    ends = ends[np.argsort(height[ends], axis=1)[:, 0] == 0]  # each edge once, upwards
-    low, high = height[ends].T
-    on = _ON * np.ptp(height)
-    cut = (low <= on) & (high >= -on)
-    rise = (high - low)[cut]
-    share = np.clip(np.divide(-low[cut], rise, out=np.zeros_like(rise), where=rise > on), 0.0, 1.0)
-    start, end = block.points[ends[cut]].transpose(1, 0, 2)
-    return start + share[:, None] * (end - start)
+def _shape(triangles: Floats) -> tuple[float, Floats, Floats]:
+    """Area, centroid (3,) and second moments (3, 3) about it of triangles (t, 3, 3)."""
+    area = 0.5 * np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+    )
+    centroid = area @ triangles.mean(axis=1) / area.sum()
+    y = triangles - centroid
+    corners, whole = np.einsum("t,tik,til->kl", area, y, y), y.sum(axis=1)
+    return float(area.sum()), centroid, (corners + np.einsum("t,tk,tl->kl", area, whole, whole)) / 12.0
 
 
-def _sides(rim: Floats, axes: Floats, centroid: Floats) -> Floats:
+def _sides(points: Floats, axes: Floats, centroid: Floats) -> Floats:
     """The section's ends through its centroid along either axis, (4, 3) [m]."""
-    along = (rim - centroid) @ axes[1:].T
+    along = (points - centroid) @ axes[1:].T
     reach = np.stack([along.min(axis=0), along.max(axis=0)], axis=1)  # (axis, end)
     return centroid + (reach[:, :, None] * axes[1:, None, :]).reshape(4, 3)
