@@ -49,7 +49,9 @@ def modal_section_forces(scene: Scene, basis: Mapping[str, BlockBasis]) -> dict[
     """Forces of every basis vector on all sections: block name -> (sections, 6, m)."""
     operators = section_operators(scene)
     modal = {name: basis[name].vectors.under(operator) for name, operator in operators.items()}
-    return {name: rows.reshape(len(rows) // COMPONENTS, COMPONENTS, -1) for name, rows in modal.items()}
+    return {
+        name: rows.reshape(len(rows) // COMPONENTS, COMPONENTS, rows.shape[1]) for name, rows in modal.items()
+    }
 
 
 def observed_section_forces(scene: Scene) -> csr_matrix:

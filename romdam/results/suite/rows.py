@@ -18,6 +18,7 @@ from romdam.results.variables import VARIABLES
 
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
 OPEN, SLIP = 0, 2
+_HALF = 0.5  # of a joint's area
 DONE, FAILED = 0, 1
 SOURCE = f"romdam {romdam.__version__}"
 
@@ -83,6 +84,19 @@ def _time_in(state: int) -> Callable[[Case], Array]:
     return get
 
 
+def _open_share(case: Case) -> Array:
+    """(joints, nt) share of each joint's area whose gaps are open."""
+    area = case.of_gaps("whole_area")
+    is_open = (case.history.state == OPEN).T * area[:, None]
+    return case.per_joint(is_open, lambda part: part.sum(axis=0)) / case.per_joint(area, np.sum)[:, None]
+
+
+def _half_open(case: Case) -> Array:
+    time = case.history.time
+    interval = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    return np.asarray(interval * (_open_share(case) > _HALF).sum(axis=1))
+
+
 def _peak_displacement(case: Case) -> Array:
     return np.abs(case.history.disp).max(axis=0).reshape(-1, 3)
 
@@ -130,11 +144,25 @@ ROWS: dict[str, Variable] = {
         _residual_slip,
         _WITH_SHEAR,
     ),
-    "open_duration": Variable(
-        _JOINT, "s", "time in which any gap is open, by the written rows", _time_in(OPEN), _WITH_JOINTS
+    "any_gap_open_duration": Variable(
+        _JOINT, "s", "time in which any one gap is open, by the written rows", _time_in(OPEN), _WITH_JOINTS
     ),
-    "sliding_duration": Variable(
-        _JOINT, "s", "time in which any gap slides, by the written rows", _time_in(SLIP), _WITH_SHEAR
+    "half_open_duration": Variable(
+        _JOINT,
+        "s",
+        "time in which more than half of the joint's area is open, by the written rows",
+        _half_open,
+        _WITH_JOINTS,
+    ),
+    "mean_open_share": Variable(
+        _JOINT,
+        "1",
+        "mean over the written rows of the share of the joint's area that is open",
+        lambda c: _open_share(c).mean(axis=1),
+        _WITH_JOINTS,
+    ),
+    "any_gap_sliding_duration": Variable(
+        _JOINT, "s", "time in which any one gap slides, by the written rows", _time_in(SLIP), _WITH_SHEAR
     ),
     "peak_displacement": Variable(
         ("node", "component"),
