@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 
 from romdam.core.scene import Scene
 from romdam.core.system import History
-from romdam.fem.sections import modal_section_forces
+from romdam.fem.sections import LOST_LIMIT, lost_static_forces, modal_section_forces
 from romdam.fem.stress import modal_stress
 from romdam.postprocess.sections import section_forces
 from romdam.postprocess.stress import StressHistory, StressSummary, summarise
 from romdam.reduction.storage.staging import initial_forces, initial_stress
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.stress.file import StressFields
+
+log = logging.getLogger(__name__)
 
 
 def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, StressFields]:
@@ -22,6 +25,12 @@ def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, Stres
         return {}
     fields, offset = modal_stress(scene, reduced.basis), initial_stress(scene, reduced.basis)
     sections, initial = modal_section_forces(scene, reduced.basis), initial_forces(scene, reduced.basis)
+    for name, share in lost_static_forces(scene, reduced.basis, sections).items():
+        if share > LOST_LIMIT:
+            log.warning(
+                "outputs.stress.sections.%s: the modes leave out %.2g %% of the static loads above it (limit "
+                "%g %%); raise model.modes or model.cutoff", name, 100 * share, 100 * LOST_LIMIT,
+            )  # fmt: skip
     return {
         name: StressFields(
             sites.nodes,

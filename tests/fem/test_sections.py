@@ -7,11 +7,18 @@ import pytest
 from scipy.sparse.linalg import eigsh, spsolve
 
 from romdam.config import parse_config
+from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
-from romdam.fem.sections import initial_section_forces, section_operators
+from romdam.fem.sections import (
+    initial_section_forces,
+    lost_static_forces,
+    modal_section_forces,
+    section_operators,
+)
 from romdam.postprocess.sections import linearised_stress
+from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 
 RHO, G, P = 2400.0, 9.81, 5e4
@@ -139,6 +146,16 @@ def test_foot_of_a_vibrating_block_bears_its_inertia():
     errors = [foot_error(size) for size in (1.0, 0.5)]
     print(errors)
     assert errors[1] < 0.004 and errors[1] < errors[0] / 6
+
+
+@pytest.mark.parametrize(("modes", "low", "high"), [(5, 0.05, 1.0), ("all", 0.0, 1e-9)])
+def test_loads_that_the_modes_leave_out_are_known(modes, low, high):
+    scene = scene_of(at(0.0, 4.0), {"gravity": [0, 0, -G]})
+    reduced = reduce_scene(scene, ModelConfig(modes=modes), DampingConfig())
+    modal = modal_section_forces(scene, reduced.basis)
+    lost = lost_static_forces(scene, reduced.basis, modal)
+    assert list(lost) == ["z0", "z1"]
+    assert all(low <= share <= high for share in lost.values())
 
 
 def test_plane_beside_the_block_is_refused():
