@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+import xarray as xr
 from summaries import lognormal_curves, summary_of
 from typer.testing import CliRunner
 
@@ -286,7 +287,7 @@ def test_plane_of_a_joint_keeps_distances():
 
 
 def test_opening_map_draws_the_gaps_areas_and_nothing_between():
-    """An L of gaps of 1 m2: one disc each, of 1 m2 in all, and none in the corner that the joint leaves out."""
+    """An L of gaps of 1 m2: one disc each, of their area, and none in the corner that is left out."""
     y, z = (axis.ravel() for axis in np.meshgrid(np.arange(11.0), np.arange(11.0)))
     inside = (y <= 4.0) | (z <= 3.0)
     y, z = y[inside], z[inside]
