@@ -165,5 +165,7 @@ def test_plane_beside_the_block_is_refused():
         scene_of(at(9.0), {})
     with pytest.raises(ConfigError, match=r"sections.s.normal: must have a length"):
         scene_of({"s": {"blocks": ["a"], "point": [0, 0, 1], "normal": [0, 0, 0]}}, {})
+    with pytest.raises(ConfigError, match=r"sections\.s\.blocks: names no block"):
+        scene_of({"s": {"blocks": [], "point": [0, 0, 1]}}, {})
     with pytest.raises(ConfigError, match=r"sections\.s\.blocks"):
         scene_of({"s": {"blocks": ["other"], "point": [0, 0, 1]}}, {})

@@ -43,6 +43,8 @@ def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block],
         for a normal without length, and a plane that does not meet the blocks.
     """
     chosen = {key: blocks[key] for key in (blocks if config.blocks == "all" else config.blocks)}
+    if not chosen:
+        raise ConfigError(f"{place}.blocks: names no block; name those that the plane cuts, or write all")
     axes, point = _axes(np.array(config.normal), place), np.array(config.point)
     height = {key: (block.points - point) @ axes[0] for key, block in chosen.items()}
     levels = _levels(chosen, height, place)
@@ -73,13 +75,14 @@ def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], place: st
     corners = {key: height[key][b.cells[:, : ELEMENTS[b.element].corners]] for key, b in blocks.items()}
     low, high = min(c.min() for c in corners.values()), max(c.max() for c in corners.values())
     on = _ON * (high - low)
-    if low > on or high < -on:
+    bottom, top = (np.concatenate([f(c, axis=1) for c in corners.values()]) for f in (np.min, np.max))
+    met = (bottom <= on) & (top >= -on)
+    if not met.any():
         raise ConfigError(
             f"{place}: the plane does not meet {', '.join(blocks)}, which reach from {low:.6g} to {high:.6g} "
             "m along the normal from `point`; move `point`, or name the blocks that it cuts"
         )
-    bottom, top = (np.concatenate([f(c, axis=1) for c in corners.values()]) for f in (np.min, np.max))
-    size = _APART * float(np.median((top - bottom)[(bottom <= on) & (top >= -on)]))
+    size = _APART * float(np.median((top - bottom)[met]))
     levels = np.unique(np.concatenate([c.ravel() for c in corners.values()]))
     below = _spaced(levels[levels <= on][::-1], size)
     above = _spaced(levels[levels > below[0] + size], size)
