@@ -17,6 +17,7 @@ from romdam.core.errors import ConfigError, ResultError
 from romdam.core.scene import Scene
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.plan import read_records
+from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.responses import response_of
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, read_report_data, report_data
@@ -125,7 +126,9 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
 
 def _data(job: Job, summary: xr.Dataset, clock: Clock) -> xr.Dataset:
     with clock.stage("records", "reading records"):
-        motions = {one.name: one.motion for one in read_records(job) if one.motion is not None}
+        duration = job.config.transient.duration
+        read = {one.name: one.motion for one in read_records(job)}
+        motions = {name: analysed(motion, duration) for name, motion in read.items() if motion is not None}
     with clock.stage("scene", "drawing the scene"):
         picture = _picture(build_scene(job.config, job.folder, str(job.path)))
     with clock.stage("spectra", "computing spectra"):

@@ -2,25 +2,44 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 
 from romdam.core.scene import Scene
 from romdam.core.system import History
+from romdam.fem.sections import LOST_LIMIT, lost_static_forces, modal_section_forces
 from romdam.fem.stress import modal_stress
+from romdam.postprocess.sections import section_forces
 from romdam.postprocess.stress import StressHistory, StressSummary, summarise
-from romdam.reduction.storage.staging import initial_stress
+from romdam.reduction.storage.staging import initial_forces, initial_stress
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.stress.file import StressFields
 
+log = logging.getLogger(__name__)
+
 
 def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, StressFields]:
-    """Stress of every reduced coordinate at the scene's stress nodes; none at full order."""
+    """Stress of every reduced coordinate at stress nodes and on sections; none at full order."""
     if reduced is None or scene.stress is None:
         return {}
     fields, offset = modal_stress(scene, reduced.basis), initial_stress(scene, reduced.basis)
+    sections, initial = modal_section_forces(scene, reduced.basis), initial_forces(scene, reduced.basis)
+    for name, share in lost_static_forces(scene, reduced.basis, sections).items():
+        if share > LOST_LIMIT:
+            log.warning(
+                "outputs.stress.sections.%s: the modes leave out %.2g %% of the static loads above it (limit "
+                "%g %%); raise model.modes or model.cutoff", name, 100 * share, 100 * LOST_LIMIT,
+            )  # fmt: skip
     return {
-        name: StressFields(sites.nodes, fields[name], offset[name], reduced.basis[name].columns)
+        name: StressFields(
+            sites.nodes,
+            fields[name],
+            offset[name],
+            reduced.basis[name].columns,
+            sections[name],
+            initial[name],
+        )
         for name, sites in scene.stress.blocks.items()
     }
 
@@ -32,10 +51,14 @@ def stress_of(
     if scene.stress is None:
         return history, None
     if history.q is not None:
+        coordinates = {name: history.q[:, own.columns] for name, own in fields.items()}
         source = StressHistory(
             fields={name: own.fields for name, own in fields.items()},
-            coordinates={name: history.q[:, own.columns] for name, own in fields.items()},
+            coordinates=coordinates,
             offset={name: own.offset for name, own in fields.items()},
+            sections=section_forces(
+                (coordinates[name], own.sections, own.section_offset) for name, own in fields.items()
+            ),
         )
     else:
         history, source = _observed(scene, history)
@@ -45,6 +68,8 @@ def stress_of(
 def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:
     assert scene.stress is not None
     probes, nodes = 3 * len(scene.probes), {name: len(s.nodes) for name, s in scene.stress.blocks.items()}
-    stress = StressHistory.observed(history.disp[:, probes:], nodes, initial_stress(scene))
+    end = probes + 6 * sum(nodes.values())
+    source = StressHistory.observed(history.disp[:, probes:end], nodes, initial_stress(scene))
+    forces = history.disp[:, end:].reshape(len(history.time), -1, 6) + sum(initial_forces(scene).values())
     motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
-    return replace(history, **motion), stress
+    return replace(history, **motion), replace(source, sections=forces)

@@ -136,6 +136,20 @@ def maxima_table(dataset: xr.Dataset) -> Table:
     return table
 
 
+def stress_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
+    """Stress of every named face, a table for each record that has any."""
+    from romdam.postprocess.maxima import FACE_HEAD, face_rows
+
+    made = []
+    for record, dataset in results.items():
+        rows = face_rows(dataset)
+        table = _table(f"Major principal stress, {record}", FACE_HEAD[:1], FACE_HEAD[1:])
+        for row in rows:
+            table.add_row(*row)
+        made += [table] if rows else []
+    return made
+
+
 def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
     """The tables of a comparison that suit a terminal; its page has all."""
     from romdam.postprocess.variant_tables import shown_cell
@@ -324,6 +338,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"time stepping  {_time_error(attrs)}",
         f"written        {attrs['date_created']} by {attrs['source']}",
         f"error          {stated.pop('verification', _NOT_STATED)}",
+        *([f"stress         {attrs['stress_statement']}"] if "stress_statement" in attrs else []),
         *stated.values(),
         *_water_lines(dataset),
         *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),

@@ -74,12 +74,12 @@ def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal)
 
 def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
     from romdam.pipelines.run import run as run_job
-    from romdam.terminal import peaks_table, sliding_tables
+    from romdam.terminal import peaks_table, sliding_tables, stress_tables
 
     stages, say = terminal
     outcome = run_job(job, out, stages, cache)
     results = {path.stem: romdam.open_result(path).dataset for path in outcome.paths}
-    say(peaks_table(results), *sliding_tables(results))
+    say(peaks_table(results), *sliding_tables(results), *stress_tables(results))
     say(*(f"written: {path}" for path in outcome.paths))
     say(*(f"not of this run, but there from before: {path}" for path in outcome.others))
     for name, message in outcome.failures.items():

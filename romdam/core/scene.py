@@ -291,11 +291,18 @@ class StressNodes:
     nodes : (k,) ascending node numbers
     up : (k, 3) cantilever direction: up along the face on stress faces, else vertical
     arch : (k, 3) horizontal tangent; NaN where neither a face nor a joint gives it
+    ring : (k,) True where stress is that of the mesh, which headlines leave out; None for nowhere
     """
 
     nodes: Ints
     up: Floats
     arch: Floats
+    ring: Bools | None = None
+
+    @property
+    def counted(self) -> Bools:
+        """(k,) True where headlines take the stress."""
+        return np.ones(len(self.nodes), dtype=bool) if self.ring is None else ~self.ring
 
 
 @dataclass(frozen=True)
@@ -309,6 +316,32 @@ class StressFace:
 
 
 @dataclass(frozen=True)
+class Section:
+    """A plane through blocks on which the resultants of stress are written.
+
+    Attributes
+    ----------
+    name : unique among sections
+    step : block name -> (n,) values of a function of its nodes that steps from 0 below the plane to 1 above
+    arm : block name -> (n,) the same of one that is the distance above the plane [m]
+    axes : (3, 3) rows: unit normal, and two axes in the plane
+    centroid : (3,) [m]
+    area : [m2]
+    inertia : (2, 2) second moments of the area about the centroid, along the two axes [m4]
+    sides : (4, 3) ends of the section through its centroid: first axis low and high, second low and high [m]
+    """
+
+    name: str
+    step: dict[str, Floats]
+    arm: dict[str, Floats]
+    axes: Floats
+    centroid: Floats
+    area: float
+    inertia: Floats
+    sides: Floats
+
+
+@dataclass(frozen=True)
 class StressSites:
     """Nodes and faces where stress is written.
 
@@ -318,12 +351,14 @@ class StressSites:
     faces : of which the overstressed area is stated
     probes : named nodes with histories: name -> block and row in its StressNodes
     strength : tensile strength [Pa], or None
+    sections : planes with resultants
     """
 
     blocks: dict[str, StressNodes]
     faces: tuple[StressFace, ...]
     probes: dict[str, tuple[str, int]]
     strength: float | None
+    sections: tuple[Section, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from romdam.core.scene import Block, Ints, Material, Scene
 from romdam.core.system import System
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
+from romdam.fem.sections import observed_section_forces
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
@@ -93,10 +94,11 @@ def observed_stress(scene: Scene) -> csr_matrix:
 
 
 def observing_stress(scene: Scene, system: System) -> System:
-    """A full-order system with the stress of the scene's stress nodes among what is observed."""
+    """A full-order system with stress nodes' stress, then forces on sections, among what is observed."""
     if scene.stress is None:
         return system
-    return replace(system, observe=csr_matrix(vstack([system.observe, observed_stress(scene)])))
+    rows = [system.observe, observed_stress(scene), observed_section_forces(scene)]
+    return replace(system, observe=csr_matrix(vstack(rows)))
 
 
 def thermal_stress(scene: Scene) -> dict[str, Floats]:

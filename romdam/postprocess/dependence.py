@@ -9,7 +9,6 @@ import xarray as xr
 
 from romdam.core.arrays import Floats
 from romdam.postprocess.responses import (
-    RUNS,
     about_runs,
     intensity_of,
     measures,
@@ -18,16 +17,22 @@ from romdam.postprocess.responses import (
 )
 
 RESAMPLES = 1000
+_RELATIONS = ("spearman", "pearson", "slope", "dispersion", "count")
+_FEWEST = 3  # records of which two can be correlated at all
 
 
 def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Dataset:
-    """Correlate a response with each measure of the records, over all runs.
+    """Correlate a response with each measure of the records, scale by scale.
+
+    A record counts once at each scale, by the median of its samples: runs of one record at other scales or of
+    other samples are no further records, and scaling correlates any response with any measure.
 
     Returns
     -------
-    Dataset with dim measure : `spearman`, rank correlation; `pearson`, of the logarithms; `slope` and
-        `dispersion` of ln(response) against ln(measure), the latter their efficiency: the standard deviation
-        about the line; `count`, runs; NaN where one of the two does not vary.
+    Dataset with dims measure, scale : `spearman_at_scale`, rank correlation; `pearson_at_scale`, of the
+        logarithms; `slope_at_scale` and `dispersion_at_scale` of ln(response) against ln(measure), the latter
+        their efficiency: the standard deviation about the line; `count_at_scale`, records; NaN where one of
+        the two does not vary. Without `_at_scale`: their medians over the scales, with dim measure.
 
     Raises
     ------
@@ -35,25 +40,41 @@ def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Datas
         for a response that the suite does not have.
     """
     values = response_of(summary, response)
+    middle = values.median("sample").transpose("record", "scale").values
     names = measures(summary)
-    rows = [_related(intensity_of(summary, name).broadcast_like(values), values) for name in names]
-    columns = dict(
-        zip(("spearman", "pearson", "slope", "dispersion", "count"), np.array(rows).T, strict=True)
+    table = np.array(
+        [
+            [_related(x, y) for x, y in zip(intensity_of(summary, name).values.T, middle.T, strict=True)]
+            for name in names
+        ]
     )
-    data = {name: ("measure", column, {"units": "1"}) for name, column in columns.items()}
-    statement = "" if np.isfinite(columns["spearman"]).any() else "neither response nor measures vary"
+    data: dict[str, object] = {}
+    for name, column in zip(_RELATIONS, np.moveaxis(table, 2, 0), strict=True):
+        data[name] = ("measure", _median(column), {"units": "1"})
+        data[f"{name}_at_scale"] = (("measure", "scale"), column, {"units": "1"})
+    statement = "neither response nor measures vary among the records of one scale"
+    if np.isfinite(table[..., 0]).any():
+        statement = ""
+    elif 1 < (most := table[..., -1].max(initial=0.0)) < _FEWEST:
+        statement = f"{most:.0f} records are too few; at least {_FEWEST} are needed"
     return xr.Dataset(
-        data, {"measure": np.array(names)}, about_runs(summary, values) | {"statement": statement}
+        data,
+        {"measure": np.array(names), "scale": summary.scale},
+        about_runs(summary, values) | {"statement": statement},
     )
 
 
-def _related(measured: xr.DataArray, values: xr.DataArray) -> tuple[float, float, float, float, float]:
+def _median(values: Floats) -> Floats:
+    """Medians of the finite numbers of each row; NaN where there is none."""
+    return np.array([np.median(own) if len(own := row[np.isfinite(row)]) else np.nan for row in values])
+
+
+def _related(x: Floats, y: Floats) -> tuple[float, float, float, float, float]:
     from scipy.stats import rankdata
 
-    x, y = measured.transpose(*RUNS).values.ravel(), values.transpose(*RUNS).values.ravel()
     kept = np.isfinite(x) & np.isfinite(y)
     x, y = x[kept], y[kept]
-    if len(x) < 3 or not _varies(x) or not _varies(y):
+    if len(x) < _FEWEST or not _varies(x) or not _varies(y):
         return (np.nan, np.nan, np.nan, np.nan, float(len(x)))
     spearman = float(np.corrcoef(rankdata(x), rankdata(y))[0, 1])
     if x.min() <= 0.0 or y.min() <= 0.0:

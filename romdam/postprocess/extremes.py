@@ -51,6 +51,7 @@ def opening_envelopes(summary: xr.Dataset, fractiles: tuple[float, ...] = (0.5, 
             count[k] = len(part)
             if len(part):
                 found[:, k, chunk] = np.quantile(part, fractiles, axis=0)
-    coords = {name: summary[name] for name in ("scale", "gap_joint", "gap_position", "joint", "component")}
+    kept = ("scale", "gap_joint", "gap_position", "gap_area", "joint", "component")
+    coords = {name: summary[name] for name in kept if name in summary.coords}
     data = {"opening": (("fractile", "scale", "gap"), found, dict(peaks.attrs)), "count": ("scale", count)}
     return xr.Dataset(data, coords | {"fractile": list(fractiles)}, {"title": summary.attrs.get("title", "")})

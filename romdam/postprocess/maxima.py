@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from romdam.core.arrays import Bools
+from romdam.postprocess.stress_faces import HEADLINE, LIMITS, verdict
+
 Row = tuple[str, float, str, str, str]  # quantity, value, unit, where, when [s]
 HEAD = ("quantity", "value", "unit", "where", "time [s]")
 
 
 def maxima(dataset: xr.Dataset) -> list[Row]:
     """Rows of quantity, value, unit, where, when: motion, joints, stress, what the result has of each."""
-    return [*_motion(dataset), *_joints(dataset), *_stress(dataset)]
+    return [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
 
 
 def _motion(dataset: xr.Dataset) -> list[Row]:
@@ -40,19 +43,58 @@ def _joints(dataset: xr.Dataset) -> list[Row]:
     return rows
 
 
-def _stress(dataset: xr.Dataset) -> list[Row]:
+def _sections(dataset: xr.Dataset) -> list[Row]:
+    """Extremes over time of forces, moments and linearised stress on sections, tension positive."""
     rows: list[Row] = []
+    for name, dim in (("force", "axis"), ("moment", "axis"), ("stress", "side")):
+        for section in dataset.section.values if f"section_{name}" in dataset else ():
+            own = dataset[f"section_{name}"].sel(section=section)
+            for along in own[f"section_{dim}"].values:
+                values = own.sel({f"section_{dim}": along}).values
+                for side, k in (("largest", int(values.argmax())), ("smallest", int(values.argmin()))):
+                    label, when = f"{side} section {name}, {along}", f"{float(own.time[k]):.3f}"
+                    rows.append((label, float(values[k]), str(own.attrs["units"]), str(section), when))
+    return rows
+
+
+def _stress(dataset: xr.Dataset) -> list[Row]:
+    rows = _face_stress(dataset)
     for side, find in (("max", np.nanargmax), ("min", np.nanargmin)):
         for name in ("principal", "vertical", "arch"):
             variable = f"{side}_{name}_stress"
             if variable not in dataset or not dataset[variable].notnull().any():
                 continue
-            k = int(find(dataset[variable].values))
-            timed = f"{variable}_time"
-            when = f"{float(dataset[timed][k]):.3f}" if timed in dataset else ""
             label = f"{'largest' if side == 'max' else 'smallest'} {name} stress"
-            rows.append((label, float(dataset[variable][k]), "Pa", _place(dataset, k), when))
+            values = dataset[variable].values
+            k = int(find(values))
+            rows.append((label, float(values[k]), "Pa", _place(dataset, k), _when(dataset, variable, k)))
+            outside = np.where(_ring(dataset), np.nan, values)
+            if side == "max" and _ring(dataset)[k] and np.isfinite(outside).any():
+                k = int(find(outside))
+                row = (float(values[k]), "Pa", _place(dataset, k), _when(dataset, variable, k))
+                rows.append((f"{label} outside the ring", *row))
     return rows + _damage(dataset)
+
+
+def _face_stress(dataset: xr.Dataset) -> list[Row]:
+    """Stress that most of each face does not exceed: what a face is judged by."""
+    rows: list[Row] = []
+    for name in ("principal", "vertical", "arch"):
+        for face in dataset.stress_face.values if f"face_{name}_stress" in dataset else ():
+            value = dataset[f"face_{name}_stress"].sel(stress_face=face, area_percentile=HEADLINE)
+            rows.append((f"{name} stress, {HEADLINE:g} % of the area", float(value), "Pa", str(face), ""))
+    return rows
+
+
+def _ring(dataset: xr.Dataset) -> Bools:
+    """(k,) True for stress nodes in the ring; versions before had none."""
+    known = "stress_ring" in dataset
+    return dataset.stress_ring.values > 0 if known else np.zeros(dataset.sizes["stress_node"], dtype=bool)
+
+
+def _when(dataset: xr.Dataset, variable: str, k: int) -> str:
+    timed = f"{variable}_time"
+    return f"{float(dataset[timed][k]):.3f}" if timed in dataset else ""
 
 
 def _damage(dataset: xr.Dataset) -> list[Row]:
@@ -64,7 +106,14 @@ def _damage(dataset: xr.Dataset) -> list[Row]:
         ("demand-capacity ratio", float(ratio[k]), "1", _place(dataset, k), ""),
         ("cumulative inelastic duration", float(time[j]), "s", _place(dataset, j), ""),
     ]
-    for face in dataset.stress_face.values if "stress_face" in dataset else ():
+    if "change_demand_capacity_ratio" in dataset:
+        change, time = (
+            dataset[f"change_{n}"].values for n in ("demand_capacity_ratio", "inelastic_duration")
+        )
+        k, j = int(change.argmax()), int(time[:, 0].argmax())
+        rows.append(("demand-capacity ratio of the change", float(change[k]), "1", _place(dataset, k), ""))
+        rows.append(("inelastic duration of the change", float(time[j, 0]), "s", _place(dataset, j), ""))
+    for face in dataset.stress_face.values if "overstressed_area" in dataset else ():
         own = dataset.sel(stress_face=face)
         share = 100.0 * float(own.overstressed_area[0]) / float(own.stress_face_area)
         rows.append(("overstressed part of the face", share, "%", str(face), ""))
@@ -74,3 +123,46 @@ def _damage(dataset: xr.Dataset) -> list[Row]:
 def _place(dataset: xr.Dataset, k: int) -> str:
     at = ", ".join(f"{x:.4g}" for x in dataset.stress_position.values[k])
     return f"{dataset.stress_block.values[k]} ({at})"
+
+
+FACE_HEAD = (
+    "face", f"{HEADLINE:g} % of area [MPa]", "largest [MPa]", "at (x, y, z [m])", "ring [% of area]",
+    "overstressed at rest [%]", "basis", *LIMITS,
+)  # fmt: skip
+
+
+def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
+    """Rows under `FACE_HEAD`: headline stress, ring, and acceptance of the total and of the change."""
+    rows = []
+    for face in dataset.stress_face.values if "face_principal_stress" in dataset else ():
+        own = dataset.sel(stress_face=face)
+        stress = 1e-6 * own.face_principal_stress
+        at = ", ".join(f"{x:.4g}" for x in own.face_peak_position.values)
+        numbers = (float(stress.sel(area_percentile=p)) for p in (HEADLINE, 100.0))
+        start = f"{float(own.face_start_overstressed_share):.3g}" if "acceptance" in dataset else "-"
+        about = (str(face), *(f"{x:.3g}" for x in numbers), at, f"{float(own.ring_share):.3g}", start)
+        for basis in dataset.stress_basis.values if "acceptance" in dataset else ():
+            met = own.acceptance.sel(stress_basis=basis)
+            words = (verdict(met.sel(dam_kind=kind).values.astype(bool)) for kind in LIMITS)
+            rows.append((*about, str(basis), *words))
+            about = ("",) * len(about)
+        if "acceptance" not in dataset:
+            rows.append((*about, "-", *("-" for _ in LIMITS)))
+    return rows
+
+
+def stress_statement(dataset: xr.Dataset) -> str:
+    """Say what the stress on every face comes to, outside the ring; empty without faces."""
+    faces = []
+    for face in dataset.stress_face.values if "face_principal_stress" in dataset else ():
+        own = dataset.sel(stress_face=face)
+        low, top = (1e-6 * float(own.face_principal_stress.sel(area_percentile=p)) for p in (HEADLINE, 100.0))
+        at = ", ".join(f"{x:.4g}" for x in own.face_peak_position.values)
+        start = float(own.face_start_overstressed_share) if "face_start_overstressed_share" in own else 0.0
+        rest = f", {start:.3g} % of its area above the strength before the shaking" if start > 0.0 else ""
+        faces.append(
+            f"{face} {low:.3g} MPa (largest {top:.3g} MPa at ({at}){rest}; "
+            f"the ring leaves out {float(own.ring_share):.3g} % of its area)"
+        )
+    named = f"major principal stress that {HEADLINE:g} % of a face's area outside the ring do not exceed: "
+    return named + "; ".join(faces) if faces else ""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
 from romdam.records.measures import measure, moving
+from romdam.records.processing.resampling import cut_or_extended
 from romdam.records.spectra import pseudo_acceleration
 
 PERIODS = np.geomspace(0.01, 10.0, 100)
@@ -24,6 +27,13 @@ MEASURES = {
 }
 # how a measure grows with the scale of the record; the others do not change
 _POWER = {"pga": 1, "pgv": 1, "pgd": 1, "cav": 1, "sa": 1, "arias": 2}
+
+
+def analysed(motion: GroundMotion, duration: float | None) -> GroundMotion:
+    """The motion that a run sees: cut to a duration, or followed by rest up to it; None for all of it [s]."""
+    if duration is None:
+        return motion
+    return replace(motion, acc=cut_or_extended(motion.acc, round(duration / motion.dt) + 1))
 
 
 def measures_at_scales(motion: GroundMotion | None, factors: Floats, period: float) -> dict[str, Floats]:

@@ -31,15 +31,17 @@ class StressHistory:
     fields : block -> (k, 6, m) stress of every reduced coordinate at its stress nodes; empty at full order
     coordinates : block -> (nt, m) its reduced coordinates; at full order (nt, 6 k) the stress itself
     offset : block -> (k, 6) stress without displacement (of held-back thermal expansion) [Pa]
+    sections : (nt, sections, 6) forces along and moments about the axes of named sections [N], [N m]
     """
 
     fields: Mapping[str, Floats]
     coordinates: Mapping[str, Floats]
     offset: Mapping[str, Floats] = field(default_factory=dict)
+    sections: Floats = field(default_factory=lambda: np.zeros((0, 0, 6)))
 
     @classmethod
     def observed(cls, stress: Floats, nodes: Mapping[str, int], offset: Mapping[str, Floats]) -> Self:
-        """Of stress that was observed itself.
+        """Of stress that was observed itself, without sections.
 
         Parameters
         ----------
@@ -71,12 +73,17 @@ class StressSummary:
     ----------
     largest, smallest : measure -> (k,) over the written times [Pa]
     time_of_largest : measure -> (k,) [s]
-    worst_time : measure -> time at which it is largest anywhere [s]
+    worst_time : measure -> time at which it is largest anywhere outside the ring [s]
     at_worst : measure -> (k,) field at that time [Pa]
     tensor : (k, 6) at the worst time of the major principal stress [Pa]
     duration : (k, levels) total time of major principal stress above DCR_LEVELS x strength [s]; None without
+    at_start : (k,) major principal stress at the first time, of the loads at rest [Pa]
+    change : (k,) largest major principal stress of what is more than at the first time [Pa]; None without
+        strength
+    duration_of_change : as `duration`, of that
     probes : (nt, p, 6) histories of the named nodes [Pa]
     probe_axes : (p, 2, 3) cantilever and arch direction of the named nodes
+    sections : (nt, sections, 6) forces along and moments about the axes of named sections [N], [N m]
     """
 
     largest: dict[str, Floats]
@@ -86,8 +93,12 @@ class StressSummary:
     at_worst: dict[str, Floats]
     tensor: Floats
     duration: Floats | None
+    at_start: Floats
+    change: Floats | None
+    duration_of_change: Floats | None
     probes: Floats
     probe_axes: Floats
+    sections: Floats
 
 
 def principal_stresses(stress: Floats) -> Floats:
@@ -142,12 +153,15 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
     time : (nt,) equidistant [s]
     """
     dt = float(time[1] - time[0]) if len(time) > 1 else 0.0
-    found = [
-        _envelopes(_measures(s, nodes, rows), sites.strength, dt)
-        for s, nodes, rows in _parts(sites, history, len(time))
-    ]
+    found = []
+    for stress, nodes, rows in _parts(sites, history, len(time)):
+        measures = _measures(stress, nodes, rows)
+        found.append(_envelopes(measures))
+        if sites.strength is not None:
+            found[-1] |= _excursions(stress, measures["principal"][0], sites.strength, dt)
     joined = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
-    worst = {m: _worst_step(joined, m) for m in MEASURES}
+    counted = np.concatenate([nodes.counted for nodes in sites.blocks.values()])
+    worst = {m: _worst_step(joined, m, counted) for m in MEASURES}
     fields = {m: _at_step(sites, history, step) for m, step in worst.items()}
     return StressSummary(
         largest={m: joined[f"largest {m}"] for m in MEASURES},
@@ -157,8 +171,12 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
         at_worst={m: fields[m][m] for m in MEASURES},
         tensor=fields["principal"]["tensor"],
         duration=joined.get("duration"),
+        at_start=joined["at start"],
+        change=joined.get("change"),
+        duration_of_change=joined.get("duration of change"),
         probes=_probe_histories(sites, history, len(time)),
         probe_axes=_probe_axes(sites),
+        sections=history.sections,
     )
 
 
@@ -184,24 +202,29 @@ def _measures(stress: Floats, nodes: StressNodes, rows: slice) -> dict[str, tupl
     }
 
 
-def _envelopes(
-    measures: dict[str, tuple[Floats, Floats]], strength: float | None, dt: float
-) -> dict[str, NDArray[np.generic]]:
-    found: dict[str, NDArray[np.generic]] = {}
+def _envelopes(measures: dict[str, tuple[Floats, Floats]]) -> dict[str, NDArray[np.generic]]:
+    found: dict[str, NDArray[np.generic]] = {"at start": measures["principal"][0][0]}
     for name, (upper, lower) in measures.items():
         step = upper.argmax(axis=0)
         found[f"step {name}"] = step
         found[f"largest {name}"] = np.take_along_axis(upper, step[None], axis=0)[0]
         found[f"smallest {name}"] = lower.min(axis=0)
-    if strength is not None:
-        major = measures["principal"][0]
-        found["duration"] = np.stack([duration_above(major, x * strength, dt) for x in DCR_LEVELS], axis=1)
     return found
 
 
-def _worst_step(joined: Mapping[str, NDArray[np.generic]], measure: str) -> int:
+def _excursions(stress: Floats, major: Floats, strength: float, dt: float) -> dict[str, NDArray[np.generic]]:
+    """Durations above the strength of the major principal stress, and of that of the change since rest."""
+    change = principal_stresses(stress - stress[0])[..., 0]
+    levels = DCR_LEVELS * strength
+    above = [np.stack([duration_above(s, x, dt) for x in levels], axis=1) for s in (major, change)]
+    return {"duration": above[0], "duration of change": above[1], "change": change.max(axis=0)}
+
+
+def _worst_step(joined: Mapping[str, NDArray[np.generic]], measure: str, counted: NDArray[np.bool_]) -> int:
+    """The step at which a measure is largest outside the ring; anywhere, where all nodes lie in it."""
     largest = np.nan_to_num(np.asarray(joined[f"largest {measure}"], dtype=float), nan=-np.inf)
-    return int(joined[f"step {measure}"][int(largest.argmax())])
+    outside = np.where(counted, largest, -np.inf) if counted.any() else largest
+    return int(joined[f"step {measure}"][int(outside.argmax())])
 
 
 def _at_step(sites: StressSites, history: StressHistory, step: int) -> dict[str, Floats]:

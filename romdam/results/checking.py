@@ -23,9 +23,12 @@ _TEXTS = (
     "integrator", "date_created",
 )  # fmt: skip
 _NUMBERS = ("record_dt", "record_peak_acceleration", "solver_finest_step")
-_OPTIONAL_TEXTS = ("model_file", "stress_file", "error_statement", "error_estimate", "certificate_statement")
+_OPTIONAL_TEXTS = (
+    "model_file", "stress_file", "stress_statement", "error_statement", "error_estimate",
+    "certificate_statement",
+)  # fmt: skip
 _TIMINGS = ("solver_", "wall_seconds_", "cpu_seconds_")
-_WHOLE = ("gap", "joint_state", "stress_node_number", "status", "sample")
+_WHOLE = ("gap", "joint_state", "stress_node_number", "stress_ring", "acceptance", "status", "sample")
 _LATER = ("normal_force", "shear_force", "mean_")  # only a certificate needs them, and says so
 _PACKING = ("scale_factor", "add_offset", "missing_value")
 _RUN = ("record", "scale", "sample")

@@ -24,6 +24,7 @@ from romdam.core.errors import ResultError
 from romdam.core.motion import GroundMotion
 from romdam.core.sealed import Opened, examine, sealing
 from romdam.postprocess.concerns import concerns
+from romdam.postprocess.maxima import stress_statement
 from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
 from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
@@ -63,6 +64,8 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     )
     if model_file is not None:
         dataset.attrs["model_file"] = model_file
+    if statement := stress_statement(dataset):
+        dataset.attrs["stress_statement"] = statement
     return dataset
 
 

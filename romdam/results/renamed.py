@@ -13,6 +13,8 @@ import xarray as xr
 RENAMED = {
     "corrections": "residual_vectors",
     "dt": "solver_finest_step",
+    "open_duration": "any_gap_open_duration",
+    "sliding_duration": "any_gap_sliding_duration",
     "solver_held_gaps": "solver_condensed_contacts",
     "solver_state_modes": "solver_dynamic_modes",
     "solver_flexible_modes": "solver_quasi_static_modes",

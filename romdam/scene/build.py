@@ -34,7 +34,7 @@ from romdam.scene.meshes.sizes import refuse_large
 from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
-from romdam.scene.stress_sites import stress_sites
+from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import build_tie, merged_parts
 
@@ -99,7 +99,9 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
-        stress=stress_sites(config.outputs.stress, blocks, joints, f"{source}: outputs.stress"),
+        stress=stress_sites(
+            config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"
+        ),
     )
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene

@@ -18,7 +18,7 @@ from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
 from romdam.visual.sliding_plots import sliding_histories
-from romdam.visual.stress_plots import stress_damage, stress_histories
+from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
 from romdam.visual.style import COLOURS, GREY, STYLE, new_figure, scaled
 
 Array = np.ndarray
@@ -138,6 +138,7 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "energy": energy_ledger,
     "stress": stress_histories,
     "stress_damage": stress_damage,
+    "stress_sections": stress_sections,
 }
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
+from romdam.core.arrays import Floats
+from romdam.postprocess.stress import duration_above
+from romdam.postprocess.stress_faces import LARGEST_RATIO, LIMITS
 from romdam.visual.style import COLOURS, GREY, new_figure, scaled
-
-# Limits where linear analysis still serves: at a ratio of 1, falling to none at 2 (EM 1110-2-6053, chapter 4)
-DURATION_LIMITS = {"arch dams": 0.4, "gravity dams": 0.3}  # [s]
-AREA_LIMIT = 20.0  # [%] of an arch dam's face
 
 
 def stress_histories(dataset: xr.Dataset) -> Figure | None:
@@ -44,42 +44,100 @@ def stress_histories(dataset: xr.Dataset) -> Figure | None:
     return figure
 
 
+def stress_sections(dataset: xr.Dataset) -> Figure | None:
+    """Force, moment and linearised stress of every section over time, one row a section."""
+    if "section_force" not in dataset:
+        return None
+    names = [str(name) for name in dataset.section.values]
+    figure = Figure(figsize=(11.0, 0.9 + 2.1 * len(names)), layout="constrained")
+    axes = figure.subplots(len(names), 3, squeeze=False, sharex=True)
+    kinds = (("force", "axis", "N"), ("moment", "axis", "N m"), ("stress", "side", "Pa"))
+    for column, (kind, dim, unit) in zip(axes.T, kinds, strict=True):
+        values, dim = dataset[f"section_{kind}"], f"section_{dim}"
+        for ax, name in zip(column, names, strict=True):
+            for k, along in enumerate(values[dim].values):
+                own = 1e-6 * values.sel({"section": name, dim: along})
+                ax.plot(dataset.time, own, color=COLOURS[k], lw=0.8, label=str(along))
+            ax.set_ylabel(f"{name}\n{kind} [M{unit}]")
+        column[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4 if kind == "stress" else 3,
+                         fontsize=7, columnspacing=0.8, handlelength=1.2)  # fmt: skip
+        column[-1].set_xlabel("time [s]")
+    axes[0, 0].set_xlim(float(dataset.time[0]), float(dataset.time[-1]))
+    figure.suptitle(
+        f"Sections, tension positive  ·  {dataset.attrs['record']}", fontsize=9, x=0.02, ha="left"
+    )
+    return figure
+
+
 def stress_damage(dataset: xr.Dataset) -> Figure | None:
-    """Longest duration and largest extent of stress above multiples of the strength, beside their limits."""
+    """Duration and extent of stress above multiples of the strength, beside the limits of linear analysis.
+
+    Durations are linear up to the largest limit and logarithmic above, so that limits and curves both show.
+    """
     if "cumulative_inelastic_duration" not in dataset:
         return None
-    faces = "overstressed_area" in dataset
-    figure = Figure(figsize=(8.6 if faces else 4.6, 3.2), layout="constrained")
+    faces = "face_overstressed_share" in dataset
+    figure = Figure(figsize=(9.2 if faces else 5.2, 4.0), layout="constrained")
     axes = list(figure.subplots(1, 1 + faces, squeeze=False)[0])
-    level = dataset.dcr_level.values
-    longest = dataset.cumulative_inelastic_duration.max("stress_node").values
-    axes[0].plot(level, longest, "o-", ms=3, color=COLOURS[1], label="longest at any node")
-    for k, (name, limit) in enumerate(DURATION_LIMITS.items()):
-        axes[0].plot([1.0, 2.0], [limit, 0.0], color=GREY, ls=("--", ":")[k], lw=1.2, label=f"limit, {name}")
-    axes[0].set_ylabel("cumulative inelastic duration [s]")
+    lines = _face_curves(dataset, "face_inelastic_duration") if faces else _node_curve(dataset)
+    _curves(axes[0], dataset, {**lines, **_probe_curves(dataset)})
+    largest = max(limits.duration for limits in LIMITS.values())
+    axes[0].set_yscale("symlog", linthresh=largest, linscale=1.5)
+    axes[0].set_ylim(-0.02 * largest, max(1.5 * largest, 1.3 * axes[0].get_ylim()[1]))
+    axes[0].set_yticks([0.0, *(x.duration for x in LIMITS.values()), 1.0, 3.0, 10.0, 30.0])
+    axes[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes[0].set_ylim(top=max(1.5 * largest, 1.3 * max(np.nanmax(y, initial=0.0) for y in lines.values())))
+    axes[0].set_ylabel("longest cumulative inelastic duration [s]")
     if faces:
-        _areas(axes[1], dataset)
-    for ax in axes:
-        ax.set_xlabel("demand-capacity ratio")
-        ax.set_xlim(1.0, 2.0)
-        ax.set_ylim(0.0, 1.25 * max(0.1, ax.get_ylim()[1]))
-        ax.legend(loc="upper right")
+        _curves(axes[1], dataset, _face_curves(dataset, "face_overstressed_share"))
+        most = float(np.nanmax(dataset.face_overstressed_share.values, initial=0.0))
+        axes[1].set_ylim(-0.5, max(1.5 * max(x.area for x in LIMITS.values()), 1.1 * most))
+        axes[1].set_ylabel("overstressed part of the face [%]")
+    _limits(axes)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3 if faces else 2)
     figure.suptitle(
-        f"Stress above the tensile strength of {float(dataset.tensile_strength) / 1e6:.3g} MPa  ·  "
-        f"{dataset.attrs['record']}", fontsize=9, x=0.02, ha="left",
+        f"Stress above the tensile strength of {float(dataset.tensile_strength) / 1e6:.3g} MPa, outside the "
+        f"ring; dashed: of the change  ·  {dataset.attrs['record']}", fontsize=9, x=0.02, ha="left",
     )  # fmt: skip
     return figure
 
 
-def _areas(ax: Axes, dataset: xr.Dataset) -> None:
-    """Overstressed share of each face, and of all of them together."""
-    level, area = dataset.dcr_level.values, dataset.overstressed_area.values
-    whole = dataset.stress_face_area.values
-    for share in 100.0 * area / whole[:, None] if len(whole) > 1 else np.zeros((0, len(level))):
-        ax.plot(level, share, color=COLOURS[0], lw=0.7, alpha=0.45)
-    label = "all faces" if len(whole) > 1 else str(dataset.stress_face.values[0])
-    ax.plot(level, 100.0 * area.sum(axis=0) / whole.sum(), "o-", ms=3, color=COLOURS[1], label=label)
-    if len(whole) > 1:
-        ax.plot([], [], color=COLOURS[0], lw=0.7, label="each face")
-    ax.plot([1.0, 2.0], [AREA_LIMIT, 0.0], color=GREY, ls="--", lw=1.2, label="limit, arch dams")
-    ax.set_ylabel("overstressed part of the face [%]")
+def _face_curves(dataset: xr.Dataset, variable: str) -> dict[tuple[str, str], Floats]:
+    """(face, total or change) -> values at every demand-capacity ratio."""
+    pairs = [(str(f), str(b)) for f in dataset.stress_face.values for b in dataset.stress_basis.values]
+    return {(f, b): dataset[variable].sel(stress_face=f, stress_basis=b).values for f, b in pairs}
+
+
+def _node_curve(dataset: xr.Dataset) -> dict[tuple[str, str], Floats]:
+    """The longest duration at any node outside the ring, where there are no faces."""
+    duration = dataset.cumulative_inelastic_duration.values
+    counted = dataset.stress_ring.values == 0 if "stress_ring" in dataset else np.ones(len(duration), bool)
+    return {("any node", "total"): duration[counted].max(axis=0, initial=0.0)}
+
+
+def _probe_curves(dataset: xr.Dataset) -> dict[tuple[str, str], Floats]:
+    """Durations at the named nodes, from their histories."""
+    found = {}
+    for name in dataset.stress_probe.values if "stress_probe" in dataset else ():
+        major = dataset.principal_stress.sel(stress_probe=name).values[:, :1]
+        levels, dt = dataset.dcr_level.values * float(dataset.tensile_strength), float(dataset.time[1])
+        found[str(name), "total"] = np.array([duration_above(major, x, dt)[0] for x in levels])
+    return found
+
+
+def _curves(ax: Axes, dataset: xr.Dataset, lines: dict[tuple[str, str], Floats]) -> None:
+    """One colour for each name, dashed for the change."""
+    names = list(dict.fromkeys(name for name, _ in lines))
+    for (name, basis), values in lines.items():
+        colour, total = COLOURS[names.index(name) % len(COLOURS)], basis == "total"
+        style, label = ("-" if total else "--"), (name if total else None)
+        ax.plot(dataset.dcr_level, values, style, color=colour, lw=1.3, label=label)
+    ax.set_xlabel("demand-capacity ratio")
+    ax.set_xlim(1.0, LARGEST_RATIO)
+
+
+def _limits(axes: list[Axes]) -> None:
+    ratio = np.array([1.0, LARGEST_RATIO])
+    for (kind, limits), style in zip(LIMITS.items(), ("-", ":"), strict=True):
+        for ax, values in zip(axes, (limits.duration_at(ratio), np.full(2, limits.area)), strict=False):
+            ax.plot(ratio, values, color="black", lw=1.8, ls=style, label=f"limit, {kind}s")

@@ -12,10 +12,10 @@ import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import EllipseCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from matplotlib.tri import Triangulation
 
 from romdam.core.arrays import Floats
 from romdam.postprocess.responses import RUNS, intensity_of, response_of
@@ -133,18 +133,28 @@ def fragility_figure(fits: Sequence[xr.Dataset]) -> Figure:
 
 
 def correlation_figure(found: xr.Dataset) -> Figure:
-    """Rank correlation of a response with every measure, the closest on top."""
+    """Rank correlation of a response with every measure, a dot a scale, the closest on top."""
     found = found.dropna("measure", subset=["spearman"])
     found = found.isel(measure=np.argsort(-abs(found.spearman.values), kind="stable"))
-    figure, ax = _panel(0.9 + 0.24 * found.sizes["measure"])
+    figure, ax = _panel(1.1 + 0.24 * found.sizes["measure"])
     at = np.arange(found.sizes["measure"])
-    ax.barh(at, found.spearman, color=COLOURS[0], height=0.65)
+    several = found.sizes["scale"] > 1
+    ax.barh(at, found.spearman, color=COLOURS[0], height=0.65, alpha=0.35 if several else 1.0)
+    colours = colormaps["viridis"](np.linspace(0.0, 0.85, found.sizes["scale"]))
+    unit = unit_text(str(found.scale.attrs.get("units", "1"))) or "times"
+    for k, scale in enumerate(found.scale.values if several else ()):
+        ax.plot(found.spearman_at_scale[:, k], at, "o", ms=4, color=colours[k], label=f"{scale:.3g} {unit}")
     ax.set_yticks(at, [str(name) for name in found.measure.values])
     ax.invert_yaxis()
     ax.axvline(0.0, color="black", lw=0.6)
-    ax.set_xlim(min(0.0, 1.1 * float(found.spearman.min())), 1.0)
+    ax.set_xlim(min(0.0, 1.1 * float(found.spearman_at_scale.min())), 1.0)
     ax.grid(visible=False, axis="y")
     ax.set_xlabel(f"rank correlation with {_name(found.attrs['response'])}")
+    records = found.count_at_scale.values
+    few, most = int(records.min()), int(records.max())
+    ax.set_title(f"n = {most if few == most else f'{few} to {most}'} records at each scale", loc="left")
+    if several:
+        figure.legend(loc="outside lower center", ncols=4, title="dots: scales; bars: their median")
     return figure
 
 
@@ -231,7 +241,10 @@ def _heights(ax: Axes, envelopes: xr.Dataset, name: str, factor: float) -> None:
 
 
 def opening_map(envelopes: xr.Dataset) -> Figure:
-    """Largest opening of every gap over all runs, in each joint's plane."""
+    """Largest opening of every gap over all runs, in each joint's plane, on discs of the gaps' own areas.
+
+    Between the discs nothing is known, and nothing is drawn.
+    """
     names = [str(name) for name in envelopes.joint.values]
     planes = {n: plane_of(envelopes.gap_position.values[envelopes.gap_joint.values == n]) for n in names}
     columns = min(4, len(names))
@@ -248,11 +261,16 @@ def opening_map(envelopes: xr.Dataset) -> Figure:
     for ax, name in zip(axes, names, strict=False):
         chosen = envelopes.gap_joint.values == name
         across, up = planes[name]
-        if np.ptp(across) > 0.0 and np.ptp(up) > 0.0 and len(up) > 3:
-            mesh = Triangulation(across, up)
-            ax.tripcolor(mesh, peaks[chosen], norm=norm, cmap="viridis", shading="gouraud")
-        else:  # gaps in a row have no face
-            ax.scatter(across, up, c=peaks[chosen], norm=norm, cmap="viridis", s=24, lw=0)
+        size = 2.0 * np.sqrt(envelopes.gap_area.values[chosen] / np.pi)
+        discs = EllipseCollection(
+            size, size, 0.0 * size, units="xy", offsets=np.column_stack([across, up]),
+            transOffset=ax.transData, array=peaks[chosen], norm=norm, cmap="viridis", lw=0,
+        )  # fmt: skip
+        ax.add_collection(discs)
+        reach = 0.5 * size
+        ax.update_datalim(np.column_stack([across - reach, up - reach]))
+        ax.update_datalim(np.column_stack([across + reach, up + reach]))
+        ax.autoscale_view()
         ax.grid(visible=False)
         ax.set_aspect("equal")
         ax.set_title(name)

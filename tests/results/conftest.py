@@ -10,7 +10,17 @@ from romdam.config import load_config
 from romdam.config.load import Job
 from romdam.core.basis import BlockBasis
 from romdam.core.motion import GroundMotion
-from romdam.core.scene import Block, Joint, Material, Probe, Scene, StressFace, StressNodes, StressSites
+from romdam.core.scene import (
+    Block,
+    Joint,
+    Material,
+    Probe,
+    Scene,
+    Section,
+    StressFace,
+    StressNodes,
+    StressSites,
+)
 from romdam.core.system import History
 from romdam.postprocess.stress import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
@@ -83,13 +93,23 @@ def make_sites() -> StressSites:
     """Every node of the left block, its top as a face, one node with histories."""
     axes = [np.tile(row, (8, 1)) for row in ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0])]
     top = StressFace("left.zmax", "left", np.arange(4, 8), np.full(4, 0.25))
-    return StressSites({"left": StressNodes(np.arange(8), *axes)}, (top,), {"corner": ("left", 6)}, 2e6)
+    nodes = {"left": StressNodes(np.arange(8), *axes)}
+    return StressSites(nodes, (top,), {"corner": ("left", 6)}, 2e6, (make_section(),))
+
+
+def make_section() -> Section:
+    """The middle of the left block."""
+    step, arm = {"left": CUBE[:, 2]}, {"left": np.where(CUBE[:, 2] > 0.0, 0.5, 0.0)}
+    axes, middle = np.eye(3)[[2, 0, 1]], np.array([0.5, -0.5, 0.5])
+    sides = middle + 0.5 * np.array([[-1.0, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0]])
+    return Section("middle", step, arm, axes, middle, 1.0, np.eye(2) / 12.0, sides)
 
 
 def make_stress(sites: StressSites, time: np.ndarray) -> StressSummary:
     """Of random histories of about the strength."""
     stress = 1e6 * np.random.default_rng(3).normal(size=(len(time), 8 * 6))
-    return summarise(sites, StressHistory({}, {"left": stress}), time)
+    forces = 1e6 * np.random.default_rng(4).normal(size=(len(time), 1, 6))
+    return summarise(sites, StressHistory({}, {"left": stress}, sections=forces), time)
 
 
 def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Case:

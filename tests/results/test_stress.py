@@ -117,7 +117,7 @@ def outcome(request, outcomes):
     return request.param, outcomes[request.param]
 
 
-def shaken(order, folder):
+def shaken(order, folder, transient=None):
     t = np.arange(0.0, 0.2001, 0.01)
     np.savetxt(folder / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5 * t))
     sizes = {"size": ["2 m", "2 m", "8 m"], "element_size": 1.0, "element": "hex8"}
@@ -135,7 +135,7 @@ def shaken(order, folder):
             {"name": "pulse", "file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}
         ],
         "model": {"order": order} | ({"modes": "all"} if order == "reduced" else {}),
-        "transient": {"finest_step": "1 ms"},
+        "transient": {"finest_step": "1 ms"} | (transient or {}),
         "outputs": {
             "plots": False,
             "output_interval": "0.01 s",
@@ -143,6 +143,10 @@ def shaken(order, folder):
                 "blocks": ["left"],
                 "faces": [{"block": "right", "face": "zmin"}],
                 "nodes": {"heel": {"block": "left", "at": [1, -2, 0]}},
+                "sections": {
+                    "foot": {"blocks": ["left", "right"], "point": [0, 0, 0]},
+                    "left": {"blocks": ["left"], "point": [0, 0, 4]},
+                },
                 "strength": "0.2 MPa",
             },
         },
@@ -196,3 +200,27 @@ def test_all_modes_give_the_stress_of_the_full_order(outcomes):
             peaks[order] = ds.max_principal_stress.values
     print(np.abs(peaks["reduced"] - peaks["full"]).max() / peaks["full"].max())
     assert np.abs(peaks["reduced"] - peaks["full"]).max() < 0.01 * peaks["full"].max()
+
+
+def test_sections_bear_the_weight_at_rest_and_the_inertia_after(outcome):
+    """Two blocks of 4 m2 and 8 m, and the upper half of one; without friction the joint bears no weight."""
+    _, path = outcome
+    with open_result(path) as result:
+        force = result.dataset.section_force
+        weight = 2400 * 9.81 * np.array([8.0 * 8.0, 4.0 * 4.0])
+        np.testing.assert_allclose(force[0].sel(section_axis="normal"), -weight, rtol=1e-3)
+        np.testing.assert_allclose(result.dataset.section_area, [8.0, 4.0], rtol=1e-12)
+        at_rest = result.dataset.section_stress[0].sel(section="left")
+        np.testing.assert_allclose(at_rest, -2400 * 9.81 * 4.0, rtol=0.02)
+        # the pulse is along y, the second axis of the sections
+        shear = abs(force.sel(section="foot")).max("time")
+        assert float(shear[2]) > 20.0 * float(shear[1])
+
+
+def test_all_modes_give_the_section_forces_of_the_full_order(outcomes, tmp_path):
+    """By the same integrator, to round-off: the modes' forces on sections are the mesh's."""
+    reduced = shaken("reduced", tmp_path, {"integrator": "generalized_alpha"})
+    found, full = (
+        xr.open_dataset(path, engine="h5netcdf").section_force.values for path in (reduced, outcomes["full"])
+    )
+    assert np.abs(found - full).max() < 1e-9 * np.abs(full).max()

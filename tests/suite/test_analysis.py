@@ -319,3 +319,25 @@ def test_compression_is_turned_and_names_that_are_not_there_are_refused():
         intensity_of(summary, "nothing")
     with pytest.raises(ResultError, match="use auto, capacities or stripes"):
         fragility(summary, "peak_opening", 1.0, method="best")
+
+
+def test_correlation_counts_records_within_a_scale():
+    """Response and measure grow with the scale, and are independent among records: pooled, they correlate."""
+    rng = np.random.default_rng(11)
+    scale, own, sa = (
+        np.array([1.0, 4.0, 16.0]),
+        np.exp(rng.normal(size=(200, 1, 1))),
+        np.exp(rng.normal(size=(200, 1))),
+    )
+    summary = summary_of(0.01 * scale[:, None] * own * np.ones((200, 3, 6)), sa * scale)
+    pooled = spearmanr((sa * scale).ravel(), (scale * own[:, 0]).ravel()).statistic
+    found = correlation(summary).sel(measure="sa")
+    assert pooled > 0.5 and abs(float(found.spearman)) < 0.3
+    assert (found.count_at_scale == 200).all()
+    alone = spearmanr(sa[:, 0], own[:, 0, 0]).statistic
+    np.testing.assert_allclose(found.spearman_at_scale, alone, atol=1e-12)
+
+
+def test_two_records_are_too_few_to_correlate():
+    sa = np.array([[1.0, 2.0], [3.0, 6.0]])
+    assert "2 records are too few" in correlation(summary_of(sa[..., None], sa)).attrs["statement"]

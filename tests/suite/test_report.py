@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+import xarray as xr
 from summaries import lognormal_curves, summary_of
 from typer.testing import CliRunner
 
@@ -23,7 +24,7 @@ from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, re
 from romdam.visual.report.page import number, table
 from romdam.visual.report.sections import report_html
 from romdam.visual.report.subject import Subject, Topic
-from romdam.visual.suite_plots import plane_of, unit_text
+from romdam.visual.suite_plots import opening_map, plane_of, unit_text
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\""
 
@@ -283,3 +284,21 @@ def test_plane_of_a_joint_keeps_distances():
     across, up = plane_of(position)
     made = np.hypot(across[:, None] - across, up[:, None] - up)
     np.testing.assert_allclose(made, np.linalg.norm(position[:, None] - position, axis=-1), atol=1e-12)
+
+
+def test_opening_map_draws_the_gaps_areas_and_nothing_between():
+    """An L of gaps of 1 m2: one disc each, of their area, and none in the corner that is left out."""
+    y, z = (axis.ravel() for axis in np.meshgrid(np.arange(11.0), np.arange(11.0)))
+    inside = (y <= 4.0) | (z <= 3.0)
+    y, z = y[inside], z[inside]
+    opening = np.broadcast_to(1e-3 * (y + z), (3, 1, len(y)))
+    coords = {
+        "gap_joint": ("gap", ["J"] * len(y)),
+        "gap_position": (("gap", "component"), np.column_stack([0.0 * y, y, z])),
+        "gap_area": ("gap", np.ones(len(y))),
+        "joint": ["J"],
+    }
+    figure = opening_map(xr.Dataset({"opening": (("fractile", "scale", "gap"), opening)}, coords))
+    (discs,) = figure.axes[0].collections
+    np.testing.assert_allclose(np.pi / 4 * np.sum(discs.get_widths() * discs.get_heights()), len(y))
+    np.testing.assert_allclose(discs.get_offsets(), np.column_stack([y - y.mean(), z]))

@@ -380,6 +380,9 @@ class Config(Model):
             self._known(f"outputs.stress.faces[{i}].block", face.block, blocks)
         for name, node in stress.nodes.items():
             self._known(f"outputs.stress.nodes.{name}.block", node.block, blocks)
+        for key, section in stress.sections.items():
+            for name in section.blocks if section.blocks != "all" else ():
+                self._known(f"outputs.stress.sections.{key}.blocks", name, blocks)
 
     @staticmethod
     def _known(key: str, name: str, among: Collection[str]) -> None:

@@ -18,6 +18,7 @@ from romdam.core.scene import Bools, Scene
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import weight_force
 from romdam.fem.parts import assemble_part, gather
+from romdam.fem.sections import initial_section_forces
 from romdam.fem.stress import stress_operator, thermal_stress
 from romdam.linalg.factor import Factor
 from romdam.scene.elements import Floats
@@ -70,6 +71,14 @@ def _from_mesh(part: Part, scene: Scene, free: Bools, weight: Floats) -> dict[st
     whole = np.zeros(len(free))
     whole[free] = Factor(K).solve(weight[free])
     return {name: (part.spread(name) @ whole).reshape(-1, 3) for name in part.blocks}
+
+
+def initial_forces(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) -> dict[str, Floats]:
+    """Forces on sections that the joints' structure does not make: block name -> (sections, 6) [N], [N m]."""
+    if scene.stress is None or not scene.stress.sections:
+        none = {name: np.zeros_like(block.points) for name, block in scene.blocks.items()}
+        return initial_section_forces(scene, none)
+    return initial_section_forces(scene, staged_displacement(scene, basis))
 
 
 def initial_stress(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) -> dict[str, Floats]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -39,12 +39,15 @@ class StressFields:
     fields : (k, 6, m) [Pa kg-0.5]
     offset : (k, 6) [Pa]
     columns : the block's slice of q
+    sections, section_offset : (sections, 6, m), (sections, 6) the same of forces on sections; not in the file
     """
 
     nodes: NDArray[np.int64]
     fields: Floats
     offset: Floats
     columns: slice
+    sections: Floats = field(default_factory=lambda: np.zeros((0, 6, 0)))
+    section_offset: Floats = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:

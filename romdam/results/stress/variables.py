@@ -19,6 +19,8 @@ from romdam.postprocess.stress import (
     stress_along,
 )
 from romdam.results.case import Array, Case, Variable
+from romdam.results.stress.faces import FACE_COORDINATES, FACE_VARIABLES
+from romdam.results.stress.sections import SECTION_COORDINATES, SECTION_VARIABLES
 
 _NODE = ("stress_node",)
 _NAMES = {
@@ -39,6 +41,10 @@ def _has_strength(case: Case) -> bool:
 
 def _has_faces(case: Case) -> bool:
     return _has_strength(case) and bool(_sites(case).faces)
+
+
+def _any_faces(case: Case) -> bool:
+    return case.stress is not None and bool(_sites(case).faces)
 
 
 def _has_probes(case: Case) -> bool:
@@ -125,7 +131,11 @@ def _envelopes() -> dict[str, Variable]:
             _NODE, "Pa", f"{text} at worst_{name}_time", _measure("at_worst", name), _has
         )
         found[f"worst_{name}_time"] = Variable(
-            (), "s", f"time at which the {text} is largest anywhere", _measure("worst_time", name), _has
+            (),
+            "s",
+            f"time at which the {text} is largest anywhere outside the ring",
+            _measure("worst_time", name),
+            _has,
         )
     return found
 
@@ -151,7 +161,7 @@ STRESS_COORDINATES: dict[str, Variable] = {
         "",
         "name of the face",
         lambda c: np.array([face.name for face in _sites(c).faces], dtype=str),
-        _has_faces,
+        _any_faces,
     ),
     "stress_probe": Variable(
         ("stress_probe",),
@@ -160,6 +170,8 @@ STRESS_COORDINATES: dict[str, Variable] = {
         lambda c: np.array(list(_sites(c).probes), dtype=str),
         _has_probes,
     ),
+    **FACE_COORDINATES,
+    **SECTION_COORDINATES,
 }
 
 STRESS_VARIABLES: dict[str, Variable] = {
@@ -190,7 +202,7 @@ STRESS_VARIABLES: dict[str, Variable] = {
         _has_strength,
         {"references": _MANUALS},
     ),
-    "stress_face_area": Variable(("stress_face",), "m2", "area of the face", _face_areas, _has_faces),
+    "stress_face_area": Variable(("stress_face",), "m2", "area of the face", _face_areas, _any_faces),
     "overstressed_area": Variable(
         ("stress_face", "dcr_level"),
         "m2",
@@ -215,4 +227,6 @@ STRESS_VARIABLES: dict[str, Variable] = {
     ),
     "vertical_stress": Variable(("time", "stress_probe"), "Pa", _NAMES["vertical"], _along(0), _has_probes),
     "arch_stress": Variable(("time", "stress_probe"), "Pa", _NAMES["arch"], _along(1), _has_probes),
+    **FACE_VARIABLES,
+    **SECTION_VARIABLES,
 }

@@ -12,11 +12,14 @@ from romdam.core.arrays import Floats
 from romdam.core.system import History
 from romdam.postprocess.sliding import REST
 from romdam.postprocess.stress import MEASURES as STRESS
+from romdam.postprocess.stress_faces import HEADLINE
 from romdam.results.case import Array, Case, Variable
 from romdam.results.sliding import SLIDING_ROWS
+from romdam.results.stress.faces import headline_stress, of_faces
 from romdam.results.variables import VARIABLES
 
 OPEN, SLIP = 0, 2
+_HALF = 0.5  # of a joint's area
 DONE, FAILED = 0, 1
 SOURCE = f"romdam {romdam.__version__}"
 
@@ -82,6 +85,19 @@ def _time_in(state: int) -> Callable[[Case], Array]:
     return get
 
 
+def _open_share(case: Case) -> Array:
+    """(joints, nt) share of each joint's area whose gaps are open."""
+    area = case.of_gaps("whole_area")
+    is_open = (case.history.state == OPEN).T * area[:, None]
+    return case.per_joint(is_open, lambda part: part.sum(axis=0)) / case.per_joint(area, np.sum)[:, None]
+
+
+def _half_open(case: Case) -> Array:
+    time = case.history.time
+    interval = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    return np.asarray(interval * (_open_share(case) > _HALF).sum(axis=1))
+
+
 def _peak_displacement(case: Case) -> Array:
     return np.abs(case.history.disp).max(axis=0).reshape(-1, 3)
 
@@ -129,11 +145,25 @@ ROWS: dict[str, Variable] = {
         _residual_slip,
         _WITH_SHEAR,
     ),
-    "open_duration": Variable(
-        _JOINT, "s", "time in which any gap is open, by the written rows", _time_in(OPEN), _WITH_JOINTS
+    "any_gap_open_duration": Variable(
+        _JOINT, "s", "time in which any one gap is open, by the written rows", _time_in(OPEN), _WITH_JOINTS
     ),
-    "sliding_duration": Variable(
-        _JOINT, "s", "time in which any gap slides, by the written rows", _time_in(SLIP), _WITH_SHEAR
+    "half_open_duration": Variable(
+        _JOINT,
+        "s",
+        "time in which more than half of the joint's area is open, by the written rows",
+        _half_open,
+        _WITH_JOINTS,
+    ),
+    "mean_open_share": Variable(
+        _JOINT,
+        "1",
+        "mean over the written rows of the share of the joint's area that is open",
+        lambda c: _open_share(c).mean(axis=1),
+        _WITH_JOINTS,
+    ),
+    "any_gap_sliding_duration": Variable(
+        _JOINT, "s", "time in which any one gap slides, by the written rows", _time_in(SLIP), _WITH_SHEAR
     ),
     **SLIDING_ROWS,
     "peak_displacement": Variable(
@@ -146,9 +176,16 @@ ROWS: dict[str, Variable] = {
     "peak_stress": Variable(
         ("stress_measure",),
         "Pa",
-        "largest stress over all nodes and written times",
+        "largest stress over all nodes and written times, those in the ring too",
         _peak_stress,
         VARIABLES["worst_stress"].when,
+    ),
+    "face_stress": Variable(
+        ("stress_measure",),
+        "Pa",
+        f"largest stress over time that {HEADLINE:g} % of all faces' area outside the ring do not exceed",
+        headline_stress,
+        of_faces,
     ),
     **{f"energy_{term}": _at_the_end(f"energy_{term}") for term in _ENERGIES},
     "ledger_imbalance": _stat(

@@ -20,7 +20,7 @@ from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.postprocess.record_measures import MEASURES, measures_at_scales
+from romdam.postprocess.record_measures import MEASURES, analysed, measures_at_scales
 from romdam.postprocess.stress import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
@@ -78,16 +78,32 @@ def summary_dataset(
             if name in row.values:
                 whole[at] = row.values[name]
         data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
-    period = job.config.suite.period
-    measured = [measures_at_scales(record.motion, record.factors, period) for record in records]
-    for name in (*MEASURES, "sa"):
-        values = np.array([one[name] for one in measured])
-        data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, period))
+    data |= _measures(job, records)
     data |= _status(shape, records, rows)
     data["file"] = _files(shape, rows)
     contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
     attributes = _attributes(job, design) | {"runs_sha256": contents}
     return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+
+
+def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
+    """Measures of what was analysed; where `transient.duration` cuts it, those of the whole records too."""
+    assert job.config.suite is not None
+    period, duration = job.config.suite.period, job.config.transient.duration
+    spans = {"record": duration} if duration is None else {"record": duration, "recorded": None}
+    data: dict[str, Any] = {}
+    for prefix, span in spans.items():
+        motions = [None if one.motion is None else analysed(one.motion, span) for one in records]
+        measured = [
+            measures_at_scales(m, one.factors, period) for m, one in zip(motions, records, strict=True)
+        ]
+        whose = "" if duration is None else f", of the {duration:g} s analysed" if span else ", as recorded"
+        for name in (*MEASURES, "sa"):
+            about = _about_measure(name, period)
+            about["long_name"] += whose
+            values = np.array([one[name] for one in measured])
+            data[f"{prefix}_{name}"] = (("record", "scale"), values, about)
+    return data
 
 
 def _files(shape: tuple[int, ...], rows: Mapping[Place, Row]) -> Any:

@@ -16,6 +16,7 @@ from romdam.visual.report.page import Section, number
 from romdam.visual.report.subject import Subject, in_unit, plain, responses, runs_text
 
 _WORST = 10
+_PAIR = 2  # runs that a scatter needs
 
 
 def worst_section(subject: Subject) -> Section | None:
@@ -162,26 +163,36 @@ def correlation_section(subject: Subject) -> Section | None:
         return None
     found, title = correlation(subject.summary, subject.response), "Correlation with the records' measures"
     if found.attrs["statement"]:
-        return Section("correlation", title, [html.paragraph(f"No correlation: {found.attrs['statement']}.")])
+        said = html.paragraph(f"No correlation: {found.attrs['statement']}.")
+        return Section("correlation", title, [said, _scatter(subject, subject.topic.intensity)])
     closest = str(found.measure.values[int(np.nanargmax(abs(found.spearman.values)))])
     drawings = [
-        html.picture(plots.correlation_figure(found), f"Rank correlation, {runs_text(found)}."),
         html.picture(
-            plots.scatter_figure(subject.summary, subject.response, closest),
-            f"The closest measure, {closest}.",
+            plots.correlation_figure(found),
+            f"Rank correlation over records within each scale, samples by their median; {runs_text(found)}.",
         ),
     ]
-    names = ("spearman", "pearson", "slope", "dispersion")
-    rows = [
-        [str(one.measure.values), *(float(one[name]) for name in names), int(one["count"])]
-        for one in (found.isel(measure=k) for k in range(found.sizes["measure"]))
-    ]
-    head = ["measure", "rank correlation", "correlation of logs", "slope of logs", "dispersion of ln", "n"]
+    names = [f"{name}_at_scale" for name in ("spearman", "pearson", "slope", "dispersion", "count")]
+    rows = []
+    for i, k in np.ndindex(found.spearman_at_scale.shape):
+        one = found.isel(measure=i, scale=k)
+        *numbers, records = (float(one[name]) for name in names)
+        rows.append([str(one.measure.values), float(one.scale), *numbers, int(records)])
+    head = ["measure", f"scale{in_unit(found.scale)}", "rank correlation", "correlation of logs"]
+    head += ["slope of logs", "dispersion of ln", "records"]
     return Section(
         "correlation",
         "Correlation with the records' measures",
-        [html.side_by_side(drawings), html.table(head, rows)],
+        [html.side_by_side([*drawings, _scatter(subject, closest)]), html.table(head, rows)],
     )
+
+
+def _scatter(subject: Subject, measure: str) -> str:
+    """Every run against a measure; nothing where there is one run."""
+    if subject.done < _PAIR:
+        return ""
+    figure = plots.scatter_figure(subject.summary, subject.response, measure)
+    return html.picture(figure, f"Every run, at all scales, against {measure}.")
 
 
 def sensitivity_section(subject: Subject) -> Section | None:

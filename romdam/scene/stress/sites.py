@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from romdam.config.sections.stress import StressConfig
+from romdam.config.sections.stress import RingConfig, StressConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Ints, Joint, StressFace, StressNodes, StressSites
+from romdam.core.scene import Block, Bools, Ints, Joint, StressFace, StressNodes, StressSites, Tie
 from romdam.scene.elements import Floats
 from romdam.scene.facets import gap_weights, node_normals
 from romdam.scene.select import nearest_node, select_facets
+from romdam.scene.stress.ring import near_contacts, near_edges, singular_edges
+from romdam.scene.stress.sections import build_section
 
+_NO_NODES = np.zeros(0, dtype=np.int64)
 _UP = np.array([0.0, 0.0, 1.0])
 _LEVEL = 1e-6  # length of a unit normal's horizontal part below which it has no direction
 
 
-def stress_sites(
-    config: StressConfig | None, blocks: dict[str, Block], joints: dict[str, Joint], place: str
-) -> StressSites | None:
+@dataclass(frozen=True)
+class Structure:
+    """What stands: blocks and joints by name, ties, and block name -> (n, 3) True where a support holds."""
+
+    blocks: dict[str, Block]
+    joints: dict[str, Joint]
+    ties: tuple[Tie, ...]
+    fixed: dict[str, Bools]
+
+
+def stress_sites(config: StressConfig | None, structure: Structure, place: str) -> StressSites | None:
     """Find the nodes where stress is wanted.
 
     Parameters
@@ -31,6 +44,7 @@ def stress_sites(
     """
     if config is None:
         return None
+    blocks, joints = structure.blocks, structure.joints
     whole = list(blocks) if config.blocks == "all" else list(config.blocks)
     faces = [
         (face.block, _face_name(face.block, face.face), select_facets(blocks[face.block], face.face, at))
@@ -44,20 +58,40 @@ def stress_sites(
         name: (p.block, nearest_node(blocks[p.block], p.at, p.tolerance, f"{place}.nodes.{name}.at"))
         for name, p in config.nodes.items()
     }
+    sections = tuple(
+        build_section(name, section, blocks, f"{place}.sections.{name}")
+        for name, section in config.sections.items()
+    )
     sites = {}
     for name, block in blocks.items():
         wanted = [np.arange(len(block.points))] if name in whole else []
         wanted += [facets.ravel() for owner, _, facets in faces if owner == name]
         wanted += [np.array([node]) for owner, node in probes.values() if owner == name]
-        if wanted:
+        if wanted or any(name in section.step for section in sections):
             own = [facets for owner, _, facets in faces if owner == name]
-            sites[name] = _with_axes(block, np.unique(np.concatenate(wanted)), own, joints)
+            sites[name] = _with_axes(block, np.unique(np.concatenate([_NO_NODES, *wanted])), own, joints)
     return StressSites(
-        blocks=sites,
+        blocks=_with_rings(sites, structure, config.ring),
         faces=tuple(_face(sites[owner], blocks[owner], name, facets) for owner, name, facets in faces),
         probes={name: (b, int(np.searchsorted(sites[b].nodes, n))) for name, (b, n) in probes.items()},
         strength=config.strength,
+        sections=sections,
     )
+
+
+def _with_rings(
+    sites: dict[str, StressNodes], structure: Structure, ring: RingConfig
+) -> dict[str, StressNodes]:
+    ends, depth = singular_edges(
+        structure.blocks, (*structure.joints.values(), *structure.ties), structure.fixed
+    )
+    radius = depth if ring.edges is None else np.full(len(depth), ring.edges)
+    rings = {}
+    for name, own in sites.items():
+        block, joints = structure.blocks[name], structure.joints.values()
+        rings[name] = near_edges(block.points[own.nodes], ends, radius)
+        rings[name] |= near_contacts(block, own.nodes, joints, ring.contacts)
+    return {name: replace(own, ring=rings[name]) for name, own in sites.items()}
 
 
 def _face_name(block: str, face: object) -> str:

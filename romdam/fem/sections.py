@@ -1,0 +1,125 @@
+"""Force and moment on named sections, from the displacement of the blocks that they cut.
+
+Virtual work with the functions of `romdam.scene.stress.sections`: force = sum_i step_i f_i and moment =
+sum_i (step_i y_i + arm_i n) x f_i over all nodes, where y is in the plane, from the centroid, and f = K u -
+f_thermal are the internal nodal forces of the cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csr_matrix, vstack
+
+from romdam.core.basis import BlockBasis
+from romdam.core.scene import Block, Scene, Section
+from romdam.fem.assembly import assemble
+from romdam.fem.loads import static_force, thermal_force
+from romdam.fem.parts import unknowns
+from romdam.scene.elements import Floats
+from romdam.scene.stress.sections import stepping_cells
+from romdam.scene.ties import scene_parts
+
+LOST_LIMIT = 0.01  # of the static loads above a section: what a run says
+COMPONENTS = 6  # force along the section's normal and its two axes, moment about them
+
+
+def section_operators(scene: Scene) -> dict[str, csr_matrix]:
+    """Share of the blocks with stress in the forces on all sections, (6 sections, 3 n) [N/m], [N].
+
+    Forces are those of the stress on the plane, sigma n, tension positive.
+    """
+    if scene.stress is None:
+        return {}
+    sections = scene.stress.sections
+    return {name: _operator(scene.blocks[name], sections) for name in scene.stress.blocks}
+
+
+def _operator(block: Block, sections: tuple[Section, ...]) -> csr_matrix:
+    rows = [csr_matrix((0, 3 * len(block.points)))]
+    for section in sections:
+        if block.name in section.step:
+            rows.append(_virtual(block, section) @ assemble(_stepping(block, section))[0])
+        else:
+            rows.append(csr_matrix((COMPONENTS, 3 * len(block.points))))
+    return csr_matrix(vstack(rows))
+
+
+def modal_section_forces(scene: Scene, basis: Mapping[str, BlockBasis]) -> dict[str, Floats]:
+    """Forces of every basis vector on all sections: block name -> (sections, 6, m)."""
+    operators = section_operators(scene)
+    modal = {name: basis[name].vectors.under(operator) for name, operator in operators.items()}
+    return {
+        name: rows.reshape(len(rows) // COMPONENTS, COMPONENTS, rows.shape[1]) for name, rows in modal.items()
+    }
+
+
+def lost_static_forces(
+    scene: Scene, basis: Mapping[str, BlockBasis], modal: Mapping[str, Floats]
+) -> dict[str, float]:
+    """Share of the static loads above each section that the modes leave out: section -> part of 1.
+
+    Of sections whose blocks stand by themselves, where nothing but their supports bears the loads.
+
+    Parameters
+    ----------
+    modal : from `modal_section_forces`
+    """
+    alone = {part.blocks[0] for part in scene_parts(scene).values() if len(part.blocks) == 1}
+    lost = {}
+    for k, section in enumerate(scene.stress.sections if scene.stress is not None else ()):
+        if not all(name in alone and basis[name].omega2.min() > 0.0 for name in section.step):
+            continue
+        wanted, borne = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
+        for name in section.step:
+            force = np.where(scene.fixed[name], 0.0, static_force(scene, name)).ravel()
+            wanted += _virtual(scene.blocks[name], section) @ force
+            borne += modal[name][k] @ (basis[name].vectors.project(force) / basis[name].omega2)
+        if whole := float(np.linalg.norm(wanted[:3])):
+            lost[section.name] = float(np.linalg.norm((wanted - borne)[:3])) / whole
+    return lost
+
+
+def observed_section_forces(scene: Scene) -> csr_matrix:
+    """Forces on all sections from the unknowns of the unreduced system, (6 sections, unknowns)."""
+    numbered, operators = unknowns(scene), section_operators(scene)
+    size = max((part.stop for part in numbered.parts.values()), default=0)
+    total = csr_matrix((COMPONENTS * len(scene.stress.sections if scene.stress is not None else ()), size))
+    for name, operator in operators.items():
+        total = total + operator @ numbered.of_block[name]
+    return csr_matrix(total)
+
+
+def initial_section_forces(scene: Scene, displacement: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Forces on sections that the joints' structure does not make: block name -> (sections, 6) [N], [N m].
+
+    Parameters
+    ----------
+    displacement : block name -> (n, 3) under weight that acted before the joints were grouted [m]
+    """
+    sections = scene.stress.sections if scene.stress is not None else ()
+    forces = {}
+    for name, operator in section_operators(scene).items():
+        forces[name] = (operator @ displacement[name].ravel()).reshape(-1, COMPONENTS)
+        for k, section in enumerate(sections):
+            if scene.warmed.get(name) and name in section.step:
+                held = thermal_force(_stepping(scene.blocks[name], section), scene.warmed[name])
+                forces[name][k] -= _virtual(scene.blocks[name], section) @ held.ravel()
+    return forces
+
+
+def _stepping(block: Block, section: Section) -> Block:
+    """The block's cells that deform in the section's virtual motions, without springs of the rock."""
+    cells = block.cells[stepping_cells(block, section.step[block.name])]
+    return replace(block, cells=cells, absorbing=())
+
+
+def _virtual(block: Block, section: Section) -> csr_matrix:
+    """Rigid motions of what is above the section, (6, 3 n): along its axes, then about them."""
+    step, arm, normal = section.step[block.name][:, None], section.arm[block.name][:, None], section.axes[0]
+    y = (block.points - section.centroid) @ section.axes[1:].T @ section.axes[1:]
+    turned = np.cross(section.axes[:, None], (step * y + arm * normal)[None])  # (3, n, 3)
+    moved = section.axes[:, None] * step
+    return csr_matrix(np.concatenate([moved, turned]).reshape(COMPONENTS, -1))

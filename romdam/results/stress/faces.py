@@ -1,0 +1,263 @@
+"""The variables of whole faces in a result file: percentiles by area, demand and acceptance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from romdam.core.scene import StressFace, StressSites
+from romdam.postprocess.stress import DCR_LEVELS, MEASURES
+from romdam.postprocess.stress_faces import (
+    BASES,
+    CRITERIA,
+    HEADLINE,
+    LIMITS,
+    PERCENTILES,
+    FaceDemand,
+    area_percentiles,
+    face_demand,
+)
+from romdam.results.case import Array, Case, Variable
+
+_MANUAL = "USACE EM 1110-2-6053 (2007); Ghanaat, 13WCEE (2004) 1115"
+_TEXTS = {
+    "principal": "major principal stress",
+    "vertical": "cantilever stress",
+    "arch": "arch stress",
+}
+
+
+def _of_nodes(case: Case) -> bool:
+    return case.stress is not None
+
+
+def of_faces(case: Case) -> bool:
+    return case.stress is not None and bool(_sites(case).faces)
+
+
+def _with_strength(case: Case) -> bool:
+    return case.stress is not None and case.stress.change is not None
+
+
+def _of_faces_with_strength(case: Case) -> bool:
+    return of_faces(case) and _with_strength(case)
+
+
+def _sites(case: Case) -> StressSites:
+    assert case.scene.stress is not None
+    return case.scene.stress
+
+
+def _ring(case: Case) -> Array:
+    return np.concatenate([~nodes.counted for nodes in _sites(case).blocks.values()]).astype(np.int8)
+
+
+def _outside(sites: StressSites, face: StressFace) -> tuple[Array, Array]:
+    """Rows of a face's nodes outside the ring among all stress nodes, and their areas [m2]."""
+    first = 0
+    for name, nodes in sites.blocks.items():
+        if name == face.block:
+            counted = nodes.counted[face.rows]
+            return first + face.rows[counted], face.area[counted]
+        first += len(nodes.nodes)
+    raise AssertionError(face.block)
+
+
+def _ring_share(case: Case) -> Array:
+    sites = _sites(case)
+    return np.array([100.0 * (1.0 - _outside(sites, f)[1].sum() / f.area.sum()) for f in sites.faces])
+
+
+def _percentiles(get: Callable[[Case], Array]) -> Callable[[Case], Array]:
+    def of_case(case: Case) -> Array:
+        values, sites = get(case), _sites(case)
+        chosen = (_outside(sites, face) for face in sites.faces)
+        return np.array([area_percentiles(values[rows], area, PERCENTILES) for rows, area in chosen])
+
+    return of_case
+
+
+def _table(table: str, measure: str) -> Callable[[Case], Array]:
+    return lambda case: np.asarray(getattr(case.stress, table)[measure])
+
+
+def headline_stress(case: Case) -> Array:
+    """Stress that `HEADLINE` % of all faces' area, outside the ring, do not exceed, (measures,) [Pa]."""
+    sites = _sites(case)
+    rows, area = (np.concatenate(p) for p in zip(*(_outside(sites, f) for f in sites.faces), strict=True))
+    percent = np.array([HEADLINE])
+    return np.array([area_percentiles(_table("largest", m)(case)[rows], area, percent)[0] for m in MEASURES])
+
+
+def _demands(case: Case) -> list[list[FaceDemand]]:
+    """Of every face, the demand of the total stress and of its change."""
+    sites, stress = _sites(case), case.stress
+    assert stress is not None and stress.change is not None and stress.duration is not None
+    assert stress.duration_of_change is not None and sites.strength is not None
+    ratios = (stress.largest["principal"] / sites.strength, stress.change / sites.strength)
+    both = tuple(zip(ratios, (stress.duration, stress.duration_of_change), strict=True))
+    chosen = [_outside(sites, face) for face in sites.faces]
+    return [[face_demand(r[rows], d[rows], area, DCR_LEVELS) for r, d in both] for rows, area in chosen]
+
+
+def _demand(name: str) -> Callable[[Case], Array]:
+    return lambda case: np.array([[getattr(one, name) for one in own] for own in _demands(case)])
+
+
+def _accepted(case: Case) -> Array:
+    kinds = LIMITS.values()
+    met = [[[one.accepted(DCR_LEVELS, k) for k in kinds] for one in own] for own in _demands(case)]
+    return np.array(met, dtype=np.int8)
+
+
+def _peak_position(case: Case) -> Array:
+    """(faces, 3) where the envelope is largest outside the ring; NaN where the ring covers the face [m]."""
+    sites, values = _sites(case), _table("largest", "principal")(case)
+    blocks = case.scene.blocks
+    points = np.concatenate([blocks[name].points[nodes.nodes] for name, nodes in sites.blocks.items()])
+    rows = [_outside(sites, face)[0] for face in sites.faces]
+    return np.array([points[own[values[own].argmax()]] if len(own) else np.full(3, np.nan) for own in rows])
+
+
+def _start_share(case: Case) -> Array:
+    sites, values = _sites(case), _attribute("at_start")(case)
+    assert sites.strength is not None
+    chosen = [_outside(sites, face) for face in sites.faces]
+    over = [(area @ (values[rows] > sites.strength), area.sum()) for rows, area in chosen]
+    return np.array([100.0 * one / whole if whole else np.nan for one, whole in over])
+
+
+def _attribute(name: str) -> Callable[[Case], Array]:
+    return lambda case: np.asarray(getattr(case.stress, name))
+
+
+def _face_stresses() -> dict[str, Variable]:
+    made = {}
+    for m in MEASURES:
+        for table, name, when in (
+            ("largest", f"face_{m}_stress", f"largest {_TEXTS[m]} over time"),
+            ("at_worst", f"face_worst_{m}_stress", f"{_TEXTS[m]} at worst_{m}_time"),
+        ):
+            text = f"{when}, not exceeded on area_percentile of the face outside the ring"
+            dims = ("stress_face", "area_percentile")
+            made[name] = Variable(dims, "Pa", text, _percentiles(_table(table, m)), of_faces)
+    return made
+
+
+FACE_COORDINATES: dict[str, Variable] = {
+    "area_percentile": Variable(
+        ("area_percentile",), "%", "share of a face's area outside the ring", lambda c: PERCENTILES, of_faces
+    ),
+    "stress_basis": Variable(
+        ("stress_basis",),
+        "",
+        "stress with that of the loads at rest, or what is more than at the first time",
+        lambda c: np.array(BASES),
+        _of_faces_with_strength,
+    ),
+    "dam_kind": Variable(
+        ("dam_kind",),
+        "",
+        "kind of dam that limits are for",
+        lambda c: np.array(list(LIMITS)),
+        _of_faces_with_strength,
+    ),
+    "criterion": Variable(
+        ("criterion",), "", "what is limited", lambda c: np.array(CRITERIA), _of_faces_with_strength
+    ),
+}
+
+FACE_VARIABLES: dict[str, Variable] = {
+    "stress_ring": Variable(
+        ("stress_node",),
+        "1",
+        "whether the node lies in the ring, where stress is that of the mesh and headlines leave it out",
+        _ring,
+        _of_nodes,
+        {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "counted left_out"},
+    ),
+    "start_principal_stress": Variable(
+        ("stress_node",),
+        "Pa",
+        "major principal stress at the first time, at rest",
+        _attribute("at_start"),
+        _of_nodes,
+    ),
+    "ring_share": Variable(
+        ("stress_face",), "%", "share of the face's area that the ring leaves out", _ring_share, of_faces
+    ),
+    **_face_stresses(),
+    "face_start_principal_stress": Variable(
+        ("stress_face", "area_percentile"),
+        "Pa",
+        "start_principal_stress, not exceeded on area_percentile of the face outside the ring",
+        _percentiles(_attribute("at_start")),
+        of_faces,
+    ),
+    "face_peak_position": Variable(
+        ("stress_face", "component"),
+        "m",
+        "where the major principal stress is largest on the face outside the ring",
+        _peak_position,
+        of_faces,
+    ),
+    "face_start_overstressed_share": Variable(
+        ("stress_face",),
+        "%",
+        "share of the area outside the ring above the tensile strength at the first time, at rest",
+        _start_share,
+        _of_faces_with_strength,
+    ),
+    "change_demand_capacity_ratio": Variable(
+        ("stress_node",),
+        "1",
+        "largest major principal stress of what is more than at the first time, over the tensile strength",
+        lambda c: np.asarray(_attribute("change")(c) / _sites(c).strength),
+        _with_strength,
+    ),
+    "change_inelastic_duration": Variable(
+        ("stress_node", "dcr_level"),
+        "s",
+        "total time of that above dcr_level times the tensile strength",
+        _attribute("duration_of_change"),
+        _with_strength,
+    ),
+    "face_demand_capacity_ratio": Variable(
+        ("stress_face", "stress_basis"),
+        "1",
+        "largest demand-capacity ratio outside the ring",
+        _demand("ratio"),
+        _of_faces_with_strength,
+        {"references": _MANUAL},
+    ),
+    "face_inelastic_duration": Variable(
+        ("stress_face", "stress_basis", "dcr_level"),
+        "s",
+        "longest cumulative inelastic duration at any node outside the ring",
+        _demand("duration"),
+        _of_faces_with_strength,
+        {"references": _MANUAL},
+    ),
+    "face_overstressed_share": Variable(
+        ("stress_face", "stress_basis", "dcr_level"),
+        "%",
+        "share of the area outside the ring that exceeds dcr_level times the strength at some time",
+        _demand("share"),
+        _of_faces_with_strength,
+        {"references": _MANUAL},
+    ),
+    "acceptance": Variable(
+        ("stress_face", "stress_basis", "dam_kind", "criterion"),
+        "1",
+        "whether the face meets the criterion of linear analysis",
+        _accepted,
+        _of_faces_with_strength,
+        {
+            "references": _MANUAL,
+            "flag_values": np.array([0, 1], dtype=np.int8),
+            "flag_meanings": "missed met",
+            "limits": "; ".join(f"{kind}: {one}" for kind, one in LIMITS.items()),
+        },
+    ),
+}

@@ -1,0 +1,184 @@
+"""Nodes whose stress is that of the mesh: near edges where elasticity has infinite stress, and on contacts.
+
+At a re-entrant edge, and where a support, another material or the end of a contact meets a free face, the
+exact stress is infinite, so that what a mesh gives there grows without limit as it is refined (Williams,
+J. Appl. Mech. 19 (1952) 526). Headlines leave a ring around such edges out, and say so.
+
+The edges are found on the outline of all blocks together: their free facets, without those of joints, ties
+and wholly fixed supports. Blocks that meet flush continue each other there. An edge counts where only one
+facet ends (something else begins), where the two facets are of different materials, and where they enclose
+more than 180 degrees of material.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from romdam.core.scene import Block, Bools, Ints, Joint, Tie
+from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, row_numbers
+
+_FLAT = 20.0  # degrees beyond 180 that a curved face of straight facets may enclose
+_SAME = 1e-6  # of the scene's size: nodes as near as that are one
+_ROUNDING = 1e-6  # of a ring's radius
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Free facets of all blocks: nodes are numbered over all of them, those at one place alike.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+    edges : (m, 2) ascending node numbers, one row for each edge of each facet
+    normal, middle : (m, 3) of the facet
+    depth : (m,) of the facet behind its edge [m]
+    material : (m,) number of the facet's material
+    """
+
+    points: Floats
+    edges: Ints
+    normal: Floats
+    middle: Floats
+    depth: Floats
+    material: Ints
+
+
+def singular_edges(
+    blocks: Mapping[str, Block], links: Iterable[Joint | Tie], fixed: Mapping[str, Bools]
+) -> tuple[Floats, Floats]:
+    """Edges of a scene's outline near which stress is that of the mesh.
+
+    Parameters
+    ----------
+    links : joints and ties of the blocks
+    fixed : block name -> (n, 3) True where a support holds the component
+
+    Returns
+    -------
+    ends : (s, 2, 3) [m]
+    depth : (s,) of the shallowest facet behind each [m]
+    """
+    outline = _outline(blocks, list(links), fixed)
+    order = np.lexsort(outline.edges.T)
+    edges = outline.edges[order]
+    first = np.flatnonzero(np.r_[True, (np.diff(edges, axis=0) != 0).any(axis=1)][: len(edges)])
+    count = np.diff(np.r_[first, len(edges)])
+    pair = np.stack([order[first], order[first + np.minimum(count, 2) - 1]])
+    counts = (
+        (count != 2) | (outline.material[pair[0]] != outline.material[pair[1]]) | _reentrant(outline, pair)
+    )
+    depth = np.minimum.reduceat(outline.depth[order], first) if len(first) else np.zeros(0)
+    return outline.points[edges[first[counts]]], depth[counts]
+
+
+def near_edges(points: Floats, ends: Floats, radius: Floats) -> Bools:
+    """(n,) True for points within `radius` (s,) of segments `ends` (s, 2, 3) [m]."""
+    near = np.zeros(len(points), dtype=bool)
+    if not len(points) or not len(ends):
+        return near
+    radius = radius * (1.0 + _ROUNDING)
+    along = ends[:, 1] - ends[:, 0]
+    reach = radius + 0.5 * np.linalg.norm(along, axis=1)
+    hits = cKDTree(points).query_ball_point(ends.mean(axis=1), reach)
+    which = np.repeat(np.arange(len(ends)), [len(one) for one in hits])
+    at = np.concatenate([np.asarray(one, dtype=np.int64) for one in hits])
+    off = points[at] - ends[which, 0]
+    share = (off * along[which]).sum(axis=1) / (along[which] ** 2).sum(axis=1)
+    distance = np.linalg.norm(off - np.clip(share, 0.0, 1.0)[:, None] * along[which], axis=1)
+    near[at[distance <= radius[which]]] = True
+    return near
+
+
+def near_contacts(block: Block, nodes: Ints, joints: Iterable[Joint], radius: float) -> Bools:
+    """(k,) True for nodes of a block within `radius` of the nodes that its gaps see [m]."""
+    seen = [
+        side
+        for joint in joints
+        for name, side in zip(joint.blocks, joint.nodes, strict=True)
+        if name == block.name
+    ]
+    if not seen or not len(nodes):
+        return np.zeros(len(nodes), dtype=bool)
+    on = np.unique(np.concatenate(seen))
+    distance = cKDTree(block.points[on]).query(block.points[nodes])[0]
+    return np.isin(nodes, on) | (distance <= radius * (1.0 + _ROUNDING))
+
+
+def _reentrant(outline: Outline, pair: Ints) -> Bools:
+    """Tell whether two facets enclose more than 180 degrees of material, as curved faces do not."""
+    one, other = pair
+    turn = (outline.normal[one] * outline.normal[other]).sum(axis=1)
+    towards = (outline.normal[one] * (outline.middle[other] - outline.middle[one])).sum(axis=1)
+    return np.asarray((towards > 0.0) & (turn < np.cos(np.deg2rad(_FLAT))))
+
+
+def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mapping[str, Bools]) -> Outline:
+    points = np.concatenate([block.points for block in blocks.values()])
+    number = np.split(_numbers(points), np.cumsum([len(block.points) for block in blocks.values()])[:-1])
+    facets = [boundary_facets(block.cells, block.element) for block in blocks.values()]
+    corners = [_corners(own, block) for own, block in zip(facets, blocks.values(), strict=True)]
+    covered = _covered([own[at] for own, at in zip(number, corners, strict=True)])
+    stiffness = list(dict.fromkeys((block.material.E, block.material.nu) for block in blocks.values()))
+    rows = []
+    for k, (name, block) in enumerate(blocks.items()):
+        held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
+        free = ~(covered[k] | held | _linked(name, corners[k], links))
+        material = stiffness.index((block.material.E, block.material.nu))
+        rows.append(_edge_rows(block, facets[k][free], number[k], material))
+    at = np.concatenate(number)
+    merged = np.zeros((int(at.max()) + 1, 3))
+    merged[at] = points
+    return Outline(merged, *(np.concatenate(column) for column in zip(*rows, strict=True)))
+
+
+def _corners(facets: Ints, block: Block) -> Ints:
+    return facets[:, : ELEMENTS[ELEMENTS[block.element].facet].corners]
+
+
+def _edge_rows(
+    block: Block, facets: Ints, number: Ints, material: int
+) -> tuple[Ints, Floats, Floats, Floats, Ints]:
+    """Edges, normals, middles, depths and material of a block's free facets, one row for each edge."""
+    corners = _corners(facets, block)
+    sides = corners.shape[1]
+    pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # (nf, sides, 2)
+    length = np.linalg.norm(block.points[pairs[..., 1]] - block.points[pairs[..., 0]], axis=2)
+    normal = area_vectors(block.points, facets).sum(axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    depth = facet_areas(block.points, facets)[:, None] * (2.0 if sides == 3 else 1.0) / length
+    spread = [np.repeat(one, sides, axis=0) for one in (normal, block.points[corners].mean(axis=1))]
+    edges = np.sort(number[pairs.reshape(-1, 2)], axis=1)
+    return edges, *spread, depth.ravel(), np.full(len(edges), material)
+
+
+def _covered(corners: list[Ints]) -> list[Bools]:
+    """Block after block, True for boundary facets that coincide with one of another block."""
+    widest = max(own.shape[1] for own in corners)
+    padded = [np.pad(own, ((0, 0), (0, widest - own.shape[1])), mode="edge") for own in corners]
+    keys = row_numbers(np.sort(np.concatenate(padded), axis=1))
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    return np.split(counts[inverse] > 1, np.cumsum([len(own) for own in corners])[:-1])
+
+
+def _linked(name: str, corners: Ints, links: list[Joint | Tie]) -> Bools:
+    """Tell whether all corners of a facet belong to one joint or tie."""
+    inside = np.zeros(len(corners), dtype=bool)
+    for link in links:
+        for owner, nodes in zip(link.blocks, link.nodes, strict=True):
+            if owner == name:
+                inside |= np.isin(corners, nodes).all(axis=1)
+    return inside
+
+
+def _numbers(points: Floats) -> Ints:
+    """One number for all points at one place."""
+    near = cKDTree(points).query_pairs(_SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray")
+    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points),) * 2)
+    return np.asarray(connected_components(graph, directed=False)[1])

@@ -1,0 +1,171 @@
+"""Forces on sections against statics: what stands above a plane is what the plane bears."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import eigsh, spsolve
+
+from romdam.config import parse_config
+from romdam.config.sections.job import DampingConfig, ModelConfig
+from romdam.core.errors import ConfigError
+from romdam.fem.assembly import assemble
+from romdam.fem.loads import static_force
+from romdam.fem.sections import (
+    initial_section_forces,
+    lost_static_forces,
+    modal_section_forces,
+    section_operators,
+)
+from romdam.postprocess.sections import linearised_stress
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.build import build_scene
+
+RHO, G, P = 2400.0, 9.81, 5e4
+B, T, H = 3.0, 2.0, 8.0  # along y, along x, height
+
+
+def scene_of(sections, loads, element="hex20", size=1.0, **changes):
+    raw = {
+        "materials": {"c": {"E": "30 GPa", "nu": 0.2, "rho": RHO, "expansion": 1e-5}},
+        "blocks": {
+            "a": {
+                "material": "c",
+                "box": {"origin": [0, 0, 0], "size": [T, B, H], "element_size": size, "element": element},
+            }
+        },
+        "supports": [{"block": "a", "face": "zmin"}],
+        "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"modes": 5},
+        "transient": {"finest_step": 0.01},
+        "loads": loads,
+        "outputs": {"stress": {"faces": [{"block": "a", "face": "xmin"}], "sections": sections}},
+        **changes,
+    }
+    return build_scene(parse_config(raw, "s.yaml"), Path("."), "s.yaml")
+
+
+def displaced(scene):
+    """Displacement of the block under the static loads (3 n,)."""
+    free = ~scene.fixed["a"].ravel()
+    K, u = assemble(scene.blocks["a"])[0], np.zeros(free.size)
+    u[free] = spsolve(K[free][:, free].tocsc(), static_force(scene, "a").ravel()[free])
+    return u
+
+
+def forces(scene):
+    """(sections, 6)"""
+    whole = (section_operators(scene)["a"] @ displaced(scene)).reshape(-1, 6)
+    return whole + initial_section_forces(scene, {"a": np.zeros_like(scene.blocks["a"].points)})["a"]
+
+
+def at(*heights):
+    return {f"z{k}": {"blocks": ["a"], "point": [0, 0, z]} for k, z in enumerate(heights)}
+
+
+HEIGHTS = (0.0, 1.0, 3.0, 3.4, 7.5, 8.0)
+LOADS = {
+    "gravity": [0, 0, -G],
+    "pressure": [{"block": "a", "face": "xmin", "value": P}],
+    "hydrostatic": [{"level": H, "faces": [{"block": "a", "face": "xmax"}]}],
+    "temperature": [{"change": "-7 K"}],
+}
+
+
+@pytest.mark.parametrize(
+    ("element", "size"),
+    [("hex8", 1.0), ("hex20", 1.0), ("hex27", 1.0), ("tet10", 1.0), ("hex8", [1.0, 1.0, 0.5])],
+)
+def test_section_bears_what_is_above_it(element, size):
+    """Weight, pressure from the left, water from the right: V = p b h - gamma b h^2 / 2, M its integral."""
+    scene = scene_of(at(*HEIGHTS), LOADS, element, size)
+    h = H - np.array(HEIGHTS)
+    gamma = 1000.0 * G
+    expected = np.zeros((len(h), 6))
+    expected[:, 0] = -RHO * G * B * T * h
+    expected[:, 1] = P * B * h - gamma * B * h**2 / 2
+    # about y, the second axis, of a force along x above: positive
+    expected[:, 5] = P * B * h**2 / 2 - gamma * B * h**3 / 6
+    found, scale = forces(scene), np.abs(expected).max(axis=0).max()
+    print(np.abs(found - expected).max() / scale)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * scale)
+    for section in scene.stress.sections:
+        assert section.area == pytest.approx(B * T, rel=1e-12)
+        np.testing.assert_allclose(section.inertia, np.diag([B * T**3, T * B**3]) / 12, atol=1e-12 * 9)
+        np.testing.assert_allclose(section.centroid[:2], [T / 2, B / 2], rtol=1e-12)
+
+
+def test_linearised_stress_is_that_of_beams():
+    scene = scene_of(at(0.0), {"pressure": LOADS["pressure"]})
+    (section,) = scene.stress.sections
+    found = linearised_stress(section, forces(scene))[0]
+    bending = 6 * (P * B * H**2 / 2) / (B * T**2)  # M / W; tension on the pressed side
+    np.testing.assert_allclose(found, [bending, -bending, 0.0, 0.0], atol=1e-6 * bending)
+    np.testing.assert_allclose(section.sides[:, :2], [[0, 1.5], [2, 1.5], [1, 0], [1, 3]], atol=1e-12)
+
+
+def test_normal_the_other_way_gives_the_same_tension_of_what_hangs():
+    """Seen from above, the section bears what is below it: the reaction less its weight."""
+    sections = {"down": {"blocks": ["a"], "point": [0, 0, 3], "normal": [0, 0, -2]}} | at(3.0)
+    down, up = forces(scene_of(sections, {"gravity": [0, 0, -G]}))
+    assert down[0] == pytest.approx(up[0], rel=1e-9) and up[0] == pytest.approx(-RHO * G * B * T * 5)
+
+
+def test_inclined_section_splits_weight_into_normal_force_and_shear():
+    """A plane at 30 degrees through (1, 1.5, 4): half the block stands above it, by symmetry."""
+    normal = [0.5, 0.0, np.sqrt(0.75)]
+    scene = scene_of(
+        {"tilted": {"blocks": ["a"], "point": [1, 1.5, 4], "normal": normal}},
+        {"gravity": [0, 0, -G]},
+        size=0.5,
+    )
+    (section,), weight = scene.stress.sections, RHO * G * B * T * H / 2
+    found = forces(scene)[0]
+    assert section.area == pytest.approx(B * T / np.sqrt(0.75), rel=0.01)
+    np.testing.assert_allclose(found[:3] / weight, [-np.sqrt(0.75), 0.5, 0.0], atol=0.005)
+
+
+def foot_error(size):
+    """Of four modes, where K u = omega^2 M u: what the foot bears against omega^2 M u of all nodes."""
+    scene = scene_of(at(0.0), {}, "hex20", [1.0, 1.5, size])
+    block, free = scene.blocks["a"], ~scene.fixed["a"].ravel()
+    K, M = assemble(block)
+    omega2, modes = eigsh(K[free][:, free].tocsc(), 4, M[free][:, free].tocsc(), sigma=0.0)
+    (section,) = scene.stress.sections
+    u = np.zeros((free.size, 4))
+    u[free] = modes
+    inertia = (M @ u * omega2).T.reshape(4, -1, 3)
+    moment = np.cross(block.points - section.centroid, inertia).sum(axis=1)
+    expected = np.hstack([inertia.sum(axis=1) @ section.axes.T, moment @ section.axes.T])
+    found = (section_operators(scene)["a"] @ u).T
+    return (np.abs(found - expected).max(axis=1) / np.abs(expected).max(axis=1)).max()
+
+
+def test_foot_of_a_vibrating_block_bears_its_inertia():
+    """Halving the elements' height leaves a thirteenth of the error."""
+    errors = [foot_error(size) for size in (1.0, 0.5)]
+    print(errors)
+    assert errors[1] < 0.004 and errors[1] < errors[0] / 6
+
+
+@pytest.mark.parametrize(("modes", "low", "high"), [(5, 0.05, 1.0), ("all", 0.0, 1e-9)])
+def test_loads_that_the_modes_leave_out_are_known(modes, low, high):
+    scene = scene_of(at(0.0, 4.0), {"gravity": [0, 0, -G]})
+    reduced = reduce_scene(scene, ModelConfig(modes=modes), DampingConfig())
+    modal = modal_section_forces(scene, reduced.basis)
+    lost = lost_static_forces(scene, reduced.basis, modal)
+    assert list(lost) == ["z0", "z1"]
+    assert all(low <= share <= high for share in lost.values())
+
+
+def test_plane_beside_the_block_is_refused():
+    with pytest.raises(
+        ConfigError, match=r"sections.z0: the plane does not meet a, which reach from -9 to -1 m"
+    ):
+        scene_of(at(9.0), {})
+    with pytest.raises(ConfigError, match=r"sections.s.normal: must have a length"):
+        scene_of({"s": {"blocks": ["a"], "point": [0, 0, 1], "normal": [0, 0, 0]}}, {})
+    with pytest.raises(ConfigError, match=r"sections\.s\.blocks: names no block"):
+        scene_of({"s": {"blocks": [], "point": [0, 0, 1]}}, {})
+    with pytest.raises(ConfigError, match=r"sections\.s\.blocks"):
+        scene_of({"s": {"blocks": ["other"], "point": [0, 0, 1]}}, {})

@@ -1,0 +1,40 @@
+"""Rows of a suite: how much of a joint is open and for how long, and measures of what was analysed."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from romdam.core.motion import GroundMotion
+from romdam.postprocess.record_measures import analysed, measures_at_scales
+from romdam.results.renamed import RENAMED
+from romdam.results.suite.rows import ROWS
+
+from .conftest import make_case
+
+OPEN, STICK = 0, 1
+
+
+def test_open_durations_tell_one_gap_from_half_of_the_joint():
+    """J1 has gaps of 0.5 m2 each, J2 three; rows of 0.05 s: one gap of J2 open in 10, two in 6 of them."""
+    case = make_case()
+    state = np.full((41, 5), STICK, dtype=np.uint8)
+    state[:10, 2], state[:6, 3] = OPEN, OPEN
+    case = dataclasses.replace(case, history=dataclasses.replace(case.history, state=state))
+    np.testing.assert_allclose(ROWS["any_gap_open_duration"].get(case), [0.0, 0.5])
+    np.testing.assert_allclose(ROWS["half_open_duration"].get(case), [0.0, 0.3])
+    np.testing.assert_allclose(ROWS["mean_open_share"].get(case), [0.0, 16 / 41 / 3])
+    assert set(RENAMED.values()) >= {"any_gap_open_duration", "any_gap_sliding_duration"}
+
+
+@pytest.mark.parametrize(("duration", "pga"), [(None, 3.0), (2.0, 1.0), (9.0, 3.0)])
+def test_measures_are_of_what_was_analysed(duration, pga):
+    """1 m/s2 for 2 s, then 3 m/s2: Arias intensity pi / 2g int a^2 dt, longest time that of the analysis."""
+    acc = np.zeros((3, 401))
+    acc[0] = np.where(np.arange(401) * 0.01 <= 2.0, 1.0, 3.0)
+    motion = GroundMotion("steps", acc, 0.01, {}, ())
+    found = measures_at_scales(analysed(motion, duration), np.array([1.0]), 0.3)
+    assert found["pga"] == pga
+    assert found["duration"] == pytest.approx(duration or 4.0)
+    energy = 2.0 if duration == 2.0 else 2.0 + 2.0 * 9.0
+    assert found["arias"] == pytest.approx(np.pi / 2 / 9.80665 * energy, rel=0.02)
