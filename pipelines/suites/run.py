@@ -24,6 +24,7 @@ from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
+from romdam.records.design.account import write_choice
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.journal import JOURNAL, append_rows
 from romdam.results.suite.rows import Row
@@ -114,6 +115,7 @@ def run_suite(
             found = {run.place: rows[run.key] for run in plan.runs if run.key in rows}
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
             write_dataset(plan.design, folder / DESIGN)
+            write_choice(plan.considered, folder)
             path = write_summary(summary, folder)
         left = leftovers(folder, plan, rows)
     for name, motion in plan.motions.items():

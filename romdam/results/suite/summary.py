@@ -15,6 +15,7 @@ import xarray as xr
 
 import romdam
 from romdam.config.load import Job
+from romdam.config.sections.motions.target import NAMED
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
@@ -78,11 +79,11 @@ def summary_dataset(
             if name in row.values:
                 whole[at] = row.values[name]
         data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
-    period = job.config.suite.period
-    measured = [measures_at_scales(record.motion, record.factors, period) for record in records]
+    period, of = job.config.suite.period, job.config.suite.of
+    measured = [measures_at_scales(record.motion, record.factors, period, of) for record in records]
     for name in (*MEASURES, "sa"):
         values = np.array([one[name] for one in measured])
-        data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, period))
+        data[f"record_{name}"] = (("record", "scale"), values, _about_measure(name, period, of))
     data |= _status(shape, records, rows)
     data["file"] = _files(shape, rows)
     contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
@@ -125,16 +126,16 @@ def _scales(job: Job) -> tuple[Floats, dict[str, str]]:
     period = "" if target.period is None else f" at {target.period:g} s, {100 * target.damping:g} % damping"
     return np.array(target.values), {
         "units": "m s-2",
-        "long_name": f"target {target.measure}{period} of the largest component",
+        "long_name": f"target {target.measure}{period} of the {NAMED[target.of]}",
     }
 
 
-def _about_measure(name: str, period: float) -> dict[str, str]:
+def _about_measure(name: str, period: float, of: str) -> dict[str, str]:
     if name == "sa":
         about = ("m s-2", f"pseudo-spectral acceleration at {period:g} s, 5 % damping")
     else:
         about = MEASURES[name]
-    whose = " of the largest component" + ("" if about[0] == "s" else ", scaled")
+    whose = f" of the {NAMED[of]}" + ("" if about[0] == "s" else ", scaled")
     return {"units": about[0], "long_name": about[1] + whose}
 
 
