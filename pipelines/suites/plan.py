@@ -155,7 +155,9 @@ def _suite_job(job: Job) -> Job:
 
 
 def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list[SuiteRecord]:
-    """Every record of a suite with its scale factors, those that cannot be used too; `tell` as `load_records`.
+    """Every record of a suite with its scale factors, those that cannot be used too.
+
+    `tell` is told of records as `load_records` tells of them.
 
     Raises
     ------

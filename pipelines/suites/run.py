@@ -22,9 +22,9 @@ from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
+from romdam.records.design.account import write_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
-from romdam.records.design.account import write_choice
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.journal import JOURNAL, append_rows
 from romdam.results.suite.rows import Row

@@ -111,7 +111,7 @@ def records(
         typer.Option(
             "--target",
             metavar="FILE",
-            help="YAML with keys of an entry of `records:` (target, scale, match, x_azimuth, unit, ...) for LIST.",
+            help="YAML with keys of an entry of `records:` (target, match, x_azimuth, unit, ...) for LIST.",
         ),
     ] = None,
     select: Annotated[
@@ -126,6 +126,7 @@ def records(
     from romdam.records.listing import format_table, list_records, read_settings
     from romdam.terminal import open_terminal
     from romdam.visual.record_plots import write_record_plots
+    from romdam.visual.target_plots import write_target_plots
 
     folder = prepare_folder(plot) if plot else None
     _, say = open_terminal(quiet=False, verbose=False)
@@ -136,7 +137,8 @@ def records(
     say(format_table(listed))
     if folder:
         pairs = [(one.motion, one.recorded) for one in listed if one.motion]
-        for path in write_record_plots(pairs, folder):
+        paths = write_record_plots(pairs, folder)
+        for path in (*paths, *write_target_plots([motion for motion, _ in pairs], folder)):
             say(f"written: {path}")
     if any(one.motion is None for one in listed):
         raise typer.Exit(FAILED)

@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
-from romdam.config.explain import explain
-from romdam.config.sections.motions.records import RecordConfig, is_manifest, manifest_rows
+from romdam.config.sections.motions.records import RecordConfig, is_manifest, manifest_rows, read_entry
 from romdam.config.sections.motions.target import NAMED
 from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError, RecordError
@@ -46,7 +44,7 @@ class Listed:
     ----------
     name : its identifier, or its source where it could not be read
     motion : as the structure will feel it; None where it could not be read
-    recorded : before its correction and its target; None where there is neither
+    recorded : before it was matched, or corrected where it was not, scaled alike; None where neither is done
     of : what of the components its scale or target is of; "" where there is none
     aimed : how it stands to its target; None where there is none
     error : why it could not be read
@@ -62,7 +60,9 @@ class Listed:
     no_source: bool = False
 
 
-def list_records(sources: Sequence[str], common: RecordConfig | Mapping[str, object] | None = None) -> list[Listed]:
+def list_records(
+    sources: Sequence[str], common: RecordConfig | Mapping[str, object] | None = None
+) -> list[Listed]:
     """Read every record that the sources name; one that fails becomes a row with its error.
 
     Parameters
@@ -85,9 +85,10 @@ def read_settings(path: Path | None, select: int | None) -> dict[str, object]:
     """
     if path is None and select is not None:
         raise ConfigError("--select: needs --target FILE, what the records are to be near to")
-    settings = {} if path is None else read_yaml(path)
-    if not isinstance(settings, dict):
+    read = {} if path is None else read_yaml(path)
+    if not isinstance(read, dict):
         raise ConfigError(f"{path}: expected keys of an entry of `records:`, such as `target`")
+    settings: dict[str, object] = dict(read)
     tables = settings.get("target")
     spectrum = tables.get("spectrum") if isinstance(tables, dict) else None
     if path is not None and isinstance(spectrum, dict) and "table" in spectrum:
@@ -118,13 +119,6 @@ def _settings(common: RecordConfig | Mapping[str, object] | None) -> dict[str, o
     return settings if named else settings | {"components": {"y": EACH}}
 
 
-def _entry(settings: dict[str, object]) -> RecordConfig:
-    try:
-        return RecordConfig.model_validate(settings)
-    except ValidationError as error:
-        raise ConfigError(explain(error, "--target", RecordConfig)) from None
-
-
 def _entries(
     source: str, common: RecordConfig | Mapping[str, object] | None
 ) -> Iterator[tuple[RecordConfig, Path]]:
@@ -132,31 +126,39 @@ def _entries(
 
     settings, path = _settings(common), Path(source)
     if source in SETS:
-        yield _entry(settings | {"suite": source}), Path()
+        yield read_entry(settings | {"suite": source}, source), Path()
     elif path.suffix.lower() not in (".yaml", ".yml", ".csv"):
         if not matching_files(path):
             raise RecordError(f"{source}: no such file, folder, pattern or P-695 set ({', '.join(SETS)})")
-        yield _entry(settings | {"files": str(path.resolve())}), Path()
+        yield read_entry(settings | {"files": str(path.resolve())}, source), Path()
     elif is_manifest(path):
         manifest_rows(path)  # its own mistakes are those of the source, not of a record
-        yield _entry(settings | {"manifest": path.resolve()}), Path()
+        yield read_entry(settings | {"manifest": path.resolve()}, source), Path()
     else:
         job = load_config(path)
         yield from ((entry, job.folder) for entry in job.config.records)
 
 
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
-    raw: dict[str, GroundMotion | None] = {}
-    if entry.correction or entry.target:
-        as_it_was = {"correction": (), "keep": {}, "target": None, "select": None, "match": None}
-        if entry.target:
-            as_it_was["scale"] = None
-        raw = {one.name: one.motion for one in load_records([entry.model_copy(update=as_it_was)], folder)}
+    raw = _before(entry, folder)
     every: list[Loaded] = []
     every += load_records([entry], folder, lambda one: None if one.passes else every.append(one))
     of = _named_measure(entry)
     for one in every:
-        yield Listed(one.name, one.motion, raw.get(one.name), of, one.aimed, str(one.error or ""))
+        recorded = raw.get(one.name)
+        if recorded is not None and one.aimed is not None:
+            recorded = replace(recorded, acc=one.aimed.factor * recorded.acc)
+        yield Listed(one.name, one.motion, recorded, of, one.aimed, str(one.error or ""))
+
+
+def _before(entry: RecordConfig, folder: Path) -> dict[str, GroundMotion | None]:
+    """The records before they are matched, or corrected where none is; none where neither is done."""
+    if not (entry.correction or entry.match):
+        return {}
+    undone: dict[str, object] = {"keep": {}, "target": None, "select": None, "match": None}
+    undone |= {} if entry.match else {"correction": ()}
+    undone |= {"scale": None} if entry.target else {}
+    return {one.name: one.motion for one in load_records([entry.model_copy(update=undone)], folder)}
 
 
 def _named_measure(entry: RecordConfig) -> str:
@@ -199,14 +201,12 @@ def _rows(listed: Listed) -> Iterator[tuple[str, ...]]:
     motion = listed.motion
     assert motion is not None
     moves = [axis for axis, row in zip(AXES, motion.acc, strict=True) if np.any(row != 0.0)] or ["x"]
-    matched = _of_target(motion, "matched")
+    about = motion.provenance.get("target")
+    matched = about.get("matched") if isinstance(about, dict) else None
     for axis in moves:
         yield _row(listed.name, motion, axis)
         if isinstance(matched, dict) and axis in matched and listed.recorded is not None:
-            factor = _of_target(motion, "factor")
-            assert isinstance(factor, float)
-            original = replace(listed.recorded, acc=factor * listed.recorded.acc)
-            yield _row(listed.name, original, axis, ", not matched")
+            yield _row(listed.name, listed.recorded, axis, ", scaled alone")
     if listed.of and listed.of not in AXES and len(moves) > 1:
         yield _row(listed.name, motion, listed.of)
 
@@ -235,11 +235,6 @@ def _channel(motion: GroundMotion, axis: str) -> str:
         return ""
     row = matrix[AXES.index(axis)]
     return "+".join(one["code"] for one, share in zip(channels, row, strict=True) if abs(share) > 1e-9)
-
-
-def _of_target(motion: GroundMotion, key: str) -> object:
-    about = motion.provenance.get("target")
-    return about.get(key) if isinstance(about, dict) else None
 
 
 def _aim_row(listed: Listed) -> tuple[str, ...]:

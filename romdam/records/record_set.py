@@ -109,7 +109,9 @@ def _aimed(loaded: list[Loaded], entry: RecordConfig, folder: Path) -> list[Load
     try:
         aimed = aim(entry, folder, motions) if motions else []
     except (RecordError, ConfigError) as error:
-        return [Loaded(entry.name or str(entry.files or entry.manifest or entry.suite or entry.file), error=error)]
+        return [
+            Loaded(entry.name or str(entry.files or entry.manifest or entry.suite or entry.file), error=error)
+        ]
     if not motions and entry.select is not None:
         return [replace(one, passes=True) for one in unread]
     return [Loaded(one.name, one.motion, one.error, not one.why, one) for one in aimed] + unread

@@ -17,7 +17,7 @@ import numpy as np
 from romdam.config.sections.motions.records import RecordConfig, manifest_rows, read_row
 from romdam.core.errors import RecordError, shown
 from romdam.records.channel import Channel, one_record
-from romdam.records.formats.knet import BOREHOLE, SURFACE, is_component, of_one_record
+from romdam.records.formats.knet import BOREHOLE, SURFACE, is_component, missing_files, of_one_record
 from romdam.records.formats.registry import FORMATS, Declared, read_channels
 from romdam.records.formats.text import NUMBER, read_bytes
 
@@ -123,8 +123,10 @@ def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path)
     channels = [channel for one in (first, *others) for channel in one.channels]
     files = {key: value for one in (first, *others) for key, value in one.files.items()}
     if len(paths) > 1:
-        codes = ", ".join(channel.code for channel in channels)
-        log.info("%s: read as one record with its %d files: %s", first.place, len(paths), codes)
+        log.info("%s: read as one record with %s", paths[0], ", ".join(path.name for path in paths[1:]))
+    if gone := missing_files(paths):
+        said = f"{', '.join(gone)} is not there, it would belong to the record"
+        channels[0] = replace(channels[0], warnings=(*channels[0].warnings, said))
     return replace(first, name=name, channels=channels, files=files)
 
 

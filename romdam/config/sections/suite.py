@@ -98,8 +98,9 @@ class SuiteConfig(Model):
     `scales` are factors on the records, `intensities` target values instead. `parameters` and `design` make
     the samples: the full grid of values, a Latin hypercube, or a table. `keep` says what lands beside the
     summary: nothing (`peaks`), whole results (`full`), or results at an interval. `period` is that of the
-    spectral acceleration among the records' measures, `of` what of the components these are of, `batch` that of runs integrated together (from the
-    memory if not given), `cache` the folder of reduced blocks (OUT/cache if not given).
+    spectral acceleration among the records' measures, `of` what of the components these are of, `batch` that
+    of runs integrated together (from the memory if not given), `cache` the folder of reduced blocks
+    (OUT/cache if not given).
     """
 
     scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)

@@ -90,7 +90,9 @@ def aim(entry: RecordConfig, folder: Path, motions: Sequence[GroundMotion]) -> l
     target = read_target(entry.target, folder)
     fits, others = _fits(entry, target, motions)
     if entry.select is not None:
-        fits, passed = _selected(fits, entry.select, [f"{one.name}: {one.error or one.why}" for one in others])
+        fits, passed = _selected(
+            fits, entry.select, [f"{one.name}: {one.error or one.why}" for one in others]
+        )
         others = [replace(one, error=None, why=one.why or str(one.error)) for one in others] + passed
     common = _common_factor(fits, target, entry.scale)
     return [_apply(fit, target, common, entry) for fit in fits] + others
@@ -135,7 +137,9 @@ def _out_of_bounds(fit: Fit, scale: ScaleConfig | None) -> str:
     if scale is None or scale.factors is None or scale.factors[0] <= fit.factor <= scale.factors[1]:
         return ""
     low, high = scale.factors
-    return f"scale.factors: the target needs a factor of {fit.factor:.3g}, the limits are {low:g} and {high:g}"
+    return (
+        f"scale.factors: the target needs a factor of {fit.factor:.3g}, the limits are {low:g} and {high:g}"
+    )
 
 
 def _selected(fits: list[Fit], count: int, others: list[str]) -> tuple[list[Fit], list[Aimed]]:
@@ -168,22 +172,27 @@ def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Aime
     }
     try:
         if entry.match is not None:
-            acc, pad, stated = match_motion(motion, factor, target, entry.match.tolerance)
-            about |= {"matched": stated}
-            earlier = motion.provenance.get("pad_before_s"), motion.provenance.get("pad_after_s")
-            pads = [n * motion.dt + (e if isinstance(e, float) else 0.0) for n, e in zip(pad, earlier, strict=True)]
-            about_pads: dict[str, object] = {"pad_before_s": pads[0], "pad_after_s": pads[1]}
+            acc, added, about["matched"] = match_motion(motion, factor, target, entry.match.tolerance)
+            motion = replace(motion, provenance=motion.provenance | _pads(motion, added))
         else:
-            acc, about_pads = factor * motion.acc, {}
+            acc = factor * motion.acc
     except RecordError as error:
         return Aimed(motion.name, None, factor, fit.misfit, "", error)
     psa = spectrum(acc, motion.dt, target.periods, target.damping, target.of)
     about["misfit"] = misfit(psa, target.sa)
     warnings = (*motion.warnings, *_doubts(motion, factor, target))
-    made = replace(
-        motion, acc=acc, provenance=motion.provenance | about_pads | {"target": about}, warnings=warnings
-    )
+    made = replace(motion, acc=acc, provenance=motion.provenance | {"target": about}, warnings=warnings)
     return Aimed(motion.name, made, factor, misfit(psa, target.sa))
+
+
+def _pads(motion: GroundMotion, added: tuple[int, int]) -> dict[str, object]:
+    """Pads of a motion with so many samples more before and after it."""
+    names = ("pad_before_s", "pad_after_s")
+    earlier = [motion.provenance.get(name) for name in names]
+    return {
+        name: count * motion.dt + (pad if isinstance(pad, int | float) else 0.0)
+        for name, count, pad in zip(names, added, earlier, strict=True)
+    }
 
 
 def _doubts(motion: GroundMotion, factor: float, target: Target) -> tuple[str, ...]:
@@ -192,7 +201,8 @@ def _doubts(motion: GroundMotion, factor: float, target: Target) -> tuple[str, .
     doubts = []
     if not low <= factor <= high:
         doubts.append(
-            f"the factor to the target is {factor:.3g}, usual are {low:g} to {high:g} (ASCE/SEI 7-16, C16.2.2)"
+            f"the factor to the target is {factor:.3g}, usual are {low:g} to {high:g} (ASCE/SEI 7-16, "
+            "C16.2.2)"
         )
     channels = motion.provenance.get("channels")
     stated = [one.get("lowest_usable_hz") for one in channels] if isinstance(channels, list) else []

@@ -63,7 +63,7 @@ class Extremes:
 def match_motion(
     motion: GroundMotion, factor: float, target: Target, tolerance: float
 ) -> tuple[Array, tuple[int, int], dict[str, object]]:
-    """Match the horizontal components, or the one that the target is of; the others are multiplied by `factor`.
+    """Match the horizontal components, or the one that the target is of; multiply the others by `factor`.
 
     Returns
     -------
@@ -81,15 +81,18 @@ def match_motion(
     acc, account = scaled.copy(), dict[str, object]()
     for axis in _matched_axes(motion, target.of):
         alone = pseudo_acceleration(scaled[axis], motion.dt, target.periods, target.damping)[0]
-        start = scaled[axis] * np.exp(np.mean(np.log(target.sa / alone)))
+        own = float(np.exp(np.mean(np.log(target.sa / alone))))
         for near in NEAR:
-            acc[axis], rounds = match_component(start, motion.dt, target, WITHIN * tolerance, near)
+            acc[axis], rounds = match_component(
+                own * scaled[axis], motion.dt, target, WITHIN * tolerance, near
+            )
             departure = departure_of(acc[axis], motion.dt, target)
             if departure <= tolerance:
                 break
         if departure > tolerance:
             raise RecordError(_unmatched(motion, axis, (acc[axis], departure, tolerance), target))
         account[AXES[axis]] = {
+            "factor": own * factor,
             "rounds": rounds,
             "departure": departure,
             "before": _measures(scaled[axis], motion.dt),
@@ -122,13 +125,13 @@ def _check_periods(motion: GroundMotion, target: Target) -> None:
     first, last = target.periods[0], target.periods[-1]
     if first < SAMPLES * motion.dt:
         raise RecordError(
-            f"{motion.name}: match: target.periods begin at {first:g} s, a record of dt = {motion.dt:g} s can "
-            f"be matched from {SAMPLES * motion.dt:g} s on; raise the first period"
+            f"{motion.name}: match: target.periods begin at {first:g} s, a record of dt = {motion.dt:g} s "
+            f"can be matched from {SAMPLES * motion.dt:g} s on; raise the first period"
         )
     if last > motion.duration:
         raise RecordError(
-            f"{motion.name}: match: target.periods end at {last:g} s, the record lasts {motion.duration:g} s; "
-            "lower the last period, or take a longer record"
+            f"{motion.name}: match: target.periods end at {last:g} s, the record lasts {motion.duration:g} s;"
+            " lower the last period, or take a longer record"
         )
 
 
@@ -137,8 +140,8 @@ def _unmatched(motion: GroundMotion, axis: int, reached: tuple[Array, float, flo
     periods, ratio = _ratio(acc, motion.dt, target)
     at = int(np.argmax(np.abs(ratio - 1.0)))
     return (
-        f"{motion.name}, component {AXES[axis]}: cannot be matched: {100 * departure:.1f} % from the target at "
-        f"{periods[at]:.3g} s is left, the limit is {100 * tolerance:g} %; narrow target.periods, raise "
+        f"{motion.name}, component {AXES[axis]}: cannot be matched: {100 * departure:.1f} % from the target "
+        f"at {periods[at]:.3g} s is left, the limit is {100 * tolerance:g} %; narrow target.periods, raise "
         "match.tolerance, or take a record whose spectrum is nearer to the target"
     )
 
@@ -148,7 +151,9 @@ def _measures(acc: Array, dt: float) -> dict[str, float]:
     return {f"{name} [{unit}]": float(found[name][0]) for name, unit in STATED.items()}
 
 
-def match_component(acc: Array, dt: float, target: Target, tolerance: float, near: float) -> tuple[Array, int]:
+def match_component(
+    acc: Array, dt: float, target: Target, tolerance: float, near: float
+) -> tuple[Array, int]:
     """Add wavelets to one component (nt,); the nearest to the target of all rounds, and its number."""
     now = find_extremes(acc, dt, target, near)
     best, least, at, damping = acc, float(np.max(np.abs(now.departure))), 0, DAMPING
@@ -203,11 +208,16 @@ def _answers(size: int, dt: float, target: Target, now: Extremes) -> tuple[Array
     There is a wavelet for every period, as high as the target there.
     """
     own = np.flatnonzero(now.largest)
-    periods, sa = target.periods[now.which], target.sa[now.which]
-    waves = sa[own, None] * wavelets(np.arange(size) * dt, periods[own], target.damping, now.time[own])
+    periods: Array = target.periods[now.which]
+    sa: Array = target.sa[now.which]
+    time: Array = np.arange(size, dtype=np.float64) * dt
+    peaks: Array = now.time[own]
+    waves: Array = wavelets(time, np.asarray(periods[own], float), target.damping, peaks)
+    waves = np.asarray(sa[own])[:, None] * waves
     sign = np.sign(now.value) / sa
     rows = [
-        sign[part, None] * (_impulse_answers(size, dt, periods[part], target.damping, now.time[part]) @ waves.T)
+        sign[part, None]
+        * (_impulse_answers(size, dt, periods[part], target.damping, now.time[part]) @ waves.T)
         for part in np.array_split(np.arange(sa.size), 1 + sa.size // 64)
     ]
     return np.concatenate(rows), waves

@@ -75,7 +75,9 @@ def read_target(config: TargetConfig, folder: Path) -> Target:
     first, last = config.periods
     count = max(2, 1 + int(np.ceil(PER_DECADE * np.log10(last / first))))
     periods = np.geomspace(first, last, count)
-    return Target(periods, evaluate(config.spectrum, periods, config.damping, folder), config.damping, config.of)
+    return Target(
+        periods, evaluate(config.spectrum, periods, config.damping, folder), config.damping, config.of
+    )
 
 
 def evaluate(spectrum: SpectrumConfig, periods: Array, damping: float, folder: Path) -> Array:
@@ -148,8 +150,8 @@ def _point(path: Path, number: int, row: list[str]) -> tuple[float, float]:
         period, sa = map(float, row)
     except ValueError:
         raise ConfigError(
-            f"{path}: line {number}: expected a period in s and a spectral acceleration, separated by a comma, "
-            f"got {','.join(row)[:60]!r}"
+            f"{path}: line {number}: expected a period in s and a spectral acceleration, separated by a "
+            f"comma, got {','.join(row)[:60]!r}"
         ) from None
     if not (0.0 <= period < np.inf and 0.0 < sa < np.inf):
         raise ConfigError(f"{path}: line {number}: period and spectral acceleration must be positive")

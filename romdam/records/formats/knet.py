@@ -48,7 +48,7 @@ def is_component(path: Path) -> bool:
 
 
 def of_one_record(paths: Iterable[Path]) -> list[tuple[str, list[Path]]]:
-    """Name of each record and its files: NAME.EW, .NS and .UD are one, KiK-net's .EW1 ... and .EW2 ... another.
+    """Name of each record and its files: NAME.EW, .NS, .UD are one, KiK-net's .EW1 ... and .EW2 ... another.
 
     What has other suffixes is a record of its own.
     """
@@ -58,6 +58,16 @@ def of_one_record(paths: Iterable[Path]) -> list[tuple[str, list[Path]]]:
         key = (path, path.stem) if match is None else (path.parent, path.stem + _SENSORS[match[1]])
         records.setdefault(key, []).append(path)
     return [(name, files) for (_, name), files in records.items()]
+
+
+def missing_files(paths: list[Path]) -> list[str]:
+    """Names of the components that the files of a record of K-NET or KiK-net lack."""
+    if len(paths) > 2 or not is_component(paths[0]):
+        return []
+    sensor = paths[0].suffix[3:]
+    known = {path.suffix.upper() for path in paths}
+    wanted = [f".{direction}{sensor}" for direction in ("EW", "NS", "UD")]
+    return [paths[0].stem + suffix for suffix in wanted if suffix not in known]
 
 
 def read_knet(path: Path) -> list[Channel]:

@@ -15,6 +15,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from romdam.config.base import Model
+from romdam.config.explain import explain
 from romdam.config.names import OfFile
 from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole, to_si
 from romdam.config.sections.motions.correction import CHAINS, Step
@@ -109,9 +110,9 @@ class ScaleConfig(Model):
     """What of the components reaches `pga` or `sa`."""
     to: Literal["target"] | None = None
     """By least squares of the logarithm to the entry's `target`."""
-    factors: tuple[Annotated[Dimensionless, Field(gt=0.0)], Annotated[Dimensionless, Field(gt=0.0)]] | None = (
-        None
-    )
+    factors: (
+        tuple[Annotated[Dimensionless, Field(gt=0.0)], Annotated[Dimensionless, Field(gt=0.0)]] | None
+    ) = None
     """Least and largest factor to the target; a record that needs another is refused, or not selected."""
     mean_at_least: Annotated[Dimensionless, Field(gt=0.0, le=2.0)] | None = None
     """Of the target, below which the mean of the entry's records falls at no period of its range."""
@@ -130,7 +131,7 @@ class ScaleConfig(Model):
             raise ValueError("give exactly one of `factor`, `pga`, `sa` and `to: target`, or `x`, `y`, `z`")
         if (self.sa is None) != (self.period is None):
             raise ValueError("`sa` and `period` belong together")
-        if "of" in given and self.pga is None and self.sa is None:
+        if self.of != "largest" and self.pga is None and self.sa is None:
             raise ValueError("`of` belongs to `pga` and `sa`; a target has its own")
         if self.to is None and (self.factors or self.mean_at_least):
             raise ValueError("`factors` and `mean_at_least` belong to `to: target`")
@@ -260,6 +261,23 @@ class RecordConfig(Model):
         if self.target.spectrum.unit is not None:
             unit_in_si(self.target.spectrum.unit)
         return self
+
+
+def read_entry(settings: dict[str, object], source: str) -> RecordConfig:
+    """An entry of `records:` that stands in no job.
+
+    Parameters
+    ----------
+    source : names it in errors
+
+    Raises
+    ------
+    ConfigError
+    """
+    try:
+        return RecordConfig.model_validate(settings)
+    except ValidationError as error:
+        raise ConfigError(explain(error, source, RecordConfig)) from None
 
 
 def read_row(

@@ -63,7 +63,11 @@ class Eurocode8Spectrum(Model):
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         tables, own = (self.type, self.ground), (self.S, self.TB, self.TC, self.TD)
-        if (None in tables) == (None in own) or (None in own and any(own)) or (None in tables and any(tables)):
+        if (
+            (None in tables) == (None in own)
+            or (None in own and any(own))
+            or (None in tables and any(tables))
+        ):
             raise ValueError("give `type` and `ground`, or all of `S`, `TB`, `TC` and `TD`")
         if None not in own and not self.TB < self.TC < self.TD:  # type: ignore[operator]
             raise ValueError(f"TB, TC, TD must rise, got {self.TB:g}, {self.TC:g} and {self.TD:g} s")
