@@ -102,11 +102,12 @@ def _three_files(path: Path) -> tuple[str, list[Path]]:
     RecordError
         for a name without suffix under which there are records of a borehole and of the surface.
     """
-    every = [path] if path.exists() else []
+    every: list[Path] = []
     with suppress(OSError, ValueError):  # the reader of the file says what is wrong with it
+        every = [path] if path.exists() else []
         every += sorted(one for one in path.parent.glob(f"{glob.escape(path.stem)}.*") if one != path)
     records = of_one_record(every)
-    if path.exists():
+    if path in every:
         return next(record for record in records if path in record[1])
     known = [record for record in records if is_component(record[1][0])]
     if len(known) > 1:
