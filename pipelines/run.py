@@ -30,7 +30,8 @@ from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.postprocess.concerns import concerns
-from romdam.records.record_set import check_names, load_records
+from romdam.records.design.account import write_choice
+from romdam.records.record_set import Loaded, check_names, load_records
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
@@ -127,7 +128,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     folder = prepare_folder(Path(out))
     clock = Clock(show)
     with clock.stage("records", "reading records"):
-        motions, failures = read_motions(job)
+        motions, failures = read_motions(job, folder)
     refuse_lengths(job, motions)
     tell_doubts(job, motions)
     store = open_store(cache)
@@ -168,8 +169,12 @@ def with_modes_chosen(
         return choose_modes(job, build_scene(job.config, job.folder, str(job.path)), motions, store)
 
 
-def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
+def read_motions(job: Job, folder: Path | None = None) -> tuple[list[GroundMotion], dict[str, str]]:
     """Ground motions of a job, and name -> message of those that cannot be read.
+
+    Parameters
+    ----------
+    folder : of the results, where what was held against a target is written; None writes nothing
 
     Raises
     ------
@@ -178,7 +183,8 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
     """
     motions: list[GroundMotion] = []
     failures: dict[str, str] = {}
-    for one in load_records(job.config.records, job.folder):
+    considered: list[Loaded] = []
+    for one in load_records(job.config.records, job.folder, considered.append):
         if one.motion is not None:
             motions.append(one.motion)
         else:
@@ -187,6 +193,8 @@ def read_motions(job: Job) -> tuple[list[GroundMotion], dict[str, str]]:
     if not motions:
         raise RecordError("\n".join(failures.values()) or "records: none passes `keep`")
     check_names(motions)
+    if folder is not None:
+        write_choice(considered, folder)
     return motions, failures
 
 

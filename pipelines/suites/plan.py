@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,7 +29,8 @@ from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_content
 from romdam.postprocess.responses import PARAMETER
-from romdam.records.record_set import usable_apart
+from romdam.records.components import check_components
+from romdam.records.record_set import Loaded, usable_apart
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import SOURCE, Row
@@ -56,6 +57,7 @@ class Plan:
     records : all of them, in order
     samples, design : what the samples vary; the same as a Dataset
     runs : of the records that can be used, in the order of the design
+    considered : records of entries with a target, those that were passed over too
     """
 
     job: Job
@@ -64,6 +66,7 @@ class Plan:
     samples: Samples
     design: xr.Dataset
     runs: list[Run]
+    considered: tuple[Loaded, ...] = ()
 
     @cached_property
     def first(self) -> dict[str, Run]:
@@ -94,7 +97,8 @@ def make_plan(job: Job, clock: Clock) -> Plan:
         places = parameter_places(job, _suite(job))
         design = design_dataset(job, _suite(job), places)
     with clock.stage("records", "reading records"):
-        records = read_records(job)
+        considered: list[Loaded] = []
+        records = read_records(job, considered.append)
     _refuse_many(job, len(records), design.sizes["sample"])
     motions = [record.motion for record in records if record.motion is not None]
     tell_doubts(job, ())  # of the records there may be hundreds
@@ -108,7 +112,8 @@ def make_plan(job: Job, clock: Clock) -> Plan:
         scene = build_scene(job.config, job.folder, str(job.path))
         scene, contents = _sampled(job, scene, samples)
     samples = replace(samples, contents=tuple(contents))
-    plan = Plan(job, scene, records, samples, design, _runs(records, _model_key(job, scene), contents))
+    runs = _runs(records, _model_key(job, scene), contents)
+    plan = Plan(job, scene, records, samples, design, runs, tuple(considered))
     _try_summary(plan)
     return plan
 
@@ -149,8 +154,10 @@ def _suite_job(job: Job) -> Job:
     return replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
 
 
-def read_records(job: Job) -> list[SuiteRecord]:
+def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list[SuiteRecord]:
     """Every record of a suite with its scale factors, those that cannot be used too.
+
+    `tell` is told of records as `load_records` tells of them.
 
     Raises
     ------
@@ -159,11 +166,11 @@ def read_records(job: Job) -> list[SuiteRecord]:
     """
     suite = _suite(job)
     records = []
-    for one in usable_apart(job.config.records, job.folder):
+    for one in usable_apart(job.config.records, job.folder, tell):
         factors, message = no_factors(suite), str(one.error or "")
         if one.motion is not None:
             factors, message = scale_factors(suite, one.motion)
-            message = message or _unusable(job, one.motion)
+            message = message or _unusable(job, one.motion) or _unmeasured(suite, one.motion)
         records.append(SuiteRecord(one.name, None if message else one.motion, message, factors))
     if all(record.motion is None for record in records):
         raise RecordError("\n".join(f"{record.name}: {record.message}" for record in records))
@@ -176,6 +183,15 @@ def _unusable(job: Job, motion: GroundMotion) -> str:
         refuse_lengths(job, [motion])
     except ConfigError as error:
         return str(error)
+    return ""
+
+
+def _unmeasured(suite: SuiteConfig, motion: GroundMotion) -> str:
+    """Say why `suite.of` cannot be told of a record; empty where it can."""
+    try:
+        check_components(motion.acc, suite.of)
+    except RecordError as error:
+        return f"{motion.name}: suite.{error}"
     return ""
 
 

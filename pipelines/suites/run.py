@@ -21,6 +21,7 @@ from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
+from romdam.records.design.account import write_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.journal import JOURNAL, append_rows
@@ -112,6 +113,7 @@ def run_suite(
             found = {run.place: rows[run.key] for run in plan.runs if run.key in rows}
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
             write_dataset(plan.design, folder / DESIGN)
+            write_choice(plan.considered, folder)
             path = write_summary(summary, folder)
         left = leftovers(folder, plan, rows)
     for name, motion in plan.motions.items():

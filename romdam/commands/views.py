@@ -107,25 +107,39 @@ def records(
             "--plot", parser=named_folder, metavar="DIR", help="Folder for a page of plots per record."
         ),
     ] = None,
+    target: Annotated[
+        Path | None,
+        typer.Option(
+            "--target",
+            metavar="FILE",
+            help="YAML with keys of an entry of `records:` (target, match, x_azimuth, unit, ...) for LIST.",
+        ),
+    ] = None,
+    select: Annotated[
+        int | None, typer.Option("--select", min=1, metavar="N", help="The N records nearest to the target.")
+    ] = None,
 ) -> None:
-    """List ground motions with their measures; one that cannot be read is a row that says why.
+    """List ground motions, a row for each component; one that cannot be read is a row that says why.
 
     Where nothing of LIST is a source of records, that is bad input.
     """
     from romdam.core.files import prepare_folder
-    from romdam.records.listing import format_table, list_records
+    from romdam.records.listing import format_table, list_records, read_settings
     from romdam.terminal import open_terminal
     from romdam.visual.record_plots import write_record_plots
+    from romdam.visual.target_plots import write_target_plots
 
     folder = prepare_folder(plot) if plot else None
     _, say = open_terminal(quiet=False, verbose=False)
-    listed = list_records(sources)
+    settings = read_settings(target, select)
+    listed = list_records(sources, settings)
     if listed and all(one.no_source for one in listed):
         raise RecordError("\n".join(one.error for one in listed))
     say(format_table(listed))
     if folder:
         pairs = [(one.motion, one.recorded) for one in listed if one.motion]
-        for path in write_record_plots(pairs, folder):
+        paths = write_record_plots(pairs, folder)
+        for path in (*paths, *write_target_plots([motion for motion, _ in pairs], folder)):
             say(f"written: {path}")
     if any(one.motion is None for one in listed):
         raise typer.Exit(FAILED)

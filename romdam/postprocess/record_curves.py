@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from romdam.config.sections.motions.target import NAMED
 from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import PERIODS
+from romdam.records.components import spectrum
 from romdam.records.measures import fourier_amplitude
 from romdam.records.processing.integrate import displacement, velocity
 from romdam.records.spectra import response_spectra
@@ -60,3 +64,44 @@ def _smoothed(freq: Floats, amplitude: Floats) -> tuple[Floats, Floats]:
     count, _ = np.histogram(freq[1:], edges)
     filled = count > 0
     return np.sqrt(edges[1:] * edges[:-1])[filled], np.sqrt(total[filled] / count[filled])
+
+
+@dataclass(frozen=True)
+class TargetCurves:
+    """The records that aim at one target.
+
+    Attributes
+    ----------
+    of : what of the components is held against it, as it is called
+    damping : ratio
+    periods, sa : (np,) of the target [s], [m/s2]
+    psa : (records, np) as they are used [m/s2]
+    """
+
+    of: str
+    damping: float
+    periods: Floats
+    sa: Floats
+    psa: Floats
+
+
+def target_curves(motions: Sequence[GroundMotion]) -> list[TargetCurves]:
+    """Spectra of motions beside their targets, one for each target."""
+    groups: dict[str, list[GroundMotion]] = {}
+    for motion in motions:
+        if target := target_of(motion):
+            groups.setdefault(str([target[key] for key in ("of", "damping", "sa_m_s2")]), []).append(motion)
+    return [_curves_of(group, target_of(group[0])) for group in groups.values()]
+
+
+def target_of(motion: GroundMotion) -> dict[str, Any]:
+    """What a motion's provenance says of its target; empty where there is none."""
+    about = motion.provenance.get("target")
+    return about if isinstance(about, dict) else {}
+
+
+def _curves_of(motions: Sequence[GroundMotion], target: dict[str, Any]) -> TargetCurves:
+    periods, damping = np.array(target["periods_s"]), float(target["damping"])
+    of = next(word for word, name in NAMED.items() if name == target["of"])
+    psa = np.array([spectrum(one.acc, one.dt, periods, damping, of) for one in motions])
+    return TargetCurves(str(target["of"]), damping, periods, np.array(target["sa_m_s2"]), psa)

@@ -8,7 +8,7 @@ import numpy as np
 
 from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
-from romdam.records.measures import measure, moving
+from romdam.records.components import measures, peak, spectrum
 from romdam.records.processing.resampling import cut_or_extended
 from romdam.records.spectra import pseudo_acceleration
 
@@ -36,28 +36,36 @@ def analysed(motion: GroundMotion, duration: float | None) -> GroundMotion:
     return replace(motion, acc=cut_or_extended(motion.acc, round(duration / motion.dt) + 1))
 
 
-def measures_at_scales(motion: GroundMotion | None, factors: Floats, period: float) -> dict[str, Floats]:
-    """Measures of a record's largest component, and its PSa at a period, at every scale.
+def measures_at_scales(
+    motion: GroundMotion | None, factors: Floats, period: float, of: str = "largest"
+) -> dict[str, Floats]:
+    """Measures of a record, and its PSa at a period, at every scale.
 
     Parameters
     ----------
     motion : before it is scaled; None gives NaN
     factors : (scales,) what it is multiplied by
     period : of the PSa at 5 % damping [s]
+    of : what of the components they are of
     """
     if motion is None:
         return {name: np.full(len(factors), np.nan) for name in (*MEASURES, "sa")}
-    acc = moving(motion.acc)
-    values = {name: float(np.nanmax(found)) for name, found in measure(acc, motion.dt).items()}
-    values["sa"] = float(pseudo_acceleration(acc, motion.dt, np.array([period])).max())
+    values = measures(motion.acc, motion.dt, of)
+    values["sa"] = float(spectrum(motion.acc, motion.dt, np.array([period]), 0.05, of)[0])
     return {name: values[name] * factors ** _POWER.get(name, 0) for name in (*MEASURES, "sa")}
 
 
-def intensity(motion: GroundMotion, name: str, period: float | None, damping: float) -> float:
-    """PGA or PSa of the largest component [m/s2]."""
-    if name == "pga" or period is None:
-        return float(np.abs(motion.acc).max())
-    return float(pseudo_acceleration(motion.acc, motion.dt, np.array([period]), damping).max())
+def intensity(motion: GroundMotion, period: float | None, damping: float, of: str) -> float:
+    """PSa at a period of a record, PGA where there is none [m/s2].
+
+    Raises
+    ------
+    RecordError
+        where the components are not there that `of` needs.
+    """
+    if period is None:
+        return peak(motion.acc, of)
+    return float(spectrum(motion.acc, motion.dt, np.array([period]), damping, of)[0])
 
 
 def largest_psa(motion: GroundMotion | None, periods: Floats, damping: float) -> Floats:

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.config.sections.motions.records import RecordConfig, ScaleConfig, unit_in_si
+from romdam.config.sections.motions.target import NAMED
 from romdam.core.errors import RecordError, shown
 from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation, check_channel, missing, one_record
+from romdam.records.components import AXES, peak, spectrum
 from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
 from romdam.records.processing.align import align
 from romdam.records.processing.correction import Signal, check_processed, correct
 from romdam.records.processing.orientation import rotation
 from romdam.records.sources import Recorded
-from romdam.records.spectra import pseudo_acceleration
 
-AXES = ("x", "y", "z")
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
 
 
@@ -55,13 +55,16 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     signal = _corrected(recorded, channels[0].dt, config, place)
     matrix = _matrix(axes, channels, config, place)
     acc = matrix @ signal.acc
-    scale = _scale(acc, signal.dt, config.scale, place)
+    scale, scaled_to = _scale(acc, signal.dt, config.scale, place)
     if not np.all(np.isfinite(scale * acc)):
         raise RecordError(f"{place}: correction and scale make values that are not finite; change them")
     warnings = (*doubts, *_below_usable(channels, signal), *signal.warnings)
     if not config.correction:
         warnings += check_processed(recorded, signal.dt)
-    account = _account(source, channels, factors, matrix) | _done(signal, config, scale)
+    warnings += _vertical_rules(scale * acc, config.scale)
+    account = _account(source, channels, factors, matrix) | _done(signal, config)
+    factor = scale.item(0) if np.all(scale == scale[0]) else scale.ravel().tolist()
+    account |= {"scale": factor, "scaled_to": scaled_to}
     return GroundMotion(source.name, scale * acc, signal.dt, account, warnings)
 
 
@@ -159,22 +162,38 @@ def _known(channel: Channel, place: str) -> Orientation:
     return channel.orientation
 
 
-def _scale(acc: NDArray[np.float64], dt: float, scale: ScaleConfig | None, place: str) -> float:
+def _scale(
+    acc: NDArray[np.float64], dt: float, scale: ScaleConfig | None, place: str
+) -> tuple[NDArray[np.float64], str]:
+    """Factors of the components, (3, 1), and what they bring the record to."""
     if scale is None:
-        return 1.0
-    if scale.factor is not None:
-        return scale.factor
-    if scale.pga is not None:
-        wanted, has = scale.pga, float(np.max(np.abs(acc)))
-    else:
-        periods = np.array([scale.period or 0.0])
-        wanted, has = (
-            float(scale.sa or 0.0),
-            float(np.max(pseudo_acceleration(acc, dt, periods, scale.damping))),
-        )
+        return np.ones((3, 1)), ""
+    own = np.array([[scale.x], [scale.y], [scale.z]])
+    if scale.pga is None and scale.sa is None:
+        return own * (scale.factor or 1.0), ""
+    try:
+        if scale.pga is not None:
+            name, wanted, has = "PGA", scale.pga, peak(own * acc, scale.of)
+        else:
+            periods = np.array([scale.period or 0.0])
+            name = f"PSa at {scale.period:g} s, {100.0 * scale.damping:g} % damping,"
+            wanted = scale.sa or 0.0
+            has = float(spectrum(own * acc, dt, periods, scale.damping, scale.of)[0])
+    except RecordError as error:
+        raise RecordError(f"{place}: scale: {error}") from None
     if has <= 0.0:
         raise RecordError(f"{place}: cannot be scaled to {wanted:g} m/s2, it does not move")
-    return wanted / has
+    return own * (wanted / has), f"{name} of the {NAMED[scale.of]} is {wanted:g} m/s2"
+
+
+def _vertical_rules(acc: NDArray[np.float64], scale: ScaleConfig | None) -> tuple[str, ...]:
+    """Say where nobody wrote that the vertical component counts, and it decides the factor."""
+    if scale is None or (scale.pga is None and scale.sa is None) or "of" in scale.model_fields_set:
+        return ()
+    peaks = np.max(np.abs(acc), axis=-1)
+    if not peaks[2] > np.max(peaks[:2]) > 0.0:
+        return ()
+    return ("scale: of the largest of x, y, z, and z is the largest; say of: larger_horizontal, or largest",)
 
 
 def _cut(channels: list[Channel], recorded: NDArray[np.float64], config: RecordConfig) -> tuple[str, ...]:
@@ -238,7 +257,7 @@ def _account(
     }
 
 
-def _done(signal: Signal, config: RecordConfig, scale: float) -> dict[str, object]:
+def _done(signal: Signal, config: RecordConfig) -> dict[str, object]:
     """Account for what was done to the motion."""
     return {
         "dt_recorded_s": signal.dt,
@@ -246,6 +265,5 @@ def _done(signal: Signal, config: RecordConfig, scale: float) -> dict[str, objec
         "correction": list(signal.log),
         "pad_before_s": signal.before * signal.dt,
         "pad_after_s": signal.after * signal.dt,
-        "scale": scale,
         "resampling": config.resampling,
     }

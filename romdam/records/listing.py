@@ -1,26 +1,30 @@
-"""List records: one row each, failures included."""
+"""List records: one row for each component, and one for what a target or scale is of; failures included."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from romdam.config.sections.motions.records import RecordConfig, is_manifest, manifest_rows
+from romdam.config.sections.motions.records import RecordConfig, is_manifest, manifest_rows, read_entry
+from romdam.config.sections.motions.target import NAMED
+from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
-from romdam.records.measures import measure, moving
+from romdam.records.components import measures
+from romdam.records.design.aim import Aimed
 from romdam.records.p695 import SETS
-from romdam.records.record_set import EACH, load_records
+from romdam.records.record_set import EACH, Loaded, load_records
 from romdam.records.sources import matching_files
 
 GRAVITY = 9.80665
 AXES = "xyz"
 HEADINGS = (
     "record",
-    "axes",
+    "component",
+    "channel",
     "dt s",
     "time s",
     "PGA g",
@@ -40,7 +44,9 @@ class Listed:
     ----------
     name : its identifier, or its source where it could not be read
     motion : as the structure will feel it; None where it could not be read
-    recorded : before its correction; None where nothing is corrected
+    recorded : before it was matched, or corrected where it was not, scaled alike; None where neither is done
+    of : what of the components its scale or target is of; "" where there is none
+    aimed : how it stands to its target; None where there is none
     error : why it could not be read
     no_source : whether what was asked for is no source of records at all
     """
@@ -48,23 +54,53 @@ class Listed:
     name: str
     motion: GroundMotion | None = None
     recorded: GroundMotion | None = None
+    of: str = ""
+    aimed: Aimed | None = None
     error: str = ""
     no_source: bool = False
 
 
-def list_records(sources: Sequence[str], common: RecordConfig | None = None) -> list[Listed]:
+def list_records(
+    sources: Sequence[str], common: RecordConfig | Mapping[str, object] | None = None
+) -> list[Listed]:
     """Read every record that the sources name; one that fails becomes a row with its error.
 
     Parameters
     ----------
     sources : each a job's YAML file, a manifest (CSV or YAML), a folder, a glob, a record file, or a
         P-695 set ("farfield", "nearfield_pulse", "nearfield_no_pulse")
-    common : unit, dt, correction and the like for sources that are not a job; its own source is ignored
+    common : unit, dt, correction, target and the like for sources that are not a job; its own source is
+        ignored
     """
     return [row for source in sources for row in _of_source(source, common)]
 
 
-def _of_source(source: str, common: RecordConfig | None) -> Iterator[Listed]:
+def read_settings(path: Path | None, select: int | None) -> dict[str, object]:
+    """Keys of an entry of `records:` from a YAML file, with so many to be selected.
+
+    Raises
+    ------
+    ConfigError
+        for what is no mapping of them; what they hold is checked with the source.
+    """
+    if path is None and select is not None:
+        raise ConfigError("--select: needs --target FILE, what the records are to be near to")
+    read = {} if path is None else read_yaml(path)
+    if not isinstance(read, dict):
+        raise ConfigError(f"{path}: expected keys of an entry of `records:`, such as `target`")
+    settings: dict[str, object] = dict(read)
+    tables = settings.get("target")
+    spectrum = tables.get("spectrum") if isinstance(tables, dict) else None
+    if path is not None and isinstance(spectrum, dict) and "table" in spectrum:
+        spectrum["table"] = str(path.parent.resolve() / str(spectrum["table"]))
+    if select is not None:
+        settings = {"scale": "target"} | settings | {"select": select}
+    if "match" in settings and settings.get("scale") == "target":
+        del settings["scale"]
+    return settings
+
+
+def _of_source(source: str, common: RecordConfig | Mapping[str, object] | None) -> Iterator[Listed]:
     try:
         entries = list(_entries(source, common))
     except (RecordError, ConfigError) as error:
@@ -74,74 +110,140 @@ def _of_source(source: str, common: RecordConfig | None) -> Iterator[Listed]:
         yield from _load(entry, folder)
 
 
-def _entries(source: str, common: RecordConfig | None) -> Iterator[tuple[RecordConfig, Path]]:
+def _settings(common: RecordConfig | Mapping[str, object] | None) -> dict[str, object]:
+    """What is done to every record of a source: where nothing is said, each channel is a motion along y."""
+    if isinstance(common, RecordConfig):
+        common = common.model_dump(exclude_unset=True, exclude={"file", "files", "manifest", "suite"})
+    settings = dict(common or {})
+    named = "components" in settings or "x_azimuth" in settings
+    return settings if named else settings | {"components": {"y": EACH}}
+
+
+def _entries(
+    source: str, common: RecordConfig | Mapping[str, object] | None
+) -> Iterator[tuple[RecordConfig, Path]]:
     from romdam.config.load import load_config
 
-    settings: dict[str, object] = {"components": {"y": EACH}}
-    if common is not None:
-        settings |= common.model_dump(exclude_unset=True, exclude={"file", "files", "manifest", "suite"})
-    path = Path(source)
+    settings, path = _settings(common), Path(source)
     if source in SETS:
-        yield RecordConfig.model_validate(settings | {"suite": source}), Path()
+        yield read_entry(settings | {"suite": source}, source), Path()
     elif path.suffix.lower() not in (".yaml", ".yml", ".csv"):
-        files = matching_files(path)
-        if not files:
+        if not matching_files(path):
             raise RecordError(f"{source}: no such file, folder, pattern or P-695 set ({', '.join(SETS)})")
-        for file in files:
-            yield RecordConfig.model_validate(settings | {"file": file.resolve()}), Path()
+        yield read_entry(settings | {"files": str(path.resolve())}, source), Path()
     elif is_manifest(path):
         manifest_rows(path)  # its own mistakes are those of the source, not of a record
-        yield RecordConfig.model_validate(settings | {"manifest": path.resolve()}), Path()
+        yield read_entry(settings | {"manifest": path.resolve()}, source), Path()
     else:
         job = load_config(path)
         yield from ((entry, job.folder) for entry in job.config.records)
 
 
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
-    raw: dict[str, GroundMotion | None] = {}
-    if entry.correction:
-        uncorrected = entry.model_copy(update={"correction": (), "keep": {}})
-        raw = {one.name: one.motion for one in load_records([uncorrected], folder)}
-    for one in load_records([entry], folder):
-        yield Listed(one.name, one.motion, raw.get(one.name), str(one.error or ""))
+    raw = _before(entry, folder)
+    every: list[Loaded] = []
+    every += load_records([entry], folder, lambda one: None if one.passes else every.append(one))
+    of = _named_measure(entry)
+    for one in every:
+        recorded = raw.get(one.name)
+        if recorded is not None and one.aimed is not None:
+            recorded = replace(recorded, acc=one.aimed.factor * recorded.acc)
+        yield Listed(one.name, one.motion, recorded, of, one.aimed, str(one.error or ""))
+
+
+def _before(entry: RecordConfig, folder: Path) -> dict[str, GroundMotion | None]:
+    """The records before they are matched, or corrected where none is; none where neither is done."""
+    if not (entry.correction or entry.match):
+        return {}
+    undone: dict[str, object] = {"keep": {}, "target": None, "select": None, "match": None}
+    undone |= {} if entry.match else {"correction": ()}
+    undone |= {"scale": None} if entry.target else {}
+    return {one.name: one.motion for one in load_records([entry.model_copy(update=undone)], folder)}
+
+
+def _named_measure(entry: RecordConfig) -> str:
+    scale = entry.scale
+    scaled = scale.of if scale is not None and (scale.pga or scale.sa) else ""
+    return entry.target.of if entry.target else scaled
 
 
 def format_table(listed: Sequence[Listed]) -> str:
-    """Lay the records out in aligned columns; warnings and errors follow, one a line."""
-    rows = [_row(one) for one in listed if one.motion is not None]
-    columns = [HEADINGS, *rows]
-    widths = [max(len(row[i]) for row in columns) for i in range(len(HEADINGS))]
-    lines = [
+    """Lay the components out in aligned columns; targets, warnings and errors follow, one a line."""
+    read = [one for one in listed if one.motion is not None]
+    passed = [one for one in listed if one.motion is None and one.aimed is not None and one.aimed.why]
+    failed = [one.error for one in listed if one.motion is None and one not in passed]
+    lines = _aligned([HEADINGS, *(row for one in read for row in _rows(one))], (0, 1, 2))
+    if any(one.aimed for one in listed):
+        lines += ["", *_aligned([TARGET_HEADINGS, *map(_aim_row, (*read, *passed))], (0, 3))]
+    lines += ["", f"{len(read)} records" + (f", {len(failed)} failed" if failed else "")]
+    lines += [f"scaled: {text}" for text in dict.fromkeys(map(_scaled_to, read)) if text]
+    lines += [f"warning: {one.name}: {text}" for one in read if one.motion for text in one.motion.warnings]
+    return "\n".join([*lines, *(f"error: {text}" for text in failed)])
+
+
+TARGET_HEADINGS = ("record", "factor", "misfit", "target")
+
+
+def _aligned(rows: Sequence[tuple[str, ...]], texts: tuple[int, ...]) -> list[str]:
+    """Lines of columns, those numbered in `texts` to the left and the others, of numbers, to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
         "  ".join(
-            word.ljust(width) if i < 2 else word.rjust(width)
+            word.ljust(width) if i in texts else word.rjust(width)
             for i, (word, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
-        for row in columns
+        for row in rows
     ]
-    notes = [f"{one.name}: {w}" for one in listed if one.motion is not None for w in one.motion.warnings]
-    failed = [one.error for one in listed if one.motion is None]
-    count = f"{len(rows)} records" + (f", {len(failed)} failed" if failed else "")
-    return "\n".join(
-        [*lines, "", count, *(f"warning: {note}" for note in notes), *(f"error: {f}" for f in failed)]
-    )
 
 
-def _row(listed: Listed) -> tuple[str, ...]:
-    """The largest component's measures."""
+def _rows(listed: Listed) -> Iterator[tuple[str, ...]]:
+    """The measures of each component that moves, as recorded too where it was matched, and of `of`."""
     motion = listed.motion
     assert motion is not None
-    shaken = np.any(motion.acc != 0.0, axis=-1)
-    axes = "".join(axis for axis, moves in zip(AXES, shaken, strict=True) if moves) or "-"
-    found = measure(moving(motion.acc), motion.dt)
-    peak = {
-        name: float(np.nanmax(values)) if np.isfinite(values).any() else 0.0 for name, values in found.items()
-    }
+    moves = [axis for axis, row in zip(AXES, motion.acc, strict=True) if np.any(row != 0.0)] or ["x"]
+    about = motion.provenance.get("target")
+    matched = about.get("matched") if isinstance(about, dict) else None
+    for axis in moves:
+        yield _row(listed.name, motion, axis)
+        if isinstance(matched, dict) and axis in matched and listed.recorded is not None:
+            yield _row(listed.name, listed.recorded, axis, ", scaled alone")
+    if listed.of and listed.of not in AXES and len(moves) > 1:
+        yield _row(listed.name, motion, listed.of)
+
+
+def _row(name: str, motion: GroundMotion, of: str, about: str = "") -> tuple[str, ...]:
+    has = measures(motion.acc, motion.dt, of) if np.any(motion.acc != 0.0) else dict.fromkeys(_NUMBERS, 0.0)
     return (
-        listed.name,
-        axes,
+        name,
+        NAMED[of] + about,
+        _channel(motion, of),
         f"{motion.dt:g}",
         f"{motion.duration:.2f}",
-        f"{peak['pga'] / GRAVITY:.3f}",
-        *(f"{peak[name]:.3g}" for name in ("pgv", "pgd", "arias", "cav")),
-        f"{peak['d5_95']:.2f}",
+        f"{has['pga'] / GRAVITY:.3f}",
+        *(f"{has[name]:.3g}" for name in ("pgv", "pgd", "arias", "cav")),
+        f"{has['d5_95']:.2f}",
     )
+
+
+_NUMBERS = ("pga", "pgv", "pgd", "arias", "cav", "d5_95")
+
+
+def _channel(motion: GroundMotion, axis: str) -> str:
+    """Codes of the channels that a component is made of."""
+    matrix, channels = motion.provenance.get("to_axes"), motion.provenance.get("channels")
+    if axis not in AXES or not isinstance(matrix, list) or not isinstance(channels, list):
+        return ""
+    row = matrix[AXES.index(axis)]
+    return "+".join(one["code"] for one, share in zip(channels, row, strict=True) if abs(share) > 1e-9)
+
+
+def _aim_row(listed: Listed) -> tuple[str, ...]:
+    one = listed.aimed
+    if one is None:
+        return (listed.name, "", "", "")
+    about = one.why or f"of {NAMED[listed.of]}"
+    return (listed.name, f"{one.factor:.3f}", f"{one.misfit:.3f}", about)
+
+
+def _scaled_to(listed: Listed) -> str:
+    return str(listed.motion.provenance.get("scaled_to", "")) if listed.motion else ""

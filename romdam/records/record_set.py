@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from romdam.config.names import misnamed_file, same_file
 from romdam.config.sections.motions.records import MEASURES, RecordConfig
@@ -15,7 +13,8 @@ from romdam.core.errors import ConfigError, RecordError, shown
 from romdam.core.motion import GroundMotion
 from romdam.records.assemble import build_motion
 from romdam.records.channel import Channel
-from romdam.records.measures import measure, moving
+from romdam.records.components import measures
+from romdam.records.design.aim import Aimed, aim
 from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.sources import Recorded, Source, pick, sources_of
 
@@ -31,28 +30,38 @@ class Loaded:
     name : of the record; of its source where it could not be read
     motion : read, corrected, oriented and scaled; None where it cannot be used
     error : why not
-    passes : whether the entry's `keep` takes it
+    passes : whether the entry's `keep` and `select` take it
+    aimed : how it stands to its entry's target; None where there is none
     """
 
     name: str
     motion: GroundMotion | None = None
     error: RecordError | ConfigError | None = None
     passes: bool = True
+    aimed: Aimed | None = None
 
 
-def load_records(records: Sequence[RecordConfig], folder: Path) -> Iterator[Loaded]:
+def load_records(
+    records: Sequence[RecordConfig], folder: Path, tell: Callable[[Loaded], None] | None = None
+) -> Iterator[Loaded]:
     """Read, correct, orient and scale every record: one that cannot be used takes no other with it.
 
     Parameters
     ----------
     records : entries of `records:`
     folder : where relative paths start (the folder of the YAML file)
+    tell : told of every record of an entry with a target, those that are passed over too
 
     Returns
     -------
-    In the order of the entries; those that an entry's `keep` leaves out are not among them.
+    In the order of the entries; those that an entry's `keep` or `select` leaves out are not among them.
     """
-    return (one for entry in records for one in _of_entry(entry, folder) if one.passes)
+    for entry in records:
+        for one in _of_entry(entry, folder):
+            if entry.target is not None and tell is not None:
+                tell(one)
+            if one.passes:
+                yield one
 
 
 def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMotion]:
@@ -67,7 +76,7 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
     for entry in records:
         loaded = list(_of_entry(entry, folder))
         for one in loaded:
-            if one.error is not None:
+            if one.error is not None and one.passes:
                 raise one.error
         passing = [one.motion for one in loaded if one.motion is not None and one.passes]
         if not passing:
@@ -89,8 +98,23 @@ def _of_entry(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
     except (RecordError, ConfigError) as error:
         yield Loaded(entry.name or str(entry.manifest or entry.files), error=error)
         return
-    for source in sources:
-        yield from _of_source(source)
+    loaded = (one for source in sources for one in _of_source(source))
+    yield from loaded if entry.target is None else _aimed(list(loaded), entry, folder)
+
+
+def _aimed(loaded: list[Loaded], entry: RecordConfig, folder: Path) -> list[Loaded]:
+    """The records of an entry with a target; those that cannot be read are passed over where it selects."""
+    unread = [replace(one, passes=entry.select is None) for one in loaded if one.motion is None]
+    motions = [one.motion for one in loaded if one.motion is not None and one.passes]
+    try:
+        aimed = aim(entry, folder, motions) if motions else []
+    except (RecordError, ConfigError) as error:
+        return [
+            Loaded(entry.name or str(entry.files or entry.manifest or entry.suite or entry.file), error=error)
+        ]
+    if not motions and entry.select is not None:
+        return [replace(one, passes=True) for one in unread]
+    return [Loaded(one.name, one.motion, one.error, not one.why, one) for one in aimed] + unread
 
 
 def _of_source(source: Source) -> list[Loaded]:
@@ -139,13 +163,13 @@ def _axes(recorded: Recorded) -> dict[str, Channel]:
 
 
 def _passes(motion: GroundMotion, config: RecordConfig) -> bool:
-    """Tell whether the largest component's measures lie in the limits."""
+    """Tell whether the measures of the largest of x, y, z lie in the limits."""
     if not config.keep:
         return True
-    values = measure(moving(motion.acc), motion.dt)
+    values = measures(motion.acc, motion.dt, "largest")
     for name, limits in config.keep.items():
         low, high = limits.in_unit(MEASURES[name])
-        if not low <= float(np.nanmax(values[name])) <= high:
+        if not low <= values[name] <= high:
             return False
     return True
 
@@ -174,7 +198,9 @@ def check_names(motions: Sequence[GroundMotion]) -> None:
             )
 
 
-def usable_apart(records: Sequence[RecordConfig], folder: Path) -> list[Loaded]:
+def usable_apart(
+    records: Sequence[RecordConfig], folder: Path, tell: Callable[[Loaded], None] | None = None
+) -> list[Loaded]:
     """Give every record of `load_records` a name of its own that can name a file, for runs by the hundred.
 
     A motion whose unit is doubted counts as one that cannot be used: nobody reads a warning among hundreds of
@@ -182,7 +208,7 @@ def usable_apart(records: Sequence[RecordConfig], folder: Path) -> list[Loaded]:
     """
     loaded: list[Loaded] = []
     places: dict[str, str] = {}
-    for one in map(_refuse_doubted, load_records(records, folder)):
+    for one in map(_refuse_doubted, load_records(records, folder, tell)):
         name, where = re.sub(r"[^\w.+-]", "_", one.name), _where(one)
         if wrong := misnamed_file(name):
             name, why = "record", f"the record's name {shown(name)} {wrong}; give it a `name`"

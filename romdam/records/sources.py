@@ -5,7 +5,9 @@ from __future__ import annotations
 import glob
 import hashlib
 import itertools
+import logging
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -15,8 +17,11 @@ import numpy as np
 from romdam.config.sections.motions.records import RecordConfig, manifest_rows, read_row
 from romdam.core.errors import RecordError, shown
 from romdam.records.channel import Channel, one_record
+from romdam.records.formats.knet import BOREHOLE, SURFACE, is_component, missing_files, of_one_record
 from romdam.records.formats.registry import FORMATS, Declared, read_channels
 from romdam.records.formats.text import NUMBER, read_bytes
+
+log = logging.getLogger(__name__)
 
 MOST_FILES = 10_000  # of one folder or glob
 NOT_RECORDS = {".md", ".yaml", ".yml", ".csv", ".json", ".xml", ".py", ".pdf", ".png"}
@@ -80,12 +85,50 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
     if entry.files is not None:
         return _files(entry, folder)
     if entry.file is not None:
-        return [_file(entry, folder / entry.file, folder)]
+        return [_file(entry, _three_files(folder / entry.file), folder)]
     return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
 
 
-def _file(entry: RecordConfig, path: Path, folder: Path) -> Source:
-    return Source(entry.name or path.stem, lambda: [_from_file(path, entry, folder)])
+def _file(entry: RecordConfig, record: tuple[str, list[Path]], folder: Path) -> Source:
+    name, paths = record
+    return Source(entry.name or name, lambda: [_from_files(entry.name or name, paths, entry, folder)])
+
+
+def _three_files(path: Path) -> tuple[str, list[Path]]:
+    """Name of the record of a file, and the files of K-NET and KiK-net that belong to it, itself first.
+
+    Raises
+    ------
+    RecordError
+        for a name without suffix under which there are records of a borehole and of the surface.
+    """
+    every: list[Path] = []
+    with suppress(OSError, ValueError):  # the reader of the file says what is wrong with it
+        every = [path] if path.exists() else []
+        every += sorted(one for one in path.parent.glob(f"{glob.escape(path.stem)}.*") if one != path)
+    records = of_one_record(every)
+    if path in every:
+        return next(record for record in records if path in record[1])
+    known = [record for record in records if is_component(record[1][0])]
+    if len(known) > 1:
+        names = " or ".join(paths[0].name for _, paths in known)
+        raise RecordError(
+            f"{path}: there are records of the borehole and of the surface; name a file of one, {names}"
+        )
+    return known[0] if known else (path.stem, [path])
+
+
+def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path) -> Recorded:
+    """One record of one or several files, whose channels stand in their order."""
+    first, *others = [_from_file(path, entry, folder) for path in paths]
+    channels = [channel for one in (first, *others) for channel in one.channels]
+    files = {key: value for one in (first, *others) for key, value in one.files.items()}
+    if len(paths) > 1:
+        log.info("%s: read as one record with %s", paths[0], ", ".join(path.name for path in paths[1:]))
+    if gone := missing_files(paths):
+        said = f"{', '.join(gone)} is not there, it would belong to the record"
+        channels[0] = replace(channels[0], warnings=(*channels[0].warnings, said))
+    return replace(first, name=name, channels=channels, files=files)
 
 
 def _files(entry: RecordConfig, folder: Path) -> list[Source]:
@@ -95,13 +138,25 @@ def _files(entry: RecordConfig, folder: Path) -> list[Source]:
             f"{folder / str(entry.files)}: no record files found; check the path or the pattern"
         )
     if entry.group == "file":
-        return [_file(entry, path, folder) for path in paths]
+        records = of_one_record(paths)
+        _tell_boreholes([name for name, _ in records], str(entry.files))
+        return [_file(entry, record, folder) for record in records]
     return [
         Source(
             entry.name or str(entry.files),
             lambda: list(_by_station([_from_file(path, entry, folder) for path in paths])),
         )
     ]
+
+
+def _tell_boreholes(records: list[str], place: str) -> None:
+    """Say where records of boreholes lie among those of the surface: nothing tells them apart in a table."""
+    holes = [name for name in records if name.endswith(BOREHOLE)]
+    if holes and any(name.endswith(SURFACE) for name in records):
+        log.warning(
+            "%s: KiK-net records of boreholes (%s) and of the surface are each a record of its own; take one "
+            "kind by its suffix, such as files: '*.EW2'", place, ", ".join(holes[:5]),
+        )  # fmt: skip
 
 
 def _rows(manifest: Path, entry: RecordConfig) -> list[Source]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 TURNS = 8.0  # substeps a period, at least
 ROTATIONS = 180  # one a degree
 ROTATED_TURNS = 32.0  # a parabola through samples this close errs by less than 1e-4 of the peak
+EXTREME_TURNS = 16.0  # cos(pi / 16): a peak is missed by 2 % at worst, by 0.6 % on average
 CHUNK = 64  # samples between stored states
 NEAR = 0.9  # cos(pi / 8) = 0.924 of a peak is what the worst placed samples see
 
@@ -99,6 +101,30 @@ def pseudo_acceleration(acc: Array, dt: float, periods: Array, damping: float = 
             responses = _integrate(rows[row], substeps, coefficients, False)
             peaks[row, group] = _refine(rows[row], substeps, coefficients, *responses)[0]
     return peaks * (2.0 * np.pi / periods) ** 2
+
+
+def extremes(
+    acc: Array, dt: float, periods: Array, damping: float, near: float
+) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
+    """Find the extremes of oscillators under one component (nt,) that reach `near` of their peaks.
+
+    Returns
+    -------
+    number of the period, time [s], pseudo-acceleration with its sign [m/s2], whether it is the peak; (ne,)
+    each, by rising period. Between samples extremes are not sought: there are `EXTREME_TURNS` a period
+    """
+    periods, _ = _checked(periods, (damping,))
+    rows: list[tuple[NDArray[Any], ...]] = [()] * periods.size
+    for group, substeps, coefficients in _groups(periods, dt, float(damping), EXTREME_TURNS):
+        for column, index in enumerate(np.flatnonzero(group)):
+            history = (2.0 * np.pi / periods[index]) ** 2 * _history(acc, substeps, coefficients[:, column])
+            size = np.abs(history)
+            peak = int(np.argmax(size))
+            turns = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] >= near * size[peak])
+            at = np.union1d(1 + np.flatnonzero(turns), peak)
+            rows[index] = np.full(at.size, index), at * dt / substeps, history[at], at == peak
+    which, time, value, largest = (np.concatenate(column) for column in zip(*rows, strict=True))
+    return which.astype(np.int64), time, value, largest.astype(bool)
 
 
 def rotated_psa(

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
-from romdam.postprocess.record_curves import RecordCurves, record_curves
+from romdam.postprocess.record_curves import RecordCurves, record_curves, target_of
 from romdam.postprocess.record_measures import PERIODS
 from romdam.visual.style import COLOURS, GREY, STYLE
 
@@ -28,7 +28,7 @@ def plot_record(motion: GroundMotion, recorded: GroundMotion | None = None) -> F
     Parameters
     ----------
     motion : as the structure feels it, pads included
-    recorded : before correction, drawn grey behind; None where nothing was corrected
+    recorded : before it was corrected or matched, drawn grey behind; None where neither was done
     """
     shaken = [i for i in range(3) if np.any(motion.acc[i] != 0.0)] or [0]
     with mpl.rc_context(STYLE):
@@ -37,7 +37,9 @@ def plot_record(motion: GroundMotion, recorded: GroundMotion | None = None) -> F
         for column, axis in enumerate(shaken):
             curves = record_curves(motion, axis), record_curves(recorded, axis) if recorded else None
             _histories(panels[:3, column], motion, curves, axis)
-            _response(panels[3, column], curves)
+            if recorded is not None:
+                _recorded(panels[:3, column], recorded, curves, _words(motion)[1])
+            _response(panels[3, column], curves, motion)
             _fourier(panels[4, column], motion, curves)
         for row in panels:
             for ax in row[1:]:
@@ -64,13 +66,9 @@ def write_record_plots(pairs: Iterable[tuple[GroundMotion, GroundMotion | None]]
 def _histories(panels: Array, motion: GroundMotion, curves: Curves, axis: int) -> None:
     after, before = curves
     start = _seconds(motion, "pad_before_s")  # pads lie at negative times: both histories start at 0
-    label = "corrected" if before else None
+    label = _words(motion)[0] if before else None
     for ax, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
         values = getattr(after, quantity)
-        if before is not None:
-            recorded = getattr(before, quantity)
-            ax.plot(before.time, recorded, color=GREY, lw=0.7, label="as recorded")
-            _keep_in_view(ax, values, recorded)
         ax.plot(after.time - start, values, color=COLOURS[0], lw=0.7, label=label)
         ax.axhline(0.0, color="black", lw=0.4, zorder=0)
         ax.set_ylabel(unit)
@@ -81,8 +79,23 @@ def _histories(panels: Array, motion: GroundMotion, curves: Curves, axis: int) -
     panels[0].set_title(f"component {AXES[axis]}")
     panels[2].set_xlabel("time [s]")
     _zoom_on_record(panels, motion)
-    if before is not None:
-        panels[0].legend(loc="lower right", ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _recorded(panels: Array, recorded: GroundMotion, curves: Curves, label: str) -> None:
+    """The histories before, behind those after."""
+    after, before = curves
+    assert before is not None
+    start = _seconds(recorded, "pad_before_s")
+    for ax, quantity in zip(panels, QUANTITIES, strict=True):
+        values = getattr(before, quantity)
+        ax.plot(before.time - start, values, color=GREY, lw=0.7, label=label, zorder=1)
+        _keep_in_view(ax, getattr(after, quantity), values)
+    panels[0].legend(loc="lower right", ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _words(motion: GroundMotion) -> tuple[str, str]:
+    """What a motion is after what was done to it, and what it was before."""
+    return ("matched", "scaled alone") if "matched" in target_of(motion) else ("corrected", "as recorded")
 
 
 def _seconds(motion: GroundMotion, name: str) -> float:
@@ -113,10 +126,15 @@ def _keep_in_view(ax: Axes, after: Array, before: Array) -> None:
         )  # fmt: skip
 
 
-def _response(ax: Axes, curves: Curves) -> None:
+def _response(ax: Axes, curves: Curves, motion: GroundMotion) -> None:
     after, before = curves
     if before is not None:
-        ax.loglog(PERIODS, before.psa[0.05], color=GREY, lw=0.9, label="5 %, as recorded")
+        ax.loglog(PERIODS, before.psa[0.05], color=GREY, lw=0.9, label=f"5 %, {_words(motion)[1]}")
+    if target := target_of(motion):
+        label = f"target, {100 * target['damping']:g} %"
+        ax.loglog(
+            target["periods_s"], target["sa_m_s2"], color="black", lw=1.2, ls="--", label=label, zorder=3
+        )
     for k, (damping, psa) in enumerate(after.psa.items()):
         ax.loglog(PERIODS, psa, color=COLOURS[k], lw=1.0, label=f"{100 * damping:g} %")
     ax.set_xlabel("period [s]")
@@ -128,7 +146,7 @@ def _response(ax: Axes, curves: Curves) -> None:
 def _fourier(ax: Axes, motion: GroundMotion, curves: Curves) -> None:
     after, before = curves
     if before is not None:
-        ax.loglog(before.freq, before.amplitude, color=GREY, lw=0.9, label="as recorded")
+        ax.loglog(before.freq, before.amplitude, color=GREY, lw=0.9, label=_words(motion)[1])
     ax.loglog(after.freq, after.amplitude, color=COLOURS[0], lw=0.9)
     for corner in _corners(motion):
         ax.axvline(corner, color=COLOURS[1], lw=0.8, ls="--")

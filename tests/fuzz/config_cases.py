@@ -78,7 +78,7 @@ _TWO: dict[str, Any] = {
                 {"step": "displacement_baseline", "order": 4},
                 {"step": "velocity_baseline", "knots": [0.2]},
             ],
-            "scale": {"pga": "0.2 g", "damping": 0.05},
+            "scale": {"pga": "0.2 g", "damping": 0.05, "of": "y", "y": 1.5},
             "keep": {"pga": {"min": 0.0, "max": "2 g"}},
             "gaps": "error",
         }
@@ -148,7 +148,20 @@ def _arch() -> dict[str, Any]:
         },
         "damping": {"modal": [0.05, 0.06]},
         "records": [
-            {"file": "pulse.txt", "unit": "9.81 m/s2", "dt": 0.01, "components": {"y": {"channel": 1}}}
+            {
+                "file": "pulse.txt",
+                "unit": "9.81 m/s2",
+                "dt": 0.01,
+                "components": {"y": {"channel": 1}},
+                "scale": {"to": "target", "factors": [1e-3, 1e3], "mean_at_least": 0.9},
+                "target": {
+                    "spectrum": {"asce7": {"SDS": "1 g", "SD1": "0.6 g", "TL": "8 s"}},
+                    "periods": [0.1, 0.2],
+                    "of": "y",
+                    "damping": "5 %",
+                },
+                "select": 1,
+            }
         ],
         "model": {"cutoff": "12 Hz"},
         "transient": {"finest_step": 0.005, "duration": 0.2},
@@ -177,7 +190,18 @@ def _gravity() -> dict[str, Any]:
 def _suite() -> dict[str, Any]:
     raw = copy.deepcopy(_TWO)
     raw["records"] = [
-        {"files": "*.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": {"channel": "each"}}}
+        {
+            "files": "*.txt",
+            "unit": "m/s2",
+            "dt": 0.01,
+            "components": {"y": {"channel": "each"}},
+            "target": {
+                "spectrum": {"eurocode8": {"ag": 1.0, "S": 1.0, "TB": 0.1, "TC": 0.4, "TD": 2.0}},
+                "periods": [0.1, 0.2],
+                "of": "y",
+            },
+            "match": {"tolerance": 0.3},
+        }
     ]
     raw["damping"] = {"rayleigh": {"alpha": 0.5, "beta": 1e-3}}
     raw["transient"] = {"accuracy": 0.05}
@@ -186,7 +210,7 @@ def _suite() -> dict[str, Any]:
     del raw["joints"]["gap"]["shear_key"], raw["outputs"]["stress"], raw["study"], raw["comparison"]
     raw["pipeline"] = "suite"
     raw["suite"] = {
-        "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "values": [1.0]},
+        "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "of": "y", "values": [1.0]},
         "parameters": {
             "mu": {"path": "joints.gap.friction", "low": 0.4, "high": 0.7, "distribution": "uniform"},
             "alpha": {"path": "damping.rayleigh.alpha", "values": [0.5, 1.0]},
@@ -194,6 +218,7 @@ def _suite() -> dict[str, Any]:
         "design": {"latin_hypercube": 2, "seed": 3},
         "keep": {"output_interval": 0.02, "precision": "single"},
         "period": 0.3,
+        "of": "y",
         "batch": 2,
     }
     return raw

@@ -179,7 +179,7 @@ def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
     np.testing.assert_allclose(read.psa[0], expected)
     assert np.isnan(read.psa[1:]).all() and read.picture.values.tobytes() == b"picture"
     text = report_html(Subject(summary, Topic(), read, b"\x89PNG"))
-    assert "Pseudo-acceleration of the largest component" in text and "image/png;base64,iVBORw==" in text
+    assert "the largest of x, y, z" in text and "image/png;base64,iVBORw==" in text
     summary.attrs["configuration_sha256"] = "of another suite"
     assert read_report_data(summary, tmp_path) is None
     assert read_report_data(summary, tmp_path / "empty") is None

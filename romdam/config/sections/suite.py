@@ -10,6 +10,7 @@ from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole
+from romdam.config.sections.motions.target import Of
 from romdam.core.errors import shown
 
 MOST_RUNS = 1_000_000
@@ -18,10 +19,12 @@ Positive = Field(gt=0.0)
 
 
 class IntensityConfig(Model):
-    """Scale every record to target values of a measure of its largest component, instead of by factors."""
+    """Scale every record to target values of a measure of its components, instead of by factors."""
 
     measure: Literal["pga", "sa"]
-    """Of the largest component."""
+    """Peak ground acceleration or pseudo-spectral acceleration."""
+    of: Of = "largest"
+    """What of the components has it."""
     period: Annotated[Time, Positive] | None = None
     """Of the spectral acceleration."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
@@ -95,8 +98,9 @@ class SuiteConfig(Model):
     `scales` are factors on the records, `intensities` target values instead. `parameters` and `design` make
     the samples: the full grid of values, a Latin hypercube, or a table. `keep` says what lands beside the
     summary: nothing (`peaks`), whole results (`full`), or results at an interval. `period` is that of the
-    spectral acceleration among the records' measures, `batch` that of runs integrated together (from the
-    memory if not given), `cache` the folder of reduced blocks (OUT/cache if not given).
+    spectral acceleration among the records' measures, `of` what of the components these are of, `batch` that
+    of runs integrated together (from the memory if not given), `cache` the folder of reduced blocks
+    (OUT/cache if not given).
     """
 
     scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)
@@ -114,6 +118,7 @@ class SuiteConfig(Model):
         by_shape('"peaks", "full", or {output_interval: 0.05 s}', "peaks", "full"),
     ] = "peaks"
     period: Annotated[Time, Positive] = 0.3
+    of: Of = "largest"
     batch: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
     cache: Path | None = None
 

@@ -9,6 +9,7 @@ record without its mean. ObsPy's reader of the format checks neither length nor 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -29,6 +30,9 @@ ORIGIN, MAGNITUDE, STATION, START, RATE, DURATION, DIRECTION, SCALE, PEAK = 0, 4
 _RATE = re.compile(r"(\d+(?:\.\d+)?)\s*Hz", re.IGNORECASE)
 _SCALE = re.compile(r"(\d+(?:\.\d+)?)\s*\(gal\)\s*/\s*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _KIKNET = {"1": "NS1", "2": "EW1", "3": "UD1", "4": "NS2", "5": "EW2", "6": "UD2"}  # 1 in the hole, 2 above
+BOREHOLE, SURFACE = "_borehole", "_surface"  # in the names of KiK-net's records
+_SENSORS = {"": "", "1": BOREHOLE, "2": SURFACE}
+_SUFFIX = re.compile(r"\.(?:EW|NS|UD)([12]?)", re.IGNORECASE)
 JAPAN, DELAY = timedelta(hours=9), timedelta(seconds=15)  # the logger's clock; it stamps 15 s late
 _DIGIT = 0.001  # gal, of the printed peak
 
@@ -36,6 +40,34 @@ _DIGIT = 0.001  # gal, of the printed peak
 def is_knet(head: str) -> bool:
     """Tell whether the start of a file looks like K-NET's."""
     return head.startswith("Origin Time")
+
+
+def is_component(path: Path) -> bool:
+    """Tell whether a file's suffix is that of one component of K-NET or KiK-net."""
+    return _SUFFIX.fullmatch(path.suffix) is not None
+
+
+def of_one_record(paths: Iterable[Path]) -> list[tuple[str, list[Path]]]:
+    """Name of each record and its files: NAME.EW, .NS, .UD are one, KiK-net's .EW1 ... and .EW2 ... another.
+
+    What has other suffixes is a record of its own.
+    """
+    records: dict[tuple[Path, str], list[Path]] = {}
+    for path in paths:
+        match = _SUFFIX.fullmatch(path.suffix)
+        key = (path, path.stem) if match is None else (path.parent, path.stem + _SENSORS[match[1]])
+        records.setdefault(key, []).append(path)
+    return [(name, files) for (_, name), files in records.items()]
+
+
+def missing_files(paths: list[Path]) -> list[str]:
+    """Names of the components that the files of a record of K-NET or KiK-net lack."""
+    if len(paths) > 2 or not is_component(paths[0]):
+        return []
+    sensor = paths[0].suffix[3:]
+    known = {path.suffix.upper() for path in paths}
+    wanted = [f".{direction}{sensor}" for direction in ("EW", "NS", "UD")]
+    return [paths[0].stem + suffix for suffix in wanted if suffix not in known]
 
 
 def read_knet(path: Path) -> list[Channel]:

@@ -83,8 +83,17 @@ def correct(acc: NDArray[np.float64], dt: float, chain: Sequence[Model]) -> Sign
         when a step cannot do what it is asked.
     """
     signal = Signal(acc, dt)
-    for step in chain:
-        signal = STEPS[type(step)](signal, step)
+    for number, step in enumerate(chain):
+        place = f"correction[{number}].{getattr(step, 'step', '')}"
+        try:
+            signal = STEPS[type(step)](signal, step)
+        except RecordError as error:
+            raise RecordError(f"{place}: {str(error).removeprefix('correction: ')}") from None
+        if isinstance(step, CornersStep) and not any(
+            isinstance(later, PadStep | ButterworthStep) for later in chain[number + 1 :]
+        ):
+            said = f"{place}: nothing uses its corners; put `butterworth` after it"
+            signal = replace(signal, warnings=(*signal.warnings, said))
     return signal
 
 
@@ -114,7 +123,12 @@ def _mean(signal: Signal, step: MeanStep) -> Signal:
     elif step.until == "onset":
         samples = steps.pick_onset(part, signal.dt) or part.shape[-1]
     else:
-        samples = min(part.shape[-1], max(1, round(step.until / signal.dt)))
+        samples = max(1, round(step.until / signal.dt))
+        if samples > part.shape[-1]:
+            raise RecordError(
+                f"until {step.until:g} s lies behind the record's end at {_length(signal):g} s; leave it out "
+                "for the mean of all samples"
+            )
     part = steps.subtract_mean(part, samples)
     return signal.noted(_with(signal, part), step="mean", seconds=samples * signal.dt)
 
@@ -138,8 +152,16 @@ def _taper(signal: Signal, step: TaperStep) -> Signal:
     part = signal.acc[..., signal.record]
     n = part.shape[-1]
     count = round(step.fraction * n) if step.fraction is not None else round((step.length or 0.0) / signal.dt)
-    if count > n // 2:
-        raise RecordError(f"correction: a taper of {count * signal.dt:g} s is longer than half the record")
+    if not 0 < count <= n // 2:
+        raise RecordError(
+            f"correction: a taper of {count * signal.dt:g} s is "
+            + (
+                f"longer than half the record ({0.5 * _length(signal):g} s)"
+                if count
+                else "shorter than a sample"
+            )
+            + "; change `fraction` or `length`"
+        )
     first, last = (count if step.side in ("both", side) else 0 for side in ("start", "end"))
     part = steps.taper(part, first, last)
     return signal.noted(_with(signal, part), step="taper", start_s=first * signal.dt, end_s=last * signal.dt)
@@ -169,6 +191,10 @@ def _pad(signal: Signal, step: PadStep) -> Signal:
         raise RecordError(
             "correction: pad needs a high-pass corner; put `corners` before it or give `length`"
         )
+    if count < 1:
+        raise RecordError(
+            f"a pad of {step.length:g} s is shorter than a sample, {signal.dt:g} s; lengthen it"
+        )
     samples = signal.acc.shape[-1] + 2 * count
     if samples > MOST_SAMPLES:
         raise RecordError(
@@ -182,14 +208,17 @@ def _pad(signal: Signal, step: PadStep) -> Signal:
 def _butterworth(signal: Signal, step: ButterworthStep) -> Signal:
     highpass, lowpass = step.highpass or signal.corners[0], step.lowpass or signal.corners[1]
     nyquist = 0.5 / signal.dt
-    warnings = signal.warnings
-    if lowpass is not None and lowpass >= 0.95 * nyquist:
-        warnings = (*warnings, f"low-pass at {lowpass:g} Hz left out, Nyquist is {nyquist:g} Hz")
-        lowpass = None
     if highpass is None and lowpass is None:
         raise RecordError("correction: butterworth has no corner; give `highpass` or put `corners` before it")
-    if highpass is not None and highpass >= 0.95 * nyquist:
-        raise RecordError(f"correction: high-pass at {highpass:g} Hz, Nyquist is {nyquist:g} Hz")
+    warnings = (*signal.warnings, *_doubts_of_corners(signal, step))
+    if lowpass is not None and lowpass >= 0.95 * nyquist:
+        said = f"low-pass at {lowpass:g} Hz left out, Nyquist is {nyquist:g} Hz"
+        if highpass is None:
+            raise RecordError(f"{said}: nothing is filtered; lower `lowpass`, or leave the step out")
+        warnings, lowpass = (*warnings, said), None
+    if highpass is not None and highpass >= min(0.95 * nyquist, lowpass or np.inf):
+        limit = f"low-pass at {lowpass:g} Hz" if lowpass else f"Nyquist is {nyquist:g} Hz"
+        raise RecordError(f"correction: high-pass at {highpass:g} Hz, {limit}; lower `highpass`")
     acc = steps.butterworth(signal.acc, signal.dt, step.order, (highpass, lowpass), step.causal)
     noted = signal.noted(
         acc,
@@ -200,6 +229,29 @@ def _butterworth(signal: Signal, step: ButterworthStep) -> Signal:
         lowpass_hz=lowpass,
     )
     return replace(noted, warnings=warnings, corners=(highpass, lowpass))
+
+
+def _doubts_of_corners(signal: Signal, step: ButterworthStep) -> tuple[str, ...]:
+    """Say where a corner is chosen twice, and where the record is too short for one."""
+    doubts = [
+        f"butterworth.{name} {own:g} Hz counts, not the {chosen:g} Hz chosen before"
+        for name, own, chosen in zip(
+            ("highpass", "lowpass"), (step.highpass, step.lowpass), signal.corners, strict=True
+        )
+        if own is not None and chosen is not None and own != chosen
+    ]
+    highpass = step.highpass or signal.corners[0]
+    if highpass is not None and highpass * _length(signal) < 1.0:
+        doubts.append(
+            f"high-pass at {highpass:g} Hz has a period of {1.0 / highpass:g} s, the record lasts "
+            f"{_length(signal):g} s: it takes out the mean at most; raise `highpass`"
+        )
+    return tuple(doubts)
+
+
+def _length(signal: Signal) -> float:
+    """Time of the record's last sample, without pads [s]."""
+    return (signal.acc[..., signal.record].shape[-1] - 1) * signal.dt
 
 
 def _displacement_baseline(signal: Signal, step: DisplacementBaselineStep) -> Signal:

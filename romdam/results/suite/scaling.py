@@ -6,6 +6,7 @@ import numpy as np
 
 from romdam.config.sections.suite import SuiteConfig
 from romdam.core.arrays import Floats
+from romdam.core.errors import RecordError
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import intensity
 
@@ -25,7 +26,10 @@ def scale_factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[Floats, str
     target = suite.intensities
     if target is None:
         return np.array(suite.scales), ""
-    measured = intensity(motion, target.measure, target.period, target.damping)
+    try:
+        measured = intensity(motion, target.period, target.damping, target.of)
+    except RecordError as error:
+        return no_factors(suite), f"{motion.name}: suite.intensities: {error}"
     if measured <= 0.0:
         return no_factors(suite), f"{motion.name}: cannot be scaled to {target.measure}, it does not move"
     with np.errstate(over="ignore"):

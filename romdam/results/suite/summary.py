@@ -15,6 +15,7 @@ import xarray as xr
 
 import romdam
 from romdam.config.load import Job
+from romdam.config.sections.motions.target import NAMED
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
@@ -89,17 +90,17 @@ def summary_dataset(
 def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
     """Measures of what was analysed; where `transient.duration` cuts it, those of the whole records too."""
     assert job.config.suite is not None
-    period, duration = job.config.suite.period, job.config.transient.duration
+    period, of, duration = job.config.suite.period, job.config.suite.of, job.config.transient.duration
     spans = {"record": duration} if duration is None else {"record": duration, "recorded": None}
     data: dict[str, Any] = {}
     for prefix, span in spans.items():
         motions = [None if one.motion is None else analysed(one.motion, span) for one in records]
         measured = [
-            measures_at_scales(m, one.factors, period) for m, one in zip(motions, records, strict=True)
+            measures_at_scales(m, one.factors, period, of) for m, one in zip(motions, records, strict=True)
         ]
         whose = "" if duration is None else f", of the {duration:g} s analysed" if span else ", as recorded"
         for name in (*MEASURES, "sa"):
-            about = _about_measure(name, period)
+            about = _about_measure(name, period, of)
             about["long_name"] += whose
             values = np.array([one[name] for one in measured])
             data[f"{prefix}_{name}"] = (("record", "scale"), values, about)
@@ -141,16 +142,16 @@ def _scales(job: Job) -> tuple[Floats, dict[str, str]]:
     period = "" if target.period is None else f" at {target.period:g} s, {100 * target.damping:g} % damping"
     return np.array(target.values), {
         "units": "m s-2",
-        "long_name": f"target {target.measure}{period} of the largest component",
+        "long_name": f"target {target.measure}{period} of the {NAMED[target.of]}",
     }
 
 
-def _about_measure(name: str, period: float) -> dict[str, str]:
+def _about_measure(name: str, period: float, of: str) -> dict[str, str]:
     if name == "sa":
         about = ("m s-2", f"pseudo-spectral acceleration at {period:g} s, 5 % damping")
     else:
         about = MEASURES[name]
-    whose = " of the largest component" + ("" if about[0] == "s" else ", scaled")
+    whose = f" of the {NAMED[of]}" + ("" if about[0] == "s" else ", scaled")
     return {"units": about[0], "long_name": about[1] + whose}
 
 

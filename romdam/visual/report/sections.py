@@ -131,7 +131,7 @@ def _records(subject: Subject) -> Section:
     """Spectra and measures of the records."""
     summary, parts = subject.summary, []
     if subject.spectra is not None:
-        caption = "Pseudo-acceleration of the largest component of every record."
+        caption = "Pseudo-acceleration of every record, the largest of x, y, z."
         parts.append(html.side_by_side([html.picture(plots.spectra_figure(subject.spectra), caption)]))
     else:
         parts.append(

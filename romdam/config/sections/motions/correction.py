@@ -77,7 +77,20 @@ class CornersStep(Model):
             raise ValueError(f"highpass ({self.highpass:g} Hz) must lie below lowpass ({self.lowpass:g} Hz)")
         if self.lowest >= self.highest:
             raise ValueError(f"lowest ({self.lowest:g} Hz) must lie below highest ({self.highest:g} Hz)")
+        used = {"step", "method", "lowpass", *_USED[self.method]}
+        fields = type(self).model_fields
+        if unused := [key for key in fields if key not in used and getattr(self, key) != fields[key].default]:
+            raise ValueError(
+                f"method {self.method} does not use {', '.join(unused)}; leave it out, or set another method"
+            )
         return self
+
+
+_USED = {  # keys of each method of finding corners
+    "given": {"highpass"},
+    "ridder": {"lowest", "highest", "target"},
+    "snr": {"threshold"},
+}
 
 
 class PadStep(Model):
@@ -101,6 +114,12 @@ class ButterworthStep(Model):
     """Corner of the high-pass."""
     lowpass: Annotated[Frequency, Positive] | None = None
     """Corner of the low-pass."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.highpass and self.lowpass and self.highpass >= self.lowpass:
+            raise ValueError(f"highpass ({self.highpass:g} Hz) must lie below lowpass ({self.lowpass:g} Hz)")
+        return self
 
 
 class DisplacementBaselineStep(Model):

@@ -15,9 +15,11 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from romdam.config.base import Model
+from romdam.config.explain import explain
 from romdam.config.names import OfFile
 from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole, to_si
 from romdam.config.sections.motions.correction import CHAINS, Step
+from romdam.config.sections.motions.target import MatchConfig, Of, TargetConfig
 from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError, listed, shown
 from romdam.core.files import check_file
@@ -83,10 +85,19 @@ class ComponentConfig(Model):
 
 
 class ScaleConfig(Model):
-    """Multiply by a factor, or to reach a peak or a spectral acceleration of the largest component."""
+    """Multiply by a factor, or to reach a peak, a spectral acceleration or a target spectrum.
+
+    `x`, `y` and `z` are factors of single components, applied first; all else is one factor of the record.
+    """
 
     factor: Annotated[Dimensionless, Field(gt=0.0)] | None = None
     """Of the samples."""
+    x: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
+    """Of this component alone."""
+    y: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
+    """Of this component alone."""
+    z: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
+    """Of this component alone."""
     pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
     """Wanted peak."""
     sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
@@ -95,18 +106,37 @@ class ScaleConfig(Model):
     """Of it."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
     """Of it."""
+    of: Of = "largest"
+    """What of the components reaches `pga` or `sa`."""
+    to: Literal["target"] | None = None
+    """By least squares of the logarithm to the entry's `target`."""
+    factors: (
+        tuple[Annotated[Dimensionless, Field(gt=0.0)], Annotated[Dimensionless, Field(gt=0.0)]] | None
+    ) = None
+    """Least and largest factor to the target; a record that needs another is refused, or not selected."""
+    mean_at_least: Annotated[Dimensionless, Field(gt=0.0, le=2.0)] | None = None
+    """Of the target, below which the mean of the entry's records falls at no period of its range."""
 
     @model_validator(mode="before")
     @classmethod
     def _bare_factor(cls, value: object) -> object:
+        if value == "target":
+            return {"to": "target"}
         return {"factor": value} if isinstance(value, int | float | str) else value
 
     @model_validator(mode="after")
     def _one_target(self) -> Self:
-        if [self.factor, self.pga, self.sa].count(None) != 2:
-            raise ValueError("give exactly one of `factor`, `pga` and `sa`")
+        given, wanted = self.model_fields_set, [self.factor, self.pga, self.sa, self.to]
+        if wanted.count(None) != 3 and (wanted.count(None) != 4 or not given & {"x", "y", "z"}):
+            raise ValueError("give exactly one of `factor`, `pga`, `sa` and `to: target`, or `x`, `y`, `z`")
         if (self.sa is None) != (self.period is None):
             raise ValueError("`sa` and `period` belong together")
+        if self.of != "largest" and self.pga is None and self.sa is None:
+            raise ValueError("`of` belongs to `pga` and `sa`; a target has its own")
+        if self.to is None and (self.factors or self.mean_at_least):
+            raise ValueError("`factors` and `mean_at_least` belong to `to: target`")
+        if self.factors and not self.factors[0] < self.factors[1]:
+            raise ValueError(f"factors: must rise, got {self.factors[0]:g} and {self.factors[1]:g}")
         return self
 
 
@@ -130,7 +160,9 @@ class RecordConfig(Model):
     Give one source: `file`, `files` (folder or glob), `manifest` (CSV or YAML), `suite` (P-695), or a
     `file` under each component. Then say where the channels go: `components` (axis -> channel), or
     `x_azimuth`, the azimuth of the model's x, to rotate them there by the azimuths in their files.
-    `group: station` joins files of one station and event (one file per component) to one record.
+    `group: station` joins files of one station and event (one file per component) to one record; the three
+    files of K-NET and KiK-net are one record anyway. `select` takes so many of the entry's records, those
+    nearest to its `target`.
     """
 
     file: Path | None = None
@@ -158,6 +190,9 @@ class RecordConfig(Model):
     resampling: Literal["linear", "fourier"] = "linear"
     """How samples between the record's own are made."""
     scale: ScaleConfig | None = None
+    target: TargetConfig | None = None
+    select: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
+    match: MatchConfig | None = None
     keep: dict[str, RangeConfig] = Field(default_factory=dict)
 
     @field_validator("unit")
@@ -207,6 +242,42 @@ class RecordConfig(Model):
         if by_component and not all(c.file for c in self.components.values()):
             raise ValueError("when one component has a `file`, every component needs its own")
         return self
+
+    @model_validator(mode="after")
+    def _aims(self) -> Self:
+        scales = self.scale is not None and self.scale.to == "target"
+        if self.target is None and (scales or self.select or self.match):
+            raise ValueError("`scale: target`, `select` and `match` need a `target`")
+        if self.target is None:
+            return self
+        if not (scales or self.select or self.match):
+            raise ValueError("`target` does nothing alone; add `scale: target`, `match` or `select`")
+        if self.match and self.scale:
+            raise ValueError("`match` scales to the target itself; leave out `scale`")
+        if self.match and self.target.of.startswith("rotd"):
+            raise ValueError(
+                f"`match` works on components, target.of is {self.target.of}; set of: geometric_mean"
+            )
+        if self.target.spectrum.unit is not None:
+            unit_in_si(self.target.spectrum.unit)
+        return self
+
+
+def read_entry(settings: dict[str, object], source: str) -> RecordConfig:
+    """An entry of `records:` that stands in no job.
+
+    Parameters
+    ----------
+    source : names it in errors
+
+    Raises
+    ------
+    ConfigError
+    """
+    try:
+        return RecordConfig.model_validate(settings)
+    except ValidationError as error:
+        raise ConfigError(explain(error, source, RecordConfig)) from None
 
 
 def read_row(

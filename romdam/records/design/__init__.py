@@ -1,0 +1,1 @@
+"""Records for design: target spectra, scaling, selection and matching."""

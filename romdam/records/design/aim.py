@@ -1,0 +1,214 @@
+"""The records of one entry held against its target: chosen, scaled or matched.
+
+References
+----------
+ASCE/SEI 7-16 (2017), 16.2.3.2 (the mean of the records, 90 % of the target) and C16.2.2 (factors of about
+0.25 to 4). EN 1998-1:2004, 3.2.3.1.2(4). PEER (2011), NGA strong-motion database, user's manual: the factor
+that makes the mean squared difference of the logarithms least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.config.sections.motions.records import RecordConfig, ScaleConfig
+from romdam.config.sections.motions.target import NAMED
+from romdam.core.errors import RecordError
+from romdam.core.motion import GroundMotion
+from romdam.records.components import spectrum
+from romdam.records.design.matching import match_motion
+from romdam.records.design.target import Target, read_target
+
+Array = NDArray[np.float64]
+USUAL_FACTORS = (0.25, 4.0)  # ASCE/SEI 7-16, C16.2.2
+
+
+@dataclass(frozen=True)
+class Aimed:
+    """A record of an entry with a target.
+
+    Attributes
+    ----------
+    name : of the record
+    motion : scaled or matched; None where it is passed over or cannot be used
+    factor : that its spectrum needs to be nearest to the target
+    misfit : root mean square of ln(record / target) over the target's periods, after what is done to it
+    why : it is passed over
+    error : for which it cannot be used
+    """
+
+    name: str
+    motion: GroundMotion | None = None
+    factor: float = np.nan
+    misfit: float = np.nan
+    why: str = ""
+    error: RecordError | None = None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A motion beside a target.
+
+    Attributes
+    ----------
+    motion : as recorded
+    psa : (np,) at the target's periods [m/s2]
+    factor : applied; 1 where the entry does not scale to its target
+    misfit : root mean square of ln(factor psa / target)
+    """
+
+    motion: GroundMotion
+    psa: Array
+    factor: float
+    misfit: float
+
+
+def aim(entry: RecordConfig, folder: Path, motions: Sequence[GroundMotion]) -> list[Aimed]:
+    """Choose, scale and match motions as their entry says.
+
+    Parameters
+    ----------
+    entry : with a `target`
+    folder : where the path of the target's table starts
+    motions : of the entry, those that can be used
+
+    Returns
+    -------
+    All of them; the chosen ones first where some are chosen, by misfit
+
+    Raises
+    ------
+    ConfigError, RecordError
+        for a target that cannot be read, and fewer records than are to be chosen.
+    """
+    assert entry.target is not None
+    target = read_target(entry.target, folder)
+    fits, others = _fits(entry, target, motions)
+    if entry.select is not None:
+        fits, passed = _selected(
+            fits, entry.select, [f"{one.name}: {one.error or one.why}" for one in others]
+        )
+        others = [replace(one, error=None, why=one.why or str(one.error)) for one in others] + passed
+    common = _common_factor(fits, target, entry.scale)
+    return [_apply(fit, target, common, entry) for fit in fits] + others
+
+
+def least_squares_factor(psa: Array, target: Array) -> float:
+    """Factor that makes the sum of (ln(factor psa / target))^2 least."""
+    return float(np.exp(np.mean(np.log(target / psa))))
+
+
+def misfit(psa: Array, target: Array) -> float:
+    """Root mean square of ln(psa / target)."""
+    return float(np.sqrt(np.mean(np.log(psa / target) ** 2)))
+
+
+def _fits(
+    entry: RecordConfig, target: Target, motions: Sequence[GroundMotion]
+) -> tuple[list[Fit], list[Aimed]]:
+    """Motions beside the target, and those that no factor brings there."""
+    fits: list[Fit] = []
+    others: list[Aimed] = []
+    for motion in motions:
+        try:
+            psa = spectrum(motion.acc, motion.dt, target.periods, target.damping, target.of)
+            if not np.all(psa > 0.0):
+                raise RecordError("it does not move")
+        except RecordError as error:
+            others.append(Aimed(motion.name, error=RecordError(f"{motion.name}: target: {error}")))
+            continue
+        free = entry.match is not None or (entry.scale is not None and entry.scale.to == "target")
+        factor = least_squares_factor(psa, target.sa) if free else 1.0
+        fit = Fit(motion, psa, factor, misfit(factor * psa, target.sa))
+        if text := _out_of_bounds(fit, entry.scale):
+            refused = None if entry.select else RecordError(f"{motion.name}: {text}")
+            others.append(Aimed(motion.name, None, factor, fit.misfit, text, refused))
+        else:
+            fits.append(fit)
+    return fits, others
+
+
+def _out_of_bounds(fit: Fit, scale: ScaleConfig | None) -> str:
+    if scale is None or scale.factors is None or scale.factors[0] <= fit.factor <= scale.factors[1]:
+        return ""
+    low, high = scale.factors
+    return (
+        f"scale.factors: the target needs a factor of {fit.factor:.3g}, the limits are {low:g} and {high:g}"
+    )
+
+
+def _selected(fits: list[Fit], count: int, others: list[str]) -> tuple[list[Fit], list[Aimed]]:
+    """The fits nearest to the target, and the others; of equal misfits the first name counts."""
+    if len(fits) < count:
+        rest = "".join(f"\n  {text}" for text in others)
+        raise RecordError(f"select: {count} records are asked for, {len(fits)} can be used{rest}")
+    ranked = sorted(fits, key=lambda fit: (fit.misfit, fit.motion.name))
+    why = f"its misfit is above that of the {count} nearest, {ranked[count - 1].misfit:.3g}"
+    passed = [Aimed(fit.motion.name, None, fit.factor, fit.misfit, why) for fit in ranked[count:]]
+    return ranked[:count], passed
+
+
+def _common_factor(fits: list[Fit], target: Target, scale: ScaleConfig | None) -> float:
+    """What brings the mean of all records up to `mean_at_least` of the target."""
+    if scale is None or scale.mean_at_least is None or not fits:
+        return 1.0
+    mean = np.mean([fit.factor * fit.psa for fit in fits], axis=0)
+    return max(1.0, scale.mean_at_least / float(np.min(mean / target.sa)))
+
+
+def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Aimed:
+    motion, factor = fit.motion, common * fit.factor
+    about: dict[str, object] = {
+        "of": NAMED[target.of],
+        "damping": target.damping,
+        "periods_s": target.periods.round(6).tolist(),
+        "sa_m_s2": target.sa.round(6).tolist(),
+        "factor": factor,
+    }
+    try:
+        if entry.match is not None:
+            acc, added, about["matched"] = match_motion(motion, factor, target, entry.match.tolerance)
+            motion = replace(motion, provenance=motion.provenance | _pads(motion, added))
+        else:
+            acc = factor * motion.acc
+    except RecordError as error:
+        return Aimed(motion.name, None, factor, fit.misfit, "", error)
+    psa = spectrum(acc, motion.dt, target.periods, target.damping, target.of)
+    about["misfit"] = misfit(psa, target.sa)
+    warnings = (*motion.warnings, *_doubts(motion, factor, target))
+    made = replace(motion, acc=acc, provenance=motion.provenance | {"target": about}, warnings=warnings)
+    return Aimed(motion.name, made, factor, misfit(psa, target.sa))
+
+
+def _pads(motion: GroundMotion, added: tuple[int, int]) -> dict[str, object]:
+    """Pads of a motion with so many samples more before and after it."""
+    names = ("pad_before_s", "pad_after_s")
+    earlier = [motion.provenance.get(name) for name in names]
+    return {
+        name: count * motion.dt + (pad if isinstance(pad, int | float) else 0.0)
+        for name, count, pad in zip(names, added, earlier, strict=True)
+    }
+
+
+def _doubts(motion: GroundMotion, factor: float, target: Target) -> tuple[str, ...]:
+    """Factors that are unusual, and periods that the record has no signal at."""
+    low, high = USUAL_FACTORS
+    doubts = []
+    if not low <= factor <= high:
+        doubts.append(
+            f"the factor to the target is {factor:.3g}, usual are {low:g} to {high:g} (ASCE/SEI 7-16, "
+            "C16.2.2)"
+        )
+    channels = motion.provenance.get("channels")
+    stated = [one.get("lowest_usable_hz") for one in channels] if isinstance(channels, list) else []
+    usable = max((value for value in stated if isinstance(value, float)), default=0.0)
+    if usable * target.periods[-1] > 1.0:
+        doubts.append(
+            f"target.periods go to {target.periods[-1]:g} s, the record is usable up to {1.0 / usable:.3g} s"
+        )
+    return tuple(doubts)

@@ -1,0 +1,244 @@
+"""Spectral matching in the time domain: wavelets are added until the spectrum is the target's.
+
+The wavelet of a period is an oscillation under a bell, placed so that the oscillator of that period answers
+it at the time of its own peak. It integrates to nothing twice, so neither velocity nor displacement drifts
+and no baseline has to be corrected. The amplitudes are those of a damped least-squares problem (Levenberg,
+Marquardt) of the oscillators' linear answers; what keeps it from going round in circles is that every other
+extreme of an oscillator that would grow above the target is held there too.
+
+References
+----------
+Al Atik, L., Abrahamson, N. (2010). An improved method for nonstationary spectral matching. Earthquake
+Spectra 26(3), 601-617: the wavelet and its width.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.errors import RecordError
+from romdam.core.motion import GroundMotion
+from romdam.records.components import AXES
+from romdam.records.design.target import Target
+from romdam.records.measures import measure
+from romdam.records.spectra import extremes, pseudo_acceleration
+
+Array = NDArray[np.float64]
+ROUNDS = 40  # of amplitudes, each with up to TRIES dampings
+TRIES = 3
+REACH = 3.5  # widths of a wavelet to each side; exp(-12) of it is left
+NEAR = (0.8, 0.6, 0.9)  # of the largest, extremes that may become it; the next is tried where one fails
+DAMPING = 0.03  # of the least-squares problem at first, relative to its norm
+LEAST_DAMPING = 1e-5
+WITHIN = 0.6  # of the tolerance, between the periods of the problem there is the rest
+SAMPLES = 4.0  # of the record in the shortest period, at least
+STATED = {"pga": "m/s2", "pgv": "m/s", "pgd": "m", "arias": "m/s", "d5_95": "s"}
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """What oscillators answer.
+
+    Attributes
+    ----------
+    which : (ne,) number of the period
+    time, value : (ne,) [s], pseudo-acceleration with its sign over the target's
+    largest : (ne,) whether it is the oscillator's peak
+    """
+
+    which: NDArray[np.int64]
+    time: Array
+    value: Array
+    largest: NDArray[np.bool_]
+
+    @property
+    def departure(self) -> Array:
+        """(np,) of the peaks from the target."""
+        return np.abs(self.value[self.largest]) - 1.0
+
+
+def match_motion(
+    motion: GroundMotion, factor: float, target: Target, tolerance: float
+) -> tuple[Array, tuple[int, int], dict[str, object]]:
+    """Match the horizontal components, or the one that the target is of; multiply the others by `factor`.
+
+    Returns
+    -------
+    (3, nt) acceleration [m/s2], the samples of zeros that were added before and after, and an account with
+    the measures of each component before (scaled alone) and after
+
+    Raises
+    ------
+    RecordError
+        where a component cannot be matched.
+    """
+    _check_periods(motion, target)
+    pad = int(np.ceil(REACH * bell_width(target.periods[-1:])[0] / motion.dt))
+    scaled = np.pad(factor * motion.acc, ((0, 0), (pad, pad)))
+    acc, account = scaled.copy(), dict[str, object]()
+    for axis in _matched_axes(motion, target.of):
+        alone = pseudo_acceleration(scaled[axis], motion.dt, target.periods, target.damping)[0]
+        own = float(np.exp(np.mean(np.log(target.sa / alone))))
+        for near in NEAR:
+            acc[axis], rounds = match_component(
+                own * scaled[axis], motion.dt, target, WITHIN * tolerance, near
+            )
+            departure = departure_of(acc[axis], motion.dt, target)
+            if departure <= tolerance:
+                break
+        if departure > tolerance:
+            raise RecordError(_unmatched(motion, axis, (acc[axis], departure, tolerance), target))
+        account[AXES[axis]] = {
+            "factor": own * factor,
+            "rounds": rounds,
+            "departure": departure,
+            "before": _measures(scaled[axis], motion.dt),
+            "after": _measures(acc[axis], motion.dt),
+        }
+    moving = np.flatnonzero(np.any(acc != 0.0, axis=0))
+    first, last = min(pad, int(moving[0])), max(acc.shape[1] - pad, int(moving[-1]) + 1)
+    return acc[:, first:last], (pad - first, last - acc.shape[1] + pad), account
+
+
+def departure_of(acc: Array, dt: float, target: Target) -> float:
+    """Largest |PSa / target - 1| of one component (nt,), also between the periods of the target."""
+    return float(np.max(np.abs(_ratio(acc, dt, target)[1] - 1.0)))
+
+
+def _ratio(acc: Array, dt: float, target: Target) -> tuple[Array, Array]:
+    periods = np.geomspace(target.periods[0], target.periods[-1], 2 * target.periods.size - 1)
+    wanted = np.exp(np.interp(np.log(periods), np.log(target.periods), np.log(target.sa)))
+    return periods, pseudo_acceleration(acc, dt, periods, target.damping)[0] / wanted
+
+
+def _matched_axes(motion: GroundMotion, of: str) -> list[int]:
+    if of in AXES:
+        return [AXES.index(of)]
+    candidates = (0, 1, 2) if of == "largest" else (0, 1)
+    return [axis for axis in candidates if np.any(motion.acc[axis] != 0.0)]
+
+
+def _check_periods(motion: GroundMotion, target: Target) -> None:
+    first, last = target.periods[0], target.periods[-1]
+    if first < SAMPLES * motion.dt:
+        raise RecordError(
+            f"{motion.name}: match: target.periods begin at {first:g} s, a record of dt = {motion.dt:g} s "
+            f"can be matched from {SAMPLES * motion.dt:g} s on; raise the first period"
+        )
+    if last > motion.duration:
+        raise RecordError(
+            f"{motion.name}: match: target.periods end at {last:g} s, the record lasts {motion.duration:g} s;"
+            " lower the last period, or take a longer record"
+        )
+
+
+def _unmatched(motion: GroundMotion, axis: int, reached: tuple[Array, float, float], target: Target) -> str:
+    acc, departure, tolerance = reached
+    periods, ratio = _ratio(acc, motion.dt, target)
+    at = int(np.argmax(np.abs(ratio - 1.0)))
+    return (
+        f"{motion.name}, component {AXES[axis]}: cannot be matched: {100 * departure:.1f} % from the target "
+        f"at {periods[at]:.3g} s is left, the limit is {100 * tolerance:g} %; narrow target.periods, raise "
+        "match.tolerance, or take a record whose spectrum is nearer to the target"
+    )
+
+
+def _measures(acc: Array, dt: float) -> dict[str, float]:
+    found = measure(acc, dt)
+    return {f"{name} [{unit}]": float(found[name][0]) for name, unit in STATED.items()}
+
+
+def match_component(
+    acc: Array, dt: float, target: Target, tolerance: float, near: float
+) -> tuple[Array, int]:
+    """Add wavelets to one component (nt,); the nearest to the target of all rounds, and its number."""
+    now = find_extremes(acc, dt, target, near)
+    best, least, at, damping = acc, float(np.max(np.abs(now.departure))), 0, DAMPING
+    for number in range(1, ROUNDS + 1):
+        if least <= tolerance:
+            break
+        answers, waves = _answers(acc.size, dt, target, now)
+        for _ in range(TRIES):
+            trial = acc + _amplitudes(answers, now, damping) @ waves
+            then = find_extremes(trial, dt, target, near)
+            if _size(then) < _size(now):
+                break
+            damping = min(3.0 * damping, 1.0)
+        else:  # at a corner, where peaks change places: the smallest of the steps, and on
+            damping = DAMPING
+        acc, now, damping = trial, then, max(0.5 * damping, LEAST_DAMPING)
+        if (departure := float(np.max(np.abs(now.departure)))) < least:
+            best, least, at = acc, departure, number
+    return best, at
+
+
+def _size(found: Extremes) -> float:
+    """Of the departures; the fourth power, as the largest counts."""
+    return float(np.mean(found.departure**4))
+
+
+def find_extremes(acc: Array, dt: float, target: Target, near: float) -> Extremes:
+    """Peaks of all oscillators, and what extremes come near them."""
+    which, time, value, largest = extremes(acc, dt, target.periods, target.damping, near)
+    return Extremes(which, time, value / target.sa[which], largest)
+
+
+def _amplitudes(answers: Array, now: Extremes, damping: float) -> Array:
+    """Of the wavelets (nw,) [m/s2]: peaks to the target, other extremes not above it."""
+    wanted = 1.0 - np.abs(now.value)
+    held = now.largest | (wanted < 0.0)
+    for _ in range(4):
+        some = answers[held]
+        normal = some.T @ some
+        ridge = damping**2 * np.linalg.norm(normal, 2)
+        amplitudes = np.linalg.solve(normal + ridge * np.eye(len(normal)), some.T @ wanted[held])
+        above = (answers @ amplitudes > wanted + 0.005) & ~held
+        if not above.any():
+            break
+        held |= above
+    return np.asarray(amplitudes)
+
+
+def _answers(size: int, dt: float, target: Target, now: Extremes) -> tuple[Array, Array]:
+    """Growth of each extreme over the target for each wavelet, (ne, nw), and the wavelets (nw, nt) [m/s2].
+
+    There is a wavelet for every period, as high as the target there.
+    """
+    own = np.flatnonzero(now.largest)
+    periods: Array = target.periods[now.which]
+    sa: Array = target.sa[now.which]
+    time: Array = np.arange(size, dtype=np.float64) * dt
+    peaks: Array = now.time[own]
+    waves: Array = wavelets(time, np.asarray(periods[own], float), target.damping, peaks)
+    waves = np.asarray(sa[own])[:, None] * waves
+    sign = np.sign(now.value) / sa
+    rows = [
+        sign[part, None]
+        * (_impulse_answers(size, dt, periods[part], target.damping, now.time[part]) @ waves.T)
+        for part in np.array_split(np.arange(sa.size), 1 + sa.size // 64)
+    ]
+    return np.concatenate(rows), waves
+
+
+def wavelets(time: Array, periods: Array, damping: float, peaks: Array) -> Array:
+    """(np, nt) cosines under a bell, to which the oscillators answer with peaks at `peaks` (np,) [s]."""
+    omega = 2.0 * np.pi / periods * np.sqrt(1.0 - damping**2)
+    lead = np.arctan2(np.sqrt(1.0 - damping**2), damping) / omega
+    t, width = time - (peaks - lead)[:, None], bell_width(periods)[:, None]
+    return np.where(np.abs(t) <= REACH * width, np.cos(omega[:, None] * t) * np.exp(-((t / width) ** 2)), 0.0)
+
+
+def bell_width(periods: Array) -> Array:
+    """Width of the wavelets' bells (np,) [s], 1.178 f^-0.93 of Al Atik and Abrahamson."""
+    return np.asarray(1.178 * periods**0.93)
+
+
+def _impulse_answers(size: int, dt: float, periods: Array, xi: float, times: Array) -> Array:
+    """(n, nt) pseudo-acceleration at `times` after a unit sample of ground acceleration."""
+    omega = 2.0 * np.pi / periods[:, None]
+    damped = omega * np.sqrt(1.0 - xi**2)
+    after = np.maximum(times[:, None] - np.arange(size) * dt, 0.0)
+    return -dt * omega**2 / damped * np.exp(-xi * omega * after) * np.sin(damped * after)
