@@ -10,8 +10,8 @@ from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.fem.sections import LOST_LIMIT, lost_static_forces, modal_section_forces
 from romdam.fem.stress import modal_stress
-from romdam.postprocess.sections import section_forces
-from romdam.postprocess.stress import StressHistory, StressSummary, summarise
+from romdam.postprocess.stress.sections import section_forces
+from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.storage.staging import initial_forces, initial_stress
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.stress.file import StressFields

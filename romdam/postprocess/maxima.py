@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.arrays import Bools
-from romdam.postprocess.stress_faces import HEADLINE, LIMITS, verdict
+from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
 Row = tuple[str, float, str, str, str]  # quantity, value, unit, where, when [s]
 HEAD = ("quantity", "value", "unit", "where", "time [s]")

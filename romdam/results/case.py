@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Joint, Scene
 from romdam.core.system import History
-from romdam.postprocess.stress import StressSummary
+from romdam.postprocess.stress.summary import StressSummary
 
 Array = NDArray[Any]
 Attributes = dict[str, object]

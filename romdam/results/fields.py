@@ -24,7 +24,7 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
 from romdam.core.scene import Scene
-from romdam.postprocess.stress import COMPONENTS
+from romdam.postprocess.stress.summary import COMPONENTS
 from romdam.reduction.storage.model_file import write_block
 from romdam.results.beside import in_order, open_beside, write_beside
 from romdam.results.dataset import open_run

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from romdam.core.arrays import Floats
-from romdam.postprocess.stress import duration_above
-from romdam.postprocess.stress_faces import LARGEST_RATIO, LIMITS
+from romdam.postprocess.stress.faces import LARGEST_RATIO, LIMITS
+from romdam.postprocess.stress.summary import duration_above
 from romdam.visual.style import COLOURS, GREY, new_figure, scaled
 
 

@@ -17,7 +17,7 @@ from romdam.fem.sections import (
     modal_section_forces,
     section_operators,
 )
-from romdam.postprocess.sections import linearised_stress
+from romdam.postprocess.stress.sections import linearised_stress
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 

@@ -22,7 +22,7 @@ from romdam.core.scene import (
     StressSites,
 )
 from romdam.core.system import History
-from romdam.postprocess.stress import StressHistory, StressSummary, summarise
+from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
 from romdam.results.dataset import Timing
 from romdam.results.variables import Case

@@ -10,7 +10,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
 from romdam.core.scene import StressFace, StressNodes, StressSites
-from romdam.postprocess.stress import (
+from romdam.postprocess.stress.summary import (
     DCR_LEVELS,
     StressHistory,
     duration_above,
@@ -78,7 +78,7 @@ def sites_and_history():
 
 
 def test_summary_is_that_of_the_whole_histories(monkeypatch):
-    import romdam.postprocess.stress as module
+    import romdam.postprocess.stress.summary as module
 
     monkeypatch.setattr(module, "_PART", 80)  # two nodes at a time
     sites, history = sites_and_history()

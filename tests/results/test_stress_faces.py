@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from romdam.postprocess.maxima import face_rows, maxima, stress_statement
-from romdam.postprocess.stress import DCR_LEVELS, StressHistory, summarise
-from romdam.postprocess.stress_faces import LIMITS, area_percentiles, face_demand, verdict
+from romdam.postprocess.stress.faces import LIMITS, area_percentiles, face_demand, verdict
+from romdam.postprocess.stress.summary import DCR_LEVELS, StressHistory, summarise
 from romdam.results.dataset import Timing, build_dataset
 from romdam.results.variables import VARIABLES
 

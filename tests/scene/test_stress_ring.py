@@ -10,8 +10,8 @@ from romdam.config import parse_config
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.fem.stress import stress_operator
-from romdam.postprocess.stress import StressHistory, summarise
-from romdam.postprocess.stress_faces import area_percentiles
+from romdam.postprocess.stress.faces import area_percentiles
+from romdam.postprocess.stress.summary import StressHistory, summarise
 from romdam.scene.build import build_scene
 from romdam.scene.stress.ring import near_edges, singular_edges
 

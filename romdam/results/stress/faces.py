@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from romdam.core.scene import StressFace, StressSites
-from romdam.postprocess.stress import DCR_LEVELS, MEASURES
-from romdam.postprocess.stress_faces import (
+from romdam.postprocess.stress.faces import (
     BASES,
     CRITERIA,
     HEADLINE,
@@ -18,6 +17,7 @@ from romdam.postprocess.stress_faces import (
     area_percentiles,
     face_demand,
 )
+from romdam.postprocess.stress.summary import DCR_LEVELS, MEASURES
 from romdam.results.case import Array, Case, Variable
 
 _MANUAL = "USACE EM 1110-2-6053 (2007); Ghanaat, 13WCEE (2004) 1115"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from romdam.core.scene import Section
-from romdam.postprocess.sections import AXES, SIDES, linearised_stress
+from romdam.postprocess.stress.sections import AXES, SIDES, linearised_stress
 from romdam.results.case import Array, Case, Variable
 
 _OVER_TIME = ("time", "section", "section_axis")

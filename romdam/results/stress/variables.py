@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from romdam.core.scene import StressSites
-from romdam.postprocess.stress import (
+from romdam.postprocess.stress.summary import (
     COMPONENTS,
     DCR_LEVELS,
     MEASURES,

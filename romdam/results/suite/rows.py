@@ -11,8 +11,8 @@ import romdam
 from romdam.core.arrays import Floats
 from romdam.core.system import History
 from romdam.postprocess.sliding import REST
-from romdam.postprocess.stress import MEASURES as STRESS
-from romdam.postprocess.stress_faces import HEADLINE
+from romdam.postprocess.stress.faces import HEADLINE
+from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.case import Array, Case, Variable
 from romdam.results.sliding import SLIDING_ROWS
 from romdam.results.stress.faces import headline_stress, of_faces

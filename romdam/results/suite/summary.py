@@ -22,7 +22,7 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.postprocess.record_measures import MEASURES, analysed, measures_at_scales
-from romdam.postprocess.stress import MEASURES as STRESS
+from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, attributes_of, dims_of

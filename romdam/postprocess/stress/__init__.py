@@ -1,0 +1,1 @@
+"""What stress says: envelopes, percentiles of faces, sections."""
