@@ -80,7 +80,7 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     store = BlockStore(folder / solver)
     key = block_key(block, fixed, interface, choice)
     start, cpu = time.perf_counter(), time.process_time()
-    made = reduce_large(LargeBlock(block, fixed, interface, True), choice, store, key)
+    (made,) = reduce_large(LargeBlock(block, fixed, interface, True), choice, store, [key])
     found: dict[str, object] = {
         "unknowns": int((~fixed).sum()), "gaps": gaps, "solver": solver,
         "wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - cpu,

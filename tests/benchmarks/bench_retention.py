@@ -46,8 +46,11 @@ CASES: dict[str, tuple[dict[str, Any], float]] = {
 }
 
 
-def basis(method: str, block: Any, operator: Any, fixed: Any, choice: ModeChoice, store: Any) -> BlockBasis:
+def basis(
+    method: str, block: Any, operator: Any, fixed: Any, choices: list[ModeChoice], store: Any
+) -> list[BlockBasis]:
     """A held block's basis by one of the three methods, in place of the library's."""
+    (choice,) = choices
     free = np.flatnonzero(~fixed.ravel())
     whole_K, whole_M = assemble(block)
     K, M = (matrix[free][:, free].toarray() for matrix in (whole_K, whole_M))
@@ -70,7 +73,7 @@ def basis(method: str, block: Any, operator: Any, fixed: Any, choice: ModeChoice
     vectors = np.zeros((fixed.size, len(omega2)))
     vectors[free] = T @ V
     inertia = whole_M @ np.tile(np.eye(3), (len(block.points), 1))
-    return BlockBasis(Dense(vectors), slice(0, len(omega2)), omega2, vectors.T @ inertia, {})
+    return [BlockBasis(Dense(vectors), slice(0, len(omega2)), omega2, vectors.T @ inertia, {})]
 
 
 def main() -> None:
