@@ -39,7 +39,7 @@ def cache(action: Annotated[Action, typer.Argument(help="list or clear.")] = Act
     What was used longest ago goes by itself at 10 GB.
     """
     from romdam.reduction.storage.user_cache import LIMIT, entries, remove
-    from romdam.terminal import cache_lines
+    from romdam.terminal.lines import cache_lines
 
     folder = romdam.cache_folder()
     found, limit = entries(folder), LIMIT if action is Action.LIST else None

@@ -24,7 +24,8 @@ def verify(
     """Measure the reduced model's error against the unreduced mesh, on the first record of CONFIG."""
     from romdam.config.quantities import to_si
     from romdam.pipelines.error.verify import verify as verify_job
-    from romdam.terminal import open_terminal, verification_lines
+    from romdam.terminal import open_terminal
+    from romdam.terminal.lines import verification_lines
 
     try:
         seconds = to_si(duration, "s")
@@ -49,7 +50,8 @@ def certify(
 ) -> None:
     """State RESULT's reduction error from its joint forces and the full-order linear model."""
     from romdam.pipelines.error.certify import certify as certify_result
-    from romdam.terminal import certificate_table, open_terminal
+    from romdam.terminal import open_terminal
+    from romdam.terminal.tables import certificate_table
 
     stages, say = open_terminal(quiet, verbose)
     found = certify_result(result, config, passes, stages)

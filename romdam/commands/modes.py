@@ -44,7 +44,8 @@ def modes(
     """
     from romdam.pipelines.modes import ModesOptions
     from romdam.pipelines.modes import modes as find_modes
-    from romdam.terminal import measured_table, modes_table, open_terminal
+    from romdam.terminal import open_terminal
+    from romdam.terminal.tables import measured_table, modes_table
 
     stages, say = open_terminal(quiet, verbose)
     options = ModesOptions(joints.value, count, measured, vtu)

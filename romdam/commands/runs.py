@@ -61,7 +61,7 @@ def run(
 
 def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
     from romdam.pipelines.error.comparison import compare
-    from romdam.terminal import comparison_tables
+    from romdam.terminal.tables import comparison_tables
 
     stages, say = terminal
     found = compare(job, out, stages, cache)
@@ -74,7 +74,7 @@ def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal)
 
 def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
     from romdam.pipelines.run import run as run_job
-    from romdam.terminal import peaks_table, sliding_tables, stress_tables
+    from romdam.terminal.tables import peaks_table, sliding_tables, stress_tables
 
     stages, say = terminal
     outcome = run_job(job, out, stages, cache)
@@ -102,7 +102,9 @@ def check(
     What it reduces is kept for `romdam run`.
     """
     from romdam.pipelines.check import check as check_job
-    from romdam.terminal import check_tables, estimate_line, open_terminal
+    from romdam.terminal import open_terminal
+    from romdam.terminal.lines import estimate_line
+    from romdam.terminal.tables import check_tables
 
     stages, say = open_terminal(quiet, verbose)
     found = check_job(romdam.load_config(config), stages, folder_of_blocks(cache, no_cache))

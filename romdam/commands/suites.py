@@ -26,7 +26,8 @@ def run_suite(
     )  # loads it while this process loads the rest
     from romdam.pipelines.report import report as write_report
     from romdam.pipelines.suites.run import SuiteOptions
-    from romdam.terminal import concern_lines, failure_lines, suite_table
+    from romdam.terminal.lines import concern_lines, failure_lines
+    from romdam.terminal.tables import suite_table
 
     stages, say = terminal
     try:
@@ -85,7 +86,8 @@ def clean(
     Rows and results of runs that CONFIG no longer asks for go; files that romdam did not write stay.
     """
     from romdam.pipelines.suites.folder import clean as clean_folder
-    from romdam.terminal import clean_lines, open_terminal
+    from romdam.terminal import open_terminal
+    from romdam.terminal.lines import clean_lines
 
     stages, say = open_terminal(quiet, verbose)
     say(*clean_lines(clean_folder(romdam.load_config(config), out, remove, stages), remove))

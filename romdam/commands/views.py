@@ -21,7 +21,9 @@ def info(
     ],
 ) -> None:
     """Tell what a result is, its peaks and error where measured; or what a file of reduced blocks holds."""
-    from romdam.terminal import info_lines, open_terminal, peaks_table, sliding_tables
+    from romdam.terminal import open_terminal
+    from romdam.terminal.lines import info_lines
+    from romdam.terminal.tables import peaks_table, sliding_tables
 
     _, say = open_terminal(quiet=False, verbose=False)
     if result.suffix == ".h5":
@@ -78,7 +80,8 @@ def plot(
 ) -> None:
     """Draw the figures of a result as PNG and write its table of maxima; fields in 3-D where asked."""
     from romdam.pipelines.views import PlotOptions, plot_result
-    from romdam.terminal import maxima_table, open_terminal
+    from romdam.terminal import open_terminal
+    from romdam.terminal.tables import maxima_table
 
     for option, value in (("--frames", frames), ("--window", window)):
         if value is not None and not (vtu or animation):

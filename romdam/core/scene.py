@@ -28,13 +28,7 @@ class Material:
 
 @dataclass(frozen=True)
 class Absorbing:
-    """A face beyond which the ground goes on.
-
-    Attributes
-    ----------
-    facets : (nf, nodes per facet)
-    distance : from the dam, which the springs follow from [m]; inf for none
-    """
+    """Facets (nf, nodes per facet) where the ground goes on; distance from the dam, inf without [m]."""
 
     facets: Ints
     distance: float
@@ -86,10 +80,7 @@ class Block:
 class JointFace:
     """Facets of one of a joint's blocks, at whose corners its gaps stand.
 
-    Attributes
-    ----------
-    block : its name
-    facets : of one kind in each array, (nf, corners) node numbers; linear, those of quadratic faces in pieces
+    Of one kind in each array, (nf, corners) node numbers; linear, those of quadratic faces in pieces.
     """
 
     block: str

@@ -88,13 +88,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         ties=ties,
         water=_water(config, blocks, source),
         warmed=_warmed(config, blocks, source),
-        excluded_from_gravity=dam.excluded_from_gravity
-        | {
-            piece
-            for name, block in config.blocks.items()
-            for piece in pieces_of(name, config.cut)
-            if not block.weight
-        },
+        excluded_from_gravity=dam.excluded_from_gravity | _weightless(config),
         radiating=frozenset() if waves else rock,
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
@@ -105,6 +99,11 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     )
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
+
+
+def _weightless(config: Config) -> frozenset[str]:
+    without = [name for name, block in config.blocks.items() if not block.weight]
+    return frozenset(piece for name in without for piece in pieces_of(name, config.cut))
 
 
 def _dam(config: Config, materials: dict[str, Material], source: str) -> Dam:

@@ -52,11 +52,6 @@ def test_nothing_against_nothing_is_no_error():
     assert energy_error(still[:, 0], still[:, 0]) == RelativeError(0.0, 0.0)
 
 
-def test_error_of_which_a_share_is_seen():
-    seen = RelativeError(0.2, 0.1, {"left": RelativeError(0.4, 0.3)})
-    assert seen.over(0.5) == RelativeError(0.4, 0.2, {"left": RelativeError(0.8, 0.6)})
-
-
 def test_estimate_is_stated_for_each_joint_in_the_order_of_the_result():
     error = RelativeError(0.2, 0.1, {"left": RelativeError(0.4, 0.3), "right": RelativeError(0.6, 0.5)})
     dataset = xr.Dataset(coords={"joint": ["right", "left"]})

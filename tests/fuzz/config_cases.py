@@ -58,6 +58,17 @@ _TWO: dict[str, Any] = {
         "gravity": [0, 0, -9.81],
         "pressure": [{"block": "left", "face": "ymin", "value": "1440 Pa"}],
         "force": [{"block": "left", "at": [0, -5, 20], "force": [0, 1000, 0], "tolerance": 1e-3}],
+        "joint_water": [
+            {
+                "joints": ["gap"],
+                "level": "12 m",
+                "downstream": [1, 0, 0],
+                "tailwater": 2.0,
+                "drains": {"at": 1.0, "rule": "usace", "effectiveness": 0.5, "gallery": 3.0},
+                "crack": "unchanged",
+                "density": 1000.0,
+            }
+        ],
         "initial_state": "static",
     },
     "damping": {"rayleigh": {"frequencies": ["5 Hz", "50 Hz"], "ratio": "5 %"}},
@@ -91,6 +102,7 @@ _TWO: dict[str, Any] = {
         "error_estimate": False,
         "nodes": {"top": {"block": "right", "at": [0, 0, 20], "tolerance": 1e-3}},
         "stress": {
+            "sections": {"foot": {"blocks": ["right"], "point": [0, 0, 5.0], "normal": [0, 0, 1]}},
             "blocks": ["left"],
             "faces": [{"block": "right", "face": "ymax"}],
             "nodes": {"foot": {"block": "right", "at": [0, 0, 0]}},

@@ -28,7 +28,8 @@ from romdam.postprocess.maxima import maxima
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.model_info import model_lines
 from romdam.results.stored_run import read_run
-from romdam.terminal import info_lines, peaks_table
+from romdam.terminal.lines import info_lines
+from romdam.terminal.tables import peaks_table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

@@ -155,9 +155,8 @@ def facts(path):
     """What is read of a file: elements and groups by the file's node numbers, positions, and what was "
     "said."""
     kept = Kept()
+    kept.setLevel(logging.WARNING)
     logging.getLogger("romdam").addHandler(kept)
-    logging.getLogger("romdam").setLevel(logging.WARNING)
-    logging.getLogger("romdam").propagate = False
     block = MeshFiles(path.parent).block("b", MeshFileConfig(file=path.name), CONCRETE, PLACE)
     file = read_mesh_file(path, f"{PLACE}.file")
     elements = [tuple(row) for c in file.cells if c.dim == 3 for row in file.tags[c.nodes].tolist()]
@@ -169,6 +168,7 @@ def facts(path):
         )
         for label, members in file.groups.items()
     }
+    logging.getLogger("romdam").removeHandler(kept)
     return sorted(elements), groups, block, kept.found
 
 

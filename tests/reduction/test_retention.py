@@ -96,7 +96,10 @@ def test_gaps_that_say_the_same_are_answered_once():
     rows = csr_matrix(np.random.default_rng(4).dirichlet(np.ones(joint.weights[0].shape[1]), 5))
     own = {
         name: getattr(joint, name)[:6]
-        for name in ("position", "area", "share", "axes", "gap", "K_n", "K_nz", "K_s", "mu", "viscosity")
+        for name in (
+            *("position", "corner", "area", "share", "axes", "gap"),
+            *("K_n", "K_nz", "K_s", "mu", "viscosity", "grout", "water"),
+        )
     }
     few = dataclasses.replace(joint, weights=(csr_matrix(vstack([rows, rows[:1]])),) * 2, **own)
     built = dataclasses.replace(built, joints={"c": few}, pressures=())

@@ -10,7 +10,7 @@ import xarray as xr
 
 import romdam
 from romdam.postprocess.concerns import concerns
-from romdam.terminal import concern_lines, info_lines
+from romdam.terminal.lines import concern_lines, info_lines
 from romdam.timestepping import step_control as accuracy
 
 GOOD = {"ledger_imbalance": 1e-12, "estimated_time_error": 0.008, "accuracy": 0.01, "finest_step": 1e-3}

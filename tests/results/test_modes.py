@@ -12,7 +12,7 @@ from romdam.pipelines.modes import ModesOptions, modes
 from romdam.postprocess.measured_modes import MeasuredMode, match_modes
 from romdam.results.dataset import open_dataset
 from romdam.results.modes import read_measured
-from romdam.terminal import measured_table, modes_table
+from romdam.terminal.tables import measured_table, modes_table
 
 BOX = {"size": [5, 5, 20], "element_size": 5.0}
 RAW = {

@@ -17,7 +17,7 @@ from romdam.results.suite.rows import row_values
 from romdam.results.table import write_sliding
 from romdam.results.variables import Case
 from romdam.scene.build import build_scene
-from romdam.terminal import sliding_tables
+from romdam.terminal.tables import sliding_tables
 
 from .conftest import make_case
 

@@ -12,7 +12,7 @@ from romdam.config import load_config
 from romdam.fem.loads import surface_force
 from romdam.results.stored_run import read_run
 from romdam.scene.build import build_scene
-from romdam.terminal import info_lines
+from romdam.terminal.lines import info_lines
 
 RECORDS = Path(__file__).parents[2] / "data" / "records"
 WIDTH, BASE, HEIGHT, LEVEL, G = 8.0, 24.0, 32.0, 28.0, 9.81

@@ -45,7 +45,7 @@ class WaterConfig(Model):
 
     @model_validator(mode="after")
     def _sound_in_compressible_water(self) -> Self:
-        idle = [key for key in _OF_SOUND if key in self.model_fields_set]
+        idle = [key for key in _OF_SOUND if getattr(self, key) != type(self).model_fields[key].default]
         if idle and self.model != "compressible":
             raise ValueError(
                 f"{idle[0]}: water that is {self.model!r} knows no waves; leave it out, or set "

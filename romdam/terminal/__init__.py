@@ -1,0 +1,76 @@
+"""Output that a person sees in a terminal: progress on stderr, tables on stdout."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+Terminal = tuple["Stages", Callable[..., None]]
+
+DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
+_WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
+
+
+class Stages:
+    """Shows each stage with a bar and the time left, once it takes longer than `DELAY`.
+
+    Called with a stage's text, it is a context manager giving a callable for (steps done, steps in all).
+    """
+
+    def __init__(self, console: Console, quiet: bool) -> None:
+        self._console = console
+        self._shown = console.is_terminal and not quiet
+
+    @contextmanager
+    def __call__(self, text: str) -> Iterator[Callable[[int, int], None]]:
+        if not self._shown:
+            yield _ignore
+            return
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        bar = Progress(
+            *columns, TextColumn("left"), TimeRemainingColumn(), console=self._console, transient=True
+        )
+        task = bar.add_task(text, total=None)
+        timer = threading.Timer(DELAY, bar.start)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+        finally:
+            timer.cancel()
+            timer.join()
+            bar.stop()
+
+
+def open_terminal(quiet: bool = False, verbose: bool = False) -> Terminal:
+    """Progress and log on stderr, and a printer to stdout that `quiet` silences."""
+    errors = Console(stderr=True)
+    output = Console(soft_wrap=True, highlight=False, emoji=False, width=_WIDE)
+    level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
+    handler = RichHandler(console=errors, show_path=False)
+    # what happens to its workers is in messages of romdam's own
+    handler.addFilter(lambda record: not record.name.startswith(("asyncio", "distributed")))
+    logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
+
+    def say(*lines: object) -> None:
+        for line in lines if not quiet else ():
+            output.print(line, markup=False)
+
+    return Stages(errors, quiet), say
+
+
+def _ignore(done: int, total: int) -> None:
+    """Show nothing."""

@@ -1,0 +1,165 @@
+"""Lines on stdout."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from romdam.core.machine import shown_size
+from romdam.postprocess.concerns import LEDGER_LIMIT
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from romdam.pipelines.check import Check
+    from romdam.pipelines.suites.folder import Cleaned
+    from romdam.pipelines.suites.run import SuiteOutcome
+    from romdam.reduction.storage.user_cache import Entry
+
+
+def estimate_line(found: Check) -> str:
+    """Unknowns, time, memory and disk of a job that was checked."""
+    return (
+        f"{found.unknowns} unknowns; about {found.seconds:.2g} s of integration, "
+        f"{found.memory / 1e6:.0f} MB of memory, up to {found.file_size / 1e6:.0f} MB of results"
+    )
+
+
+def failure_lines(outcome: SuiteOutcome) -> list[str]:
+    """List what failed, grouped by message, and its share of the whole."""
+    groups: dict[str, list[str]] = {}
+    for name, message in outcome.failures.items():
+        groups.setdefault(message, []).append(name)
+    lines = []
+    for message, names in groups.items():
+        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+        lines.append(f"{', '.join(names[:_SHOWN])}{more}: {message}")
+    failed = int((outcome.summary.status > 0).sum())
+    return [*lines, f"{failed} of {outcome.runs} runs failed"] if lines else []
+
+
+def clean_lines(found: Cleaned, removed: bool) -> list[str]:
+    """List what of a suite's folder is of no run of its design."""
+    does = "removed" if removed else "would be removed"
+    lines = [f"{does}: {path}" for path in found.files]
+    lines += [f"left, romdam did not write it so: {path}" for path in found.kept]
+    lines.append(f"{does}: {len(found.files)} files, {found.size / 1e6:.1f} MB, and {found.rows} rows")
+    return lines if removed or not (found.files or found.rows) else [*lines, "--remove removes them"]
+
+
+def cache_lines(found: list[Entry], folder: Path, limit: float | None) -> list[str]:
+    """List reduced blocks that are kept, up to a limit in bytes, or sum up those that were removed."""
+    size = shown_size(sum(entry.size for entry in found))
+    if limit is None:
+        return [f"removed: {len(found)} reduced blocks, {size}, from {folder}"]
+    lines = [f"{_date(entry.used)}  {shown_size(entry.size):>7}  {entry.path}" for entry in found]
+    return [*lines, f"{len(found)} reduced blocks, {size} of at most {shown_size(limit)}, in {folder}"]
+
+
+def _date(seconds: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M", time.localtime(seconds))
+
+
+def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
+    """Count the runs of a suite that have an open energy ledger, or missed the wanted accuracy in time."""
+    limits = {
+        "ledger_imbalance": (LEDGER_LIMIT, "do not close their energy ledger within"),
+        "estimated_time_error": (wanted, "did not reach, at the finest step allowed,"),
+    }
+    lines = []
+    for name, (limit, text) in limits.items():
+        beyond = int((summary[name] > limit).sum()) if name in summary and limit is not None else 0
+        if beyond and limit is not None:
+            worst = f"{name} says which, {100 * float(summary[name].max()):.2g} % at most"
+            lines.append(f"{beyond} of {summary[name].size} runs {text} {100 * limit:g} %; {worst}")
+    return lines
+
+
+_SHOWN = 5  # names of failed runs with one message
+
+
+_NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
+
+
+def _time_error(attrs: Mapping[str, object]) -> str:
+    """State what is known of the time-stepping error."""
+    if "solver_estimated_time_error" not in attrs:
+        return "error not estimated; transient.accuracy instead of dt does"
+    estimate, wanted = (float(str(attrs[f"solver_{k}"])) for k in ("estimated_time_error", "accuracy"))
+    verdict = "" if estimate <= wanted else ", NOT reached at the finest step allowed"
+    return f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}), by refining the step"
+
+
+def info_lines(dataset: xr.Dataset) -> list[str]:
+    """Describe a result: its kind, its making, and its known error."""
+    from romdam.error.statement import sentences
+
+    attrs = dataset.attrs
+    size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
+    cpu, stated = float(attrs.get("solver_loop_cpu_seconds", float("nan"))), sentences(attrs)
+    return [
+        str(attrs["title"]),
+        f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, "
+        f"peak {attrs['record_peak_acceleration']:.3g} m/s²",
+        f"configuration  {attrs['configuration_file']}, SHA-256 {str(attrs['configuration_sha256'])[:12]}",
+        f"model          {attrs['model_order']} order, finest step {attrs['solver_finest_step']:g} s, "
+        f"basis {attrs.get('model_file', 'none')}",
+        f"size           {size}",
+        f"solved         {attrs.get('integrator')}: {attrs.get('solver_steps', 0):.0f} steps, "
+        f"{cpu:.3g} s CPU in the time loop",
+        f"time stepping  {_time_error(attrs)}",
+        f"written        {attrs['date_created']} by {attrs['source']}",
+        f"error          {stated.pop('verification', _NOT_STATED)}",
+        *([f"stress         {attrs['stress_statement']}"] if "stress_statement" in attrs else []),
+        *stated.values(),
+        *_water_lines(dataset),
+        *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),
+    ]
+
+
+def _water_lines(dataset: xr.Dataset) -> list[str]:
+    """Resultants of the water in joints, and what the joints carry beside it in the first row."""
+    lines = []
+    for joint in dataset.joint.values if "water_force" in dataset else ():
+        x, y, z = 1e-6 * dataset.water_force.sel(joint=joint).values
+        carried = 1e-6 * float(dataset.normal_force[0, dataset.gap_joint.values == joint].sum())
+        block = str(dataset.joint_blocks.sel(joint=joint).values[1])
+        lines.append(
+            f"water          {joint}: ({x:.4g}, {y:.4g}, {z:.4g}) MN on {block}; "
+            f"effective normal force at the start {carried:.4g} MN"
+        )
+    return lines
+
+
+def verification_lines(statement: Mapping[str, object]) -> list[str]:
+    """The outcome of a verification."""
+    numbers = {k: v for k, v in statement.items() if isinstance(v, float)}
+    lines = [
+        str(statement["statement"]),
+        f"peak opening   reduced {1e3 * numbers['peak']:.3f} mm, "
+        f"full order {1e3 * numbers['peak_reference']:.3f} mm",
+        f"CPU, time loop reduced {numbers['cpu_seconds']:.3g} s, "
+        f"full order {numbers['cpu_seconds_full']:.3g} s: "
+        f"{numbers['cpu_ratio']:.0f} times ({numbers['cpu_ratio_per_step']:.0f} times per step)",
+        f"CPU, reduction {numbers['cpu_seconds_reduction']:.3g} s, once for all records",
+    ]
+    joints = statement.get("joints")
+    if isinstance(joints, dict) and len(joints) > 1:
+        worst = max(joints, key=lambda name: float(joints[name]["peak_error"]))
+        within = 100 * joints[worst]["peak_error"]
+        lines.append(f"every joint    peak opening within {within:.2g} % (worst: {worst})")
+    if "peak_principal_stress" in numbers:
+        lines.append(
+            f"peak stress    reduced {1e-6 * numbers['peak_principal_stress']:.3f} MPa, full order "
+            f"{1e-6 * numbers['peak_principal_stress_full']:.3f} MPa; every node's envelope within "
+            f"{100 * numbers['principal_stress_worst_node_error']:.2g} % of that"
+        )
+    for name in ("reduced", "full"):
+        other = statement.get(f"{name}_against_reference")
+        if isinstance(other, dict):
+            errors = f"peak {100 * other['peak_error']:.2g} %, L2 {100 * other['l2_error']:.2g} %"
+            lines.append(f"reference      {name}: {errors} over {other['seconds']:g} s")
+    return lines

@@ -1,0 +1,189 @@
+"""Tables on stdout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from romdam.pipelines.check import Check
+    from romdam.postprocess.variant_tables import Table as VariantTable
+
+
+def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
+    """Peaks of every joint, a row for each record and joint."""
+    table = Table(title="Peaks", title_justify="left")
+    for name in ("record", "joint"):
+        table.add_column(name, overflow="fold")
+    for name in ("opening [mm]", "at [s]", "compression [MPa]", "slip [mm]"):
+        table.add_column(name, justify="right")
+    for record, dataset in results.items():
+        for joint in dataset.joint.values if "joint" in dataset else ():
+            row = dataset.sel(joint=joint)
+            slip = f"{1e3 * float(row.peak_slip):.2f}" if "peak_slip" in row else "-"
+            table.add_row(
+                record,
+                str(joint),
+                f"{1e3 * float(row.peak_opening):.2f}",
+                f"{float(row.peak_opening_time):.2f}",
+                f"{1e-6 * float(row.peak_compressive_stress):.2f}",
+                slip,
+            )
+    return table
+
+
+def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
+    """Sliding of every block on the one below it, a row for each record and joint; none without shear."""
+    from romdam.postprocess.sliding import HEAD, sliding_rows
+
+    table = _table("Sliding", ("record", *HEAD[:4]), HEAD[4:])
+    for record, dataset in results.items():
+        for row in sliding_rows(dataset):
+            table.add_row(record, *row)
+    return [table] if table.row_count else []
+
+
+def maxima_table(dataset: xr.Dataset) -> Table:
+    """The largest values of a result."""
+    from romdam.postprocess.maxima import HEAD, maxima
+
+    table = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4]))
+    for name, value, unit, where, when in maxima(dataset):
+        table.add_row(name, where, f"{value:.4g}", unit, when or "-")
+    return table
+
+
+def stress_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
+    """Stress of every named face, a table for each record that has any."""
+    from romdam.postprocess.maxima import FACE_HEAD, face_rows
+
+    made = []
+    for record, dataset in results.items():
+        rows = face_rows(dataset)
+        table = _table(f"Major principal stress, {record}", FACE_HEAD[:1], FACE_HEAD[1:])
+        for row in rows:
+            table.add_row(*row)
+        made += [table] if rows else []
+    return made
+
+
+def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
+    """The tables of a comparison that suit a terminal; its page has all."""
+    from romdam.postprocess.variant_tables import shown_cell
+
+    made = []
+    for one in (table for table in tables if table.name in ("cost", "peaks", "stress", "to_reference")):
+        title = f"{one.title}. {one.note}" if one.note else one.title
+        table = _table(title, one.head[:1], one.head[1:])
+        for row in one.rows:
+            table.add_row(*map(shown_cell, row))
+        made.append(table)
+    return made
+
+
+def modes_table(dataset: xr.Dataset) -> Table:
+    """Natural modes: frequency, period, damping, participation and effective mass of each."""
+    dry = "dry_frequency" in dataset
+    head = ["frequency [Hz]", *(["without water [Hz]"] if dry else []), "period [s]", "damping [%]"]
+    axes = dataset.direction.values.tolist()
+    head += [f"participation {axis}" for axis in axes] + [f"mass {axis} [%]" for axis in axes]
+    table = _table(f"Modes, joints {dataset.attrs['joints']}", ("mode",), tuple(head))
+    shares = 100.0 * dataset.effective_mass / dataset.total_mass
+    for mode in dataset.mode.values:
+        one, share = dataset.sel(mode=mode), shares.sel(mode=mode).values
+        freq, ratio = float(one.frequency), float(one.damping_ratio)
+        row = [f"{freq:.4f}", *([f"{float(one.dry_frequency):.4f}"] if dry else [])]
+        row += [f"{1.0 / freq:.4f}", f"{100.0 * ratio:.2f}"] if freq > 0.0 else ["rigid motion", "-"]
+        row += [f"{value:.3f}" for value in one.participation_factor.values.round(3) + 0.0]  # no -0.000
+        table.add_row(str(mode), *row, *(f"{value:.2f}" for value in share))
+    sums = (f"{value:.2f}" for value in shares.sum("mode").values)
+    table.add_row("sum", *[""] * (len(head) - len(axes)), *sums)
+    totals = (f"{float(value):.4g}" for value in dataset.total_mass.values)
+    table.caption = f"total mass along {', '.join(axes)}: {', '.join(totals)} kg"
+    return table
+
+
+def measured_table(dataset: xr.Dataset) -> Table:
+    """Measured modes beside the computed ones."""
+    table = _table(
+        "Measured",
+        ("name",),
+        ("measured [Hz]", "mode", "computed [Hz]", "difference [%]", "damping measured [%]", "computed [%]"),
+    )
+    for name in dataset.measured.values:
+        one = dataset.sel(measured=name)
+        own = dataset.sel(mode=int(one.measured_mode))
+        ratios = (float(one.measured_damping_ratio), float(own.damping_ratio))
+        table.add_row(
+            str(name),
+            f"{float(one.measured_frequency):.4f}",
+            str(int(own.mode)),
+            f"{float(own.frequency):.4f}",
+            f"{100.0 * float(one.frequency_difference):+.2f}",
+            *(f"{100.0 * ratio:.2f}" if ratio == ratio else "-" for ratio in ratios),
+        )
+    return table
+
+
+def check_tables(found: Check) -> list[Table]:
+    """Blocks, joints and records of a job that was checked."""
+    blocks = _table(
+        "Blocks",
+        ("block", "element"),
+        ("nodes", "cells", "free DOFs", "retained", "modes", "Hz (open joints)"),
+    )
+    for name, block in found.blocks.items():
+        lowest = block.get("frequencies_hz", [])
+        shown = ", ".join(f"{f:.4g}" for f in list(lowest)[:3]) if isinstance(lowest, list) else ""
+        counts = (
+            block.get(key, "-")
+            for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")
+        )
+        blocks.add_row(name, str(block["element"]), *map(str, counts), shown)
+    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction", "water [N]"))
+    for name, joint in found.joints.items():
+        joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
+    records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))
+    for name, record in found.records.items():
+        records.add_row(name, *(f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()))
+    return [blocks, joints, records]
+
+
+def suite_table(summary: xr.Dataset) -> Table:
+    """Peaks of a suite: a row for each joint and scale, over all records and samples."""
+    table = _table(
+        "Suite", ("joint", "scale"), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed")
+    )
+    failed = (summary.status > 0).sum(("record", "sample"))
+    for joint in summary.joint.values if "peak_opening" in summary else ():
+        for k, scale in enumerate(summary.scale.values):
+            peaks = 1e3 * summary.peak_opening.sel(joint=joint).isel(scale=k)
+            shares = (f"{float(peaks.quantile(share)):.2f}" for share in (0.5, 0.84, 1.0))
+            bad = int(failed.isel(scale=k))
+            table.add_row(str(joint), f"{scale:g}", str(peaks.size - bad), *shares, str(bad))
+    return table
+
+
+def certificate_table(statement: Mapping[str, Any]) -> Table:
+    """Errors of a certificate: in the nonlinear run, and for the same joint forces."""
+    table = _table(
+        "Certificate", ("quantity",), ("error L2 [%]", "at the peak", "same forces L2 [%]", "at the peak")
+    )
+    same = statement["defect_for_the_same_forces"]
+    for name, error in statement["error"].items():
+        values = (error["l2"], error["peak"], same[name]["l2"], same[name]["peak"])
+        table.add_row(name, *(f"{100 * value:.2g}" for value in values))
+    return table
+
+
+def _table(title: str, left: tuple[str, ...], right: tuple[str, ...]) -> Table:
+    table = Table(title=title, title_justify="left")
+    for name in left:
+        table.add_column(name, overflow="fold")
+    for name in right:
+        table.add_column(name, justify="right")
+    return table
