@@ -45,6 +45,9 @@ TASK_BYTES = 300e6  # of histories in memory, for the runs that are integrated t
 MOST_TOGETHER = 32
 _COPIES = 3.0  # of a history while it is made, compared and written
 
+# of a joint, what samples may vary: it stands in the key of each
+_OF_SAMPLES = {"gap", "K_n", "K_nz", "K_s", "mu", "viscosity", "grout", "laws"}
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -251,8 +254,8 @@ def _model_key(job: Job, scene: Scene) -> str:
         "directions": gap_law(scene).directions,
     }
     joints = {
-        name: (j.blocks, j.nodes, j.position, j.area, j.share, j.axes, j.weights, j.at_point)
-        for name, j in scene.joints.items()
+        name: {key: value for key, value in vars(joint).items() if key not in _OF_SAMPLES}
+        for name, joint in scene.joints.items()
     }
     rest = {name: value for name, value in vars(scene).items() if name != "joints"}
     return fingerprint((LAYOUT, romdam.__version__, asked, joints, rest))

@@ -81,8 +81,9 @@ def run_window(
     rows = _window(history, seconds / settings.steps.interval)
     assert history.q is not None and history.v is not None
     first, last, stride = rows.start, rows.stop - 1, settings.steps.stride
+    static = settings.initial_state == "static"
     start = replace(
-        start_at(history, finer.prepared.system.law, first, _jump_of_forces(history, finer, first)),
+        start_at(history, finer.prepared.system.law, first, _jump_of_forces(history, finer, first), static),
         q=finer.embed @ history.q[first],
         v=finer.embed @ history.v[first],
     )
@@ -105,15 +106,16 @@ def _jump_of_forces(history: History, finer: FinerModel, row: int) -> Floats:
     return jump if more is None else jump - (more @ (finer.embed @ history.q[row])).reshape(jump.shape)
 
 
-def start_at(history: History, law: GapLaw, row: int, jump: Floats) -> Start:
+def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool = False) -> Start:
     """The state of a row of a reduced run, to go on from, its jumps those that joint forces see.
 
-    A bond counts as lost where a row so far, the unloaded start aside, shows its gap open or sliding.
+    A bond counts as lost where a row so far shows its gap open or sliding, an unloaded start aside; `static`
+    is a start in equilibrium, which counts.
     """
     assert history.q is not None and history.v is not None
     memory = None
     if law.laws:
-        has_moved = (history.state[1 : row + 1] != STICK).any(axis=0)
+        has_moved = (history.state[0 if static else 1 : row + 1] != STICK).any(axis=0)
         rate = _slip_rate(history, row)
 
         def resumed(each: type[Law], values: Floats, i: int) -> tuple[float, ...]:

@@ -72,6 +72,8 @@ def lost_static_forces(
     for k, section in enumerate(scene.stress.sections if scene.stress is not None else ()):
         if not all(name in alone and basis[name].omega2.min() > 0.0 for name in section.step):
             continue
+        if any((step[scene.fixed[name].any(axis=1)] > 0.0).any() for name, step in section.step.items()):
+            continue  # the supports are on the side that it bears
         wanted, borne = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
         for name in section.step:
             force = np.where(scene.fixed[name], 0.0, static_force(scene, name)).ravel()

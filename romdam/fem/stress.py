@@ -97,8 +97,9 @@ def observing_stress(scene: Scene, system: System) -> System:
     """A full-order system with stress nodes' stress, then forces on sections, among what is observed."""
     if scene.stress is None:
         return system
-    rows = [system.observe, observed_stress(scene), observed_section_forces(scene)]
-    return replace(system, observe=csr_matrix(vstack(rows)))
+    rows = csr_matrix(vstack([observed_stress(scene), observed_section_forces(scene)]))
+    rows.resize(rows.shape[0], system.size)  # water has unknowns of its own, behind those of the blocks
+    return replace(system, observe=csr_matrix(vstack([system.observe, rows])))
 
 
 def thermal_stress(scene: Scene) -> dict[str, Floats]:

@@ -116,7 +116,7 @@ def _damage(dataset: xr.Dataset) -> list[Row]:
     for face in dataset.stress_face.values if "overstressed_area" in dataset else ():
         own = dataset.sel(stress_face=face)
         share = 100.0 * float(own.overstressed_area[0]) / float(own.stress_face_area)
-        rows.append(("overstressed part of the face", share, "%", str(face), ""))
+        rows.append(("overstressed part of the face, with the ring", share, "%", str(face), ""))
     return rows
 
 
@@ -144,6 +144,8 @@ def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
         for basis in dataset.stress_basis.values if "acceptance" in dataset else ():
             met = own.acceptance.sel(stress_basis=basis)
             words = (verdict(met.sel(dam_kind=kind).values.astype(bool)) for kind in LIMITS)
+            if np.isnan(own.face_principal_stress).all():
+                words = ("not judged: all of it is in the ring" for _ in LIMITS)
             rows.append((*about, str(basis), *words))
             about = ("",) * len(about)
         if "acceptance" not in dataset:

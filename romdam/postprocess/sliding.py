@@ -155,7 +155,7 @@ def _rigid_motion(gaps: xr.Dataset, normal: Floats) -> tuple[Floats, float]:
 Row = tuple[str, ...]
 HEAD: Row = (
     "joint", "block", "on", "verdict", "least factor of safety", "at [s]", "slides [s]", "open [s]",
-    "residual slip [mm]", "largest [mm]", "x [mm]", "y [mm]", "z [mm]", "rotation [mrad]", "path [mm]",
+    "residual slip [mm]", "largest left [mm]", "x [mm]", "y [mm]", "z [mm]", "rotation [mrad]", "path [mm]",
 )  # fmt: skip
 
 

@@ -135,6 +135,8 @@ def _entries(
         manifest_rows(path)  # its own mistakes are those of the source, not of a record
         yield read_entry(settings | {"manifest": path.resolve()}, source), Path()
     else:
+        if common:
+            raise RecordError(f"{source}: a job says itself what is done to its records; leave --target out")
         job = load_config(path)
         yield from ((entry, job.folder) for entry in job.config.records)
 

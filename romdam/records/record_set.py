@@ -114,7 +114,9 @@ def _aimed(loaded: list[Loaded], entry: RecordConfig, folder: Path) -> list[Load
         ]
     if not motions and entry.select is not None:
         return [replace(one, passes=True) for one in unread]
-    return [Loaded(one.name, one.motion, one.error, not one.why, one) for one in aimed] + unread
+    return [
+        Loaded(one.name, one.motion, one.error, one.error is not None or not one.why, one) for one in aimed
+    ] + unread
 
 
 def _of_source(source: Source) -> list[Loaded]:

@@ -55,7 +55,10 @@ def check_run(dataset: xr.Dataset, known: Opened, path: Path) -> None:
     """
     flaw = next(_flaws(dataset, known), None)
     if flaw is not None:
-        raise ResultError(f"{path}: is not the result of a record as romdam writes it: {flaw}; run it again")
+        raise ResultError(
+            f"{path}: is not the result of a record as romdam writes it: {flaw}; run it again, or name "
+            "a file that `romdam run` wrote"
+        )
 
 
 def check_summary(dataset: xr.Dataset, known: Opened, path: Path) -> None:

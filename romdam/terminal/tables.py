@@ -155,9 +155,8 @@ def check_tables(found: Check) -> list[Table]:
 
 def suite_table(summary: xr.Dataset) -> Table:
     """Peaks of a suite: a row for each joint and scale, over all records and samples."""
-    table = _table(
-        "Suite", ("joint", "scale"), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed")
-    )
+    what = "scale" if summary.scale.attrs.get("units") == "1" else f"scaled to [{summary.scale.units}]"
+    table = _table("Suite", ("joint", what), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed"))
     failed = (summary.status > 0).sum(("record", "sample"))
     for joint in summary.joint.values if "peak_opening" in summary else ():
         for k, scale in enumerate(summary.scale.values):

@@ -58,13 +58,18 @@ class GroundConfig(Model):
 
 
 def refuse_wrong_ground(
-    ground: GroundConfig, dam: ArchDamConfig | None, water: WaterConfig | None, varied: Mapping[str, object]
+    ground: GroundConfig,
+    dam: ArchDamConfig | None,
+    water: WaterConfig | None,
+    varied: Mapping[str, object],
+    modal: bool = False,
 ) -> None:
     """Raise where a suite forbids viscous faces, waves have none to come through, or water is for one motion.
 
     Parameters
     ----------
     varied : parameters of a suite by name
+    modal : whether damping is by ratios of modes
 
     Raises
     ------
@@ -82,6 +87,11 @@ def refuse_wrong_ground(
         raise ValueError(
             "ground.input: free_field moves each depth of the rock on its own, and water.model: compressible "
             "has one motion of its floor and banks; set water.model: incompressible, or ground.input: uniform"
+        )
+    if ground.input == "free_field" and modal:
+        raise ValueError(
+            "damping.modal: the free field is found for `rayleigh` damping of the rock only (modal ratios "
+            "are those of rock and dam together); give damping.rayleigh, or ground.input: uniform"
         )
     key = "rock" if ground.rock else "input: free_field" if ground.input == "free_field" else ""
     if key and not (of_dam or ground.viscous):

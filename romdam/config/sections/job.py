@@ -296,8 +296,9 @@ class Config(Model):
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
         self._refuse_interval_that_no_steps_divide()
+        self._refuse_grouting_without_rest()
         varied = self.suite.parameters if self.suite else {}
-        refuse_wrong_ground(self.ground, self.arch_dam, self.water, varied)
+        refuse_wrong_ground(self.ground, self.arch_dam, self.water, varied, self.damping.modal is not None)
         refuse_waves(self.water, self.transient.integrator, self.model.modes, varied)
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
@@ -332,6 +333,14 @@ class Config(Model):
         for i, face in enumerate(self.water.faces if self.water else ()):
             self._known(f"water.faces[{i}].block", face.block, blocks)
         return self
+
+    def _refuse_grouting_without_rest(self) -> None:
+        grouted = [name for name, joint in self.every_joint.items() if joint.law_keys["grouting_pressure"]]
+        if grouted and self.loads.initial_state == "undeformed":
+            raise ValueError(
+                f"joints.{grouted[0]}.grouting_pressure is what the joint has at rest, and "
+                "loads.initial_state: undeformed starts without rest; set static, or leave the pressure out"
+            )
 
     def _refuse_no_blocks(self) -> None:
         if not self.block_names:

@@ -124,7 +124,7 @@ class SuiteConfig(Model):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.intensities is not None and "scales" in self.model_fields_set:
+        if self.intensities is not None and self.scales != type(self).model_fields["scales"].default:
             raise ValueError("give `scales` or `intensities`, not both")
         first: dict[str, str] = {}
         for name, one in self.parameters.items():

@@ -125,7 +125,7 @@ def _fits(
         free = entry.match is not None or (entry.scale is not None and entry.scale.to == "target")
         factor = least_squares_factor(psa, target.sa) if free else 1.0
         fit = Fit(motion, psa, factor, misfit(factor * psa, target.sa))
-        if text := _out_of_bounds(fit, entry.scale):
+        if text := _out_of_bounds(factor, entry.scale):
             refused = None if entry.select else RecordError(f"{motion.name}: {text}")
             others.append(Aimed(motion.name, None, factor, fit.misfit, text, refused))
         else:
@@ -133,13 +133,11 @@ def _fits(
     return fits, others
 
 
-def _out_of_bounds(fit: Fit, scale: ScaleConfig | None) -> str:
-    if scale is None or scale.factors is None or scale.factors[0] <= fit.factor <= scale.factors[1]:
+def _out_of_bounds(factor: float, scale: ScaleConfig | None) -> str:
+    if scale is None or scale.factors is None or scale.factors[0] <= factor <= scale.factors[1]:
         return ""
     low, high = scale.factors
-    return (
-        f"scale.factors: the target needs a factor of {fit.factor:.3g}, the limits are {low:g} and {high:g}"
-    )
+    return f"scale.factors: the target needs a factor of {factor:.3g}, the limits are {low:g} and {high:g}"
 
 
 def _selected(fits: list[Fit], count: int, others: list[str]) -> tuple[list[Fit], list[Aimed]]:
@@ -163,6 +161,8 @@ def _common_factor(fits: list[Fit], target: Target, scale: ScaleConfig | None) -
 
 def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Aimed:
     motion, factor = fit.motion, common * fit.factor
+    if text := _out_of_bounds(factor, entry.scale):  # by what brings the mean up
+        return Aimed(motion.name, None, factor, fit.misfit, "", RecordError(f"{motion.name}: {text}"))
     about: dict[str, object] = {
         "of": NAMED[target.of],
         "damping": target.damping,

@@ -117,8 +117,7 @@ def _ratio(acc: Array, dt: float, target: Target) -> tuple[Array, Array]:
 def _matched_axes(motion: GroundMotion, of: str) -> list[int]:
     if of in AXES:
         return [AXES.index(of)]
-    candidates = (0, 1, 2) if of == "largest" else (0, 1)
-    return [axis for axis in candidates if np.any(motion.acc[axis] != 0.0)]
+    return [axis for axis in (0, 1) if np.any(motion.acc[axis] != 0.0)]
 
 
 def _check_periods(motion: GroundMotion, target: Target) -> None:

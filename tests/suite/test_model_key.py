@@ -1,0 +1,31 @@
+"""What the rows of a suite depend on: every field of a joint is in one of the two keys."""
+
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from romdam.config import parse_config
+from romdam.config.load import Job
+from romdam.core.scene import Joint
+from romdam.core.system import GapLaw
+from romdam.pipelines.suites.plan import _OF_SAMPLES, _model_key
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
+
+from small_scenes import raw, scene
+
+
+def test_water_in_a_joint_is_in_the_key_of_the_model():
+    """It is a load, and no sample varies it."""
+    config = raw()
+    job, built = Job(parse_config(config, "s.yaml"), Path("s.yaml")), scene(config)
+    (name,), (joint,) = built.joints, built.joints.values()
+    wet = replace(built, joints={name: replace(joint, water=np.full(len(joint.area), 1e6))})
+    assert _model_key(job, wet) != _model_key(job, built) == _model_key(job, scene(config))
+
+
+def test_what_the_key_of_the_model_leaves_out_is_in_that_of_the_sample():
+    assert {field.name for field in fields(Joint)} >= _OF_SAMPLES
+    assert {field.name for field in fields(GapLaw)} >= _OF_SAMPLES
