@@ -306,7 +306,7 @@ TWICE = "faces[1]: the face is not wet:"
         ({"faces": [{"block": "z", "face": "ymin"}]}, "water.faces[0].block: no 'z' is defined"),
         ({"density": -1}, "water.density"),
         ({"model": "shallow"}, "water.model"),
-        ({"sound_speed": 1440}, "water: sound_speed: water that is 'incompressible' knows no waves"),
+        ({"sound_speed": 1500.0}, "water: sound_speed: water that is 'incompressible' knows no waves"),
     ],
 )  # fmt: skip
 def test_water_that_cannot_be_is_refused_with_numbers(water, says):
