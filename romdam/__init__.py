@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from romdam.config.load import load_config
     from romdam.pipelines.error.comparison import compare
+    from romdam.pipelines.error.two_results import compare_results
     from romdam.pipelines.modes import modes
     from romdam.pipelines.run import run
     from romdam.pipelines.suites.run import run_suite
@@ -23,13 +24,14 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0.dev0"
 __all__ = [
-    "Result", "__version__", "cache_folder", "compare", "load_config", "modes", "open_result", "open_suite",
-    "run", "run_suite",
+    "Result", "__version__", "cache_folder", "compare", "compare_results", "load_config", "modes",
+    "open_result", "open_suite", "run", "run_suite",
 ]  # fmt: skip
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
     "compare": "romdam.pipelines.error.comparison",
+    "compare_results": "romdam.pipelines.error.two_results",
     "load_config": "romdam.config.load",
     "modes": "romdam.pipelines.modes",
     "open_result": "romdam.results.fields",

@@ -9,7 +9,7 @@ import typer
 
 import romdam
 from romdam.commands.caches import cache
-from romdam.commands.errors import certify, study, verify
+from romdam.commands.errors import certify, compare, study, verify
 from romdam.commands.modes import modes
 from romdam.commands.options import BAD_INPUT, EXIT_CODES, FAILED
 from romdam.commands.runs import check, run
@@ -27,7 +27,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, report, clean, check, modes, verify, certify, study, info, show, plot, records, cache):
+for command in (
+    run,
+    report,
+    clean,
+    check,
+    modes,
+    verify,
+    certify,
+    study,
+    compare,
+    info,
+    show,
+    plot,
+    records,
+    cache,
+):
     app.command(epilog=EXIT_CODES)(command)
 
 

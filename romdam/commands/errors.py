@@ -1,4 +1,4 @@
-"""The error of a model or of a result: `romdam verify`, `romdam certify` and `romdam study`."""
+"""The error of a model or of a result: `romdam verify`, `certify`, `study` and `compare`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import romdam
-from romdam.commands.options import Config, Out, Quiet, ResultFile, Verbose
+from romdam.commands.options import FAILED, Config, Out, Quiet, ResultFile, Verbose, named_folder
 
 
 def verify(
@@ -75,3 +75,43 @@ def study(
     stages, say = open_terminal(quiet, verbose)
     found = study_job(romdam.load_config(config), out, reference, stages)
     say(found.table, *(f"written: {path}" for path in found.paths))
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", help="Result of romdam's (.nc), or another code's.")],
+    second: Annotated[
+        Path, typer.Argument(metavar="B", help="The better one; differences are relative to it.")
+    ],
+    tolerance: Annotated[
+        str | None,
+        typer.Option(help="Largest L2 and peak difference, such as '2 %'; beyond it the exit code is 1."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", parser=named_folder, metavar="DIR", help="Folder for compare.csv and .png."
+        ),
+    ] = None,
+) -> None:
+    """Compare two results on one clock: L2, peaks and phase, joint by joint.
+
+    Another code's are NetCDF-4 (opening, gap_position, displacement), .npz (time, gap, position), or CSV
+    with columns time, opening:<gap or joint>, displacement:<node>:<x, y or z>, each with a unit in brackets.
+    """
+    from romdam.config.quantities import to_si
+    from romdam.pipelines.error.two_results import compare_results
+    from romdam.terminal import open_terminal
+    from romdam.terminal.tables import variant_table
+
+    try:
+        most = to_si(tolerance, "") if tolerance is not None else None
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--tolerance") from error
+    if most is not None and not most > 0.0:
+        raise typer.BadParameter(f"must be above 0, got {tolerance}", param_hint="--tolerance")
+    _, say = open_terminal(quiet=False, verbose=False)
+    both = compare_results(first, second, out)
+    say(variant_table(both.table), *(f"written: {path}" for path in both.paths))
+    if most is not None and (beyond := both.beyond(most)):
+        say(f"more than {tolerance} apart: {', '.join(beyond)}")
+        raise typer.Exit(FAILED)

@@ -18,6 +18,7 @@ from romdam.core.files import check_file
 from romdam.error.metrics import RelativeError, opening_error
 
 _MOST = 4e9  # bytes of a file that is read whole
+_SAME_PLACE = 1e-3  # [m]
 _UNREADABLE = (
     OSError, KeyError, ValueError, TypeError, IndexError, AttributeError, EOFError, MemoryError, RuntimeError,
     zipfile.BadZipFile, zlib.error,
@@ -95,17 +96,36 @@ def compare_openings(
 
 
 def _match(position: Floats, reference: Floats, names: tuple[str, str]) -> NDArray[np.int64]:
-    from scipy.spatial import cKDTree
-
-    if len(position) == len(reference):
-        if np.abs(position - reference).max(initial=0.0) < 1e-3:  # joints that meet have gaps at one place
-            return np.arange(len(position))
-        distance, pair = cKDTree(reference).query(position)
-        if distance.max() < 1e-3 and len(set(pair)) == len(pair):
-            return np.asarray(pair)
+    rows, pair = coinciding(position, reference)
+    if len(rows) == len(position) == len(reference):
+        return pair
     raise ResultError(
         f"the {len(position)} gaps of {names[0]} are not at the places of the {len(reference)} of {names[1]}"
     )
+
+
+def coinciding(position: Floats, reference: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Gaps of one run and those of another at the same places, within 1 mm.
+
+    Where joints meet, several gaps of a run are at one place; they are told apart only if both runs have all
+    gaps in one order.
+
+    Parameters
+    ----------
+    position, reference : (ng, 3), (nr, 3) [m]
+
+    Returns
+    -------
+    rows of `position`, rising, and those of `reference`
+    """
+    from scipy.spatial import cKDTree
+
+    if len(position) == len(reference) and np.abs(position - reference).max(initial=0.0) < _SAME_PLACE:
+        return np.arange(len(position)), np.arange(len(position))
+    near = cKDTree(position).sparse_distance_matrix(cKDTree(reference), _SAME_PLACE, output_type="coo_matrix")
+    alone = (np.bincount(near.row)[near.row] == 1) & (np.bincount(near.col)[near.col] == 1)
+    order = np.argsort(near.row[alone])
+    return near.row[alone][order].astype(np.int64), near.col[alone][order].astype(np.int64)
 
 
 def _common_times(

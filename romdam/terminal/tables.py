@@ -73,16 +73,18 @@ def stress_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
 
 def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
     """The tables of a comparison that suit a terminal; its page has all."""
+    shown = ("cost", "peaks", "stress", "to_reference")
+    return [variant_table(one) for one in tables if one.name in shown]
+
+
+def variant_table(one: VariantTable) -> Table:
+    """A table of a comparison."""
     from romdam.postprocess.variant_tables import shown_cell
 
-    made = []
-    for one in (table for table in tables if table.name in ("cost", "peaks", "stress", "to_reference")):
-        title = f"{one.title}. {one.note}" if one.note else one.title
-        table = _table(title, one.head[:1], one.head[1:])
-        for row in one.rows:
-            table.add_row(*map(shown_cell, row))
-        made.append(table)
-    return made
+    table = _table(f"{one.title}. {one.note}" if one.note else one.title, one.head[:1], one.head[1:])
+    for row in one.rows:
+        table.add_row(*map(shown_cell, row))
+    return table
 
 
 def modes_table(dataset: xr.Dataset) -> Table:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from romdam.visual.style import COLOURS, GREY, STYLE, scaled
 
+_MOST = 12  # rows of a figure
 _DASHES = ("-", "--", ":", "-.")
 
 
@@ -29,6 +30,15 @@ def opening_histories(comparison: xr.Dataset) -> Figure | None:
     if "widest_opening" not in comparison:
         return None
     return _figure(comparison, comparison.widest_opening, "joint", "opening of\n{}")
+
+
+def quantity_histories(comparison: xr.Dataset) -> Figure:
+    """Two results, see `romdam.error.two_results`: every quantity that they share, some dozen of them."""
+    quantities = comparison["quantity"].values[:_MOST]
+    first, second = comparison.variant.values
+    shown = comparison.history.sel(quantity=quantities).assign_attrs(comparison.history.attrs)
+    labelled = comparison.assign_attrs(reference=second, record=f"{first} against {second}")
+    return _figure(labelled, shown, "quantity", "{}")
 
 
 HISTORIES: dict[str, Callable[[xr.Dataset], Figure | None]] = {

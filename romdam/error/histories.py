@@ -1,0 +1,212 @@
+"""Openings and displacements over time of a result, romdam's own or another code's.
+
+Another code's file states openings, open positive, and displacement relative to the base in metres:
+
+- NetCDF-4 (.nc): `opening(time, gap)` with `gap_position(gap, component)`, `widest_opening(time, joint)`,
+  `displacement(time, node, component)`, or some of them; `gap_joint(gap)` names the joints
+- CSV (.csv): a head, then a row for each time; its columns are `time`, `opening:<number of the gap>`,
+  `opening:<joint>` (of its widest gap) and `displacement:<node>:<x, y or z>`; a unit stands as in `time [ms]`
+- NumPy (.npz): `time`, `gap` and `position`, as `romdam.error.comparison.read_reference` takes them
+"""
+
+from __future__ import annotations
+
+import csv
+import logging
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from romdam.config.quantities import to_si
+from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError
+from romdam.core.files import check_file
+from romdam.error.comparison import read_reference
+from romdam.results.dataset import open_netcdf, open_run
+
+log = logging.getLogger(__name__)
+
+Place = tuple[str, ...]
+_VARIABLES = {
+    "time": (("time",), "s"),
+    "opening": (("time", "gap"), "m"),
+    "widest_opening": (("time", "joint"), "m"),
+    "displacement": (("time", "node", "component"), "m"),
+    "gap_position": (("gap", "component"), "m"),
+    "gap_joint": (("gap",), ""),
+}
+_COLUMN = re.compile(
+    r"\s*(?:(time)|opening:([^:\[]*[^:\[\s])|displacement:([^:\[]*[^:\[\s]):([xyz]))\s*(?:\[([^\]]+)\])?\s*"
+)
+_MOST = 4e9  # bytes of a table, which is read whole
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Histories of one result by place.
+
+    Attributes
+    ----------
+    time : (nt,) rising [s]
+    series : ("gap", number), ("joint", name) for its widest gap, or ("node", name, axis) -> (nt,) [m]
+    position : ("gap", number) -> (3,) [m], where it is known
+    joint : ("gap", number) -> name of its joint, where it is known
+    """
+
+    time: Floats
+    series: Mapping[Place, Floats]
+    position: Mapping[Place, Floats] = field(default_factory=dict)
+    joint: Mapping[Place, str] = field(default_factory=dict)
+
+
+def read_histories(path: Path) -> Histories:
+    """Read what of a result is compared with another, see the module.
+
+    Raises
+    ------
+    ResultError
+        naming the file and what in it is wrong or missing.
+    """
+    readers = {".nc": _netcdf, ".csv": _table, ".npz": _arrays}
+    if path.suffix not in readers:
+        raise ResultError(
+            f"{path}: {', '.join(readers)} are compared, not {path.suffix or 'what has no suffix'!r}"
+        )
+    histories = readers[path.suffix](path)
+    time = histories.time
+    if len(time) < 2 or not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
+        raise ResultError(f"{path}: time must rise from row to row, over two rows at least")
+    for place, values in histories.series.items():
+        if not np.isfinite(values).all():
+            when = time[~np.isfinite(values)][0]
+            raise ResultError(f"{path}: {' '.join(place)} is no number at {when:g} s")
+    if not histories.series:
+        raise ResultError(f"{path}: has neither openings nor displacements; there is nothing to compare")
+    return histories
+
+
+def _arrays(path: Path) -> Histories:
+    stored = read_reference(path)
+    gaps = [("gap", str(k)) for k in range(len(stored.position))]
+    return Histories(
+        stored.time,
+        dict(zip(gaps, stored.opening.T, strict=True)),
+        dict(zip(gaps, stored.position, strict=True)),
+    )
+
+
+def _netcdf(path: Path) -> Histories:
+    dataset, _ = open_netcdf(path)
+    with dataset:
+        if not str(dataset.attrs.get("source", "")).startswith("romdam"):
+            return _histories(_checked(dataset, path))
+    with open_run(path) as own:
+        return _histories(own)
+
+
+def _checked(dataset: xr.Dataset, path: Path) -> xr.Dataset:
+    """The variables that are read, once their dimensions, kinds and units are as they must be."""
+    for name, (dims, unit) in _VARIABLES.items():
+        if name not in dataset.variables:
+            continue
+        one = dataset[name]
+        if set(one.dims) != set(dims):
+            raise ResultError(
+                f"{path}: {name} is over {', '.join(map(str, one.dims))}, must be over {', '.join(dims)}"
+            )
+        if unit and one.dtype.kind not in "fiu":
+            raise ResultError(f"{path}: {name} is of {one.dtype}, must be of numbers")
+        if unit and one.attrs.get("units", unit) != unit:
+            raise ResultError(f"{path}: {name} is in {one.attrs['units']}, must be in {unit}")
+        if "component" in dims and dataset.sizes["component"] != 3:
+            raise ResultError(f"{path}: component has {dataset.sizes['component']} places, must have x, y, z")
+    if "time" not in dataset.variables:
+        raise ResultError(f"{path}: has no variable time")
+    return dataset
+
+
+def _histories(dataset: xr.Dataset) -> Histories:
+    gaps: list[Place] = [("gap", str(k)) for k in range(dataset.sizes.get("gap", 0))]
+    joint = {gap: str(name) for gap, name in zip(gaps, _of_gaps(dataset, "gap_joint"), strict=False)}
+    series = dict(_series(dataset, gaps))
+    for name in dict.fromkeys(joint[gap] for gap in gaps if gap in joint and gap in series):
+        widest = np.max([series[gap] for gap in gaps if joint[gap] == name], axis=0)
+        series.setdefault(("joint", name), widest)
+    position = dict(zip(gaps, _of_gaps(dataset, "gap_position"), strict=False))
+    return Histories(np.asarray(dataset.time, dtype=float), series, position, joint)
+
+
+def _of_gaps(dataset: xr.Dataset, name: str) -> Sequence[Any]:
+    return list(dataset[name].values) if name in dataset.variables else ()
+
+
+def _series(dataset: xr.Dataset, gaps: Sequence[Place]) -> Iterator[tuple[Place, Floats]]:
+    def rows(name: str) -> Floats:
+        dims = _VARIABLES[name][0]
+        return np.asarray(dataset[name].transpose(*dims[1:], "time"), dtype=float)
+
+    if "opening" in dataset:
+        yield from zip(gaps, rows("opening"), strict=True)
+    if "widest_opening" in dataset:
+        yield from zip(
+            (("joint", str(name)) for name in dataset.joint.values), rows("widest_opening"), strict=True
+        )
+    if "displacement" in dataset:
+        for name, vector in zip(dataset.node.values, rows("displacement"), strict=True):
+            yield from zip((("node", str(name), axis) for axis in "xyz"), vector, strict=True)
+
+
+def _table(path: Path) -> Histories:
+    check_file(path, _MOST, ResultError)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            head, *rows = [row for row in csv.reader(file) if row]
+    except (OSError, ValueError, csv.Error) as error:
+        raise ResultError(f"{path}: is no table in UTF-8 that begins with its head ({error})") from error
+    series: dict[Place, Floats] = {}
+    for name, values in zip(head, _numbers(rows, head, path).T, strict=True):
+        place, factor = _column(name, path)
+        if place in series:
+            raise ResultError(f"{path}: two columns are {name.strip()!r}")
+        if place:
+            series[place] = factor * values
+    if ("time",) not in series:
+        raise ResultError(f"{path}: no column is named time; the first row is {', '.join(head)[:200]}")
+    return Histories(series.pop(("time",)), series)
+
+
+def _numbers(rows: Sequence[Sequence[str]], head: Sequence[str], path: Path) -> Floats:
+    table = np.empty((len(rows), len(head)))
+    for k, row in enumerate(rows):
+        try:
+            table[k] = np.array([float(cell) for cell in row]).reshape(len(head))
+        except ValueError as error:
+            raise ResultError(
+                f"{path}: row {k + 1} below the head is not {len(head)} numbers ({error})"
+            ) from error
+    return table
+
+
+def _column(name: str, path: Path) -> tuple[Place, float]:
+    """Place of a column, () where its name says none, and what its unit is in SI."""
+    match = _COLUMN.fullmatch(name)
+    if match is None:
+        log.warning(
+            "%s: column %r is not compared; `romdam compare --help` says how columns are named",
+            path,
+            name.strip(),
+        )
+        return (), 1.0
+    time, gap, node, axis, unit = match.groups()
+    try:
+        factor = to_si(f"1 {unit}", "s" if time else "m") if unit else 1.0
+    except ValueError as error:
+        raise ResultError(f"{path}: column {name.strip()!r}: {error}") from error
+    if time:
+        return ("time",), factor
+    return ("node", node, axis) if node else ("gap" if gap.isdecimal() else "joint", gap), factor

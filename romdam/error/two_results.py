@@ -1,0 +1,154 @@
+"""Two results side by side on one clock: L2, peaks and phase of every joint and every displacement.
+
+The clock is equally spaced at the larger of the two writing intervals over the time that both results have,
+and begins at a row of the one that is written more sparsely; both are interpolated linearly to it. L2 and
+peaks are those of `romdam.error.metrics`, relative to the second result. The phase is the shift in time at
+which the two correlate best (parabola through the three best samples), positive where the first is late.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import make_interp_spline
+from scipy.signal import correlate
+
+from romdam.core.arrays import Floats, Ints
+from romdam.core.errors import ResultError
+from romdam.error.comparison import coinciding
+from romdam.error.histories import Histories, Place
+from romdam.error.metrics import magnitude_error, opening_error
+
+log = logging.getLogger(__name__)
+
+_SHIFT = 0.1  # of the compared time: what is farther apart is another motion
+_OVER = ("quantity", "variant", "time")
+_VARIABLES = {  # number of dimensions of _OVER, unit, meaning
+    "history": (3, "m", "opening of the widest gap, or displacement relative to the base"),
+    "peak": (2, "m", "largest opening, or largest displacement in magnitude"),
+    "places": (1, "1", "gaps or components that are compared"),
+    "l2_difference": (1, "1", "L2 of the difference over that of the second result"),
+    "peak_difference": (1, "1", "difference of the largest values over that of the second result"),
+    "phase": (1, "s", "by how much the first result is late"),
+}
+
+
+def side_by_side(first: Histories, second: Histories, names: tuple[str, str]) -> xr.Dataset:
+    """Compare two results.
+
+    Parameters
+    ----------
+    names : of the two
+
+    Returns
+    -------
+    Dataset over `variant` (the two), `quantity` and `time` [s] with what `_VARIABLES` says
+
+    Raises
+    ------
+    ResultError
+        where they have no place, or too little time, in common.
+    """
+    second = _with_gaps_of(first, second)
+    common = [place for place in first.series if place in second.series]
+    if not common:
+        raise ResultError(
+            f"{names[0]} and {names[1]} have no gap, joint or node in common; gaps are known by position "
+            "(within 1 mm) or number, joints and nodes by name"
+        )
+    time = _clock(first.time, second.time, names)
+    quantities = _quantities(common, {**second.joint, **first.joint})
+    rows = [_row(first, second, places, time) for places in quantities.values()]
+    made = {
+        name: (_OVER[:count], np.array(values), {"units": unit, "long_name": text})
+        for (name, (count, unit, text)), values in zip(
+            _VARIABLES.items(), zip(*rows, strict=True), strict=True
+        )
+    }
+    return xr.Dataset(made, {"time": time, "variant": list(names), "quantity": list(quantities)})
+
+
+def _row(first: Histories, second: Histories, places: list[Place], time: Floats) -> tuple[object, ...]:
+    """What is stated of one quantity, in the order of `_VARIABLES`."""
+    pair, opens = (_at(first, places, time), _at(second, places, time)), places[0][0] != "node"
+    error = (opening_error if opens else magnitude_error)(*pair)
+    widest = [one.max(axis=1) for one in pair]
+    peaks = [float((one if opens else np.abs(one)).max()) for one in pair]
+    return widest, peaks, len(places), error.l2, error.peak, phase(*pair, float(time[1] - time[0]))
+
+
+def phase(first: Floats, second: Floats, interval: float) -> float:
+    """By how much the first of two histories (nt, places) is late, in the unit of `interval`; NaN at rest."""
+    pair = [one - one.mean(axis=0) for one in (first, second)]
+    if not all(one.any() for one in pair):
+        return float("nan")
+    lag = np.arange(-int(_SHIFT * len(first)), int(_SHIFT * len(first)) + 1)
+    best = _correlation(pair[0], pair[1], lag)
+    k = int(best.argmax())
+    within = 0.0
+    if 0 < k < len(lag) - 1:
+        before, here, after = best[k - 1 : k + 2]
+        within = 0.5 * (before - after) / (before - 2.0 * here + after)
+    return float(interval * (lag[k] + within))
+
+
+def _correlation(first: Floats, second: Floats, lag: Ints) -> Floats:
+    """Of first(t + lag) and second(t) where both are, over their sizes there, which favours no lag."""
+    count, later, earlier = len(first), np.maximum(lag, 0), np.maximum(-lag, 0)
+    product = np.zeros(2 * count - 1)
+    for one, other in zip(first.T, second.T, strict=True):
+        product += correlate(one, other, method="fft")
+    size = [np.concatenate([[0.0], np.cumsum((one**2).sum(axis=1))]) for one in (first, second)]
+    sizes = (size[0][count - earlier] - size[0][later]) * (size[1][count - later] - size[1][earlier])
+    return np.asarray(product[count - 1 + lag] / np.sqrt(np.maximum(sizes, np.finfo(float).tiny)))
+
+
+def _quantities(places: list[Place], joint: Mapping[Place, str]) -> dict[str, list[Place]]:
+    """Words -> places: gaps joint by joint, else the widest of a joint; displacements axis by axis."""
+    made: dict[str, list[Place]] = {}
+    for place in (place for place in places if place[0] == "gap"):
+        made.setdefault(f"opening of {joint.get(place, 'all gaps')}", []).append(place)
+    for place in (place for place in places if place[0] == "joint"):
+        if f"opening of {place[1]}" not in made:
+            made[f"widest opening of {place[1]}"] = [place]
+    for place in (place for place in places if place[0] == "node"):
+        made[f"displacement {place[2]} of {place[1]}"] = [place]
+    return made
+
+
+def _with_gaps_of(first: Histories, second: Histories) -> Histories:
+    """The second result with its gaps named as those of the first at the same positions."""
+    if not first.position or not second.position:
+        return second
+    names, others = list(first.position), list(second.position)
+    rows, pairs = coinciding(*(np.array([*one.position.values()]) for one in (first, second)))
+    if len(rows) < max(len(names), len(others)):
+        log.warning("%d gaps are at one place, of %d and %d", len(rows), len(names), len(others))
+    own = {others[b]: names[a] for a, b in zip(rows, pairs, strict=True)}
+    series = {place: values for place, values in second.series.items() if place[0] != "gap"}
+    series |= {name: second.series[other] for other, name in own.items()}
+    joint = {name: second.joint[other] for other, name in own.items() if other in second.joint}
+    return Histories(second.time, series, {}, joint)
+
+
+def _clock(first: Floats, second: Floats, names: tuple[str, str]) -> Floats:
+    sparse = max((first, second), key=lambda time: float(np.median(np.diff(time))))
+    interval = float(np.median(np.diff(sparse)))
+    start, end = max(first[0], second[0]), min(first[-1], second[-1])
+    begin = sparse[min(np.searchsorted(sparse, start), len(sparse) - 1)]
+    count = int((end - begin) / interval + 1e-6) + 1
+    if count < 3:
+        raise ResultError(
+            f"{names[0]} is of {first[0]:g} to {first[-1]:g} s, {names[1]} of "
+            f"{second[0]:g} to {second[-1]:g} s; three steps of {interval:g} s at least must be common"
+        )
+    return np.asarray(begin + interval * np.arange(count), dtype=np.float64)
+
+
+def _at(histories: Histories, places: list[Place], time: Floats) -> Floats:
+    values = np.column_stack([histories.series[place] for place in places])
+    within = np.clip(time, histories.time[0], histories.time[-1])
+    return np.asarray(make_interp_spline(histories.time, values, k=1)(within))
