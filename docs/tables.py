@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 import re
-import textwrap
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -16,13 +12,13 @@ from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from romdam.config.quantities import spelt, unit_of
 from romdam.config.sections.job import Config
-from romdam.contact.laws import LAWS
+from romdam.config.texts import meaning, meanings, own_doc
 from romdam.results.case import Variable
 from romdam.results.suite.rows import ROWS
 from romdam.results.variables import COORDINATES, VARIABLES
 
-_SPELT = {"delta_degC": "K", "N*s/m^3": "N s/m3"}  # pint's way -> ours; else without its ^
 _BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
 
 
@@ -59,7 +55,7 @@ def configuration() -> str:
             heading = f"{heading}: {_mark(model)}"
         headings.add(heading)
         at = "the whole file" if paths == [""] else ", ".join(f"`{path}`" for path in paths)
-        doc = " ".join(_own_doc(model).split())
+        doc = " ".join(own_doc(model).split())
         rows = ["| key | type and unit | default | limits and meaning |", "|---|---|---|---|"]
         rows += [_row(model, name, field) for name, field in model.model_fields.items()]
         sections.append("\n".join([f"## {heading}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
@@ -80,7 +76,7 @@ def unexplained() -> set[str]:
         for name, field in model.model_fields.items()
         if name != "step"
         and name not in meanings(model)
-        and re.search(rf"`{name}\b", _own_doc(model)) is None
+        and re.search(rf"`{name}\b", own_doc(model)) is None
         and not any(_inner(field.annotation))
     }
 
@@ -130,31 +126,8 @@ def _row(model: type[BaseModel], name: str, field: FieldInfo) -> str:
     else:
         shown = "none" if default in (None, (), "") else f"`{_plain(default)}`"
     limits = _limits([*field.metadata, *_nested(field.annotation)])
-    told = "; ".join(text for text in (", ".join(limits), _meaning(model, name, field)) if text)
+    told = "; ".join(text for text in (", ".join(limits), meaning(model, name)) if text)
     return f"| `{name}` | {_cell(_type(_declared(model, name)))} | {shown} | {_cell(told)} |"
-
-
-def _meaning(model: type[BaseModel], name: str, field: FieldInfo) -> str:
-    """The text of the key, or what the model says of itself that alone can stand there."""
-    texts, inner = meanings(model), _lone(field.annotation)
-    if name in texts or inner is None:
-        return texts.get(name, "")
-    return _first_line(inner)
-
-
-def _first_line(one: type) -> str:
-    return " ".join((one.__doc__ or "").partition("\n\n")[0].split())
-
-
-def _lone(annotation: Any) -> type[BaseModel] | None:
-    """The model of an annotation that allows nothing else, or a list or mapping of it."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    kinds = [one for one in get_args(annotation) if one not in (type(None), Ellipsis)]
-    if get_origin(annotation) is dict:
-        return _lone(kinds[1])
-    lone = len(kinds) == 1 or get_origin(annotation) is Annotated
-    return _lone(kinds[0]) if lone and kinds else None
 
 
 def _plain(value: object) -> str:
@@ -183,38 +156,6 @@ def _limits(metadata: list[Any]) -> list[str]:
     ]
 
 
-def meanings(model: type[BaseModel]) -> dict[str, str]:
-    """The text that stands below a key in its model, for those that have one; those it inherits too."""
-    texts = {key: _first_line(law) for law in LAWS if not law.section for key in law.key_names()}
-    texts = {key: text for key, text in texts.items() if key in model.model_fields}
-    for one in reversed(model.__mro__):
-        if not issubclass(one, BaseModel) or one is BaseModel:
-            continue
-        try:
-            source = inspect.getsource(one)
-        except (OSError, TypeError):  # made by pydantic, written nowhere
-            continue
-        body = ast.parse(textwrap.dedent(source)).body[0].body  # type: ignore[attr-defined]
-        for key, text in pairwise(body):
-            if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text):
-                texts[key.target.id] = " ".join(text.value.value.split())
-    return texts
-
-
-def _is_text(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
-
-
-def _own_doc(model: type[BaseModel]) -> str:
-    """The docstring, with those it inherits from other models."""
-    docs = [one.__doc__ or "" for one in model.__mro__ if issubclass(one, BaseModel) and one is not BaseModel]
-    return " ".join(inspect.cleandoc(doc) for doc in docs if doc and "part of a configuration" not in doc)
-
-
 def _declared(model: type[BaseModel], name: str) -> Any:
     """The annotation as it is written, which has the unit."""
     return get_type_hints(model, include_extras=True)[name]
@@ -223,10 +164,9 @@ def _declared(model: type[BaseModel], name: str) -> Any:
 def _unit_of(annotation: Any) -> str | None:
     """Unit of a quantity: its validator, made by `romdam.config.quantities`, holds it."""
     for mark in get_args(annotation)[1:]:
-        if isinstance(mark, BeforeValidator) and inspect.isfunction(mark.func):
-            unit = inspect.getclosurevars(mark.func).nonlocals.get("unit")
-            if isinstance(unit, str):
-                return _SPELT.get(unit, unit.replace("^", ""))
+        unit = unit_of(mark.func) if isinstance(mark, BeforeValidator) else None
+        if unit is not None:
+            return spelt(unit)
     return None
 
 

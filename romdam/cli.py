@@ -13,6 +13,7 @@ from romdam.commands.errors import certify, compare, study, verify
 from romdam.commands.modes import modes
 from romdam.commands.options import BAD_INPUT, EXIT_CODES, FAILED
 from romdam.commands.runs import check, run
+from romdam.commands.schema import schema
 from romdam.commands.suites import clean, report
 from romdam.commands.views import info, plot, records, show
 from romdam.core.errors import ConvergenceError, OutputError, RomdamError, WorkerError, WriteError
@@ -27,22 +28,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (
-    run,
-    report,
-    clean,
-    check,
-    modes,
-    verify,
-    certify,
-    study,
-    compare,
-    info,
-    show,
-    plot,
-    records,
-    cache,
-):
+_COMMANDS = (
+    run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, records, cache,
+    schema,
+)  # fmt: skip
+for command in _COMMANDS:
     app.command(epilog=EXIT_CODES)(command)
 
 

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from pydantic import BaseModel, ConfigDict, Discriminator
 
 
 class Model(BaseModel):
-    """A frozen part of a configuration."""
+    """A frozen part of a configuration.
+
+    Attributes
+    ----------
+    short_form : JSON schema of what may stand in place of the mapping, where anything may
+    """
+
+    short_form: ClassVar[dict[str, object] | None] = None
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator
@@ -43,6 +43,7 @@ _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; 
     "byte": 1e18,
     "degree": 1e4,
 }
+_SPELT = {"delta_degC": "K", "N*s/m^3": "N s/m3"}  # else pint's way without its ^
 _EXAMPLES = {"": "0.05 or 5 %", "delta_degC": "-4 K", "1/K": "1e-5 1/K", "byte": "8 GB"}
 
 
@@ -130,7 +131,17 @@ def _angular(given: str) -> str:
 
 
 def _si(unit: str) -> BeforeValidator:
-    return BeforeValidator(lambda value: to_si(value, unit))
+    return BeforeValidator(partial(to_si, unit=unit))
+
+
+def unit_of(validator: object) -> str | None:
+    """The unit that a validator of this module converts to, in pint's spelling; None for any other."""
+    return validator.keywords["unit"] if isinstance(validator, partial) and validator.func is to_si else None
+
+
+def spelt(unit: str) -> str:
+    """A unit as messages and tables spell it."""
+    return _SPELT.get(unit, unit.replace("^", ""))
 
 
 def in_unit(unit: str) -> Any:
@@ -164,3 +175,4 @@ Dimensionless = Annotated[float, _si("")]
 Expansion = Annotated[float, _si("1/K")]
 TemperatureChange = Annotated[float, _si("delta_degC")]
 Memory = Annotated[float, _si("byte")]
+Degrees = Annotated[float, _si("degree")]

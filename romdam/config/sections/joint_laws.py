@@ -24,7 +24,8 @@ class LawSection(Model):
     """The parameters of a law that stand in a mapping of their own."""
 
 
-def _both(value: object) -> object:
+def both(value: object) -> object:
+    """Read one number as that of both directions."""
     return (value, value) if not isinstance(value, list | tuple) else value
 
 
@@ -32,7 +33,8 @@ def _both(value: object) -> object:
 def _per_gap(unit: str) -> type[Model]:
     """A stiffness of each gap, whatever its tributary area."""
     stiffness: Any = Annotated[in_unit(unit), Field(ge=0.0)]
-    return create_model("PerGap", __base__=Model, per_gap=(stiffness, ...))
+    text = "The stiffness of one gap, whatever its area."
+    return create_model("PerGap", __base__=Model, __doc__=text, per_gap=(stiffness, ...))
 
 
 def annotation(parameter: Parameter) -> Any:
@@ -42,7 +44,7 @@ def annotation(parameter: Parameter) -> Any:
     least, most = parameter.least, parameter.most
     bounds: Any = Field(gt=least, le=most) if parameter.above else Field(ge=least, le=most)
     number: Any = Annotated[in_unit(parameter.unit), bounds]
-    return Annotated[tuple[number, number], BeforeValidator(_both)] if parameter.both else number
+    return Annotated[tuple[number, number], BeforeValidator(both)] if parameter.both else number
 
 
 def _type(parameter: Parameter) -> Any:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Self
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
 
 from romdam.config.base import Model
 from romdam.config.quantities import Dimensionless, Time
@@ -15,19 +18,28 @@ from romdam.core.integrators import INTEGRATORS
 Positive = Field(gt=0.0)
 
 
-def _one_of(names: Callable[[], list[str]]) -> AfterValidator:
-    """Take a name of those that there are when it is read: a user's own integrator is one of them."""
+@dataclass(frozen=True)
+class _Named:
+    """A name of those that there are when it is read: a user's own integrator is one of them."""
 
-    def check(name: str) -> str:
-        if name not in names():
-            raise ValueError(f"must be one of {listed(names())}, got {shown(name)}")
+    names: Callable[[], list[str]]
+
+    def check(self, name: str) -> str:
+        if name not in self.names():
+            raise ValueError(f"must be one of {listed(self.names())}, got {shown(name)}")
         return name
 
-    return AfterValidator(check)
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return {**handler(schema), "enum": self.names()}
 
 
-IntegratorName = Annotated[str, _one_of(lambda: list(INTEGRATORS))]
-ModalName = Annotated[str, _one_of(lambda: [name for name, entry in INTEGRATORS.items() if entry.uncoupled])]
+IntegratorName = Annotated[str, _Named(lambda: list(INTEGRATORS))]
+ModalName = Annotated[str, _Named(lambda: [name for name, entry in INTEGRATORS.items() if entry.uncoupled])]
 
 
 class TransientConfig(Model):

@@ -141,7 +141,7 @@ class VelocityBaselineStep(Model):
     """Times at which the velocity bends."""
 
 
-def _bare_step(value: object) -> object:
+def bare_step(value: object) -> object:
     """Read "detrend" and {detrend: {order: 2}} as {step: detrend, order: 2}."""
     if isinstance(value, str):
         return {"step": value}
@@ -164,7 +164,7 @@ Step = Annotated[
         | VelocityBaselineStep,
         Discriminator("step"),
     ],
-    BeforeValidator(_bare_step),
+    BeforeValidator(bare_step),
 ]
 
 _PEER: tuple[object, ...] = (
@@ -201,3 +201,17 @@ CHAINS: dict[str, tuple[object, ...]] = {
         {"butterworth": {"order": 4}},
     ),
 }
+
+
+def named_chain(value: object) -> object:
+    """Read the name of a chain, or "none", as its steps."""
+    if value is None or value == "none":
+        return ()
+    if isinstance(value, str):
+        if value not in CHAINS:
+            raise ValueError(f"no such chain of corrections; known: none, {', '.join(CHAINS)}")
+        return CHAINS[value]
+    return value
+
+
+Correction = Annotated[tuple[Step, ...], BeforeValidator(named_chain)]

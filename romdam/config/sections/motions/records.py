@@ -10,15 +10,15 @@ import csv
 import difflib
 import re
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
 from romdam.config.names import OfFile
-from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole, to_si
-from romdam.config.sections.motions.correction import CHAINS, Step
+from romdam.config.quantities import Acceleration, Degrees, Dimensionless, NumberOrText, Time, Whole, to_si
+from romdam.config.sections.motions.correction import Correction
 from romdam.config.sections.motions.target import MatchConfig, Of, TargetConfig
 from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError, listed, shown
@@ -58,13 +58,6 @@ def unit_in_si(unit: str) -> float:
     return found
 
 
-def _angle(value: float | str) -> float:
-    return to_si(value, "degree")
-
-
-Degrees = Annotated[float, BeforeValidator(_angle)]
-
-
 class ComponentConfig(Model):
     """The channel that shakes one axis: a column number from 1, a channel code, or another file.
 
@@ -77,6 +70,8 @@ class ComponentConfig(Model):
     """Of this channel, if not the entry's."""
     reverse: bool = False
     """Whether its sign turns."""
+
+    short_form: ClassVar[dict[str, object] | None] = {"type": ["integer", "string"]}
 
     @model_validator(mode="before")
     @classmethod
@@ -116,6 +111,8 @@ class ScaleConfig(Model):
     """Least and largest factor to the target; a record that needs another is refused, or not selected."""
     mean_at_least: Annotated[Dimensionless, Field(gt=0.0, le=2.0)] | None = None
     """Of the target, below which the mean of the entry's records falls at no period of its range."""
+
+    short_form: ClassVar[dict[str, object] | None] = {"type": ["number", "string"]}
 
     @model_validator(mode="before")
     @classmethod
@@ -186,7 +183,7 @@ class RecordConfig(Model):
     """What missing samples are: refused, zeros, or lines between their neighbours."""
     align: Literal["error", "overlap"] = "overlap"
     """Channels that do not start and end together: refused, or cut to what they share."""
-    correction: tuple[Step, ...] = ()
+    correction: Correction = ()
     resampling: Literal["linear", "fourier"] = "linear"
     """How samples between the record's own are made."""
     scale: ScaleConfig | None = None
@@ -202,17 +199,6 @@ class RecordConfig(Model):
             raise ValueError(
                 f"one unit must be more than 0 m/s2, got {shown(value)}; `reverse: true` turns an axis"
             )
-        return value
-
-    @field_validator("correction", mode="before")
-    @classmethod
-    def _named_chain(cls, value: object) -> object:
-        if value is None or value == "none":
-            return ()
-        if isinstance(value, str):
-            if value not in CHAINS:
-                raise ValueError(f"no such chain of corrections; known: none, {', '.join(CHAINS)}")
-            return CHAINS[value]
         return value
 
     @field_validator("keep")

@@ -1,0 +1,30 @@
+"""The configuration's keys for editors: `romdam schema`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def schema(
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="Write it there instead of to stdout.")
+    ] = None,
+) -> None:
+    """Print a JSON schema of configurations, by which editors complete, explain and check YAML.
+
+    An editor finds it by a line in the YAML: # yaml-language-server: $schema=FILE
+    """
+    from romdam.config.schema import schema
+    from romdam.core.files import replacing
+
+    text = json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    with replacing(out) as part:
+        part.write_text(text, encoding="utf-8")
+    typer.echo(f"written: {out}")

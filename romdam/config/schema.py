@@ -1,0 +1,102 @@
+"""The configuration as a JSON schema, by which editors complete, explain and check YAML.
+
+It knows every key, type, choice and bound that stands by itself; what depends on several keys, on files or on
+the dimension of a unit is known to `romdam check` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
+
+from romdam.config.base import Model
+from romdam.config.quantities import spelt, unit_of
+from romdam.config.sections.job import Config
+from romdam.config.sections.joint_laws import both
+from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
+from romdam.config.texts import explanation, own_doc
+
+_QUANTITY = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*)?$"
+
+
+_BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
+
+
+class _Generator(GenerateJsonSchema):
+    """With units, texts of the keys, and quantities that are numbers or texts such as "2.5 ms"."""
+
+    def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
+        made = super().function_before_schema(schema)
+        function = schema["function"]["function"]
+        unit = unit_of(function)
+        if unit is None:
+            return {"anyOf": [*_SHORT_FORMS[function](made), made]} if function in _SHORT_FORMS else made
+        text = {"type": "string", "pattern": _QUANTITY, "description": f"with a unit of {spelt(unit) or 1}"}
+        return {"anyOf": [made, text]}
+
+    def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
+        made, model = super().model_schema(schema), schema["cls"]
+        if not issubclass(model, Model):
+            return made
+        made["description"] = own_doc(model)
+        for name, key in made.get("properties", {}).items():
+            key.pop("title", None)
+            key["description"] = explanation(model, name)
+        made = _with_laws_of_users(made)
+        return {"anyOf": [made, model.short_form]} if model.short_form else made
+
+
+def _of_one_direction(pair: JsonSchemaValue) -> list[JsonSchemaValue]:
+    return [pair["prefixItems"][0]]
+
+
+def _names_of_steps(step: JsonSchemaValue) -> list[JsonSchemaValue]:
+    """A step by its name, or {name: options}."""
+    steps = step["discriminator"]["mapping"]
+    options = {name: {"anyOf": [{"$ref": at}, {"type": "null"}]} for name, at in steps.items()}
+    named = {"type": "object", "properties": options, "additionalProperties": False, "maxProperties": 1}
+    return [{"enum": list(steps)}, named]
+
+
+def _names_of_chains(_: JsonSchemaValue) -> list[JsonSchemaValue]:
+    return [{"enum": [*CHAINS, "none", None]}]
+
+
+_SHORT_FORMS: dict[Any, Callable[[JsonSchemaValue], list[JsonSchemaValue]]] = {
+    both: _of_one_direction,
+    bare_step: _names_of_steps,
+    named_chain: _names_of_chains,
+}
+
+
+def _with_laws_of_users(model: JsonSchemaValue) -> JsonSchemaValue:
+    """A joint with `law` may have the keys of that law, which only its file knows."""
+    if "law" not in model.get("properties", {}):
+        return model
+    known = list(model["properties"])
+    model["properties"]["law"] |= {"type": ["string", "array", "object"]}
+    return {
+        **{key: value for key, value in model.items() if key != "additionalProperties"},
+        "anyOf": [{"required": ["law"]}, {"propertyNames": {"enum": known}}],
+    }
+
+
+def schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of a configuration file."""
+    made = Config.model_json_schema(schema_generator=_Generator, mode="validation")
+    return {"$schema": GenerateJsonSchema.schema_dialect, **_bounded(made), "title": "romdam configuration"}
+
+
+def _bounded(node: Any) -> Any:
+    """With bounds in the words of JSON schema; pydantic leaves them where a number may be text."""
+    if isinstance(node, list):
+        return [_bounded(one) for one in node]
+    if not isinstance(node, dict):
+        return node
+    return {
+        _BOUNDS.get(key, key) if isinstance(value, int | float) else key: _bounded(value)
+        for key, value in node.items()
+    }

@@ -1,0 +1,75 @@
+"""What the models of a configuration say of their keys: texts of the manual and of the schema."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import textwrap
+from itertools import pairwise
+from typing import Annotated, Any, get_args, get_origin
+
+from pydantic import BaseModel
+
+from romdam.contact.laws import LAWS
+
+
+def meaning(model: type[BaseModel], name: str) -> str:
+    """The text of the key, or what the model says of itself that alone can stand there."""
+    texts, inner = meanings(model), _lone(model.model_fields[name].annotation)
+    if name in texts or inner is None:
+        return texts.get(name, "")
+    return _first_line(inner)
+
+
+def explanation(model: type[BaseModel], name: str) -> str:
+    """The text of the key, else the sentences of the model that name it, else what the model is."""
+    own = [text for text in re.split(r"(?<=[.;:])\s+", own_doc(model)) if re.search(rf"`{name}\b", text)]
+    return meaning(model, name) or " ".join(own) or _first_line(model)
+
+
+def meanings(model: type[BaseModel]) -> dict[str, str]:
+    """The text that stands below a key in its model, for those that have one; those it inherits too."""
+    texts = {key: _first_line(law) for law in LAWS if not law.section for key in law.key_names()}
+    texts = {key: text for key, text in texts.items() if key in model.model_fields}
+    for one in reversed(model.__mro__):
+        if not issubclass(one, BaseModel) or one is BaseModel:
+            continue
+        try:
+            source = inspect.getsource(one)
+        except (OSError, TypeError):  # made by pydantic, written nowhere
+            continue
+        body = ast.parse(textwrap.dedent(source)).body[0].body  # type: ignore[attr-defined]
+        for key, text in pairwise(body):
+            if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text):
+                texts[key.target.id] = " ".join(text.value.value.split())
+    return texts
+
+
+def own_doc(model: type[BaseModel]) -> str:
+    """The docstring, with those it inherits from other models."""
+    docs = [one.__doc__ or "" for one in model.__mro__ if issubclass(one, BaseModel) and one is not BaseModel]
+    return " ".join(inspect.cleandoc(doc) for doc in docs if doc and "part of a configuration" not in doc)
+
+
+def _first_line(one: type) -> str:
+    return " ".join((one.__doc__ or "").partition("\n\n")[0].split())
+
+
+def _lone(annotation: Any) -> type[BaseModel] | None:
+    """The model of an annotation that allows nothing else, or a list or mapping of it."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    kinds = [one for one in get_args(annotation) if one not in (type(None), Ellipsis)]
+    if get_origin(annotation) is dict:
+        return _lone(kinds[1])
+    lone = len(kinds) == 1 or get_origin(annotation) is Annotated
+    return _lone(kinds[0]) if lone and kinds else None
+
+
+def _is_text(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
