@@ -6,7 +6,7 @@ the dimension of a unit is known to `romdam check` alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -22,6 +22,7 @@ from romdam.config.texts import explanation, own_doc
 _QUANTITY = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*)?$"
 
 
+_UNIT = "unit"  # a word of ours in the schema, which validators pass over
 _BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
 
 
@@ -34,7 +35,7 @@ class _Generator(GenerateJsonSchema):
         unit = unit_of(function)
         if unit is None:
             return {"anyOf": [*_SHORT_FORMS[function](made), made]} if function in _SHORT_FORMS else made
-        text = {"type": "string", "pattern": _QUANTITY, "description": f"with a unit of {spelt(unit) or 1}"}
+        text = {"type": "string", "pattern": _QUANTITY, _UNIT: spelt(unit)}
         return {"anyOf": [made, text]}
 
     def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
@@ -44,9 +45,19 @@ class _Generator(GenerateJsonSchema):
         made["description"] = own_doc(model)
         for name, key in made.get("properties", {}).items():
             key.pop("title", None)
-            key["description"] = explanation(model, name)
+            unit = "".join(dict.fromkeys(f" [{one}]" for one in _units(key)))
+            key["description"] = f"{explanation(model, name)}{unit}"
         made = _with_laws_of_users(made)
         return {"anyOf": [made, model.short_form]} if model.short_form else made
+
+
+def _units(node: Any) -> Iterator[str]:
+    """Units of the quantities of a key."""
+    if isinstance(node, dict) and node.get(_UNIT):
+        yield node[_UNIT]
+    inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+    for one in inner:
+        yield from _units(one)
 
 
 def _of_one_direction(pair: JsonSchemaValue) -> list[JsonSchemaValue]:
