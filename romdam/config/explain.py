@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -60,14 +60,24 @@ _MISSING = {
 }
 
 
-def explain(error: ValidationError, source: str, root: type[BaseModel]) -> str:
-    """Describe every mistake on a line of its own, each naming the file and the key."""
-    items = [dict(item) for item in error.errors()]
-    told = items[:_MOST]
-    lines = [_explain_one(item, root) for item in told if not _follows_from_another(item, told)]
+def explain(
+    error: ValidationError, source: str, root: type[BaseModel], line: Callable[[Location], int] | None = None
+) -> str:
+    """Describe every mistake on a line of its own, each naming the file and the key.
+
+    Parameters
+    ----------
+    line : number of the line of a key in the file, where there is a file
+    """
+    items: list[dict[str, Any]] = [dict(item) for item in error.errors()]
+    told, lines = items[:_MOST], []
+    for item in (item for item in told if not _follows_from_another(item, told)):
+        path, owner = _walk(item["loc"], root)
+        at = f":{line(path)}" if line else ""
+        lines.append(f"{source}{at}: {_explain_one(item, path, owner)}")
     if len(items) > _MOST:
-        lines.append(f"and {len(items) - _MOST} further mistakes; mend these first")
-    return "\n".join(f"{source}: {line}" for line in dict.fromkeys(lines))
+        lines.append(f"{source}: and {len(items) - _MOST} further mistakes; mend these first")
+    return "\n".join(dict.fromkeys(lines))
 
 
 def _follows_from_another(item: Mapping[str, Any], items: list[dict[str, Any]]) -> bool:
@@ -84,8 +94,7 @@ def _follows_from_another(item: Mapping[str, Any], items: list[dict[str, Any]]) 
     return last == 1 and any(o["loc"] == first and o["input"] == item["input"] for o in items)
 
 
-def _explain_one(item: Mapping[str, Any], root: type[BaseModel]) -> str:
-    path, owner = _walk(item["loc"], root)
+def _explain_one(item: Mapping[str, Any], path: Location, owner: type[BaseModel] | None) -> str:
     key, kind = _key(path), item["type"]
     name = str(next((part for part in reversed(path) if isinstance(part, str)), ""))
     if kind == "extra_forbidden":

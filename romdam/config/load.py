@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from romdam.config.explain import explain
+from romdam.config.explain import Location, explain
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
-from romdam.config.yaml_text import read_yaml
+from romdam.config.yaml_text import line_of, read_yaml
 from romdam.core.errors import ConfigError
 
 
@@ -53,15 +55,26 @@ def load_config(path: str | Path) -> Job:
     """
     path = Path(path)
     raw, renamed = with_present_names(read_yaml(path), str(path))
-    return Job(parse_config(raw, str(path)), path, renamed)
+    return Job(parse_config(raw, str(path), partial(line_of, path)), path, renamed)
 
 
-def parse_config(raw: object, source: str) -> Config:
-    """Validate a mapping, keys by their names of before too; `source` names it in errors."""
+def parse_config(raw: object, source: str, line: Callable[[Location], int] | None = None) -> Config:
+    """Validate a mapping, keys by their names of before too.
+
+    Parameters
+    ----------
+    source : names it in errors
+    line : number of the line of a key, where `source` is a file
+
+    Raises
+    ------
+    ConfigError
+        for unknown, missing or wrong keys.
+    """
     if not isinstance(raw, dict):
         raise ConfigError(f"{source}: expected a mapping of keys at the top level, got {type(raw).__name__}")
     raw, _ = with_present_names(raw, source)
     try:
         return Config.model_validate(raw, context={"folder": Path(source).parent})
     except ValidationError as error:
-        raise ConfigError(explain(error, source, Config)) from None
+        raise ConfigError(explain(error, source, Config, line)) from None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -98,6 +98,21 @@ def parse_yaml(text: str, source: str) -> object:
                 "meant? An anchor (&name) counts wherever it is used (*name)"
             )
     return _foreign(lambda: loader.construct_document(node), source)
+
+
+def line_of(path: Path, key: Sequence[int | str]) -> int:
+    """Line, from 1, of a key of a file that has been read; of what it would stand in where it is missing."""
+    node, line = _Loader(path.read_text(encoding="utf-8-sig")).get_single_node(), 1
+    for part in key:
+        entries = node.value if isinstance(node, yaml.MappingNode) else ()
+        below = {name.value: (name, value) for name, value in entries}
+        if isinstance(node, yaml.SequenceNode):
+            below = {k: (value, value) for k, value in enumerate(node.value)}
+        if part not in below:
+            break
+        name, node = below[part]
+        line = name.start_mark.line + 1
+    return line
 
 
 def _foreign(call: Callable[[], Value], source: str) -> Value:

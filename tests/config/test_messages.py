@@ -204,3 +204,25 @@ def test_normal_stiffness_is_read_in_each_of_its_forms(value, expected):
     joint = parse_config(with_mistake((*JOINT, "normal_stiffness"), value), "x").joints["contraction"]
     got = joint.normal_stiffness
     assert getattr(got, "per_gap", got) == (pytest.approx(expected) if expected != "rigid" else "rigid")
+
+
+def test_a_message_names_the_line_of_the_file(tmp_path):
+    """That of the key, of a value within a flow, of a sequence's entry, and of what lacks a key."""
+    wrong = example()
+    wrong["materials"]["concrete"]["rho"] = -1
+    del wrong["joints"]["contraction"]["between"]
+    wrong["supports"][1]["face"] = 3
+    path = tmp_path / "dam.yaml"
+    path.write_text(yaml.safe_dump(wrong, sort_keys=False))
+    rows = path.read_text().splitlines()
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+    for message, key in (
+        ("rho must be", "rho"),
+        ("between is missing", "contraction:"),
+        ("supports[1]", "face: 3"),
+    ):
+        line = 1 + next(k for k, row in enumerate(rows) if key in row)
+        assert any(
+            told.startswith(f"{path}:{line}: ") and message in told for told in str(caught.value).splitlines()
+        )
