@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 
 from romdam.config.sections.places import FaceRef
 from romdam.config.sections.water import CLOSED, ReservoirMeshConfig
-from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.arrays import Bools, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Material, Reservoir
+from romdam.core.scene import Block, Material, Reservoir, Sound
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
 from romdam.scene.meshes.files import MeshFiles
@@ -31,7 +31,7 @@ from romdam.scene.select import select_facets
 log = logging.getLogger(__name__)
 
 UPRIGHT = np.sin(np.radians(10.0))  # vertical part of a wall's normal, up to which it stands upright
-PER_WAVE = 10.0  # linear elements in a wave's length at the cut-off, where they are 1.6 % off
+PER_WAVE = 10.0  # nodes in a wave's length at the cut-off, where linear elements are 1.6 % off
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _COVERED = 0.95  # least share of a block's wet face that the water's mesh lies on
 _MOSTLY = 0.5  # of a facet of the water, from which on it is one on the dam
@@ -69,7 +69,7 @@ def reservoir_mesh(
     _refuse_twice(is_on, place)
     _refuse_ceiling(mesh, walls[rest & ~is_on["bottom"] if config.bottom else rest], place)
     if water.sound is not None:
-        _say_coarse(mesh, water.sound.speed / (PER_WAVE * water.sound.cutoff), place)
+        _say_coarse(mesh, water.sound, place)
     return replace(mesh, faces={name: walls[some] for name, some in is_on.items()})
 
 
@@ -82,7 +82,7 @@ def lying_on(water: Surface, dam: Surface) -> Segments:
 def _at_level(mesh: Block, walls: Ints, level: float, place: str) -> Bools:
     z = mesh.points[:, 2]
     slack = _LEVEL * float(np.ptp(z))
-    on: Bools = (np.abs(z[walls] - level) <= slack).all(axis=1)
+    on = np.asarray((np.abs(z[walls] - level) <= slack).all(axis=1))
     if z.max() > level + slack or not on.any():
         raise ConfigError(
             f"{place}: the water's mesh reaches from {z.min():.6g} to {z.max():.6g} m, and its free surface "
@@ -123,8 +123,8 @@ def _on_dam(walls: Surface, water: Reservoir, blocks: dict[str, Block], place: s
         if covered[name] < _COVERED * area:
             raise ConfigError(
                 f"{place}: the water's mesh lies on {covered[name]:.6g} of the {area:.6g} m2 of the wet "
-                f"faces of block {name!r} below the level, limit {_COVERED:g}; mesh the water up to the dam, or "
-                "leave faces that are dry out of water.faces"
+                f"faces of block {name!r} below the level, limit {_COVERED:g}; mesh the water up to the "
+                "dam, or leave faces that are dry out of water.faces"
             )
     log.info(
         "%s: the water's mesh lies on %.4g of the %.6g m2 of the dam's wet faces, at most %.3g m apart",
@@ -210,18 +210,18 @@ def _refuse_ceiling(mesh: Block, walls: Ints, place: str) -> None:
         at = ", ".join(f"{x:.6g}" for x in mesh.points[walls[up][0]].mean(axis=0))
         raise ConfigError(
             f"{place}: the free surface is not level: {int(up.sum())} facets look up and are not at "
-            f"water.level, one about ({at}), limit 0; mesh it flat, or name rock that hangs over the water in `bottom`"
+            f"water.level, one about ({at}), limit 0; mesh it flat, or name rock over the water in `bottom`"
         )
 
 
-def _say_coarse(mesh: Block, longest: float, place: str) -> None:
+def _say_coarse(mesh: Block, sound: Sound, place: str) -> None:
     element = ELEMENTS[mesh.element]
     ends = mesh.points[mesh.cells[:, np.array(element.edges)]]
-    edges: Floats = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=1)
-    limit = longest * (2.0 if element.quadratic else 1.0)
-    if edges.max() > limit:
+    longest = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max())
+    resolved = sound.speed / (PER_WAVE * longest) * (2.0 if element.quadratic else 1.0)
+    if resolved < sound.cutoff:
         log.warning(
-            "%s: %d of %d elements have edges longer than %.3g m, up to %.3g m; waves up to water.cutoff "
-            "need %g nodes in their length: mesh finer, or lower water.cutoff",
-            place, (edges > limit).sum(), len(edges), limit, edges.max(), PER_WAVE,
+            "%s: edges are up to %.3g m long, so that waves up to %.3g Hz have %g nodes in their length, and "
+            "water.cutoff is %g Hz; mesh finer, or lower water.cutoff",
+            place, longest, resolved, PER_WAVE, sound.cutoff,
         )  # fmt: skip
