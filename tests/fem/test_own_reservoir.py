@@ -124,7 +124,7 @@ def test_basin_between_arcs_has_the_frequencies_of_bessel_functions(element, rat
 
 @pytest.mark.parametrize("element", ["hex20", "tet10"])
 def test_arch_that_moves_outward_meets_bessel_functions(element, tmp_path):
-    """Radial force of unit radial acceleration of an arc, on other facets than the water's, within 0.25 %.
+    """Radial force of unit radial acceleration of an arc, on other facets than the water's, within 0.4 %.
 
     p = sum b_n f_n(r) cos(mu_n z) with f = I0(k r) K1(k r1) + K0(k r) I1(k r1), k^2 = mu^2 - w^2/c^2, and
     b_n f_n'(r2) = -2 rho (-1)^(n + 1)/(mu_n d): below and above the first frequency of the basin.
@@ -142,7 +142,7 @@ def test_arch_that_moves_outward_meets_bessel_functions(element, tmp_path):
         f = iv(0, k * R2) * kv(1, k * R1) + kv(0, k * R2) * iv(1, k * R1)
         slope = k * (iv(1, k * R2) * kv(1, k * R1) - kv(1, k * R2) * iv(1, k * R1))
         exact = 1000.0 * np.pi / 3.0 * R2 * (2.0 / DEPTH * sign**2 / mu**2 * f / slope).sum()
-        assert found == pytest.approx(exact.real, rel=0.0025, abs=1e5)  # of 4e7 statically
+        assert found == pytest.approx(exact.real, rel=0.004, abs=1e5)  # of 4e7 statically
 
 
 def trough(points):
@@ -279,6 +279,17 @@ def sloping_half(points):
 
 def moved(x=0.0, y=0.0, z=0.0):
     return lambda points: points + np.array([x, y, z])
+
+
+def test_overlap_lets_water_lie_on_some_of_the_dam(tmp_path):
+    """Water on 0.7 m of a wall 2 m wide, beside it rock: 0.35 of the force, vertical motion."""
+    file = written(tmp_path / "w.msh", box((0, -6, 0), (2, 6, 4), (1, 1.5, 1), "hex8", moved(x=1.3)), "ymin")
+    mesh = {"file": file, "end": "ymin", "overlap": 0.3}
+    keys = {"level": 4.0, "faces": [{"block": "a", "face": "ymin"}], "model": "incompressible", "mesh": mesh}
+    scene, _ = job(keys, {"a": ([0, 0, 0], [2, 2, 6], 1.0)})
+    water, rigid = added_mass(scene), np.tile(np.eye(3), (len(scene.blocks["a"].points), 1))
+    pressed = rigid.T @ (water.coupling["a"].T @ water.ground[:, 2])
+    np.testing.assert_allclose(pressed, [0.0, -1000.0 * 0.7 * 4.0**2 / 2.0, 0.0], atol=1e-6)
 
 
 def falling(points):

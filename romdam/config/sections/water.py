@@ -30,6 +30,8 @@ class ReservoirMeshConfig(MeshFileConfig):
     """An upright plane across the valley, beyond which the channel goes on; `closed` within banks."""
     bottom: tuple[FaceRef, ...] | None = None
     """Faces that take waves up; if not given, all walls more than 10 degrees off upright."""
+    overlap: Annotated[float, Field(gt=0.0, le=1.0)] = 0.95
+    """Least share of each block's wet faces, below the level, that the mesh lies on."""
 
 
 class WaterConfig(Model):

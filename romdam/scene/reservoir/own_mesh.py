@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from romdam.config.sections.places import FaceRef
 from romdam.config.sections.water import CLOSED, ReservoirMeshConfig
-from romdam.core.arrays import Bools, Ints
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Material, Reservoir, Sound
 from romdam.scene.elements import ELEMENTS
@@ -33,8 +33,7 @@ log = logging.getLogger(__name__)
 UPRIGHT = np.sin(np.radians(10.0))  # vertical part of a wall's normal, up to which it stands upright
 PER_WAVE = 10.0  # nodes in a wave's length at the cut-off, where linear elements are 1.6 % off
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
-_COVERED = 0.95  # least share of a block's wet face that the water's mesh lies on
-_MOSTLY = 0.5  # of a facet of the water, from which on it is one on the dam
+_TOUCHED, _MOSTLY = 1e-6, 0.5  # of a facet on the dam: above it is pressed on, above it is no bottom
 _LEVEL = 1e-4  # of the mesh's height: nodes so near to the level are on it
 _CEILING = np.cos(np.radians(45.0))  # vertical part of the normal of what would be a free surface
 _PLANE = 1e-3  # of the end's size, and of its normal: how far it may be off an upright plane
@@ -62,7 +61,8 @@ def reservoir_mesh(
     walls = boundary_facets(mesh.cells, mesh.element)
     is_on = {"surface": _at_level(mesh, walls, water.level, place)}
     _refuse_confined(mesh, np.unique(walls[is_on["surface"]]), place)
-    is_on["dam"] = _on_dam(Surface(mesh.name, mesh.points, walls), water, blocks, place)
+    share = _share_on_dam(Surface(mesh.name, mesh.points, walls), water, blocks, config.overlap, place)
+    is_on["dam"] = share > _MOSTLY
     is_on["end"] = _end(mesh, walls, config.end, f"{place}.end")
     rest: Bools = ~np.logical_or.reduce(list(is_on.values()))
     is_on["bottom"] = _bottom(mesh, walls, rest, config.bottom, place)
@@ -70,6 +70,7 @@ def reservoir_mesh(
     _refuse_ceiling(mesh, walls[rest & ~is_on["bottom"] if config.bottom else rest], place)
     if water.sound is not None:
         _say_coarse(mesh, water.sound, place)
+    is_on["dam"] = share > _TOUCHED
     return replace(mesh, faces={name: walls[some] for name, some in is_on.items()})
 
 
@@ -108,8 +109,10 @@ def _refuse_confined(mesh: Block, surface: Ints, place: str) -> None:
         )
 
 
-def _on_dam(walls: Surface, water: Reservoir, blocks: dict[str, Block], place: str) -> Bools:
-    """True for facets that lie on the dam; each block's wet faces must be covered."""
+def _share_on_dam(
+    walls: Surface, water: Reservoir, blocks: dict[str, Block], overlap: float, place: str
+) -> Floats:
+    """Share of each facet that lies on the dam; each block's wet faces must be covered."""
     wet, covered, apart = _wet_areas(blocks, water), dict.fromkeys(blocks, 0.0), 0.0
     own = np.zeros(len(walls.facets))
     for face in water.faces:
@@ -120,17 +123,17 @@ def _on_dam(walls: Surface, water: Reservoir, blocks: dict[str, Block], place: s
     for name, area in wet.items():
         if covered[name] == 0.0:
             raise ConfigError(f"{place}: {_apart(walls, blocks[name])}")
-        if covered[name] < _COVERED * area:
+        if covered[name] < overlap * area:
             raise ConfigError(
                 f"{place}: the water's mesh lies on {covered[name]:.6g} of the {area:.6g} m2 of the wet "
-                f"faces of block {name!r} below the level, limit {_COVERED:g}; mesh the water up to the "
-                "dam, or leave faces that are dry out of water.faces"
+                f"faces of block {name!r} below the level, limit {overlap:g}; mesh the water up to the "
+                "dam, leave dry faces out of water.faces, or lower `overlap` where rock covers the rest"
             )
     log.info(
         "%s: the water's mesh lies on %.4g of the %.6g m2 of the dam's wet faces, at most %.3g m apart",
         place, sum(covered.values()) / sum(wet.values()), sum(wet.values()), apart,
     )  # fmt: skip
-    return np.asarray(own > _MOSTLY * walls.areas)
+    return np.asarray(own / walls.areas)
 
 
 def _apart(walls: Surface, block: Block) -> str:
