@@ -78,8 +78,6 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     refuse_free_blocks(blocks, joints, fixed, source, ties)
     for part in rigid.values():
         refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
-    reservoir = build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, files, source)
-    files.say_unused(source)
     scene = Scene(
         blocks=blocks,
         joints=joints,
@@ -95,11 +93,12 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         radiating=frozenset() if waves else rock,
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
-        reservoir=reservoir,
+        reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, files, source),
         stress=stress_sites(
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"
         ),
     )
+    files.say_unused(source)
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
 

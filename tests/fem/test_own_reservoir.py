@@ -14,6 +14,7 @@ from test_water import job, wall
 
 import romdam
 from romdam.core.errors import ConfigError, MeshError
+from romdam.core.fingerprint import fingerprint
 from romdam.fem.unreduced import assemble_full
 from romdam.fem.water.added_mass import added_mass
 from romdam.fem.water.compressible import reservoir_waves
@@ -214,10 +215,12 @@ def test_vertical_motion_presses_like_heavier_water_on_facets_that_do_not_match(
         np.testing.assert_allclose(pressed, [0.0, -1000.0 * width * 7.5**2 / 2.0, 0.0], atol=1e-6)
 
 
-def test_own_reservoir_reduced_and_full_order_agree_and_their_ledgers_close(tmp_path):
-    """Slow, heavy water with absorption and radiation beside two blocks: within 1 % in L2."""
+@pytest.mark.parametrize("end", [plane("y", -10.0), "closed"])
+def test_own_reservoir_reduced_and_full_order_agree_and_their_ledgers_close(end, tmp_path):
+    """Slow, heavy water with absorption beside two blocks, with and without radiation: within 1 % in L2."""
     slow = {"sound_speed": 300.0, "bottom_reflection": 0.7, "cutoff": 60.0, "density": 3000.0}
-    scene, config = two(tmp_path, **slow, edges=2.5)
+    mesh = {"file": str(tmp_path / "w.vtu"), "end": end}
+    scene, config = two(tmp_path, **slow, edges=2.5, mesh=mesh)
     reduced = reduce_scene(scene, config.model, config.damping).system
     full = assemble_full(scene, config.damping)
     count = {name: part.stop - part.start for name, part in full.parts.items()}
@@ -231,6 +234,14 @@ def test_own_reservoir_reduced_and_full_order_agree_and_their_ledgers_close(tmp_
         energy = history.energy
         assert np.abs(energy["residual"]).max() < 1e-12 * energy["input"].max()
         assert energy["damping"][-1] > 0.1 * energy["input"].max()
+
+
+def test_content_of_the_file_and_not_its_name_is_what_a_model_is_known_by(tmp_path):
+    keys = []
+    for name, edges in (("one", 2.5), ("two", 2.5), ("three", 1.25)):
+        (tmp_path / name).mkdir()
+        keys.append(fingerprint(two(tmp_path / name, edges=edges)[0].reservoir))
+    assert keys[0] == keys[1] != keys[2]
 
 
 JOB = """
