@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import meshio
 import numpy as np
 import pytest
 from reservoir_meshes import box, plane, written
@@ -234,6 +235,28 @@ def test_own_reservoir_reduced_and_full_order_agree_and_their_ledgers_close(end,
         energy = history.energy
         assert np.abs(energy["residual"]).max() < 1e-12 * energy["input"].max()
         assert energy["damping"][-1] > 0.1 * energy["input"].max()
+
+
+def test_dam_and_water_of_one_file_that_share_their_nodes(tmp_path, caplog):
+    """Groups of one mesh: the same added mass as of two files, and nothing of the file is left over."""
+    whole = box((0, -6, 0), (2, 8, 4), (1, 1, 1))
+    is_water = whole.points[whole.cells].mean(axis=1)[:, 1] < 0.0
+    parts = [("hexahedron", whole.cells[some]) for some in (is_water, ~is_water)]
+    tags = [np.full(len(cells), k) for k, (_, cells) in enumerate(parts, start=1)]
+    fields = {"water": np.array([1, 3]), "a": np.array([2, 3])}
+    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    file = {"file": str(tmp_path / "both.msh")}
+    meshio.Mesh(whole.points, parts, cell_data=data, field_data=fields).write(file["file"], "gmsh22")
+    alone = {"file": written(tmp_path / "w.vtu", box((0, -6, 0), (2, 6, 4), (1, 1, 1)))}
+    blocks, masses = {"a": {"material": "c", "mesh": file | {"group": "a"}}}, []
+    for mesh in (file | {"group": "water"}, alone):
+        water = {"level": 4.0, "faces": [{"block": "a", "face": plane("y", 0.0)}], "model": "incompressible"}
+        water["mesh"] = mesh | {"end": plane("y", -6.0)}
+        supports = [{"block": "a", "face": plane("z", 0.0)}]
+        mass = added_mass(job(water, {}, blocks=blocks, supports=supports, joints={})[0])
+        masses.append(mass.coupling["a"].T @ mass.times(mass.coupling["a"].toarray()))
+        assert ("belong to no block" in caplog.text) == (mesh is alone)
+    np.testing.assert_allclose(masses[0], masses[1], atol=1e-9 * masses[0].max())
 
 
 def test_content_of_the_file_and_not_its_name_is_what_a_model_is_known_by(tmp_path):

@@ -76,7 +76,7 @@ def prism_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.i
         floor=_floor(channel)[free][:, free],
         rigid=rigid[free],
         wet=np.arange(len(under)),  # the first layer
-        coupling={name: Q[under] for name, Q in wet_coupling(blocks, mesh).items()},
+        coupling={name: Q[under] for name, Q in _wet_coupling(blocks, mesh).items()},
         end=np.arange(len(free) - len(under), len(free)),
         section=_far_section(channel).of(under),
     )
@@ -185,7 +185,7 @@ def _far_end(x: Floats, piece: WetPieces, upstream: Floats) -> Floats:
     return np.einsum("qa,nq->na", base.shape(eta), area)[..., None] * upstream
 
 
-def wet_coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
+def _wet_coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
     """Q (wet nodes, 3 n) of every block: int N_p n . N_u dA, outward from the dam [m2]."""
     found: dict[str, csr_matrix] = {}
     for piece in mesh.pieces:
