@@ -1,5 +1,6 @@
 """A reservoir of its own mesh: the prism as a file, closed forms of basins and channels, a job, refusals."""
 
+import logging
 from dataclasses import replace
 
 import meshio
@@ -324,6 +325,27 @@ def test_overlap_lets_water_lie_on_some_of_the_dam(tmp_path):
     water, rigid = added_mass(scene), np.tile(np.eye(3), (len(scene.blocks["a"].points), 1))
     pressed = rigid.T @ (water.coupling["a"].T @ water.ground[:, 2])
     np.testing.assert_allclose(pressed, [0.0, -1000.0 * 0.7 * 4.0**2 / 2.0, 0.0], atol=1e-6)
+
+
+def test_what_was_taken_for_what_is_said(tmp_path, caplog):
+    """Coverage, walls that take waves up, and the frequency that the mesh resolves: c/(10 * 6 m)."""
+    file = written(tmp_path / "w.msh", box((0, -6, 0), (2, 6, 4), (1, 6, 1)), "ymin")
+    water = {"level": 4.0, "faces": [{"block": "a", "face": "ymin"}], "model": "compressible"}
+    with caplog.at_level(logging.INFO, "romdam.scene.reservoir"):
+        job(water | {"mesh": {"file": file, "end": "ymin"}}, {"a": ([0, 0, 0], [2, 2, 6], 1.0)})
+    assert "the water's mesh lies on 1 of the 8 m2 of the dam's wet faces, at most 0 m apart" in caplog.text
+    assert "2 walls that lean more than 10 degrees, 12 m2, reflect as `bottom_reflection`" in caplog.text
+    assert "edges are up to 6 m long, so that waves up to 24 Hz have 10 nodes in their length" in caplog.text
+
+
+def test_water_that_no_surface_bounds_is_refused(tmp_path):
+    parts = [box((0, -6, 0), (2, 6, 4), 2.0), box((0, -6, -6), (2, 6, 4), 2.0)]
+    cells = np.vstack([parts[0].cells, parts[1].cells + len(parts[0].points)])
+    both = replace(parts[0], points=np.vstack([p.points for p in parts]), cells=cells, faces={})
+    mesh = {"file": written(tmp_path / "w.vtu", both), "end": "closed"}
+    water = {"level": 4.0, "faces": [{"block": "a", "face": "ymin"}], "model": "compressible", "mesh": mesh}
+    with pytest.raises(ConfigError, match=r"1 of the 2 parts .* no free surface, .* about \(1, -3, -4\)"):
+        job(water, {"a": ([0, 0, 0], [2, 2, 6], 1.0)})
 
 
 def falling(points):
