@@ -319,7 +319,7 @@ def moved(x=0.0, y=0.0, z=0.0):
 def test_overlap_lets_water_lie_on_some_of_the_dam(tmp_path):
     """Water on 0.7 m of a wall 2 m wide, beside it rock: 0.35 of the force, vertical motion."""
     file = written(tmp_path / "w.msh", box((0, -6, 0), (2, 6, 4), (1, 1.5, 1), "hex8", moved(x=1.3)), "ymin")
-    mesh = {"file": file, "end": "ymin", "overlap": 0.3}
+    mesh = {"file": file, "end": "ymin", "bottom": [], "overlap": 0.3}
     keys = {"level": 4.0, "faces": [{"block": "a", "face": "ymin"}], "model": "incompressible", "mesh": mesh}
     scene, _ = job(keys, {"a": ([0, 0, 0], [2, 2, 6], 1.0)})
     water, rigid = added_mass(scene), np.tile(np.eye(3), (len(scene.blocks["a"].points), 1))

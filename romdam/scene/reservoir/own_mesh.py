@@ -177,8 +177,8 @@ def _end(mesh: Block, walls: Ints, face: FaceRef, place: str) -> Bools:
 def _bottom(mesh: Block, walls: Ints, rest: Bools, faces: tuple[FaceRef, ...] | None, place: str) -> Bools:
     """True for facets that take waves up."""
     if faces is not None:
-        chosen = [select_facets(mesh, face, f"{place}.bottom[{k}]") for k, face in enumerate(faces)]
-        return np.asarray(np.logical_or.reduce([_among(walls, facets) for facets in chosen]))
+        named = [select_facets(mesh, face, f"{place}.bottom[{k}]") for k, face in enumerate(faces)]
+        return _among(walls, np.concatenate([walls[:0], *named]))
     found: Bools = rest & (np.abs(facet_normals(mesh.points, walls)[:, 2]) > UPRIGHT)
     log.info(
         "%s.bottom: %d walls that lean more than 10 degrees, %.6g m2, reflect as `bottom_reflection` says, "
