@@ -11,17 +11,15 @@ from scipy.optimize import brentq
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import eigsh, splu
 from scipy.special import iv, jvp, kv, yvp
-from test_compressible_water import ABOVE, BELOW, FIRST, C, H, closed_form, force, shaken
+from test_compressible_water import ABOVE, BELOW, FIRST, C, H, agree, closed_form, force
 from test_water import job, wall
 
 import romdam
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.fingerprint import fingerprint
-from romdam.fem.unreduced import assemble_full
 from romdam.fem.water.added_mass import added_mass
 from romdam.fem.water.compressible import reservoir_waves
 from romdam.fem.water.prism import prism
-from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.reservoir.wet_mesh import wet_mesh
 
 OMEGA = FIRST * np.array(BELOW + ABOVE)
@@ -222,20 +220,7 @@ def test_own_reservoir_reduced_and_full_order_agree_and_their_ledgers_close(end,
     """Slow, heavy water with absorption beside two blocks, with and without radiation: within 1 % in L2."""
     slow = {"sound_speed": 300.0, "bottom_reflection": 0.7, "cutoff": 60.0, "density": 3000.0}
     mesh = {"file": str(tmp_path / "w.vtu"), "end": end}
-    scene, config = two(tmp_path, **slow, edges=2.5, mesh=mesh)
-    reduced = reduce_scene(scene, config.model, config.damping).system
-    full = assemble_full(scene, config.damping)
-    count = {name: part.stop - part.start for name, part in full.parts.items()}
-    own = reduced.parts["reservoir"]
-    assert own.stop - own.start < 0.6 * count["reservoir"] and not reduced.diagonal
-    found, expected = (shaken(s, initial_state="undeformed") for s in (reduced, full))
-    for name in ("disp", "jump"):
-        a, b = getattr(found, name), getattr(expected, name)
-        assert np.linalg.norm(a - b) < 0.01 * np.linalg.norm(b)
-    for history in (found, expected):
-        energy = history.energy
-        assert np.abs(energy["residual"]).max() < 1e-12 * energy["input"].max()
-        assert energy["damping"][-1] > 0.1 * energy["input"].max()
+    agree(*two(tmp_path, **slow, edges=2.5, mesh=mesh), share=0.6, damped=0.1)
 
 
 def test_dam_and_water_of_one_file_that_share_their_nodes(tmp_path, caplog):
