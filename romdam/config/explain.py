@@ -47,6 +47,7 @@ _REMEDIES = {
     "records": "name at least one ground motion",
 }
 _MISSING = {
+    "end": ": beyond which face the channel goes on, for example `end: upstream`, or `closed` within banks",
     "E": ", for example `E: 30 GPa`",
     "nu": ", for example `nu: 0.18`",
     "rho": ", for example `rho: 2400 kg/m3`",

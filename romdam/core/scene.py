@@ -254,12 +254,12 @@ class Reservoir:
     Attributes
     ----------
     faces : that it touches
-    level : elevation of its surface [m]
-    depth : of the level above the floor [m]
+    level, depth : elevation of its surface, and above the floor [m]
     density : [kg/m3]
-    prismatic : solved for in a prismatic reservoir; else Westergaard's pressure
+    solved : for in a reservoir, which is prismatic but for its own `mesh`; else Westergaard's pressure
     upstream : (3,) horizontal unit vector away from the dam
     length : of the prismatic reservoir, from its farthest wet point [m]
+    mesh : its own, with faces dam, surface, bottom and end (`romdam.scene.reservoir.own_mesh`), or None
     sound : of compressible water; None where it is incompressible
     """
 
@@ -267,10 +267,11 @@ class Reservoir:
     level: float
     depth: float
     density: float
-    prismatic: bool
+    solved: bool
     upstream: Floats
     length: float
     sound: Sound | None = None
+    mesh: Block | None = None
 
 
 @dataclass(frozen=True)
@@ -372,8 +373,7 @@ class Scene:
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
     radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
         send out: the ground's acceleration does not act on it
-    free_field : the waves that come up through the rock, see `romdam.fem.free_field`; None where all that
-        does not radiate is shaken alike
+    free_field : see `romdam.fem.free_field`; None where all that does not radiate is shaken alike
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 

@@ -38,7 +38,7 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     K, M = np.zeros(9 * pattern.size), np.zeros(pattern.size)
     for first in range(0, len(block.cells), _CHUNK):
         cells = block.cells[first : first + _CHUNK]
-        gradient, shape, volume = _geometry(block, cells, first)
+        gradient, shape, volume = cell_geometry(block, cells, first)
         pair = pattern.pairs(cells)
         np.add.at(M, pair.ravel(), _mass(shape, volume, block.material.rho).ravel())
         np.add.at(
@@ -90,7 +90,7 @@ class _NodePairs:
         return csr_matrix((K, columns, 3 * start), shape=shape), mass
 
 
-def _geometry(block: Block, cells: Ints, first: int) -> tuple[Floats, Floats, Floats]:
+def cell_geometry(block: Block, cells: Ints, first: int) -> tuple[Floats, Floats, Floats]:
     """Gradients (nc, nq, 3, nn) [1/m], shape functions (nq, nn), volumes of the points (nc, nq) [m3]."""
     element = ELEMENTS[block.element]
     xi, weight = element.rule

@@ -32,7 +32,7 @@ from romdam.scene.joints import build_joint
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
 from romdam.scene.plausible import say_odd
-from romdam.scene.reservoir import build_reservoir, refuse_level
+from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
@@ -60,7 +60,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     refuse_large(config, source)
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
     dam = _dam(config, materials, source)
-    blocks = dam.blocks | _blocks(config, materials, folder, source)
+    files = MeshFiles(folder)
+    blocks = dam.blocks | _blocks(config, materials, files, source)
     rock = rock_of(config.ground, dam.viscous)
     blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
     waves = config.ground.input == "free_field"
@@ -92,11 +93,12 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         radiating=frozenset() if waves else rock,
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
-        reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, source),
+        reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, files, source),
         stress=stress_sites(
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"
         ),
     )
+    files.say_unused(source)
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
 
@@ -112,9 +114,10 @@ def _dam(config: Config, materials: dict[str, Material], source: str) -> Dam:
     return arch_dam(config.arch_dam, materials, f"{source}: arch_dam") if config.arch_dam else _NO_DAM
 
 
-def _blocks(config: Config, materials: dict[str, Material], folder: Path, source: str) -> dict[str, Block]:
+def _blocks(
+    config: Config, materials: dict[str, Material], files: MeshFiles, source: str
+) -> dict[str, Block]:
     blocks: dict[str, Block] = {}
-    files = MeshFiles(folder)
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
@@ -122,8 +125,7 @@ def _blocks(config: Config, materials: dict[str, Material], folder: Path, source
         else:
             assert block.mesh is not None
             made = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
-        blocks |= cut_block(made, config.cut, folder, source) if name in config.cut else {name: made}
-    files.say_unused(source)
+        blocks |= cut_block(made, config.cut, files.folder, source) if name in config.cut else {name: made}
     return blocks
 
 

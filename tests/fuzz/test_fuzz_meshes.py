@@ -16,7 +16,7 @@ import pytest
 from bounded import bounded
 from hand_meshes import HAND
 
-from romdam.config.sections.job import MeshFileConfig
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import SOLIDS

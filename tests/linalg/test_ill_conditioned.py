@@ -6,7 +6,8 @@ import logging
 import numpy as np
 import pytest
 
-from romdam.config.sections.job import BoxConfig, DampingConfig, MeshFileConfig
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
+from romdam.config.sections.job import BoxConfig, DampingConfig
 from romdam.core.errors import MeshError
 from romdam.core.scene import Material, Scene, Tie
 from romdam.fem.assembly import assemble

@@ -31,7 +31,8 @@ from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
 from romdam.scene.facets import area_vectors, boundary_facets
 from romdam.scene.joints import build_joint
-from romdam.scene.reservoir import build_reservoir
+from romdam.scene.meshes.files import MeshFiles
+from romdam.scene.reservoir.build import build_reservoir
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import static_equilibrium
 
@@ -265,7 +266,9 @@ def test_a_face_that_is_tied_is_not_wet():
     for block, face, dry in (("c", "xmin", True), ("b", "xmax", True), ("c", "ymin", False)):
         keys = {"level": 1.7, "faces": [{"block": block, "face": face}], "upstream": (0, -1, 0)}
         water = WaterConfig(model="westergaard", **keys)
-        make = partial(build_reservoir, water, built.blocks, ties, built.fixed, "s.yaml")
+        make = partial(
+            build_reservoir, water, built.blocks, ties, built.fixed, MeshFiles(Path(".")), "s.yaml"
+        )
         if dry:
             with pytest.raises(ConfigError, match="facets lie in the contact 'side' with a neighbour"):
                 make()

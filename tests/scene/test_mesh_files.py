@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_elements import CONCRETE, mesh
 
-from romdam.config.sections.job import MeshFileConfig
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import ELEMENTS, SOLIDS, facet_element

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, Tag, model_validator
@@ -26,11 +25,12 @@ from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
 from romdam.config.sections.geometry.gravity_dam import GravityDamConfig, joint_between
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.ground import GroundConfig, refuse_wrong_ground
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
 from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
-from romdam.config.sections.places import Axis, ElementName, FaceRef, LengthUnit, NodeConfig, Vector
+from romdam.config.sections.places import Axis, ElementName, FaceRef, NodeConfig, Vector
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.transient import ModalName, TransientConfig
@@ -70,17 +70,6 @@ class BoxConfig(Model):
         by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
     ]
     element: ElementName = "hex8"
-
-
-class MeshFileConfig(Model):
-    """A block read from a mesh file; the physical groups of its facets become its faces."""
-
-    file: Path
-    """gmsh .msh, Nastran .bdf, Abaqus .inp or .vtu."""
-    group: str | Whole | None = None
-    """Physical group (or its number) of the cells; all of them where there is one only."""
-    unit: LengthUnit = "m"
-    """Of the coordinates."""
 
 
 class BlockConfig(Model):

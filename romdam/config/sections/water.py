@@ -9,11 +9,29 @@ from pydantic import Field, model_validator
 
 from romdam.config.base import Model
 from romdam.config.quantities import Density, Dimensionless, Frequency, Length, Velocity
-from romdam.config.sections.places import BlockFace, Direction
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
+from romdam.config.sections.places import BlockFace, Direction, FaceRef
 from romdam.core.integrators import INTEGRATORS
 
 Positive = Field(gt=0.0)
 _OF_SOUND = ("sound_speed", "bottom_reflection", "cutoff")
+_OF_PRISM = {"length": "the mesh ends where it ends", "bottom": "name the floor's faces in water.mesh.bottom"}
+CLOSED = "closed"
+
+
+class ReservoirMeshConfig(MeshFileConfig):
+    """The water's volume, up to the level, meshed by its user; facets that lie on the dam may be others.
+
+    Its free surface is what lies at the level, and what lies on the dam's wet faces is found; walls that are
+    neither these nor `bottom` nor `end` reflect all.
+    """
+
+    end: FaceRef
+    """An upright plane across the valley, beyond which the channel goes on; `closed` within banks."""
+    bottom: tuple[FaceRef, ...] | None = None
+    """Faces that take waves up; if not given, all walls more than 10 degrees off upright."""
+    overlap: Annotated[float, Field(gt=0.0, le=1.0)] = 0.95
+    """Least share of each block's wet faces, below the level, that the mesh lies on."""
 
 
 class WaterConfig(Model):
@@ -25,6 +43,7 @@ class WaterConfig(Model):
     `compressible`: waves in the same reservoir, which leave it at its far end as in a channel that goes on
     without end, and are reflected by the floor and by banks that lean. A reduced model has its own modes up
     to `cutoff`; above, the water answers as incompressible.
+    With `mesh` the reservoir is no prism, but what is meshed.
     `bottom` is the elevation of the floor for Westergaard's depth, the lowest wet point if not given.
     """
 
@@ -42,6 +61,7 @@ class WaterConfig(Model):
     bottom_reflection: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 1.0
     """Share of a pressure wave that the floor sends back (compressible): 1 rigid, 0 takes all up."""
     cutoff: Annotated[Frequency, Positive] = 50.0
+    mesh: ReservoirMeshConfig | None = None
 
     @model_validator(mode="after")
     def _sound_in_compressible_water(self) -> Self:
@@ -50,6 +70,21 @@ class WaterConfig(Model):
             raise ValueError(
                 f"{idle[0]}: water that is {self.model!r} knows no waves; leave it out, or set "
                 "model: compressible"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _mesh_of_its_own(self) -> Self:
+        if self.mesh is None:
+            return self
+        if self.model == "westergaard":
+            raise ValueError(
+                "mesh: Westergaard's pressure knows no reservoir; leave it out, or set model: compressible"
+            )
+        idle = [key for key in _OF_PRISM if getattr(self, key) is not None]
+        if idle:
+            raise ValueError(
+                f"{idle[0]}: of a reservoir without `mesh`, {_OF_PRISM[idle[0]]}; leave the key out"
             )
         return self
 

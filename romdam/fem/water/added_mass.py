@@ -4,9 +4,9 @@ The force of the water on the structure is -M_a (u'' + r a_g) for u relative to 
 
 - Westergaard's pressure 7/8 rho sqrt(H y) a_n, at y below the surface of water of depth H, taken with the
   local normal acceleration a_n (Kuo's generalisation) and integrated with the element's own shape functions.
-- Incompressible water: the Laplace equation for the pressure in a prismatic reservoir, extruded upstream from
-  the wet faces' own mesh, so that it conforms to any face; zero pressure at the surface, rigid floor, banks
-  and far end. M_a = rho Q^T L^-1 Q with Q the coupling and L the Laplacian.
+- Incompressible water: the Laplace equation for the pressure in a reservoir of its own mesh, or a prismatic
+  one, extruded upstream from the wet faces' own mesh, so that it conforms to any face; zero pressure at the
+  surface, rigid floor, banks and far end. M_a = rho Q^T H^-1 Q with Q the coupling and H the Laplacian.
 
 With incompressible water the ground shakes the floor and the banks of the reservoir too, but not its far end:
 vertical motion presses with rho a_g (level - z), though the dam's face be vertical.
@@ -27,10 +27,11 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
 from romdam.core.errors import ReductionError
-from romdam.core.scene import Block, Ints, Reservoir, Scene
-from romdam.fem.water.prism import laplacian, prism
-from romdam.fem.water.wet_mesh import WetMesh, wet_mesh
+from romdam.core.scene import Block, Reservoir, Scene
+from romdam.fem.water.body import WaterBody, vector_operator
+from romdam.fem.water.own_mesh import water_body
 from romdam.scene.elements import Floats
+from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
 _WESTERGAARD = 7.0 / 8.0
 
@@ -69,10 +70,9 @@ def added_mass(scene: Scene) -> AddedMass | None:
     """
     if scene.reservoir is None or scene.reservoir.sound is not None:
         return None
-    mesh = wet_mesh(scene.blocks, scene.reservoir)
-    if scene.reservoir.prismatic:
-        return _incompressible(scene.blocks, scene.reservoir, mesh)
-    return _westergaard(scene.blocks, scene.reservoir, mesh)
+    if scene.reservoir.solved:
+        return _incompressible(water_body(scene.reservoir, scene.blocks), scene.reservoir.density)
+    return _westergaard(scene.blocks, scene.reservoir, wet_mesh(scene.blocks, scene.reservoir))
 
 
 def sparse_added_mass(
@@ -125,53 +125,28 @@ def _westergaard(blocks: dict[str, Block], water: Reservoir, mesh: WetMesh) -> A
         values = shape[..., None] * weight[:, :, None, :]
         number = first + np.arange(count).reshape(size.shape)
         shape_of = (number[:, :, None], piece.facets[:, None, :], values, (sum(counts), len(points)))
-        rows.setdefault(piece.block, []).append(_operator(*shape_of))
+        rows.setdefault(piece.block, []).append(vector_operator(*shape_of))
         first += count
     coupling = {name: csr_matrix(sum(parts[1:], parts[0])) for name, parts in rows.items()}
     ground = sum(B @ np.tile(np.eye(3), (B.shape[1] // 3, 1)) for B in coupling.values())
     return AddedMass(coupling, None, np.asarray(ground))
 
 
-def _operator(rows: Ints, nodes: Ints, values: Floats, shape: tuple[int, int]) -> csr_matrix:
-    """(shape[0], 3 * shape[1]) sparse matrix of values (..., 3) at rows and nodes."""
-    row = np.broadcast_to(rows[..., None], values.shape)
-    column = np.broadcast_to(3 * nodes[..., None] + np.arange(3), values.shape)
-    return csr_matrix((values.ravel(), (row.ravel(), column.ravel())), shape=(shape[0], 3 * shape[1]))
-
-
-def _incompressible(blocks: dict[str, Block], water: Reservoir, mesh: WetMesh) -> AddedMass:
+def _incompressible(body: WaterBody, density: float) -> AddedMass:
     """Solve the reservoir once for a unit flux at every wet node below the surface."""
-    channel = prism(water, mesh)
-    L, rigid = laplacian(channel)
-    wet, free = np.flatnonzero(~mesh.surface), channel.under_water
-    place = np.searchsorted(free, wet)  # the wet nodes are the first layer
+    size = len(body.rigid)
     try:
         factor = splu(
-            L[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            body.H.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )  # fmt: skip
     except RuntimeError as error:
         raise ReductionError(
-            f"water: the reservoir's {len(free)} equations are singular ({error}); the wet faces must reach "
+            f"water: the reservoir's {size} equations are singular ({error}); the wet faces must reach "
             "the level, so that the water has a surface"
         ) from error
-    unit = np.zeros((len(free), len(wet)))
-    unit[place, np.arange(len(wet))] = 1.0
-    flexibility = water.density * factor.solve(unit)[place]
-    ground = water.density * factor.solve(np.ascontiguousarray(rigid[free]))[place]
-    coupling = {name: Q[wet] for name, Q in wet_coupling(blocks, mesh).items()}
-    return AddedMass(coupling, (flexibility + flexibility.T) / 2.0, ground)
-
-
-def wet_coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
-    """Q (wet nodes, 3 n) of every block: int N_p n . N_u dA, outward from the dam [m2]."""
-    found: dict[str, csr_matrix] = {}
-    for piece in mesh.pieces:
-        points = blocks[piece.block].points
-        linear, shape, area, _ = piece.quadrature(points)
-        values = np.einsum("qc,nqa,nqk->ncak", linear, shape, area, optimize=True)
-        Q = _operator(
-            piece.nodes[:, :, None], piece.facets[:, None, :], values, (len(mesh.points), len(points))
-        )
-        found[piece.block] = csr_matrix(found[piece.block] + Q) if piece.block in found else Q
-    return found
+    unit = np.zeros((size, len(body.wet)))
+    unit[body.wet, np.arange(len(body.wet))] = 1.0
+    flexibility = density * factor.solve(unit)[body.wet]
+    ground = density * factor.solve(np.ascontiguousarray(body.rigid))[body.wet]
+    return AddedMass(body.coupling, (flexibility + flexibility.T) / 2.0, ground)

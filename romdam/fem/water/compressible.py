@@ -1,4 +1,4 @@
-"""Waves in the water of a prismatic reservoir, by finite elements, as unknowns beside those of the dam.
+"""Waves in the water of a reservoir, by finite elements, as unknowns beside those of the dam.
 
 The unknown x is the impulse of the pressure on unit area: p = x'. With Q the coupling of the wet faces, whose
 normal points into the water, and r the flux of the walls' rigid motion,
@@ -30,14 +30,11 @@ from scipy.sparse import block_diag, bmat, csr_matrix, hstack
 
 from romdam.core.scene import Ints, Scene
 from romdam.core.system import System
-from romdam.fem.water.added_mass import wet_coupling
 from romdam.fem.water.drive import ChannelDrive
-from romdam.fem.water.prism import far_section, floor, laplacian, prism, storage
+from romdam.fem.water.own_mesh import water_body
 from romdam.fem.water.radiation import radiating_end
-from romdam.fem.water.wet_mesh import wet_mesh
 from romdam.scene.elements import Floats
-
-_PER_WAVE = 10.0  # layers in a wave's length at the cut-off, where linear elements are 1.6 % off
+from romdam.scene.reservoir.own_mesh import PER_WAVE
 
 
 @dataclass(frozen=True)
@@ -71,25 +68,22 @@ def reservoir_waves(scene: Scene) -> Waves | None:
     water = scene.reservoir
     if water is None or water.sound is None:
         return None
-    sound, mesh = water.sound, wet_mesh(scene.blocks, water)
+    sound = water.sound
     admittance = (1.0 - sound.reflection) / ((1.0 + sound.reflection) * sound.speed)
-    channel = prism(water, mesh, sound.speed / (_PER_WAVE * sound.cutoff))
-    free, under = channel.under_water, np.flatnonzero(~mesh.surface)
-    H, rigid = laplacian(channel)
-    end = radiating_end(far_section(channel), under, sound, admittance, water.density)
-    size = len(free) + end.M.shape[0] - len(under)
-    inside, last = np.arange(len(free)), np.arange(len(free) - len(under), size)
-    dam = np.arange(len(under))  # the first layer
+    body = water_body(water, scene.blocks, sound.speed / (PER_WAVE * sound.cutoff))
+    end = radiating_end(body.section, sound, admittance, water.density)
+    below, beyond = len(body.rigid), end.M.shape[0] - len(body.end)
+    size = below + beyond
+    inside, last = np.arange(below), np.concatenate([body.end, np.arange(below, size)])
     fluxes = np.zeros((size, 3 + end.load.shape[1]))
-    fluxes[inside, :3] = rigid[free]
+    fluxes[inside, :3] = body.rigid
     fluxes[last, 3:] = end.load / water.density
-    whole = (storage(channel) / sound.speed**2, admittance * floor(channel), H)
+    whole = (body.G / sound.speed**2, admittance * body.floor, body.H)
     M, C, K = (
-        (_placed(part[free][:, free], inside, size) + _placed(own, last, size)) / water.density
+        (_placed(part, inside, size) + _placed(own, last, size)) / water.density
         for part, own in zip(whole, (end.M, end.C, end.K), strict=True)
     )
-    coupling = {name: Q[under] for name, Q in wet_coupling(scene.blocks, mesh).items()}
-    return Waves(M, C, K, _chosen(dam, size), coupling, fluxes, end.drive)
+    return Waves(M, C, K, _chosen(body.wet, size), body.coupling, fluxes, end.drive)
 
 
 def _placed(matrix: csr_matrix, rows: Ints, size: int) -> csr_matrix:

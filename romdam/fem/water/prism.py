@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.scene import Ints, Reservoir
-from romdam.fem.water.wet_mesh import WetMesh, WetPieces
+from romdam.core.scene import Block, Ints, Reservoir
+from romdam.fem.water.body import Section, WaterBody, scattered, section_of, vector_operator
 from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.reservoir.own_mesh import UPRIGHT
+from romdam.scene.reservoir.wet_mesh import WetMesh, WetPieces, wet_mesh
 
 _GROWTH = 1.2  # of a layer's thickness over the one before it, away from the dam
-_UPRIGHT = np.sin(np.radians(10.0))  # vertical part of a wall's normal, up to which it stands upright
 
 
 @dataclass(frozen=True)
@@ -64,34 +65,42 @@ def prism(water: Reservoir, mesh: WetMesh, longest: float = np.inf) -> Prism:
     return Prism(mesh, points, len(shares), water.upstream)
 
 
-def laplacian(reservoir: Prism) -> tuple[csr_matrix, Floats]:
-    """Laplacian [m], and the flux (nodes, 3) of the walls' unit rigid motions [m2].
+def prism_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.inf) -> WaterBody:
+    """Integrate over a prismatic reservoir, whose layers are up to `longest` thick [m]."""
+    mesh = wet_mesh(blocks, water)
+    channel, under = prism(water, mesh, longest), np.flatnonzero(~mesh.surface)
+    free, (H, G, rigid) = channel.under_water, _volumes(channel)
+    return WaterBody(
+        H=H[free][:, free],
+        G=G[free][:, free],
+        floor=_floor(channel)[free][:, free],
+        rigid=rigid[free],
+        wet=np.arange(len(under)),  # the first layer
+        coupling={name: Q[under] for name, Q in _wet_coupling(blocks, mesh).items()},
+        end=np.arange(len(free) - len(under), len(free)),
+        section=_far_section(channel).of(under),
+    )
+
+
+def _volumes(reservoir: Prism) -> tuple[csr_matrix, csr_matrix, Floats]:
+    """Laplacian [m], int N N dV [m3], and the flux (nodes, 3) of the walls' unit rigid motions [m2].
 
     The flux through all walls follows from the divergence theorem, less the far end, which stays.
     """
     size = len(reservoir.points)
-    L, rigid = csr_matrix((size, size)), np.zeros((size, 3))
+    H, G, rigid = csr_matrix((size, size)), csr_matrix((size, size)), np.zeros((size, 3))
     for piece, cells, gradient, volume in reservoir.cells():
-        local = np.einsum("nqka,nqkb,nq->nab", gradient, gradient, volume, optimize=True)
-        L = L + _scattered(local, cells, size)
+        shape = _prism_shape(piece)
+        stiff = np.einsum("nqka,nqkb,nq->nab", gradient, gradient, volume, optimize=True)
+        H = H + scattered(stiff, cells, size)
+        G = G + scattered(np.einsum("qa,qb,nq->nab", shape, shape, volume, optimize=True), cells, size)
         np.add.at(rigid, cells, -np.einsum("nqka,nq->nak", gradient, volume, optimize=True))
         end = reservoir.far(piece.nodes)
         np.add.at(rigid, end, _far_end(reservoir.points[end], piece, reservoir.upstream))
-    return csr_matrix(L), rigid
+    return csr_matrix(H), csr_matrix(G), rigid
 
 
-def storage(reservoir: Prism) -> csr_matrix:
-    """int N N dV [m3]."""
-    size = len(reservoir.points)
-    total = csr_matrix((size, size))
-    for piece, cells, _, volume in reservoir.cells():
-        shape = _prism_shape(piece)
-        local = np.einsum("qa,qb,nq->nab", shape, shape, volume, optimize=True)
-        total = total + _scattered(local, cells, size)
-    return csr_matrix(total)
-
-
-def floor(reservoir: Prism) -> csr_matrix:
+def _floor(reservoir: Prism) -> csr_matrix:
     """int N N dA over the floor and the banks that lean, which are the walls that take waves up [m2]."""
     k, size, quad = len(reservoir.mesh.points), len(reservoir.points), ELEMENTS["quad4"]
     edges = _floor_edges(reservoir)
@@ -101,51 +110,15 @@ def floor(reservoir: Prism) -> csr_matrix:
     shape = quad.shape(xi)
     tangents = np.einsum("qda,nak->nqdk", quad.gradient(xi), reservoir.points[walls])
     area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2) * weight
-    return _scattered(np.einsum("qa,qb,nq->nab", shape, shape, area, optimize=True), walls, size)
+    return scattered(np.einsum("qa,qb,nq->nab", shape, shape, area, optimize=True), walls, size)
 
 
-@dataclass(frozen=True)
-class Section:
-    """The far end's plane, whose nodes are numbered as the wet mesh: integrals over it, per unit length.
-
-    Attributes
-    ----------
-    H, G : (k, k) Laplacian [1] and int N N dA [m2]
-    floor : (k, k) int N N dl over the walls that take waves up [m]
-    rigid : (k, 3) flux of the walls' unit rigid motions [m]
-    """
-
-    H: csr_matrix
-    G: csr_matrix
-    floor: csr_matrix
-    rigid: Floats
-
-
-def far_section(reservoir: Prism) -> Section:
-    """Integrals over the far end."""
-    k = len(reservoir.mesh.points)
+def _far_section(reservoir: Prism) -> Section:
+    """The far end's plane, whose nodes are numbered as the wet mesh."""
+    mesh = reservoir.mesh
     axes = np.stack([np.cross([0.0, 0.0, 1.0], reservoir.upstream), [0.0, 0.0, 1.0]])
-    H, G, rigid = csr_matrix((k, k)), csr_matrix((k, k)), np.zeros((k, 3))
-    flat = reservoir.points[reservoir.far(np.arange(k))] @ axes.T
-    for piece in reservoir.mesh.pieces:
-        xi, weight = piece.element.rule_of(2)
-        shape, slope = piece.element.shape(xi), piece.element.gradient(xi)
-        jacobian = np.einsum("qda,nak->nqdk", slope, flat[piece.nodes])
-        area = np.abs(np.linalg.det(jacobian)) * weight
-        gradient = np.linalg.solve(jacobian, slope[None])
-        H = H + _scattered(np.einsum("nqka,nqkb,nq->nab", gradient, gradient, area), piece.nodes, k)
-        G = G + _scattered(np.einsum("qa,qb,nq->nab", shape, shape, area), piece.nodes, k)
-        np.add.at(rigid, piece.nodes, -np.einsum("nqda,nq,dk->nak", gradient, area, axes))
-    edges = _floor_edges(reservoir)
-    length = np.linalg.norm(flat[edges[:, 1]] - flat[edges[:, 0]], axis=1)
-    ends = length[:, None, None] * np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
-    return Section(csr_matrix(H), csr_matrix(G), _scattered(ends, edges, k), rigid)
-
-
-def _scattered(local: Floats, nodes: Ints, size: int) -> csr_matrix:
-    """Sum of local matrices (n, c, c) of nodes (n, c)."""
-    rows, columns = (np.broadcast_to(n, local.shape).ravel() for n in (nodes[:, :, None], nodes[:, None]))
-    return csr_matrix((local.ravel(), (rows, columns)), shape=(size, size))
+    flat = reservoir.points[reservoir.far(np.arange(len(mesh.points)))] @ axes.T
+    return section_of(flat, axes, [(p.element, p.nodes) for p in mesh.pieces], _floor_edges(reservoir))
 
 
 def _floor_edges(reservoir: Prism) -> Ints:
@@ -157,7 +130,7 @@ def _floor_edges(reservoir: Prism) -> Ints:
     edges, count = np.unique(np.sort(pairs, axis=1), axis=0, return_counts=True)
     edges = edges[(count == 1) & ~mesh.surface[edges].all(axis=1)]
     normal = np.cross(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], reservoir.upstream)
-    return np.asarray(edges[np.abs(normal[:, 2]) > _UPRIGHT * np.linalg.norm(normal, axis=1)])
+    return np.asarray(edges[np.abs(normal[:, 2]) > UPRIGHT * np.linalg.norm(normal, axis=1)])
 
 
 def _layers(water: Reservoir, mesh: WetMesh, longest: float) -> Floats:
@@ -210,3 +183,17 @@ def _far_end(x: Floats, piece: WetPieces, upstream: Floats) -> Floats:
     tangents = np.einsum("qda,nak->nqdk", base.gradient(eta), x)
     area = np.abs(np.cross(tangents[:, :, 0], tangents[:, :, 1]) @ upstream) * weight
     return np.einsum("qa,nq->na", base.shape(eta), area)[..., None] * upstream
+
+
+def _wet_coupling(blocks: dict[str, Block], mesh: WetMesh) -> dict[str, csr_matrix]:
+    """Q (wet nodes, 3 n) of every block: int N_p n . N_u dA, outward from the dam [m2]."""
+    found: dict[str, csr_matrix] = {}
+    for piece in mesh.pieces:
+        points = blocks[piece.block].points
+        linear, shape, area, _ = piece.quadrature(points)
+        values = np.einsum("qc,nqa,nqk->ncak", linear, shape, area, optimize=True)
+        Q = vector_operator(
+            piece.nodes[:, :, None], piece.facets[:, None, :], values, (len(mesh.points), len(points))
+        )
+        found[piece.block] = csr_matrix(found[piece.block] + Q) if piece.block in found else Q
+    return found

@@ -32,9 +32,9 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import block_diag, csr_matrix, diags_array, hstack, identity, kron
 
-from romdam.core.scene import Ints, Sound
+from romdam.core.scene import Sound
+from romdam.fem.water.body import Section
 from romdam.fem.water.drive import ChannelDrive
-from romdam.fem.water.prism import Section
 from romdam.scene.elements import Floats
 
 _NETWORK = np.array(  # w_j, k_j, l_j
@@ -75,20 +75,20 @@ def impedance_network() -> tuple[Floats, Floats, Floats]:
     return np.diag(np.concatenate([[0.0], np.ones(len(w))])), np.outer(through, through), K
 
 
-def radiating_end(section: Section, nodes: Ints, sound: Sound, admittance: float, density: float) -> FarEnd:
+def radiating_end(section: Section, sound: Sound, admittance: float, density: float) -> FarEnd:
     """Let the waves of a channel go on beyond its far end.
 
     Parameters
     ----------
-    nodes : (k,) of the section, below the surface
+    section : of its k nodes below the surface
     admittance : q of the floor [s/m]
     density : of the water [kg/m3]
     """
     c = sound.speed
-    H, G, B = (csr_matrix(m[nodes][:, nodes]) for m in (section.H, section.G, section.floor))
+    H, G, B = section.H, section.G, section.floor
     highest = (_RADIATING * 2.0 * np.pi * sound.cutoff / c) ** 2
     square, phi = eigh(H.toarray(), G.toarray(), subset_by_value=(0.0, highest))
-    damped, flux, wave = admittance * (phi.T @ (B @ phi)), phi.T @ section.rigid[nodes], np.sqrt(square)
+    damped, flux, wave = admittance * (phi.T @ (B @ phi)), phi.T @ section.rigid, np.sqrt(square)
     M, C, K = impedance_network()
     spread = identity(len(wave) * (len(M) - 1))
     onto = csr_matrix(block_diag([csr_matrix(G @ phi).T, spread]))  # amplitudes of section modes, oscillators

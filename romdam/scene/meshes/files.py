@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.config.quantities import to_si
-from romdam.config.sections.job import MeshFileConfig
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.errors import MeshError
 from romdam.core.files import check_file
 from romdam.core.scene import Block, Bools, Ints, Material

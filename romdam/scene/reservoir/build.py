@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -10,8 +12,10 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Joint, Reservoir, Sound, Tie, WetFace
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import area_vectors, facet_normals
+from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
+from romdam.scene.reservoir.own_mesh import reservoir_mesh
 from romdam.scene.select import select_facets
 
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
@@ -25,6 +29,7 @@ def build_reservoir(
     blocks: dict[str, Block],
     contacts: tuple[Joint | Tie, ...],
     fixed: dict[str, Bools],
+    files: MeshFiles,
     source: str,
 ) -> Reservoir | None:
     """Find the wet faces and check that water can stand on them.
@@ -33,12 +38,14 @@ def build_reservoir(
     ----------
     contacts : joints and ties, whose faces are never wet
     fixed : block -> (n, 3) components that supports hold
+    files : of the scene, which may have the water's own mesh
     source : name of the configuration file, for messages
 
     Raises
     ------
     ConfigError
-        for a level above the faces, faces that are not wet, and a direction that leads into the dam.
+        for a level above the faces, faces that are not wet, and a direction that leads into the dam; for what
+        `reservoir_mesh` refuses.
     """
     if config is None:
         return None
@@ -57,19 +64,22 @@ def build_reservoir(
     _refuse_floor(config, place)
     bottom = min(float(height.min()) for height in heights)
     upstream = _upstream(config, blocks, faces, place)
-    if config.model != "westergaard":
+    if config.model != "westergaard" and config.mesh is None:
         _refuse_behind(upstream, blocks, faces, place)
         _refuse_cracks(blocks, faces, place)
-    return Reservoir(
+    water = Reservoir(
         faces=tuple(faces),
         level=config.level,
         depth=config.level - (bottom if config.bottom is None else config.bottom),
         density=config.density,
-        prismatic=config.model != "westergaard",
+        solved=config.model != "westergaard",
         upstream=upstream,
         length=config.length or _DEPTHS * (config.level - bottom),
         sound=_sound(config),
     )
+    if config.mesh is None:
+        return water
+    return replace(water, mesh=reservoir_mesh(config.mesh, water, blocks, files, f"{place}.mesh"))
 
 
 def _sound(config: WaterConfig) -> Sound | None:

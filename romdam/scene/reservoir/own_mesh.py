@@ -1,0 +1,230 @@
+"""A reservoir's own mesh, and which of its faces lies where: on the dam, at the level, on rock, at the end.
+
+Faces against the dam are found as those of mortar joints are: facets that look at each other and lie on each
+other, whose meshes need not match. The free surface is what lies at the level.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from romdam.config.sections.places import FaceRef
+from romdam.config.sections.water import CLOSED, ReservoirMeshConfig
+from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block, Material, Reservoir, Sound
+from romdam.scene.elements import ELEMENTS
+from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
+from romdam.scene.meshes.files import MeshFiles
+from romdam.scene.mortar.interface import STEEPEST
+from romdam.scene.mortar.segments import Segments, segments
+from romdam.scene.mortar.surface import Surface
+from romdam.scene.reservoir.wet_mesh import wet_mesh
+from romdam.scene.select import select_facets
+
+log = logging.getLogger(__name__)
+
+UPRIGHT = np.sin(np.radians(10.0))  # vertical part of a wall's normal, up to which it stands upright
+PER_WAVE = 10.0  # nodes in a wave's length at the cut-off, where linear elements are 1.6 % off
+_TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
+_TOUCHED, _MOSTLY = 1e-6, 0.5  # of a facet on the dam: above it is pressed on, above it is no bottom
+_LEVEL = 1e-4  # of the mesh's height: nodes so near to the level are on it
+_CEILING = np.cos(np.radians(45.0))  # vertical part of the normal of what would be a free surface
+_PLANE = 1e-3  # of the end's size, and of its normal: how far it may be off an upright plane
+
+
+def reservoir_mesh(
+    config: ReservoirMeshConfig, water: Reservoir, blocks: dict[str, Block], files: MeshFiles, place: str
+) -> Block:
+    """Read the water's mesh and find its faces `dam`, `surface`, `bottom` and `end`.
+
+    Parameters
+    ----------
+    water : without its mesh
+    place : file and key, for messages
+
+    Raises
+    ------
+    MeshError
+        for a file that cannot be read, and elements that are no sound body.
+    ConfigError
+        for water whose surface is not level at the level, that does not touch the dam or only some of its wet
+        faces, whose end is no upright plane, and for faces that are two things at once.
+    """
+    mesh = files.block("reservoir", config, Material(0.0, 0.0, water.density), place)
+    walls = boundary_facets(mesh.cells, mesh.element)
+    is_on = {"surface": _at_level(mesh, walls, water.level, place)}
+    _refuse_confined(mesh, np.unique(walls[is_on["surface"]]), place)
+    share = _share_on_dam(Surface(mesh.name, mesh.points, walls), water, blocks, config.overlap, place)
+    is_on["dam"] = share > _MOSTLY
+    is_on["end"] = _end(mesh, walls, config.end, f"{place}.end")
+    rest: Bools = ~np.logical_or.reduce(list(is_on.values()))
+    is_on["bottom"] = _bottom(mesh, walls, rest, config.bottom, place)
+    _refuse_twice(is_on, place)
+    _refuse_ceiling(mesh, walls[rest & ~is_on["bottom"] if config.bottom else rest], place)
+    if water.sound is not None:
+        _say_coarse(mesh, water.sound, place)
+    is_on["dam"] = share > _TOUCHED
+    return replace(mesh, faces={name: walls[some] for name, some in is_on.items()})
+
+
+def lying_on(water: Surface, dam: Surface) -> Segments:
+    """Where facets of the water and of the dam lie on each other."""
+    between = segments(water, dam, _TOUCH)
+    return between.only(between.cosine < -np.cos(np.radians(STEEPEST)))
+
+
+def _at_level(mesh: Block, walls: Ints, level: float, place: str) -> Bools:
+    z = mesh.points[:, 2]
+    slack = _LEVEL * float(np.ptp(z))
+    on = np.asarray((np.abs(z[walls] - level) <= slack).all(axis=1))
+    if z.max() > level + slack or not on.any():
+        raise ConfigError(
+            f"{place}: the water's mesh reaches from {z.min():.6g} to {z.max():.6g} m, and its free surface "
+            f"must lie at water.level, {level:g} m (within {slack:.2g} m; {int(on.sum())} of its facets do); "
+            "mesh the water up to the level, or correct `level` or `unit`"
+        )
+    return on
+
+
+def _refuse_confined(mesh: Block, surface: Ints, place: str) -> None:
+    """Refuse water without a free surface, whose pressure nothing tells."""
+    first = np.broadcast_to(mesh.cells[:, :1], mesh.cells.shape)
+    links = coo_array(
+        (np.ones(mesh.cells.size), (first.ravel(), mesh.cells.ravel())), shape=(len(mesh.points),) * 2
+    )
+    count, piece = connected_components(links, directed=False)
+    lost = np.setdiff1d(np.arange(count), piece[surface])
+    if len(lost):
+        at = ", ".join(f"{x:.6g}" for x in mesh.points[piece == lost[0]].mean(axis=0))
+        raise ConfigError(
+            f"{place}: {len(lost)} of the {count} parts of the water's mesh that share no node have no free "
+            f"surface, limit 0, the first about ({at}); join the parts' nodes, or leave these out by `group`"
+        )
+
+
+def _share_on_dam(
+    walls: Surface, water: Reservoir, blocks: dict[str, Block], overlap: float, place: str
+) -> Floats:
+    """Share of each facet that lies on the dam; each block's wet faces must be covered."""
+    wet, covered, apart = _wet_areas(blocks, water), dict.fromkeys(blocks, 0.0), 0.0
+    own = np.zeros(len(walls.facets))
+    for face in water.faces:
+        between = lying_on(walls, Surface(face.block, blocks[face.block].points, face.facets))
+        own += np.bincount(between.slave, between.area, len(own))
+        covered[face.block] += float(between.area.sum())
+        apart = max(apart, float(np.abs(between.distance).max(initial=0.0)))
+    for name, area in wet.items():
+        if covered[name] == 0.0:
+            raise ConfigError(f"{place}: {_apart(walls, blocks[name])}")
+        if covered[name] < overlap * area:
+            raise ConfigError(
+                f"{place}: the water's mesh lies on {covered[name]:.6g} of the {area:.6g} m2 of the wet "
+                f"faces of block {name!r} below the level, limit {overlap:g}; mesh the water up to the "
+                "dam, leave dry faces out of water.faces, or lower `overlap` where rock covers the rest"
+            )
+    log.info(
+        "%s: the water's mesh lies on %.4g of the %.6g m2 of the dam's wet faces, at most %.3g m apart",
+        place, sum(covered.values()) / sum(wet.values()), sum(wet.values()), apart,
+    )  # fmt: skip
+    return np.asarray(own / walls.areas)
+
+
+def _apart(walls: Surface, block: Block) -> str:
+    distance, nearest = cKDTree(block.points).query(walls.points)
+    own = int(np.argmin(distance))
+    a, b = (", ".join(f"{x:.6g}" for x in at) for at in (walls.points[own], block.points[nearest[own]]))
+    return (
+        f"the water's mesh does not touch the wet faces of block {block.name!r}: the smallest distance of "
+        f"their nodes is {distance[own]:.6g} m, from ({a}) to ({b}), limit {_TOUCH:g} m; correct `unit`, or "
+        "mesh the water up to the dam"
+    )
+
+
+def _wet_areas(blocks: dict[str, Block], water: Reservoir) -> dict[str, float]:
+    """Area of every block's wet faces below the level [m2]."""
+    found: dict[str, float] = {}
+    for piece in wet_mesh(blocks, water).pieces:
+        vectors = piece.quadrature(blocks[piece.block].points)[2]
+        found[piece.block] = found.get(piece.block, 0.0) + float(np.linalg.norm(vectors, axis=2).sum())
+    return found
+
+
+def _end(mesh: Block, walls: Ints, face: FaceRef, place: str) -> Bools:
+    if face == CLOSED:
+        return np.zeros(len(walls), dtype=bool)
+    facets = select_facets(mesh, face, place)
+    vectors = area_vectors(mesh.points, facets).sum(axis=(0, 1))
+    normal = vectors / np.linalg.norm(vectors)
+    away = mesh.points[facets] - mesh.points[facets].mean(axis=(0, 1))
+    off = float(np.abs(away @ normal).max() / np.linalg.norm(away, axis=2).max())
+    if max(off, abs(float(normal[2]))) > _PLANE:
+        shown = ", ".join(f"{x:.3g}" for x in normal)
+        raise ConfigError(
+            f"{place}: the end must be an upright plane, beyond which the channel goes on: its normal is "
+            f"({shown}), and its nodes are up to {off:.2g} of its size off that plane, limit {_PLANE:g}; cut "
+            "the mesh off by an upright plane"
+        )
+    return _among(walls, facets)
+
+
+def _bottom(mesh: Block, walls: Ints, rest: Bools, faces: tuple[FaceRef, ...] | None, place: str) -> Bools:
+    """True for facets that take waves up."""
+    if faces is not None:
+        named = [select_facets(mesh, face, f"{place}.bottom[{k}]") for k, face in enumerate(faces)]
+        return _among(walls, np.concatenate([walls[:0], *named]))
+    found: Bools = rest & (np.abs(facet_normals(mesh.points, walls)[:, 2]) > UPRIGHT)
+    log.info(
+        "%s.bottom: %d walls that lean more than 10 degrees, %.6g m2, reflect as `bottom_reflection` says, "
+        "and %d upright ones all",
+        place, found.sum(), facet_areas(mesh.points, walls[found]).sum(), (rest & ~found).sum(),
+    )  # fmt: skip
+    return found
+
+
+def _among(walls: Ints, facets: Ints) -> Bools:
+    """True for walls that are one of some facets."""
+    number = row_numbers(np.sort(np.concatenate([walls, facets]), axis=1))
+    return np.asarray(np.isin(number[: len(walls)], number[len(walls) :]))
+
+
+def _refuse_twice(is_on: dict[str, Bools], place: str) -> None:
+    names = list(is_on)
+    for k, name in enumerate(names):
+        for other in names[k + 1 :]:
+            both = int((is_on[name] & is_on[other]).sum())
+            if both:
+                raise ConfigError(
+                    f"{place}: {both} facets are both on the {name} and on the {other}, limit 0; correct the "
+                    "groups of the file"
+                )
+
+
+def _refuse_ceiling(mesh: Block, walls: Ints, place: str) -> None:
+    """Refuse walls that look up: a surface that is not level, or that does not reach the level."""
+    up = facet_normals(mesh.points, walls)[:, 2] > _CEILING
+    if up.any():
+        at = ", ".join(f"{x:.6g}" for x in mesh.points[walls[up][0]].mean(axis=0))
+        raise ConfigError(
+            f"{place}: the free surface is not level: {int(up.sum())} facets look up and are not at "
+            f"water.level, one about ({at}), limit 0; mesh it flat, or name rock over the water in `bottom`"
+        )
+
+
+def _say_coarse(mesh: Block, sound: Sound, place: str) -> None:
+    element = ELEMENTS[mesh.element]
+    ends = mesh.points[mesh.cells[:, np.array(element.edges)]]
+    longest = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max())
+    resolved = sound.speed / (PER_WAVE * longest) * (2.0 if element.quadratic else 1.0)
+    if resolved < sound.cutoff:
+        log.warning(
+            "%s: edges are up to %.3g m long, so that waves up to %.3g Hz have %g nodes in their length, and "
+            "water.cutoff is %g Hz; mesh finer, or lower water.cutoff",
+            place, longest, resolved, PER_WAVE, sound.cutoff,
+        )  # fmt: skip
