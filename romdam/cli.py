@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from typing import Annotated
 
@@ -18,6 +19,10 @@ from romdam.commands.views import info, plot, records, show
 from romdam.core.errors import ConvergenceError, OutputError, RomdamError, WorkerError, WriteError
 from romdam.core.files import keep_standard_files
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals
+
+_YOUNG = (
+    50_000  # objects made until cycles are looked for: libraries make a million that stay, and 700 cost 0.2 s
+)
 
 app = typer.Typer(
     help="Reduced-order seismic analysis of concrete dams cut by contraction joints.",
@@ -51,6 +56,7 @@ def main() -> None:
     keep_standard_files()
     sys.stdout, sys.stderr = Output.of(sys.stdout, told=True), Output.of(sys.stderr, told=False)
     hear_signals()
+    gc.set_threshold(_YOUNG)
     try:
         app()
     except Signalled as stopped:

@@ -186,8 +186,9 @@ def opening_comparison(histories: dict[str, tuple[Array, Array]], title: str) ->
 def save_figure(figure: Figure, path: Path) -> Path:
     """Write a figure whole or not at all; `savefig` would draw it twice, once for its layout alone."""
     figure.set_dpi(_DPI)
+    write_png: Callable[..., None] = FigureCanvasAgg(figure).print_png
     with replacing(path) as part:
-        FigureCanvasAgg(figure).print_png(part, pil_kwargs={"compress_level": _COMPRESSION})
+        write_png(part, pil_kwargs={"compress_level": _COMPRESSION})
     return path
 
 
