@@ -21,9 +21,7 @@ from romdam.core.errors import ConvergenceError, OutputError, RomdamError, Worke
 from romdam.core.files import keep_standard_files
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals
 
-_YOUNG = (
-    50_000  # objects made until cycles are looked for: libraries make a million that stay, and 700 cost 0.2 s
-)
+_YOUNG = 50_000  # objects between searches for cycles: libraries make a million that stay, 700 cost 0.2 s
 
 app = typer.Typer(
     help="Reduced-order seismic analysis of concrete dams cut by contraction joints.",
