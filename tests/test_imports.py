@@ -179,6 +179,24 @@ def test_import_is_quick_and_loads_no_heavy_library():
     assert float(out[0]) < 0.5
 
 
+def test_run_loads_no_library_that_few_scenes_need():
+    """Imports are much of the smallest job's CPU; these are for limit analysis, free fields and the like."""
+    rare = ("scipy.optimize", "scipy.fft", "scipy.stats", "obspy", "meshio", "matplotlib", "distributed")
+    code = f"import romdam.pipelines.run, sys; print(*[m for m in {rare!r} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.split() == []
+
+
+def test_command_searches_for_cycles_rarely_and_not_as_it_ends():
+    code = (
+        "import atexit, gc, sys; sys.argv = ['romdam', '--version'];"
+        "atexit.register(lambda: print(gc.get_threshold()[0], gc.get_freeze_count() > 10_000));"
+        "from romdam.cli import main; main()"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.split()[-2:] == ["50000", "True"]
+
+
 def test_lazy_names_exist_and_unknown_ones_do_not():
     import romdam
 

@@ -27,7 +27,6 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.sparse import csr_matrix, eye_array, hstack, kron
 
 from romdam.config.sections.job import DampingConfig
@@ -70,6 +69,8 @@ class Deconvolution:
         ----------
         acc : (3, nt) of the surface [m/s2]
         """
+        from scipy.fft import irfft, next_fast_len, rfft, rfftfreq  # here: few scenes have a free field
+
         height = -np.diff(self.field.levels)
         moduli = np.array([wave_moduli(material) for material in self.field.materials])
         speed = np.sqrt(moduli / np.array([[material.rho] for material in self.field.materials]))

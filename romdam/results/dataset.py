@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import h5netcdf
 import numpy as np
@@ -37,6 +38,7 @@ _BASES = {
 }
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
 COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+_CHUNK = 1 << 20  # bytes: HDF5 keeps as many of a variable while it reads
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,19 @@ def single_precision(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.assign(kept)
 
 
+def _encoding(variable: xr.Variable) -> dict[str, Any]:
+    """Compress whole numbers and what is mostly zero, as forces of open gaps are, in chunks of whole rows.
+
+    Other histories would lose a seventh of their size for 0.015 CPU-s a megabyte, and lie in one piece.
+    """
+    kind, values = variable.dtype.kind, variable.values
+    worth = kind in "iu" or (kind == "f" and 2 * np.count_nonzero(values) < values.size)
+    if not worth or variable.ndim == 0 or values.size == 0:
+        return {}
+    rows = max(1, _CHUNK * len(values) // values.nbytes)
+    return COMPRESSION | {"chunksizes": (min(rows, len(values)), *values.shape[1:])}
+
+
 def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     """Write a NetCDF-4 file whole or not at all.
 
@@ -148,11 +163,7 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     ResultError
         where the folder or the disk refuses it.
     """
-    encoding = {
-        name: dict(COMPRESSION)
-        for name, v in dataset.variables.items()
-        if v.dtype.kind in "fiu" and v.ndim > 0
-    }
+    encoding = {name: _encoding(variable) for name, variable in dataset.variables.items()}
     with sealing(path, dataset.nbytes) as stream, h5netcdf.File(stream, "w") as file:
         dataset.dump_to_store(H5NetCDFStore(file), encoding=encoding)
 

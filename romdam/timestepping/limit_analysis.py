@@ -12,7 +12,6 @@ Livesley, Int. J. Numer. Meth. Engng 12 (1978) 1853: limit analysis of structure
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, vstack
 
 from romdam.contact.components import ALONG_J, ALONG_K
@@ -58,6 +57,8 @@ def _holds(motions: Floats, loads: Floats, limits: Limits, factor: float) -> boo
     motions : (r, N) jumps of the gaps in every motion
     loads : (r,) on the motions
     """
+    from scipy.optimize import linprog  # here: few scenes come to it, and it loads 90 modules
+
     n = len(limits.tension)
     d = motions.shape[1] // n
     size, left = np.abs(loads).max(), np.full((len(loads), 1), -1.0)

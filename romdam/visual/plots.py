@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
@@ -23,6 +24,8 @@ from romdam.visual.style import COLOURS, GREY, STYLE, new_figure, scaled
 
 Array = np.ndarray
 
+_DPI = 160
+_COMPRESSION = 3  # of zlib: level 6 takes 0.03 s longer for the figures of a run, to make them 10 % smaller
 _FLAT = 0.08  # inscribed over circumscribed circle of a triangle on the rim, below which it is left out
 
 
@@ -181,9 +184,11 @@ def opening_comparison(histories: dict[str, tuple[Array, Array]], title: str) ->
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure whole or not at all."""
+    """Write a figure whole or not at all; `savefig` would draw it twice, once for its layout alone."""
+    figure.set_dpi(_DPI)
+    write_png: Callable[..., None] = FigureCanvasAgg(figure).print_png
     with replacing(path) as part:
-        figure.savefig(part, format="png", dpi=160)
+        write_png(part, pil_kwargs={"compress_level": _COMPRESSION})
     return path
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from romdam.config.quantities import _EXAMPLES, _MOST, to_si
+from romdam.config.quantities import _COMMON, _EXAMPLES, _MOST, _registry, _registry_of, to_si
 
 
 @pytest.mark.parametrize(
@@ -30,6 +30,29 @@ def test_quantities(text, unit, value):
 def test_what_a_message_advises_is_read(unit):
     for example in _EXAMPLES.get(unit, f"1 {unit}").split(" or "):
         assert to_si(example, unit) != 0.0
+
+
+def test_common_units_are_those_of_pint():
+    """Any unit that pint knows is the same where the registry of few knows it too, with prefix and plural."""
+    few, every = _registry(_COMMON), _registry()
+    short = [name for name in every._units if len(name) < 4]
+    names = [*every._units, *(prefix + name for prefix in every._prefixes for name in short)]
+    known = 0
+    for name in [*names, *(f"{one}s" for one in names)]:
+        try:
+            factor = few.Quantity(1.0, name).to_root_units()
+        except Exception:  # half a dozen kinds, as in `_parse`
+            continue
+        pints = every.Quantity(1.0, name).to_root_units()
+        assert (factor.magnitude, str(factor.units)) == (pints.magnitude, str(pints.units)), name
+        known += 1
+    assert known > 300
+
+
+def test_only_uncommon_units_cost_the_registry_of_all():
+    assert all(_registry_of(unit) is _registry(_COMMON) for unit in ["GPa/m", *(u for u in _MOST if u)])
+    assert _registry_of("ksi") is _registry()
+    assert to_si("1 ksi", "Pa") == pytest.approx(4448.2216152605 / 0.0254**2, rel=1e-12)
 
 
 @pytest.mark.parametrize(

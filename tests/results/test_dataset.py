@@ -88,6 +88,24 @@ def test_file_reads_back_the_same_with_xarray_alone(engine, case, job, timing, t
     assert [p.name for p in tmp_path.iterdir()] == ["a.nc"], "no temporary file is left"
 
 
+def test_thirty_seconds_are_few_tasks_to_dask_and_only_what_shrinks_is_compressed(tmp_path):
+    opening = np.random.default_rng(0).normal(size=(3000, 100))
+    histories = {"opening": opening, "force": np.minimum(opening, -2.0) + 2.0, "state": np.sign(opening)}
+    histories["state"] = histories["state"].astype(np.int8)
+    dataset = xr.Dataset({name: (("time", "gap"), values) for name, values in histories.items()})
+    dataset = dataset.assign(none=("nothing", np.zeros(0)))
+    write_dataset(dataset, tmp_path / "a.nc")
+    with xr.open_dataset(tmp_path / "a.nc", engine="h5netcdf", chunks={}) as lazy:
+        assert {name: lazy[name].encoding["zlib"] for name in histories} == {
+            "opening": False,
+            "force": True,
+            "state": True,
+        }
+        assert all(len(lazy[name].max("gap").__dask_graph__()) <= 20 for name in histories)
+        xr.testing.assert_identical(lazy.load(), dataset)
+    assert (tmp_path / "a.nc").stat().st_size < 1.2 * opening.nbytes  # 2.1 of them uncompressed
+
+
 def test_attributes_rebuild_the_configuration_and_tell_where_it_came_from(case, job, timing):
     attrs = build_dataset(case, job, timing, None).attrs
     assert parse_config(json.loads(attrs["configuration"]), "attribute") == job.config

@@ -1,12 +1,14 @@
 """Every figure draws for every kind of result and shows the numbers of the dataset."""
 
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from romdam.results.dataset import build_dataset
-from romdam.visual.plots import FIGURES, opening_comparison, write_plots
-from romdam.visual.style import scaled
+from romdam.visual.plots import FIGURES, opening_comparison, save_figure, write_plots
+from romdam.visual.style import STYLE, scaled
 
 from .conftest import make_case
 
@@ -55,3 +57,15 @@ def test_prefix_suits_the_largest_value(value, shown, unit):
     assert name == unit
     np.testing.assert_allclose(values[1], -shown)
     assert factor * value == pytest.approx(shown)
+
+
+def test_figure_is_drawn_once_and_is_that_of_savefig(case, job, timing, tmp_path, monkeypatch):
+    dataset, drawn, draw = build_dataset(case, job, timing, None), [], Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda *given: (drawn.append(given[0]), draw(*given)))
+    with mpl.rc_context(STYLE):
+        save_figure(FIGURES["energy"](dataset), tmp_path / "once.png")
+        assert len(drawn) == 1
+        FIGURES["energy"](dataset).savefig(tmp_path / "twice.png", dpi=160)
+        assert len(drawn) == 3
+    once, twice = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("once", "twice"))
+    np.testing.assert_array_equal(once, twice)
