@@ -24,6 +24,7 @@ from romdam.core.arrays import Floats
 
 FLOOR = 0.01  # of what all joints do: a joint that does less is measured by that
 
+
 @dataclass(frozen=True)
 class RelativeError:
     """Error of one quantity relative to a better history of it, see the module.
