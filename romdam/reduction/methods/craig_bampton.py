@@ -284,8 +284,8 @@ def _with_residual_vectors(
     count = min(count, X.shape[0] - X.shape[1])
     if not count:
         return sub
-    lowest, V = lowest_with(None if wet is None else wet.of(wet.operator @ X), sub.omega2, count)
-    low = X @ V
+    added = None if wet is None else wet.of(wet.operator @ X)
+    lowest, low = lowest_with(added, sub.omega2, X, count)
     unbalanced = K @ low - (M @ low) * lowest
     if wet is not None:
         unbalanced -= wet.inertia(low * lowest)
@@ -296,12 +296,12 @@ def _with_residual_vectors(
     return replace(sub, omega2=omega2, basis=Y @ V, residual_vectors=sub.residual_vectors + D.shape[1])
 
 
-def lowest_with(added: Floats | None, omega2: Floats, count: int) -> tuple[Floats, Floats]:
-    """omega^2 of the lowest modes with an added modal mass (m, m), and they in terms of those without."""
+def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> tuple[Floats, Floats]:
+    """omega^2 and vectors of the lowest of modes X (n, m), with an added modal mass (m, m) or without."""
     if added is None:
-        return omega2[:count], np.eye(len(omega2))[:, :count]
-    low, V = eigh(np.diag(omega2), np.eye(len(omega2)) + 0.5 * (added + added.T))
-    return low[:count], V[:, :count]
+        return omega2[:count], X[:, :count]
+    low, C = eigh(np.diag(omega2), np.eye(len(omega2)) + 0.5 * (added + added.T))
+    return low[:count], X @ C[:, :count]
 
 
 def independent(D: Floats, M: csr_matrix) -> Floats:

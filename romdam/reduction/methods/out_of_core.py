@@ -160,10 +160,10 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
         if count:
             low, V = reduced.diagonalised(large)
             added = None if wet is None else wet.of(T.before(wet.operator) @ V)
-            lowest, C = lowest_with(added, low, count)
-            unbalanced = _unbalanced(T, lowest - shift, V @ C, outer, interior)
+            lowest, some = lowest_with(added, low, V, count)
+            unbalanced = _unbalanced(T, lowest - shift, some, outer, interior)
             if wet is not None:
-                unbalanced -= wet.inertia(T.combined(V @ C) * lowest)[~outer.retained]
+                unbalanced -= wet.inertia(T.combined(some) * lowest)[~outer.retained]
             D = _orthogonal(T, V, over_interior(outer.retained, solver.solve(unbalanced)), outer.M)
             reduced = _with_residual_vectors(T, reduced, D, outer, interior)
         bases.append(reduced)
