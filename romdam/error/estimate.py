@@ -59,8 +59,8 @@ def estimate_error(finer: FinerModel, history: History, ground: Floats, settings
 def _sentence(l2: float, peak: float, seconds: tuple[float, float]) -> str:
     return (
         f"Leaving out modes changes the openings by about {percent(l2)} in L2 and the largest one by about "
-        f"{percent(peak)}, estimated from {seconds[0]:g} to {seconds[1]:g} s with a finer model, good to a "
-        "factor of two but where slip adds up; `romdam certify` states it for the whole record."
+        f"{percent(peak)}, estimated from {seconds[0]:g} to {seconds[1]:g} s with a finer model, mostly good "
+        "to a factor of two; `romdam certify` states it for the whole record."
     )
 
 
