@@ -2,7 +2,7 @@
 
 A finer reduced model, made with the same factors, is started from the run's own state and integrated through
 the seconds that lead to the largest opening. How far the two have parted by then is about what the run is
-off: 0.7 to 1.6 times the true error of the openings over 30 s of Northridge, where 3 s show 0.3 to 0.9 times.
+off: 0.8 to 1.5 times the true error of the openings over 10 s of four records (3 s show 0.3 to 0.9 of it).
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def estimate_error(finer: FinerModel, history: History, ground: Floats, settings
 def _sentence(l2: float, peak: float, seconds: tuple[float, float]) -> str:
     return (
         f"Leaving out modes changes the openings by about {percent(l2)} in L2 and the largest one by about "
-        f"{percent(peak)}, estimated from {seconds[0]:g} to {seconds[1]:g} s with a finer model, good to a "
-        "factor of two; `romdam certify` states it for the whole record."
+        f"{percent(peak)}, estimated from {seconds[0]:g} to {seconds[1]:g} s with a finer model, mostly good "
+        "to a factor of two; `romdam certify` states it for the whole record."
     )
 
 

@@ -9,17 +9,20 @@ same places i (gaps, or components of displacement). Both measures are relative 
     openings    over max_ti |y| where no gap opens
 
 Each is 0 where y is 0 throughout. A joint's error is measured on its own gaps alone and relative to its own
-history: of a joint that hardly moves it may be large and matter little.
+history; but a joint that hardly moves, by less than FLOOR of all, is measured by FLOOR of all: in L2 by that
+share of the root mean square over all joints' gaps, in its peak by that share of the largest opening of all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from romdam.core.arrays import Floats
+
+FLOOR = 0.01  # of what all joints do: a joint that does less is measured by that
 
 
 @dataclass(frozen=True)
@@ -43,16 +46,15 @@ class RelativeError:
         return {"l2": self.l2, "peak": self.peak} | ({"joints": joints} if joints else {})
 
 
-def relative_l2(values: Floats, better: Floats) -> float:
-    """L2 of two histories (nt, ...) of one unit, see the module."""
-    size = float(np.linalg.norm(better))
+def relative_l2(values: Floats, better: Floats, least: float = 0.0) -> float:
+    """L2 of two histories (nt, ...) of one unit, relative to a root mean square of `least` or more."""
+    size = max(float(np.linalg.norm(better)), least * np.sqrt(better.size))
     return float(np.linalg.norm(values - better)) / size if size > 0.0 else 0.0
 
 
-def opening_peak(opening: Floats, better: Floats) -> float:
-    """Peak of openings (nt, ng) [m], see the module."""
-    peak = float(better.max())
-    return _over(float(opening.max()) - peak, peak if peak > 0.0 else float(np.abs(better).max()))
+def opening_peak(opening: Floats, better: Floats, least: float = 0.0) -> float:
+    """Peak of openings (nt, ng) [m], relative to `least` or more, see the module."""
+    return _over(float(opening.max() - better.max()), max(_largest(better), least))
 
 
 def largest_difference(values: Floats, better: Floats) -> float:
@@ -70,8 +72,15 @@ def opening_error(
     opening, better : (nt, ng) [m]
     joints : name -> slice of its gaps
     """
-    each = {n: opening_error(opening[:, own], better[:, own]) for n, own in (joints or {}).items()}
-    return RelativeError(relative_l2(opening, better), opening_peak(opening, better), each)
+    mean = FLOOR * float(np.linalg.norm(better)) / np.sqrt(max(better.size, 1))
+    peak = FLOOR * _largest(better)
+
+    def of_gaps(own: slice) -> RelativeError:
+        pair = opening[:, own], better[:, own]
+        return RelativeError(relative_l2(*pair, mean), opening_peak(*pair, peak))
+
+    each = {name: of_gaps(own) for name, own in (joints or {}).items()}
+    return replace(of_gaps(slice(None)), joints=each)
 
 
 def magnitude_error(values: Floats, better: Floats) -> RelativeError:
@@ -93,6 +102,12 @@ def energy_error(difference: Floats, better: Floats) -> RelativeError:
         return RelativeError(0.0, 0.0)
     l2, peak = difference.sum(), difference.max(initial=0.0)
     return RelativeError(float(np.sqrt(l2) / np.sqrt(whole)), float(np.sqrt(peak) / np.sqrt(largest)))
+
+
+def _largest(opening: Floats) -> float:
+    """The largest opening, or the largest jump where no gap opens [m]."""
+    peak = float(opening.max())
+    return peak if peak > 0.0 else float(np.abs(opening).max())
 
 
 def _over(difference: float, size: float) -> float:

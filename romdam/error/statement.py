@@ -24,12 +24,13 @@ from romdam.core.errors import ResultError
 from romdam.core.files import check_file, replacing
 from romdam.core.fingerprint import fingerprint
 from romdam.core.sealed import changing, reading, text_of
-from romdam.error.metrics import RelativeError
+from romdam.error.metrics import FLOOR, RelativeError
 
 log = logging.getLogger(__name__)
 
 Kind = Literal["estimate", "certificate", "verification"]
 
+_RELATIVE = f"relative to the joint's own history, or to {FLOOR:.0%} of that of all joints where it is less"
 VERIFICATION_FILE = "verification.json"
 _SELF = "content_sha256"  # of everything else in that file
 _MOST = 4e9  # bytes of a file that is read whole
@@ -86,7 +87,8 @@ class ErrorStatement:
             return
         for measure, what in (("l2", "of the openings in L2"), ("peak", "of the largest opening")):
             values = np.array([getattr(joints[str(name)], measure) for name in dataset.joint.values])
-            about = {"long_name": f"estimated relative error {what}, from leaving out modes", "units": "1"}
+            name = f"estimated relative error {what}, from leaving out modes"
+            about = {"long_name": name, "units": "1", "comment": _RELATIVE}
             dataset[f"estimated_error_{measure}"] = ("joint", values, about)
 
 

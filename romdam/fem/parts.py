@@ -46,7 +46,8 @@ def part_operator(part: Part, operators: dict[str, csr_matrix]) -> csr_matrix:
     rows = next(iter(operators.values())).shape[0]
     total = csr_matrix((rows, 3 * part.nodes))
     for name in part.blocks:
-        total = total + operators[name] @ part.spread(name)
+        if name in operators:
+            total = total + operators[name] @ part.spread(name)
     total = csr_matrix(total)
     total.eliminate_zeros()  # a gap between nodes that are one
     return total

@@ -28,7 +28,7 @@ from romdam.fem.damping import modal_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
-from romdam.fem.water.added_mass import AddedMass, added_mass
+from romdam.fem.water.added_mass import AddedMass, WetMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import Dense
@@ -117,11 +117,11 @@ def _reduced_scene(
     refuse_wet(scene)
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
-    acting = Acting(gap_operators(scene, law.directions), forces, law.directions)
+    water, models = added_mass(scene), []
+    acting = Acting(gap_operators(scene, law.directions), forces, law.directions, water)
     for choice in choices:
         _refuse_large(scene, acting, choice, store)
     parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
-    water, models = added_mass(scene), []
     for bases in zip(*parts, strict=True):
         basis, columns = _side_by_side(scene, bases)
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
@@ -237,7 +237,7 @@ def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[
         return merged_keys(part, scene, acting, free)
     (name,) = part.blocks
     interface = joint_interface(acting.operators[name], scene.fixed[name])
-    return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice)}
+    return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice, acting.wet(name))}
 
 
 def _by_free_modes(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> ModeChoice | None:
@@ -278,7 +278,8 @@ def _reduced_part(
     if free[0] is not None:
         return merged_bases(part, scene, acting, [choice for choice in free if choice is not None], store)
     (name,) = part.blocks
-    bases = _reduced_block(scene.blocks[name], acting.operators[name], scene.fixed[name], choices, store)
+    asked = scene.blocks[name], acting.operators[name], scene.fixed[name]
+    bases = _reduced_block(*asked, choices, store, acting.wet(name))
     return [{name: basis} for basis in bases]
 
 
@@ -311,26 +312,31 @@ def _reduced_block(
     fixed: NDArray[np.bool_],
     choices: list[ModeChoice],
     store: BlockStore | None,
+    wet: WetMass | None = None,
 ) -> list[BlockBasis]:
     """The bases of one block over all its DOFs in global axes: from the store, or made and kept there."""
     interface, choice = joint_interface(operator, fixed), choices[0]
     large = is_large(interface, choice)
     if store is None and not large:
-        return list(islice(_reduce(block, interface, fixed, choice), len(choices)))
+        return list(islice(_reduce(block, interface, fixed, choice, wet), len(choices)))
     store = store or BlockStore.passing()
-    keys = [block_key(block, fixed, interface, one) for one in choices]
+    keys = [block_key(block, fixed, interface, one, wet) for one in choices]
     found = [basis for key in keys if (basis := store.read(key)) is not None]
     if len(found) < len(keys) and large:
         held = _held_interior(block, fixed, interface)
-        return reduce_large(LargeBlock(block, fixed, interface, held), choice, store, keys)
+        return reduce_large(LargeBlock(block, fixed, interface, held, wet), choice, store, keys)
     if len(found) < len(keys):
-        made = zip(keys, _reduce(block, interface, fixed, choice), strict=False)
+        made = zip(keys, _reduce(block, interface, fixed, choice, wet), strict=False)
         found = [store.write(key, block, basis) for key, basis in made]
     return found
 
 
 def _reduce(
-    block: Block, interface: Interface, fixed: NDArray[np.bool_], choice: ModeChoice
+    block: Block,
+    interface: Interface,
+    fixed: NDArray[np.bool_],
+    choice: ModeChoice,
+    wet: WetMass | None,
 ) -> Iterator[BlockBasis]:
     """The basis of one block, then a finer one; see `reduce_block`."""
     log.info("block %s: reducing", block.name)
@@ -339,7 +345,8 @@ def _reduce(
     K, M = (turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
     held = _held_interior(block, fixed, interface)
     motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
-    own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}")
+    wet = None if wet is None else wet.over(turn.T[:, free])
+    own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}", wet)
     inertia = mass @ np.tile(np.eye(3), (len(block.points), 1))
     for sub in reduce_block(own, choice):
         whole = np.zeros((len(free), len(sub.omega2)))

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from romdam.error.metrics import (
+    FLOOR,
     RelativeError,
     energy_error,
     largest_difference,
@@ -30,6 +31,16 @@ def test_each_joint_is_measured_on_its_own_gaps_and_by_its_own_size():
     assert error.l2 == pytest.approx(np.sqrt(0.25 + 0.05) / np.sqrt(30.0))
     assert error.peak == pytest.approx(0.1)
     assert opening_error(opening, BETTER).joints == {}
+
+
+def test_a_joint_that_hardly_moves_is_measured_by_a_share_of_all():
+    """By a hundredth of the mean and of the largest opening over all gaps, not by its own."""
+    better = BETTER * (1.0, 1.0, -1e-4)
+    opening = better * (1.0, 1.0, 1.5)
+    error = opening_error(opening, better, JOINTS).joints["right"]
+    mean = np.linalg.norm(better) / np.sqrt(better.size)
+    assert error.l2 == pytest.approx(0.5e-4 * np.sqrt(5.0) / (FLOOR * mean * np.sqrt(3.0)))
+    assert error.peak == pytest.approx(0.5 * 2e-4 / (FLOOR * 4.0))
 
 
 def test_sign_counts_in_openings_and_not_in_displacements():

@@ -148,3 +148,18 @@ def test_finer_basis_of_the_same_factors_contains_the_coarse_one(choice):
     assert np.abs(lost(built, coarse, fine)).max() < 1e-9
     frequencies = [model.system.K.diagonal()[model.system.parts["left"]][:15] for model in (fine, coarse)]
     assert (frequencies[0] <= frequencies[1] * (1.0 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("model", ["westergaard", "incompressible"])
+def test_finer_basis_answers_the_inertia_of_the_water(model):
+    """Without it the lowest frequency stays 3 % off, and the estimate is 0.6 to 0.7 of the true error."""
+    config, upstream = raw(), {"upstream": [0, 1, 0]} if model == "incompressible" else {}
+    faces = [{"block": "right", "face": "ymax"}]
+    config["water"] = {"level": 8.0, "density": 1e4, "faces": faces, "model": model} | upstream
+    built = scene(config)
+    coarse, fine = reduce_scene_twice(built, ModeChoice(count=5), DAMPING)
+    models = [one.system for one in (coarse, fine, reduced(built))]
+    lowest = [one.K.diagonal().min() for one in models]
+    assert lowest[0] / lowest[2] - 1.0 > 0.05 and 0.0 <= lowest[1] / lowest[2] - 1.0 < 1e-5
+    own, finer, true = (march(one).jump[..., 0] for one in models)
+    assert relative_l2(own, finer) == pytest.approx(relative_l2(own, true), rel=0.1)

@@ -17,12 +17,15 @@ from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 
 
-def built(friction=0.0, height=8.0):
+def built(friction=0.0, height=8.0, water=None):
     law = {"discretization": "node_to_node"}  # the form that retains nodes
     law |= {"friction_coefficient": friction} if friction else {}
     config = raw(height=height, **law)
     for block in config["blocks"].values():
         block["box"]["element"] = "tet10"
+    if water is not None:
+        faces = [{"block": "right", "face": "ymax"}]
+        config["water"] = {"level": height, "faces": faces, "model": water}
     return scene(config)
 
 
@@ -73,11 +76,11 @@ def test_a_basis_from_the_disk_is_the_one_from_memory(
     )
 
 
-@pytest.mark.parametrize("residual_vectors", [0, 6])
+@pytest.mark.parametrize("residual_vectors, water", [(0, None), (6, None), (0, "westergaard")])
 def test_the_finer_basis_from_the_disk_is_the_one_from_memory(
-    residual_vectors, monkeypatch, through_the_disk, tmp_path
+    residual_vectors, water, monkeypatch, through_the_disk, tmp_path
 ):
-    where, model = built(), ModelConfig(cutoff=400.0, residual_vectors=residual_vectors)
+    where, model = built(water=water), ModelConfig(cutoff=400.0, residual_vectors=residual_vectors)
     made = reduce_scene_twice(where, model, DAMPING, BlockStore(tmp_path))
     monkeypatch.setattr(large, "LARGE", 1e12)
     known = reduce_scene_twice(where, model, DAMPING)

@@ -5,16 +5,8 @@ from certificate_truth import CASES, MORTAR_CASES, line, measure
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(map(str, case)))
+@pytest.mark.parametrize("case", [*CASES, *MORTAR_CASES], ids=lambda case: "-".join(map(str, case)))
 def test_certificate_and_estimate_are_within_a_factor_two_of_the_true_error(case):
     row = measure(*case)
     assert 0.5 < row.certified / row.true < 2.0, line(row)
     assert 0.5 < row.estimated / row.true < 2.0, line(row)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", MORTAR_CASES, ids=lambda case: "-".join(map(str, case)))
-def test_certificate_is_within_a_factor_two_on_faces_that_do_not_match(case):
-    """The estimate, from three seconds, had 0.48 to 1.24 times the true error here."""
-    row = measure(*case)
-    assert 0.5 < row.certified / row.true < 2.0, line(row)

@@ -60,6 +60,35 @@ class AddedMass:
         return sum(self.coupling[name] @ maps[name] for name in self.coupling)
 
 
+@dataclass(frozen=True)
+class WetMass:
+    """Added mass on some unknowns, B^T F B.
+
+    Attributes
+    ----------
+    operator : B (r, n) sparse
+    flexibility : F as `AddedMass` has it
+    """
+
+    operator: csr_matrix
+    flexibility: Floats | None
+
+    def over(self, unknowns: csr_matrix) -> WetMass:
+        """The same on the unknowns that give these by a (n, m) matrix."""
+        return WetMass(csr_matrix(self.operator @ unknowns), self.flexibility)
+
+    def inertia(self, motion: Floats) -> Floats:
+        """Its mass times motions (n, m)."""
+        return np.asarray(self.operator.T @ self._times(self.operator @ motion))
+
+    def of(self, normal: Floats) -> Floats:
+        """(m, m) added mass of coordinates on which the operator is (r, m)."""
+        return np.asarray(normal.T @ self._times(normal))
+
+    def _times(self, normal: Floats) -> Floats:
+        return normal if self.flexibility is None else self.flexibility @ normal
+
+
 def added_mass(scene: Scene) -> AddedMass | None:
     """The added mass of a scene's reservoir; None without one, and where its water is compressible.
 

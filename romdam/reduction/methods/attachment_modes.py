@@ -17,6 +17,7 @@ _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attac
 # least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
 # 1e-13 on the first mode would count as its round-off
 _STIFF = 1e-12
+_KNOWN = 1e-10  # squared length of a unit vector's rest, below which T's vectors know it but for round-off
 
 
 class Pencil(NamedTuple):
@@ -68,6 +69,21 @@ def diagonalised(
         omega2, W = _coupled(omega2, ((work[:, a:] @ C).T - low[:, None] * part) @ mix)
         V = V @ W
     return np.concatenate([without_roundoff(omega2[:modes] + shift), omega2[modes:] + shift]), V
+
+
+def beside(T: OutOfCoreMatrix, static: int, D: Floats, pencil: Pencil) -> Floats:
+    """What T's vectors, the first `static` aside, lack of D (n, k): M-orthonormal, without round-off."""
+    M, rows = pencil.M, pencil.rows
+    gram, size = T.gram(M, rows, static), np.sqrt((D * (M @ D)).sum(axis=0))
+    D = D[:, size > 0.0] / size[size > 0.0]
+    for _ in range(2):  # the second time for the round-off of the first
+        inertia, V = np.zeros((D.shape[1], T.shape[0])), np.zeros((T.shape[1], D.shape[1]))
+        inertia[:, rows] = (M @ D).T
+        V[static:] = np.linalg.solve(gram, T.before(inertia)[:, static:].T)
+        D = D - T.combined(V)[rows]
+    size, U = np.linalg.eigh(D.T @ (M @ D))
+    keep = size > _KNOWN
+    return np.asarray(D @ (U[:, keep] / np.sqrt(size[keep])))
 
 
 def _coupled(stiffness: Floats, coupling: Floats) -> tuple[Floats, Floats]:

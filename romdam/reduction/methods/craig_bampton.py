@@ -28,6 +28,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError, ReductionError
+from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.dense import eigh
 from romdam.linalg.eigen import dense_modes, modes_below
 from romdam.linalg.multigrid import Motions
@@ -135,6 +136,7 @@ class FreeBlock:
     held : whether supports and retained DOFs, if held, stop every rigid motion
     motions : of the free DOFs
     place : of the block in messages
+    wet : added mass of water, which its finer basis knows of; None without any
     """
 
     K: csr_matrix
@@ -143,6 +145,7 @@ class FreeBlock:
     held: bool
     motions: Motions
     place: str
+    wet: WetMass | None = None
 
     @property
     def shift(self) -> float:
@@ -166,7 +169,7 @@ class FixedInterfaceModes(NamedTuple):
 def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
     """Reduce a block and diagonalise it with its joints open; then a finer one from the same factors.
 
-    The finer basis has residual vectors of the modes of the first, which it contains.
+    The finer basis has residual vectors of the modes of the first, which it contains, its water in place.
 
     Raises
     ------
@@ -194,8 +197,8 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         orthonormality=modes.orthonormality,
         residual=modes.residual,
     )
-    for count in (choice.residual_vectors, FINER_VECTORS):
-        sub = _with_residual_vectors(block, sub, solver, count)
+    for count, wet in ((choice.residual_vectors, None), (FINER_VECTORS, block.wet)):
+        sub = _with_residual_vectors(block, sub, solver, (count, wet))
         yield replace(sub, omega2=without_roundoff(sub.omega2))
 
 
@@ -273,19 +276,32 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
         raise ReductionError(f"{place}: the reduced mass is not positive definite ({error})") from error
 
 
-def _with_residual_vectors(block: FreeBlock, sub: Substructure, solver: Solver, count: int) -> Substructure:
+def _with_residual_vectors(
+    block: FreeBlock, sub: Substructure, solver: Solver, which: tuple[int, WetMass | None]
+) -> Substructure:
     """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced."""
-    K, M, X, retained = block.K, block.M, sub.basis, block.retained
+    (count, wet), K, M, X, retained = which, block.K, block.M, sub.basis, block.retained
     count = min(count, X.shape[0] - X.shape[1])
     if not count:
         return sub
-    low = X[:, :count]
-    unbalanced = K @ low - (M @ low) * sub.omega2[:count]
+    added = None if wet is None else wet.of(wet.operator @ X)
+    lowest, low = lowest_with(added, sub.omega2, X, count)
+    unbalanced = K @ low - (M @ low) * lowest
+    if wet is not None:
+        unbalanced -= wet.inertia(low * lowest)
     D = over_interior(retained, solver.solve(unbalanced[~retained]))
     D = independent(D - X @ (X.T @ (M @ D)), M)
     Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
     omega2, V = diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), block.place)
     return replace(sub, omega2=omega2, basis=Y @ V, residual_vectors=sub.residual_vectors + D.shape[1])
+
+
+def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> tuple[Floats, Floats]:
+    """omega^2 and vectors of the lowest of modes X (n, m), with an added modal mass (m, m) or without."""
+    if added is None:
+        return omega2[:count], X[:, :count]
+    low, C = eigh(np.diag(omega2), np.eye(len(omega2)) + 0.5 * (added + added.T))
+    return low[:count], X @ C[:, :count]
 
 
 def independent(D: Floats, M: csr_matrix) -> Floats:

@@ -37,15 +37,17 @@ from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Bools, Ints, Scene
 from romdam.fem.parts import gather, part_matrices, part_operator
+from romdam.fem.water.added_mass import AddedMass, WetMass
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
-from romdam.reduction.methods.attachment_modes import Pencil, diagonalised
+from romdam.reduction.methods.attachment_modes import Pencil, beside, diagonalised
 from romdam.reduction.methods.boundary_forces import boundary_tractions, free_field_forces
 from romdam.reduction.methods.craig_bampton import (
+    FINER_VECTORS,
     FREE_SHIFT,
     ModeChoice,
     Substructure,
@@ -61,10 +63,8 @@ from romdam.scene.ties import Part
 
 log = logging.getLogger(__name__)
 
-
-BEYOND = (
-    1.5  # times the highest frequency of the modes: so far go those of the basis that estimates compare with
-)
+# times the highest frequency of the modes: so far go those of the basis that estimates compare with
+BEYOND = 1.5
 _NODES = 4096  # of a block's basis at a time
 _TOGETHER = 64  # modes looked at: each time all of them are read
 
@@ -78,11 +78,19 @@ class Acting:
     operators : block name -> its gap operator, (directions * gaps, 3 nodes)
     forces : block name -> (3 nodes,) static forces but its weight [N]
     directions : of every gap, 1 or 3
+    water : whose inertia finer bases answer, or None
     """
 
     operators: dict[str, csr_matrix]
     forces: dict[str, Floats]
     directions: int
+    water: AddedMass | None = None
+
+    def wet(self, block: str) -> WetMass | None:
+        """The water's added mass on a block's DOFs."""
+        if self.water is None or block not in self.water.coupling:
+            return None
+        return WetMass(self.water.coupling[block], self.water.flexibility)
 
 
 @dataclass(frozen=True)
@@ -99,6 +107,7 @@ class _MergedPart:
     row : (N,) number of every DOF of every block among the free ones, block after block; -1 where it is none
     slaves : those that follow free DOFs, and what they follow, (s, n) sparse; None without mortar ties
     inertia : block name -> (3 nodes, 3) M r of its own
+    wet : added mass of water, None without any
     place : what to call the part in messages
     """
 
@@ -111,6 +120,7 @@ class _MergedPart:
     row: Ints
     slaves: tuple[Ints, csr_matrix] | None
     inertia: dict[str, Floats]
+    wet: WetMass | None
     place: str
 
     @property
@@ -151,27 +161,33 @@ def merged_bases(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    operator, static = _acting_on(part, acting)
+    operator, static, wet = _acting_on(part, acting)
     store = store or BlockStore.passing()
-    keys = [part_keys(part, scene, operator, static, choice) for choice in choices]
+    keys = [part_keys(part, scene, operator, static, choice, wet) for choice in choices]
     kept = [{name: b for name, key in own.items() if (b := store.read(key)) is not None} for own in keys]
     if all(len(own) == len(part.blocks) for own in kept):
         return kept
-    merged = _merged_part(part, scene, operator, static)
+    merged = _merged_part(part, scene, operator, static, wet)
     return _reduced(merged, scene, choices[0], store, keys)
 
 
 def merged_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under; see `merged_bases`."""
-    return part_keys(part, scene, *_acting_on(part, acting), choice)
+    operator, static, wet = _acting_on(part, acting)
+    return part_keys(part, scene, operator, static, choice, wet)
 
 
-def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
-    """The part's gap operator, and its static forces."""
-    return part_operator(part, acting.operators), gather(part, acting.forces)
+def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats, WetMass | None]:
+    """The part's gap operator, its static forces, and the added mass of its water."""
+    water, wet = acting.water, None
+    if water is not None and set(water.coupling) & set(part.blocks):
+        wet = WetMass(part_operator(part, water.coupling), water.flexibility)
+    return part_operator(part, acting.operators), gather(part, acting.forces), wet
 
 
-def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _MergedPart:
+def _merged_part(
+    part: Part, scene: Scene, operator: csr_matrix, static: Floats, wet: WetMass | None
+) -> _MergedPart:
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
     K, M, inertia = part_matrices(part, scene.blocks)
@@ -202,6 +218,7 @@ def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats)
         row=row[dofs],
         slaves=_slaves(part, dofs, free),
         inertia=inertia,
+        wet=None if wet is None else WetMass(wet.operator[:, free], wet.flexibility),
         place=f"part {part.name}",
     )
 
@@ -230,7 +247,7 @@ def _reduced(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    key = fingerprint(keys[0])
+    key = fingerprint(keys[-1])
     size, path = merged.K.shape[0], store.scratch(key)
     every = choice.keeps_all or (choice.count is not None and choice.count >= size)
     if every and (merged.M.diagonal() > 0.0).all():
@@ -302,7 +319,20 @@ def _ritz_vectors(
     T.widen(counts[1])
     for count in counts:
         T.fill(static + count, lambda a, b: _over_blocks(merged, make(a - static, b - static)), width)
-    return T, counts
+    if beyond > 1.0 and merged.wet is not None:
+        D = _water_answers(merged, solver, T, static)
+        last = T.shape[1]
+        T.widen(D.shape[1])
+        T.fill(T.shape[1], lambda a, b: _over_blocks(merged, D[:, a - last : b - last]))
+    return T, (counts[0], T.shape[1] - static)
+
+
+def _water_answers(merged: _MergedPart, solver: Solver, T: OutOfCoreMatrix, static: int) -> Floats:
+    """Static answers (n, k) to the water's inertia in the lowest modes, as far as T's modes lack them."""
+    assert merged.wet is not None
+    low = T.combined(np.eye(T.shape[1])[:, static : static + FINER_VECTORS])[merged.first]
+    answers = _static(merged, solver, merged.wet.inertia(low))
+    return beside(T, static, answers, Pencil(merged.K, merged.M, merged.shift, merged.first))
 
 
 def _static(merged: _MergedPart, solver: Solver, force: Floats) -> Floats:

@@ -25,6 +25,7 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Bools
 from romdam.fem.assembly import assemble
+from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.interface import Interface
@@ -37,6 +38,7 @@ from romdam.reduction.methods.craig_bampton import (
     diagonalise,
     fixed_interface_modes,
     independent,
+    lowest_with,
     over_interior,
     without_roundoff,
 )
@@ -60,12 +62,14 @@ class LargeBlock:
     fixed : (n, 3) components held by supports
     interface : retained DOFs and turned frames
     held : whether supports and retained DOFs, if held, stop every rigid motion
+    wet : added mass of water, which its finer basis knows of; None without any
     """
 
     block: Block
     fixed: Bools
     interface: Interface
     held: bool
+    wet: WetMass | None = None
 
     @property
     def place(self) -> str:
@@ -143,7 +147,7 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
     outer, interior = _split(large, shift)
     boundary = interior.coupling.shape[1]
     solver = make_solver(interior.K, interior.motions, boundary + choice.columns, choice.solving, place)
-    T = OutOfCoreMatrix(path, keys[0], (len(outer.retained), boundary))
+    T = OutOfCoreMatrix(path, keys[-1], (len(outer.retained), boundary))
     T.fill(boundary, lambda first, last: _constraint_modes(outer.retained, interior, solver, first, last))
     log.info("%s: %d constraint modes; the modes are to come", place, boundary)
     K = interior.K + shift * interior.M if shift else interior.K
@@ -151,10 +155,15 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
     T.widen(len(modes.omega2))
     T.fill(T.shape[1], lambda a, b: over_interior(outer.retained, modes.Phi[:, a - boundary : b - boundary]))
     reduced, bases = _reduced(T, outer, modes.omega2 - shift), []
-    for count, _ in zip((choice.residual_vectors, FINER_VECTORS), keys, strict=False):
+    vectors = (choice.residual_vectors, None), (FINER_VECTORS, outer.wet)
+    for (count, wet), _ in zip(vectors, keys, strict=False):
         if count:
             low, V = reduced.diagonalised(large)
-            unbalanced = _unbalanced(T, low[:count] - shift, V, outer, interior)
+            added = None if wet is None else wet.of(T.before(wet.operator) @ V)
+            lowest, some = lowest_with(added, low, V, count)
+            unbalanced = _unbalanced(T, lowest - shift, some, outer, interior)
+            if wet is not None:
+                unbalanced -= wet.inertia(T.combined(some) * lowest)[~outer.retained]
             D = _orthogonal(T, V, over_interior(outer.retained, solver.solve(unbalanced)), outer.M)
             reduced = _with_residual_vectors(T, reduced, D, outer, interior)
         bases.append(reduced)
@@ -207,12 +216,16 @@ def _with_residual_vectors(
 
 @dataclass
 class _Outer:
-    """Over the free DOFs in turned frames: which are retained, the rows of K - s M there, M; M r over all."""
+    """Over the free DOFs in turned frames: which are retained, the rows of K - s M there, M, its water.
+
+    `inertia` is M r over all DOFs.
+    """
 
     retained: Bools
     K_b: csr_matrix
     M: csr_matrix
     inertia: Floats
+    wet: WetMass | None
 
 
 @dataclass
@@ -243,7 +256,8 @@ def _split(large: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
         coupling=csr_matrix(K_i[:, retained]),
         motions=Motions(np.flatnonzero(free), rigid).of(~retained),
     )
-    return _Outer(retained, K_b, mass, inertia), interior
+    wet = None if large.wet is None else large.wet.over(turn.T[:, free])
+    return _Outer(retained, K_b, mass, inertia, wet), interior
 
 
 def _constraint_modes(retained: Bools, interior: _Interior, solver: Solver, first: int, last: int) -> Floats:

@@ -2,7 +2,7 @@
 
 Mesh, element, material, supports, what the joints retain (or what the basis of a merged part answers
 statically), the choice of modes, the versions of romdam and of the layout. Stiffness and friction of joints,
-gaps, damping, loads and records are not part of it.
+gaps, damping, loads and records are not part of it; water is, where a finer basis answers its inertia.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import romdam
 from romdam.core.arrays import Bools, Floats
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Block, Scene
+from romdam.fem.water.added_mass import WetMass
 from romdam.reduction.interface import Interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.scene.ties import Part
@@ -20,16 +21,23 @@ from romdam.scene.ties import Part
 LAYOUT = "romdam-block-2"
 
 
-def block_key(block: Block, fixed: Bools, interface: Interface, choice: ModeChoice) -> str:
+def block_key(
+    block: Block, fixed: Bools, interface: Interface, choice: ModeChoice, wet: WetMass | None = None
+) -> str:
     """Key of the Craig-Bampton basis of a block."""
     elastic = (block.material.E, block.material.nu, block.material.rho)
     mesh = (block.element, block.points, block.cells, elastic)
     outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
-    return _key(*outside, interface, choice.stored)
+    return _key(*outside, interface, choice.stored, *_water(choice, wet))
 
 
 def part_keys(
-    part: Part, scene: Scene, operator: csr_matrix, static: Floats, choice: ModeChoice
+    part: Part,
+    scene: Scene,
+    operator: csr_matrix,
+    static: Floats,
+    choice: ModeChoice,
+    wet: WetMass | None = None,
 ) -> dict[str, str]:
     """Block name -> key of its free-interface basis, which depends on everything in the part."""
     of_blocks = [
@@ -40,8 +48,13 @@ def part_keys(
     kinds = [sorted(names & set(part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)]
     slaves = () if part.slaves is None else (part.slaves,)
     waves = () if scene.free_field is None else (scene.free_field,)
-    whole = _key(of_blocks, *slaves, *waves, kinds, operator, static, choice.stored)
+    whole = _key(of_blocks, *slaves, *waves, kinds, operator, static, choice.stored, *_water(choice, wet))
     return {name: fingerprint((whole, name)) for name in part.blocks}
+
+
+def _water(choice: ModeChoice, wet: WetMass | None) -> tuple[WetMass, ...]:
+    """The water that a basis knows of."""
+    return (wet,) if choice.finer and wet is not None else ()
 
 
 def _key(*what: object) -> str:

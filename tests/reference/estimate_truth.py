@@ -1,0 +1,162 @@
+"""What the estimate of every run says of its reduction error, joint by joint, beside the true one.
+
+The true error of a basis is the difference of its run to one with all modes of the mesh, same scheme and same
+steps. Where there are too many modes for that, `--full 0.00125` integrates the unreduced mesh by
+generalised-alpha at such a step, and the basis once more by the same scheme at the same step, so that nothing
+but the reduction is in it either; what the run's own steps leave is stated beside.
+
+    python tests/reference/estimate_truth.py                       30 cases of two cantilevers, 8 with mortar
+    python tests/reference/estimate_truth.py configs/koyna.yaml    any configuration, its first record
+    python tests/reference/estimate_truth.py configs/arch_dam.yaml --begin 4 --seconds 5.4 --full 0.00125
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from certificate_truth import CASES, MORTAR_CASES, make_job
+
+from romdam.config.load import Job, load_config
+from romdam.core.arrays import Floats
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.system import History, System
+from romdam.core.threads import one_thread
+from romdam.error.metrics import RelativeError, opening_error
+from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.error.estimate import estimate_run, reduced_models
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
+from romdam.records.record_set import load_motions
+from romdam.reduction.methods.craig_bampton import ALL_MODES
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.build import build_scene
+from romdam.timestepping.integrators.registry import FULL_ORDER
+from romdam.timestepping.simulate import simulate_one
+
+
+@dataclass(frozen=True)
+class Row:
+    """One joint of one case, or all of them: relative errors as they are and as they are estimated.
+
+    `opening` is the largest true one [m].
+    """
+
+    case: str
+    joint: str
+    opening: float
+    true: RelativeError
+    estimated: RelativeError
+
+
+@dataclass(frozen=True)
+class Case:
+    """A job on one ground motion, and its scene."""
+
+    name: str
+    job: Job
+    motion: GroundMotion
+    scene: Scene
+
+    def simulated(self, system: System, finest: float, integrator: str | None = None) -> History:
+        """A run at a finest step [s]."""
+        prepared = prepare(self.job, system, integrator)
+        settings = settings_for(self.job, prepared, self.motion, finest)
+        if integrator is not None:
+            interval = settings.steps.interval
+            settings = replace(settings, steps=prepared.integrator.steps(finest, self.motion.dt, interval))
+        ground = ground_at_steps(self.motion, settings.steps.base, self.job.config.transient.duration)
+        return simulate_one(prepared, ground, settings)
+
+
+def case_of(name: str, job: Job, begin: float = 0.0, seconds: float | None = None) -> Case:
+    """A job on its first record from `begin` on, for so many seconds if they are given."""
+    motion = load_motions(job.config.records, job.folder)[0]
+    motion = replace(motion, acc=motion.acc[:, round(begin / motion.dt) :])
+    if seconds is not None:
+        transient = job.config.transient.model_copy(update={"duration": seconds})
+        job = replace(job, config=job.config.model_copy(update={"transient": transient}))
+    return Case(name, job, motion, build_scene(job.config, job.folder, str(job.path)))
+
+
+@cache
+def cantilevers(record: str, scene: str) -> tuple[Case, Floats]:
+    """A case of `certificate_truth`, and its true openings."""
+    case = case_of(f"{record} {scene}", make_job(record, scene, {"modes": "all"}))
+    return case, with_all_modes(case, 0.000625)
+
+
+def with_all_modes(case: Case, finest: float) -> Floats:
+    """Openings (nt, gaps) with all modes of the mesh [m]."""
+    system = reduce_scene(case.scene, ALL_MODES, case.job.config.damping).system
+    return case.simulated(system, finest).jump[..., 0]
+
+
+def measure(case: Case, truth: Floats | None = None, full: float | None = None) -> list[Row]:
+    """The rows of a case, over all joints and of each.
+
+    Parameters
+    ----------
+    truth : (nt, gaps) true openings [m]
+    full : step of the unreduced mesh that the truth is to be taken from [s]
+    """
+    reduced, finer = reduced_models(case.job, case.scene)
+    assert finer is not None
+    duration = case.job.config.transient.duration
+    run = simulate_motion(case.job, prepare(case.job, reduced.system), case.motion, duration)
+    estimated = estimate_run(case.job, finer, case.motion, run).errors["opening"]
+    opening = run.jump[..., 0]
+    if full is not None:
+        opening = case.simulated(reduced.system, full, FULL_ORDER).jump[..., 0]
+        truth = case.simulated(assemble_full(case.scene, case.job.config.damping), full, FULL_ORDER).jump[
+            ..., 0
+        ]
+        steps = opening_error(run.jump[..., 0], opening)
+        sys.stdout.write(f"{case.name}: what the steps of both change: L2 {100 * steps.l2:.3f} %\n")
+    elif truth is None:
+        truth = with_all_modes(case, run.stats["finest_step"])
+    joints = reduced.system.law.joints
+    true = opening_error(opening, truth, joints)
+    rows = [Row(case.name, "all", float(truth.max()), true, estimated)]
+    return rows + [
+        Row(case.name, name, float(truth[:, own].max()), true.joints[name], estimated.joints[name])
+        for name, own in joints.items()
+    ]
+
+
+def line(row: Row) -> str:
+    """A row as text: true, estimated, and their ratio, in L2 and of the peak."""
+    true, said = row.true, row.estimated
+    measures = [(true.l2, said.l2), (true.peak, said.peak)]
+    text = [f"{100 * a:7.3f} {100 * b:7.3f} {b / a if a else np.nan:6.2f}" for a, b in measures]
+    return f"{row.case:40s} {row.joint:18s} {1e3 * row.opening:8.3f} mm  L2 {text[0]}  peak {text[1]}\n"
+
+
+def tables(asked: argparse.Namespace) -> Iterator[list[Row]]:
+    """The rows of every case that is asked for."""
+    for path in asked.configurations:
+        yield measure(
+            case_of(Path(path).stem, load_config(path), asked.begin, asked.seconds), full=asked.full
+        )
+    for record, scene, base in [] if asked.configurations else [*CASES, *MORTAR_CASES]:
+        whole, truth = cantilevers(record, scene)
+        yield measure(replace(whole, name=f"{whole.name} {base}", job=make_job(record, scene, base)), truth)
+
+
+@one_thread()
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("configurations", nargs="*")
+    parser.add_argument("--begin", type=float, default=0.0, help="of the record [s]")
+    parser.add_argument("--seconds", type=float)
+    parser.add_argument("--full", type=float, help="step of the unreduced mesh [s]")
+    for rows in tables(parser.parse_args()):
+        sys.stdout.writelines(map(line, rows))
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
