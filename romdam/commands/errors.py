@@ -44,17 +44,26 @@ def certify(
         Path | None,
         typer.Option("--config", help="YAML file RESULT was made with; found through it if not given."),
     ] = None,
-    passes: Annotated[int, typer.Option(min=1, max=10, help="How often the defect is fed back.")] = 1,
+    full: Annotated[
+        bool, typer.Option("--full", help="Solve the mesh over the whole record, not in windows of it.")
+    ] = False,
+    passes: Annotated[
+        int, typer.Option(min=1, max=10, help="How often the defect is fed back; more than once is --full.")
+    ] = 1,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """State RESULT's reduction error from its joint forces and the full-order linear model."""
+    """State RESULT's reduction error from its joint forces and the full-order linear model.
+
+    The mesh is solved in windows of the record, and the error stated as an interval; with --full throughout.
+    """
     from romdam.pipelines.error.certify import certify as certify_result
     from romdam.terminal import open_terminal
     from romdam.terminal.tables import certificate_table
 
     stages, say = open_terminal(quiet, verbose)
-    found = certify_result(result, config, passes, stages)
+    whole = full or passes > 1
+    found = certify_result(result, config, passes if whole else None, stages, say)
     statement = found.statement
     say(certificate_table(statement.document), statement.sentence, f"written: {found.path}")
 

@@ -51,6 +51,11 @@ class Correction:
         return relative_l2(self.before[..., 0], self.corrected.jump[..., 0])
 
 
+def replay_substeps(interval: float) -> int:
+    """Steps of the replay in the time between two rows [s]."""
+    return math.ceil(interval / REPLAY_STEP * (1.0 - 1e-9))
+
+
 def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Floats]) -> Forces:
     """Joint forces of a run for its replay.
 
@@ -60,7 +65,7 @@ def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Flo
     ground_at : step -> (3, nt) ground acceleration at every step of the run [m/s2]
     """
     interval = float(run.time[1] - run.time[0])
-    substeps = math.ceil(interval / REPLAY_STEP * (1.0 - 1e-9))
+    substeps = replay_substeps(interval)
     return Forces(ground_at(interval / substeps), mean.reshape(len(mean), -1), interval, substeps)
 
 
