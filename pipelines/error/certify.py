@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 import romdam
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
@@ -24,12 +22,13 @@ from romdam.core.threads import one_thread
 from romdam.error.certificate import (
     Correction,
     certificate,
+    ready_to_replay,
     replay_forces,
     replay_substeps,
     replayed_models,
 )
 from romdam.error.estimate import WINDOW
-from romdam.error.replay import Replayed, corrected_run, measure_defect, step_factor
+from romdam.error.replay import Replayed, corrected_run, measure_defect
 from romdam.error.sampled import SHORTEST, Sampling, sampled_certificate
 from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.fem.parts import basis_over_unknowns
@@ -95,7 +94,7 @@ def certify(
     with clock.stage("finer", "reducing a finer model"):
         fine = reduce_scene(scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling and factoring the full model"):
-        full = _full_model(job, scene, run)
+        full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
     settings = settings_for(job, model.prepared, motion, float(str(run.attributes["solver_finest_step"])))
     sampled = passes is None and float(run.time[-1]) > SHORTEST
     with clock.stage("cost", "timing a solution"):
@@ -124,13 +123,6 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
         )
     run.refuse_other(scene.gap_position, run.q.shape[1])
     return scene
-
-
-def _full_model(job: Job, scene: Scene, run: StoredRun) -> Replayed:
-    """The mesh, ready to be replayed; it starts from nothing yet."""
-    system = assemble_full(scene, job.config.damping)
-    step = _interval(run) / replay_substeps(_interval(run))
-    return Replayed(system, np.zeros(system.size), factor=step_factor(system, step))
 
 
 def _interval(run: StoredRun) -> float:

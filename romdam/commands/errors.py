@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,11 @@ from romdam.commands.options import Config, Out, Quiet, ResultFile, Verbose
 def verify(
     config: Config,
     out: Out,
-    duration: Annotated[str, typer.Option(help="Length of record to compare, with a unit.")] = "10 s",
+    duration: Annotated[
+        str | None,
+        typer.Option(help="Of the record from its start, with a unit; its strongest 10 s if not given."),
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="Compare over the whole record.")] = False,
     reference: Annotated[
         Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with as well.")
     ] = None,
@@ -27,14 +32,16 @@ def verify(
     from romdam.terminal import open_terminal
     from romdam.terminal.lines import verification_lines
 
+    if duration is not None and full:
+        raise typer.BadParameter("is the whole record; give one of the two", param_hint="--full")
     try:
-        seconds = to_si(duration, "s")
+        seconds = None if duration is None else to_si(duration, "s")
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--duration") from error
-    if seconds <= 0.0:
+    if seconds is not None and seconds <= 0.0:
         raise typer.BadParameter(f"must be longer than 0 s, got {duration}", param_hint="--duration")
     stages, say = open_terminal(quiet, verbose)
-    found = verify_job(romdam.load_config(config), out, seconds, reference, stages)
+    found = verify_job(romdam.load_config(config), out, math.inf if full else seconds, reference, stages, say)
     say(*verification_lines(found.statement.document), f"written: {found.path}", f"written: {found.figure}")
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
@@ -20,7 +21,7 @@ from romdam.error.metrics import (
     opening_error,
     relative_l2,
 )
-from romdam.error.replay import Defect, Forces, Replayed, replay_start
+from romdam.error.replay import Defect, Forces, Replayed, replay_start, step_factor
 from romdam.error.statement import ErrorStatement, percent
 from romdam.results.stored_run import StoredRun
 
@@ -54,6 +55,12 @@ class Correction:
 def replay_substeps(interval: float) -> int:
     """Steps of the replay in the time between two rows [s]."""
     return math.ceil(interval / REPLAY_STEP * (1.0 - 1e-9))
+
+
+def ready_to_replay(system: System, interval: float) -> Replayed:
+    """Factor a system for the replay of rows that lie so far apart [s]; it starts from nothing yet."""
+    factor = step_factor(system, interval / replay_substeps(interval))
+    return Replayed(system, np.zeros(system.size), factor=factor)
 
 
 def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Floats]) -> Forces:
