@@ -74,7 +74,7 @@ def run(config: dict[str, object], folder: Path, cache: Path, workers: int, code
     options = ("--out", folder / "out", "--cache", cache, "--workers", workers, "--quiet")
     start = time.perf_counter()
     command = [sys.executable, "-c", CODE, "run", str(path), *map(str, options)]
-    process = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(code)})
+    process = subprocess.Popen(command, cwd=folder, env=os.environ | {"PYTHONPATH": str(code)})
     memory, summary_cpu, cpu = _watch(process, folder / "out" / "summary.nc")
     wall = time.perf_counter() - start
     landed = (folder / "out" / "summary.nc").stat().st_mtime - path.stat().st_mtime
