@@ -10,7 +10,6 @@ from simulating import simulated
 
 from romdam.core.system import GapLaw
 from romdam.timestepping.modal.symmetry import merge_equivalent_contacts
-from romdam.timestepping.settings import Start
 
 
 def mirrored(rows=4, K_n=4e4, uneven=0.0, stiffness=3e4):
@@ -145,16 +144,3 @@ def test_modes_that_no_gap_touches_are_kept_where_the_loads_move_them():
     assert one.stats["integrated_gaps"] == 4
     assert np.abs(other.disp[:, 0]).max() > 1e-7
     assert_same(one, other, 1e-7)
-
-
-def test_a_state_that_mirrors_itself_goes_on_with_merged_contacts():
-    system = in_modes(mirrored())
-    history, row = shaken(system), 100
-    start = Start(history.q[row], history.v[row], history.jump[row], history.traction[row])
-    uneven = start.jump.copy()
-    uneven[0] *= 1.1
-    one, other = (shaken(system, start=start, merge_contacts=merge) for merge in (True, False))
-    assert (one.stats["integrated_gaps"], other.stats["integrated_gaps"]) == (4, 8)
-    assert_same(one, other, 1e-7)
-    alone = shaken(system, start=dataclasses.replace(start, jump=uneven))
-    assert alone.stats["integrated_gaps"] == 8

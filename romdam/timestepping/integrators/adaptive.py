@@ -12,7 +12,7 @@ from romdam.core.system import History
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.modal.integrator import ModalIntegrator
 from romdam.timestepping.modal.mode_split import ModeSplit, split_by_damping
-from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts, mirrors
+from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, cut_steps
@@ -67,16 +67,13 @@ class Adaptive(ModalIntegrator):
         return outcomes
 
     def _merged(self, simulation: Simulation, settings: Settings) -> Prepared:
-        """The system to integrate: with merged contacts where some are equivalent in motion and start."""
+        """The system to integrate: with merged contacts where some are equivalent under the ground motion."""
         prepared, ground = simulation
-        if not self.merge_contacts or settings.shift is not None:
+        if not self.merge_contacts or settings.start is not None or settings.shift is not None:
             return prepared
         shaken = ground.any(axis=1)
         key = shaken.tobytes()
         if key not in prepared.merged:
             symmetry = merge_equivalent_contacts(prepared.system, np.flatnonzero(shaken))
             prepared.merged[key] = None if symmetry is None else prepared.smaller(symmetry)
-        merged, start = prepared.merged[key], settings.start
-        if merged is None or merged.symmetry is None:
-            return prepared
-        return merged if start is None or mirrors(start, merged.symmetry) else prepared
+        return prepared.merged[key] or prepared

@@ -43,7 +43,6 @@ from romdam.timestepping.modal.mode_split import (
     step_levels,
     whole_motion,
 )
-from romdam.timestepping.modal.symmetry import merged_start
 from romdam.timestepping.peaks import first_peaks, named_peaks, peaks_at_points
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
@@ -112,10 +111,7 @@ def _integrate(
 
 def _initial(prepared: Prepared, settings: Settings) -> Initial | ConvergenceError:
     if settings.start is not None:
-        start = (
-            settings.start if prepared.symmetry is None else merged_start(settings.start, prepared.symmetry)
-        )
-        return Initial(start.q, start.v, resumed(prepared.system, start))
+        return Initial(settings.start.q, settings.start.v, resumed(prepared.system, settings.start))
     try:
         q, gaps = initial_state(prepared, settings)
     except ConvergenceError as error:

@@ -31,7 +31,6 @@ from scipy.sparse import csr_matrix, diags_array, eye_array
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
 from romdam.core.system import History, System
-from romdam.timestepping.settings import Start
 
 _SAME = 1e-5  # relative, of frequencies squared
 _TOLD = 1e-5  # of the largest, by which values differ
@@ -139,27 +138,6 @@ def expand(history: History, symmetry: Symmetry) -> History:
         q=None if history.q is None else history.q @ symmetry.modes.T,
         v=None if history.v is None else history.v @ symmetry.modes.T,
     )
-
-
-def merged_start(start: Start, symmetry: Symmetry) -> Start:
-    """Give the state of the groups, as `expand` gives that of all gaps and modes."""
-    first, modes = np.unique(symmetry.gaps, return_index=True)[1], symmetry.modes
-    signs, count = symmetry.signs[first], symmetry.count[:, None]
-    jump, traction = start.jump[first] * signs, start.traction[first] * signs * count
-    return Start(start.q @ modes, start.v @ modes, jump, traction)
-
-
-def mirrors(start: Start, symmetry: Symmetry) -> bool:
-    """Tell whether a state is that of its groups, to what may be left out."""
-    one, gaps = merged_start(start, symmetry), symmetry.gaps
-    share = symmetry.signs / symmetry.count[gaps, None]
-    pairs = (
-        (start.q, symmetry.modes @ one.q),
-        (start.v, symmetry.modes @ one.v),
-        (start.jump, one.jump[gaps] * symmetry.signs),
-        (start.traction, one.traction[gaps] * share),
-    )
-    return all(np.abs(a - b).max() <= _EXACT * np.abs(a).max() for a, b in pairs)
 
 
 def _clusters(system: System) -> Ints:
