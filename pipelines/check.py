@@ -10,6 +10,7 @@ from romdam.config.load import Job
 from romdam.config.variants import variant_jobs
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.pipelines.automatic_modes import FIRST, with_modes
 from romdam.pipelines.doubts import doubts_of
@@ -126,13 +127,16 @@ def _record(motion: GroundMotion, steps: int) -> dict[str, object]:
 def _seconds_per_step(model: Model) -> float:
     system = model.system
     if model.reduced is None:
-        return (
-            SECONDS_PER_FULL_UNKNOWN * system.size
-            + SECONDS_PER_PRODUCT * 2.0 * system.B.shape[0] * system.size
-        )
+        return full_order_seconds(system)
     products = 2.0 * system.B.nnz + float(system.B.shape[0]) ** 2
     friction = FRICTION_FACTOR if system.law.directions == 3 else 1.0
     return friction * (SECONDS_PER_STEP + SECONDS_PER_PRODUCT * products)
+
+
+def full_order_seconds(system: System) -> float:
+    """CPU time of a step of the unreduced mesh [s]."""
+    products = 2.0 * system.B.shape[0] * system.size
+    return SECONDS_PER_FULL_UNKNOWN * system.size + SECONDS_PER_PRODUCT * products
 
 
 def _row_bytes(model: Model) -> float:

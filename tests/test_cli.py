@@ -135,6 +135,18 @@ def test_verify_states_the_error_in_the_result(config, tmp_path):
     assert "in L2" in call("info", out / "pulse.nc")[1], "a later run keeps the statement"
 
 
+def test_verify_takes_the_strongest_part_and_says_so_and_what_it_costs(config, tmp_path, monkeypatch):
+    monkeypatch.setattr("romdam.pipelines.error.verify.WINDOW", 0.3)
+    code, stdout, stderr = call("verify", config, "--out", tmp_path / "part")
+    assert code == 0, stderr
+    told = stdout.replace("\n", " ")
+    assert "0.3 s of pulse from its 0." in told and "for 0.3 s of pulse" in told
+    assert told.index("steps of the mesh's") < told.index("in L2")
+    code, stdout, stderr = call("verify", config, "--out", tmp_path / "all", "--full")
+    assert code == 0 and "0.59 s of pulse: peak" in stdout.replace("\n", " "), stderr
+    assert call("verify", config, "--out", tmp_path, "--full", "--duration", "1 s")[0] == 2
+
+
 def test_five_lines_of_python(config, tmp_path):
     job = romdam.load_config(config)
     outcome = romdam.run(job, out=tmp_path / "results")

@@ -38,6 +38,21 @@ def test_short_quiet_or_piped_stage_shows_nothing(is_terminal, quiet, seconds):
     assert shown(console(is_terminal), quiet, seconds) == ""
 
 
+def test_a_long_stage_that_is_piped_writes_whole_lines(monkeypatch):
+    monkeypatch.setattr(terminal, "EVERY", 0.2)
+    where = console(False)
+    with terminal.Stages(where, quiet=False)("replaying"):
+        time.sleep(0.3)  # nothing is known yet
+    with terminal.Stages(where, quiet=False)("shaking") as progress:
+        progress(1, 4)
+        time.sleep(0.5)
+    first, *others = where.file.getvalue().splitlines()
+    assert first == "replaying: 0 s"
+    assert others and all(line.startswith("shaking: 25 % in ") and line.endswith(" left") for line in others)
+    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 % in 30 s, about 90 s left"
+    assert shown(console(False), quiet=True, seconds=0.3) == ""
+
+
 def test_stage_that_fails_takes_its_bar_away():
     where = console(True)
     with pytest.raises(ValueError, match="inside"), terminal.Stages(where, quiet=False)("shaking"):

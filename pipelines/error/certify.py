@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,14 +16,24 @@ from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
 from romdam.core.motion import GroundMotion
-from romdam.core.system import History, System
+from romdam.core.scene import Scene
+from romdam.core.system import History
 from romdam.core.threads import one_thread
-from romdam.error.certificate import Correction, certificate, replay_forces, replayed_models
+from romdam.error.certificate import (
+    Correction,
+    certificate,
+    ready_to_replay,
+    replay_forces,
+    replay_substeps,
+    replayed_models,
+)
+from romdam.error.estimate import WINDOW
 from romdam.error.replay import Replayed, corrected_run, measure_defect
+from romdam.error.sampled import SHORTEST, Sampling, sampled_certificate
 from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
-from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
+from romdam.pipelines.run import Clock, Model, Stage, reduced_model, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import load_motions
@@ -28,8 +41,12 @@ from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
 from romdam.results.suite.design import parameter_places
+from romdam.scene.build import build_scene
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate_one
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -43,7 +60,11 @@ class Certified:
 
 @one_thread()
 def certify(
-    result: str | Path, config: str | Path | None = None, passes: int = 1, show: Stage = silent
+    result: str | Path,
+    config: str | Path | None = None,
+    passes: int | None = None,
+    show: Stage = silent,
+    tell: Callable[[str], None] = log.info,
 ) -> Certified:
     """State the reduction error of a result.
 
@@ -51,8 +72,11 @@ def certify(
     ----------
     result : a NetCDF file that `romdam run` wrote
     config : its YAML file; the one that the result names if None
-    passes : how often the defect is fed back; the change in the last of several is stated too
+    passes : how often the defect of the whole record is fed back; the change in the last of several is stated
+        too. If None, the mesh is solved in windows of the record and the error stated as an interval; once
+        throughout where the record is no longer than two windows, and without damping
     show : told of every stage and its progress
+    tell : told what the mesh's solutions are going to cost, before they begin
 
     Raises
     ------
@@ -63,24 +87,85 @@ def certify(
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
     _refuse_waves(job)
     motion = _motion(job, run)
-    model = build_model(job, clock)
-    run.refuse_other(model.scene.gap_position, model.system.size)
-    if not model.system.diagonal:
-        raise ResultError(
-            f"{run.path}: dashpots of viscous faces couple its {model.system.size} modes, and a certificate "
-            "corrects runs of modes that nothing couples; `romdam verify` compares with the full order"
-        )
+    scene = _scene(job, run, clock)
+    with clock.stage("model", "reducing the blocks"):
+        model = reduced_model(job, scene, None, estimated=False)
+    run.refuse_other(scene.gap_position, model.system.size)
     with clock.stage("finer", "reducing a finer model"):
-        fine = reduce_scene(model.scene, much_finer(mode_choice(job.config.model)), job.config.damping)
-    with clock.stage("full", "assembling the full model"):
-        full = assemble_full(model.scene, job.config.damping)
+        fine = reduce_scene(scene, much_finer(mode_choice(job.config.model)), job.config.damping)
+    with clock.stage("full", "assembling and factoring the full model"):
+        full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
     settings = settings_for(job, model.prepared, motion, float(str(run.attributes["solver_finest_step"])))
-    case = _Certified(run, motion, _replayed(job, run, model, fine, full), prepare(job, fine.system))
-    correction = _correct(case, settings, passes, clock)
-    statement = certificate(run, correction, model.system.law.joints)
+    damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
+    sampled = passes is None and damped and float(run.time[-1]) > SHORTEST
+    with clock.stage("cost", "timing a solution"):
+        tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
+    if sampled:
+        statement, history = _sampled((job, run, motion), model, (fine, full), settings, clock)
+    else:
+        models = _replayed(job, run, model, fine, full)
+        correction = _correct(
+            _Certified(run, motion, models, prepare(job, fine.system)), settings, passes or 1, clock
+        )
+        statement, history = certificate(run, correction, model.system.law.joints), correction.corrected
     cpu = {f"cpu_seconds_{name}": seconds for name, seconds in clock.cpu.items()}
     statement = replace(statement, details={**statement.details, **cpu})
-    return Certified(statement, write_certificate(run.path, statement), correction.corrected)
+    return Certified(statement, write_certificate(run.path, statement), history)
+
+
+def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
+    """The scene, if it is the run's and can be certified: refused before anything is reduced."""
+    with clock.stage("scene", "building the scene"):
+        scene = build_scene(job.config, job.folder, str(job.path))
+    if any(block.absorbing for block in scene.blocks.values()):
+        raise ResultError(
+            f"{run.path}: dashpots of viscous faces couple its {run.q.shape[1]} modes, and a certificate "
+            "corrects runs of modes that nothing couples; `romdam verify` compares with the full order"
+        )
+    run.refuse_other(scene.gap_position, run.q.shape[1])
+    return scene
+
+
+def _interval(run: StoredRun) -> float:
+    return float(run.time[1] - run.time[0])
+
+
+def _rows(run: StoredRun) -> int:
+    return len(run.time) - 1
+
+
+def _cost(full: Replayed, run: StoredRun, rows: int) -> str:
+    """Say how often the mesh is solved, and how long that is about to take by one solution."""
+    assert full.factor is not None
+    begun = time.process_time()
+    full.factor.solve(full.start)
+    one, solutions = time.process_time() - begun, 2 * replay_substeps(_interval(run)) * rows
+    share = min(1.0, rows / _rows(run))
+    return (
+        f"{run.path}: {solutions} solutions with the mesh's {full.system.size} unknowns, about "
+        f"{solutions * one:.2g} s, over {100 * share:.0f} % of the record; beside it runs of a finer model"
+    )
+
+
+def _sampled(
+    made: tuple[Job, StoredRun, GroundMotion],
+    model: Model,
+    models: tuple[ReducedModel, Replayed],
+    settings: Settings,
+    clock: Clock,
+) -> tuple[ErrorStatement, History]:
+    """The statement from windows of the record, and the finer model's run over all of it."""
+    (job, run, motion), (fine, full) = made, models
+    finer, end = prepare(job, fine.system), float(run.time[-1])
+    settings = replace(settings, coordinates=True)
+    ground = ground_at_steps(motion, settings.steps.base, end)
+    with clock.stage("finer_run", "running the finer model") as progress:
+        history = simulate_one(finer, ground, settings, progress)
+    basis = basis_over_unknowns(model.scene, fine.basis, fine.system.size)
+    forces = replay_forces(run, history.mean_traction, partial(ground_at_steps, motion, duration=end))
+    sampling = Sampling(finer, history, full, basis, forces, ground, settings)
+    with clock.stage("replay", "solving the mesh in windows") as progress:
+        return sampled_certificate(run, sampling, model.system.law.joints, progress), history
 
 
 def _refuse_waves(job: Job) -> None:
@@ -164,13 +249,15 @@ class _Certified:
 
 
 def _replayed(
-    job: Job, run: StoredRun, model: Model, fine: ReducedModel, full: System
+    job: Job, run: StoredRun, model: Model, fine: ReducedModel, full: Replayed
 ) -> tuple[Replayed, Replayed, Replayed]:
+    """The models that a run is replayed through, from its start."""
     assert model.reduced is not None
     basis = basis_over_unknowns(model.scene, model.reduced.basis, model.system.size)
     embed = embedding(model.scene, model.reduced, fine)
     static = job.config.loads.initial_state == "static"
-    return replayed_models(run, (full, model.system, fine.system), basis, embed, static)
+    mesh, coarse, finer = replayed_models(run, (full.system, model.system, fine.system), basis, embed, static)
+    return replace(mesh, factor=full.factor), coarse, finer
 
 
 def _correct(case: _Certified, settings: Settings, passes: int, clock: Clock) -> Correction:

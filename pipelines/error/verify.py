@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,16 +19,22 @@ from romdam.error.statement import ErrorStatement, write_verification
 from romdam.error.verification import VerifiedRun, against_reference, full_order_step, verification
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
+from romdam.records.processing.resampling import strongest_part
 from romdam.records.record_set import load_motions
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.integrators.registry import FULL_ORDER
 from romdam.timestepping.simulate import simulate_one
 from romdam.timestepping.steps import whole_steps
+
+log = logging.getLogger(__name__)
+
+WINDOW = 10.0  # [s] of a record that is run at full order
 
 
 @dataclass(frozen=True)
@@ -47,17 +55,26 @@ class Verified:
 
 @one_thread()
 def verify(
-    job: Job, out: str | Path, duration: float = 10.0, reference: Path | None = None, show: Stage = silent
+    job: Job,
+    out: str | Path,
+    duration: float | None = None,
+    reference: Path | None = None,
+    show: Stage = silent,
+    tell: Callable[[str], None] = log.info,
 ) -> Verified:
     """Run the configured reduced model and the full order on the first record, and state the difference.
+
+    Both begin as the configuration's runs do, also where a record's strongest part is taken.
 
     Parameters
     ----------
     job : a configuration with model.order reduced
     out : folder for verification.json and the figure; results there get the statement too
-    duration : seconds of the record [s]
+    duration : seconds of the record from its start, inf for all of it [s]; its strongest `WINDOW` if None, or
+        its first ones where there is a reference, whose times are the record's
     reference : an .npz to compare with as well, see `romdam.error.comparison.read_reference`
     show : told of every stage and its progress
+    tell : told what the full order is going to cost, before it is run
 
     Raises
     ------
@@ -68,15 +85,19 @@ def verify(
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
-    seconds = min(duration, motions[0].duration)
-    refuse_lengths(job, motions[:1], seconds)
+    first, motion = 0.0, motions[0]
     tell_doubts(job, motions[:1])
-    motion, job = motions[0], with_modes_chosen(job, motions, clock)
+    if duration is None and stored is None:
+        first, motion = strongest_part(motion, WINDOW)
+    seconds = min(WINDOW if duration is None else duration, motion.duration)
+    refuse_lengths(job, [motion], seconds)
+    job = with_modes_chosen(job, motions, clock)
     model = build_model(job, clock)
     reduced = _reduced(job, model, motion, seconds, clock)
-    full = _full(job, model, (motion, seconds, reduced), clock)
+    full = _full(job, model, (motion, seconds, reduced), clock, tell)
     about: dict[str, object] = {
         "record": motion.name,
+        "first_second": first,
         "configuration_file": job.path.name,
         "configuration_sha256": job.digest,
         "cpu_seconds_reduction": clock.cpu["model"],
@@ -108,7 +129,11 @@ def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock
 
 
 def _full(
-    job: Job, model: Model, beside: tuple[GroundMotion, float, VerifiedRun], clock: Clock
+    job: Job,
+    model: Model,
+    beside: tuple[GroundMotion, float, VerifiedRun],
+    clock: Clock,
+    tell: Callable[[str], None],
 ) -> VerifiedRun:
     motion, seconds, reduced = beside
     every = float(reduced.history.time[1])
@@ -116,7 +141,12 @@ def _full(
     settings = replace(settings_for(job, model.prepared, motion), steps=steps)
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
     full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds)
-    with clock.stage("full", f"full order, {ground.shape[1] - 1} steps") as progress:
+    count = ground.shape[1] - 1
+    tell(
+        f"{job.path}: {count} steps of the mesh's {system.size} unknowns, about "
+        f"{count * full_order_seconds(system):.2g} s, for {seconds:g} s of {motion.name}"
+    )
+    with clock.stage("full", f"full order, {count} steps") as progress:
         history = simulate_one(full, ground, settings, progress)
     return _verified(model.scene, history, {})
 

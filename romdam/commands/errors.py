@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,11 @@ from romdam.commands.options import FAILED, Config, Out, Quiet, ResultFile, Verb
 def verify(
     config: Config,
     out: Out,
-    duration: Annotated[str, typer.Option(help="Length of record to compare, with a unit.")] = "10 s",
+    duration: Annotated[
+        str | None,
+        typer.Option(help="Of the record from its start, with a unit; its strongest 10 s if not given."),
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="Compare over the whole record.")] = False,
     reference: Annotated[
         Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with as well.")
     ] = None,
@@ -27,14 +32,16 @@ def verify(
     from romdam.terminal import open_terminal
     from romdam.terminal.lines import verification_lines
 
+    if duration is not None and full:
+        raise typer.BadParameter("is the whole record; give one of the two", param_hint="--full")
     try:
-        seconds = to_si(duration, "s")
+        seconds = None if duration is None else to_si(duration, "s")
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--duration") from error
-    if seconds <= 0.0:
+    if seconds is not None and seconds <= 0.0:
         raise typer.BadParameter(f"must be longer than 0 s, got {duration}", param_hint="--duration")
     stages, say = open_terminal(quiet, verbose)
-    found = verify_job(romdam.load_config(config), out, seconds, reference, stages)
+    found = verify_job(romdam.load_config(config), out, math.inf if full else seconds, reference, stages, say)
     say(*verification_lines(found.statement.document), f"written: {found.path}", f"written: {found.figure}")
 
 
@@ -44,17 +51,26 @@ def certify(
         Path | None,
         typer.Option("--config", help="YAML file RESULT was made with; found through it if not given."),
     ] = None,
-    passes: Annotated[int, typer.Option(min=1, max=10, help="How often the defect is fed back.")] = 1,
+    full: Annotated[
+        bool, typer.Option("--full", help="Solve the mesh over the whole record, not in windows of it.")
+    ] = False,
+    passes: Annotated[
+        int, typer.Option(min=1, max=10, help="How often the defect is fed back; more than once is --full.")
+    ] = 1,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """State RESULT's reduction error from its joint forces and the full-order linear model."""
+    """State RESULT's reduction error from its joint forces and the full-order linear model.
+
+    The mesh is solved in windows of the record, and the error stated as an interval; with --full throughout.
+    """
     from romdam.pipelines.error.certify import certify as certify_result
     from romdam.terminal import open_terminal
     from romdam.terminal.tables import certificate_table
 
     stages, say = open_terminal(quiet, verbose)
-    found = certify_result(result, config, passes, stages)
+    whole = full or passes > 1
+    found = certify_result(result, config, passes if whole else None, stages, say)
     statement = found.statement
     say(certificate_table(statement.document), statement.sentence, f"written: {found.path}")
 

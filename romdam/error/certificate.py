@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
@@ -20,7 +21,7 @@ from romdam.error.metrics import (
     opening_error,
     relative_l2,
 )
-from romdam.error.replay import Defect, Forces, Replayed, replay_start
+from romdam.error.replay import Defect, Forces, Replayed, replay_start, step_factor
 from romdam.error.statement import ErrorStatement, percent
 from romdam.results.stored_run import StoredRun
 
@@ -51,6 +52,17 @@ class Correction:
         return relative_l2(self.before[..., 0], self.corrected.jump[..., 0])
 
 
+def replay_substeps(interval: float) -> int:
+    """Steps of the replay in the time between two rows [s]."""
+    return math.ceil(interval / REPLAY_STEP * (1.0 - 1e-9))
+
+
+def ready_to_replay(system: System, interval: float) -> Replayed:
+    """Factor a system for the replay of rows that lie so far apart [s]; it starts from nothing yet."""
+    factor = step_factor(system, interval / replay_substeps(interval))
+    return Replayed(system, np.zeros(system.size), factor=factor)
+
+
 def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Floats]) -> Forces:
     """Joint forces of a run for its replay.
 
@@ -60,7 +72,7 @@ def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Flo
     ground_at : step -> (3, nt) ground acceleration at every step of the run [m/s2]
     """
     interval = float(run.time[1] - run.time[0])
-    substeps = math.ceil(interval / REPLAY_STEP * (1.0 - 1e-9))
+    substeps = replay_substeps(interval)
     return Forces(ground_at(interval / substeps), mean.reshape(len(mean), -1), interval, substeps)
 
 

@@ -60,20 +60,43 @@ class Forces:
     substeps: int
 
 
-def replay(system: System, forces: Forces, start: Floats) -> Iterator[Floats]:
+@dataclass(frozen=True)
+class Replayed:
+    """A system to replay, and the state that it starts from.
+
+    Attributes
+    ----------
+    system : full or reduced
+    start, rate : (n,) displacement and velocity in the first row; at rest where there is no `rate`
+    basis : of a reduced one, (n_full, n)
+    factor : see `step_factor`, where it is there already
+    """
+
+    system: System
+    start: Floats
+    basis: spmatrix | Floats | None = None
+    rate: Floats | None = None
+    factor: Factor | None = None
+
+
+def step_factor(system: System, h: float) -> Factor:
+    """Factor what both stages of a replay's step solve with."""
+    return Factor(system.M + h * _GAMMA * system.C + (h * _GAMMA) ** 2 * system.K)
+
+
+def replay(model: Replayed, forces: Forces) -> Iterator[Floats]:
     """Displacement of a linear system with open joints under given joint forces, row after row.
 
     Parameters
     ----------
-    system : full or reduced
+    model : full or reduced
     forces : constant over each interval
-    start : (n,) displacement at rest in the first row
     """
-    h = forces.interval / forces.substeps
-    factor = Factor(system.M + h * _GAMMA * system.C + (h * _GAMMA) ** 2 * system.K)
+    system, h = model.system, forces.interval / forces.substeps
+    factor = model.factor or step_factor(system, h)
     C, K, lift = csr_matrix(system.C), csr_matrix(system.K), csr_matrix(system.B.T)
     load = np.ascontiguousarray(system.load)
-    u, v = start.astype(float), np.zeros(system.size)
+    u, v = model.start.astype(float), np.zeros(system.size) if model.rate is None else model.rate
     yield u
     for row in range(1, len(forces.mean)):
         constant = system.force + lift @ forces.mean[row]
@@ -141,15 +164,6 @@ class Defect:
     energy: Floats
 
 
-@dataclass(frozen=True)
-class Replayed:
-    """A system to replay, its first displacement, and its basis (None at full order)."""
-
-    system: System
-    start: Floats
-    basis: spmatrix | Floats | None = None
-
-
 def measure_defect(
     models: tuple[Replayed, Replayed, Replayed], forces: Forces, progress: Progress | None = None
 ) -> Defect:
@@ -169,7 +183,7 @@ def measure_defect(
         np.zeros((2, rows)),
     )
     point = np.zeros_like(jump[0])
-    runs = zip(*(replay(m.system, forces, m.start) for m in models), strict=True)
+    runs = zip(*(replay(model, forces) for model in models), strict=True)
     for row, (u, q, z) in enumerate(runs):
         for k, (model, motion) in enumerate(zip(models, (u, q, z), strict=True)):
             jump[k, row] = model.system.B @ motion

@@ -63,9 +63,10 @@ def verification(
     comparison = compare_openings(reduced.openings, full.openings, names, joints)
     details = comparison.plain | _stress(reduced, full) | _cost(reduced, full) | dict(about)
     details["joints"] = _joint_peaks(comparison, reduced, full, joints)
+    begin = f" from its {about['first_second']:g} s on" if about.get("first_second") else ""
     sentence = (
         f"Against the unreduced mesh (generalised-alpha, dt {full.step:g} s), {comparison.seconds:g} s of "
-        f"{about['record']}: peak opening differs by {percent(comparison.error.peak)}, "
+        f"{about['record']}{begin}: peak opening differs by {percent(comparison.error.peak)}, "
         f"all openings by {percent(comparison.error.l2)} in L2."
     )
     return ErrorStatement("verification", sentence, {"opening": comparison.error}, details)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -21,23 +22,29 @@ from rich.progress import (
 Terminal = tuple["Stages", Callable[..., None]]
 
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
+EVERY = 30.0  # seconds between two lines about a stage where there is no terminal
 _WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
 
 
 class Stages:
     """Shows each stage with a bar and the time left, once it takes longer than `DELAY`.
 
-    Called with a stage's text, it is a context manager giving a callable for (steps done, steps in all).
+    Where the output is no terminal, a stage that takes longer than `EVERY` writes a line so often. Called
+    with a stage's text, it is a context manager giving a callable for (steps done, steps in all).
     """
 
     def __init__(self, console: Console, quiet: bool) -> None:
         self._console = console
-        self._shown = console.is_terminal and not quiet
+        self._quiet = quiet
 
     @contextmanager
     def __call__(self, text: str) -> Iterator[Callable[[int, int], None]]:
-        if not self._shown:
+        if self._quiet:
             yield _ignore
+            return
+        if not self._console.is_terminal:
+            with _lines(self._console, text) as progress:
+                yield progress
             return
         columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
         bar = Progress(
@@ -53,6 +60,35 @@ class Stages:
             timer.cancel()
             timer.join()
             bar.stop()
+
+
+@contextmanager
+def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
+    """Write now and then how far a stage is, also while it tells nothing of it."""
+    begun, state, ended = time.monotonic(), [0, 0], threading.Event()
+
+    def write() -> None:
+        while not ended.wait(EVERY):
+            console.print(_line(text, time.monotonic() - begun, *state), soft_wrap=True, markup=False)
+
+    def progress(done: int, total: int) -> None:
+        state[:] = done, total
+
+    writer = threading.Thread(target=write, daemon=True)
+    writer.start()
+    try:
+        yield progress
+    finally:
+        ended.set()
+        writer.join()
+
+
+def _line(text: str, seconds: float, done: int, total: int) -> str:
+    """Time that a stage has taken, and what is left if it goes on so."""
+    if done <= 0 or total <= 0:
+        return f"{text}: {seconds:.0f} s"
+    left = seconds * (total - done) / done
+    return f"{text}: {100.0 * done / total:.0f} % in {seconds:.0f} s, about {left:.0f} s left"
 
 
 def open_terminal(quiet: bool = False, verbose: bool = False) -> Terminal:

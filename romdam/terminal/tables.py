@@ -170,7 +170,9 @@ def suite_table(summary: xr.Dataset) -> Table:
 
 
 def certificate_table(statement: Mapping[str, Any]) -> Table:
-    """Errors of a certificate: in the nonlinear run, and for the same joint forces."""
+    """Errors of a certificate in the run, and for the same joint forces; of a sample their intervals."""
+    if "within" in statement:
+        return _interval_table(statement["within"])
     table = _table(
         "Certificate", ("quantity",), ("error L2 [%]", "at the peak", "same forces L2 [%]", "at the peak")
     )
@@ -178,6 +180,13 @@ def certificate_table(statement: Mapping[str, Any]) -> Table:
     for name, error in statement["error"].items():
         values = (error["l2"], error["peak"], same[name]["l2"], same[name]["peak"])
         table.add_row(name, *(f"{100 * value:.2g}" for value in values))
+    return table
+
+
+def _interval_table(within: Mapping[str, Any]) -> Table:
+    table = _table("Certificate, from a sample", ("quantity",), ("error L2 [%]", "at the peak [%]"))
+    for name, error in within.items():
+        table.add_row(name, *(" to ".join(f"{100 * v:.2g}" for v in error[one]) for one in ("l2", "peak")))
     return table
 
 

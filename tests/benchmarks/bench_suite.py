@@ -1,7 +1,11 @@
 """Whole suites from the command to summary.nc: the P-695 components, and a thousand samples of the joints.
 
     python tests/benchmarks/bench_suite.py [--workers 2] [--samples 1000] [--only p695,samples]
-                                           [--out results/bench_suite.json]
+                                           [--against CHECKOUT] [--out results/bench_suite.json]
+
+With --against another checkout's code runs every suite too, in turn with this one's; both estimate their
+reduction error, the ratio of their CPU is told, and of 100 components how far their largest openings are from
+those of a suite to 0.1 %.
 
 Both run with the reduced blocks in a cache that a first command has filled. Wall time and CPU time of all
 processes are told twice: when summary.nc is there, and at the command's end, with the report. Memory is the
@@ -21,6 +25,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import psutil
 import xarray as xr
 import yaml
@@ -61,14 +66,15 @@ def _config(name: str) -> dict[str, object]:
     return dict(yaml.safe_load((ROOT / "configs" / name).read_text(encoding="utf-8")))
 
 
-def run(config: dict[str, object], folder: Path, cache: Path, workers: int) -> Row:
-    """One command, and what it took."""
+def run(config: dict[str, object], folder: Path, cache: Path, workers: int, code: Path = ROOT) -> Row:
+    """One command with a checkout's code, and what it took."""
     folder.mkdir()
     path = folder / "suite.yaml"
     path.write_text(yaml.safe_dump(config), encoding="utf-8")
     options = ("--out", folder / "out", "--cache", cache, "--workers", workers, "--quiet")
     start = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-c", CODE, "run", str(path), *map(str, options)])
+    command = [sys.executable, "-c", CODE, "run", str(path), *map(str, options)]
+    process = subprocess.Popen(command, cwd=folder, env=os.environ | {"PYTHONPATH": str(code)})
     memory, summary_cpu, cpu = _watch(process, folder / "out" / "summary.nc")
     wall = time.perf_counter() - start
     landed = (folder / "out" / "summary.nc").stat().st_mtime - path.stat().st_mtime
@@ -84,6 +90,7 @@ def run(config: dict[str, object], folder: Path, cache: Path, workers: int) -> R
             "largest_memory": memory,
             "largest_estimated_time_error": float(found.estimated_time_error.max()),
             "median_estimated_time_error": float(found.estimated_time_error.median()),
+            "estimated_time_error_95": float(found.estimated_time_error.quantile(0.95)),
             "steps": float(found.steps.sum()),
             "bytes": sum(file.stat().st_size for file in (folder / "out").rglob("*") if file.is_file()),
         }
@@ -113,11 +120,45 @@ def _watch(process: subprocess.Popen[bytes], summary: Path) -> tuple[int, float,
     return largest, before, cpu
 
 
+def side_by_side(name: str, config: dict[str, object], scratch: Path, options: argparse.Namespace) -> Row:
+    """The same suite by both checkouts in turn; CPU of this one over that of the other, and the errors."""
+    config["outputs"] = dict(config["outputs"]) | {"error_estimate": True}  # type: ignore[call-overload]
+    rows: dict[str, list[Row]] = {"other": [], "this": []}
+    for number in range(options.repeats + 1):  # the first loads and compiles
+        for label, code in (("other", options.against.resolve()), ("this", ROOT)):
+            folder = scratch / f"{name}_{label}_{number}"
+            rows[label].append(run(config, folder, scratch / f"cache_{label}", options.workers, code))
+    cpu = {
+        label: min(float(str(row["cpu_seconds_to_summary"])) for row in own[1:])
+        for label, own in rows.items()
+    }
+    found: Row = {f"{label} {key}": value for label, own in rows.items() for key, value in own[-1].items()}
+    found |= {"failed": rows["this"][-1]["failed"], "ratio of CPU": cpu["this"] / cpu["other"]}
+    if name == "p695":
+        config["transient"] = {"accuracy": "0.1 %"}
+        run(config, scratch / "fine", scratch / "cache_this", options.workers)
+        for label in rows:
+            found |= _peak_errors(label, scratch / f"{name}_{label}_1", scratch / "fine")
+    return found
+
+
+def _peak_errors(label: str, folder: Path, fine: Path) -> Row:
+    """Errors of the largest openings of a suite against those of a finer one."""
+    peaks = []
+    for one in (folder, fine):
+        with xr.open_dataset(one / "out" / "summary.nc", engine="h5netcdf") as found:
+            peaks.append(found.peak_opening.values.ravel())
+    error = abs(peaks[0] / peaks[1] - 1.0)
+    return {f"{label} peak error 95 %": float(np.quantile(error, 0.95)), f"{label} peak error": error.max()}
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Whole suites from the command to summary.nc.")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--samples", type=int, default=1000, help="samples of the joints")
     parser.add_argument("--only", default="p695,samples", help="which, of p695 and samples")
+    parser.add_argument("--against", type=Path, help="folder of another checkout")
+    parser.add_argument("--repeats", type=int, default=2, help="of every suite of two checkouts")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "bench_suite.json")
     return parser.parse_args()
 
@@ -134,12 +175,15 @@ def main() -> int:
         cache = Path(scratch) / "cache"
         run(samples(1), Path(scratch) / "first", cache, 1)
         for name in options.only.split(","):
-            report[name] = run(made[name](), Path(scratch) / name, cache, options.workers)
+            if options.against:
+                report[name] = side_by_side(name, made[name](), Path(scratch), options)
+            else:
+                report[name] = run(made[name](), Path(scratch) / name, cache, options.workers)
             print(name, *(f"{k} {v:.4g}" for k, v in report[name].items()), sep="\n  ")
     load = os.getloadavg()[0]
     options.out.parent.mkdir(parents=True, exist_ok=True)
     whole = {"workers": options.workers, "load_at_the_end": load, "cores": os.cpu_count(), "suites": report}
-    options.out.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    options.out.write_text(json.dumps(whole, indent=1, default=float) + "\n", encoding="utf-8")
     print(f"load at the end {load:.1f}; written to {options.out}")
     return int(any(row["failed"] for row in report.values()))
 

@@ -10,11 +10,12 @@ from pydantic import ValidationError
 
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import ConfigError, RecordError
+from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation
 from romdam.records.formats.registry import FORMATS
 from romdam.records.processing.align import align
 from romdam.records.processing.orientation import rotation
-from romdam.records.processing.resampling import resample, resample_motion
+from romdam.records.processing.resampling import resample, resample_motion, strongest_part
 from romdam.records.record_set import load_motions
 from romdam.records.spectra import pseudo_acceleration
 
@@ -332,3 +333,13 @@ def test_a_bad_manifest_row_is_named(tmp_path):
     (tmp_path / "list.yaml").write_text(json.dumps([{"file": "r.AT2"}, {"file": "r.AT2", "unit": "kg"}]))
     with pytest.raises(ConfigError, match=r"list\.yaml: record 2 \(r\.AT2\): unit: '1 kg' is not a quantity"):
         load(tmp_path, {"manifest": "list.yaml", "components": {"y": "090"}})
+
+
+def test_the_strongest_part_has_the_largest_share_of_the_squares():
+    acc = np.zeros((3, 1001))
+    acc[1, 700:800], acc[0, 100:300] = 2.0, 1.0
+    motion = GroundMotion("m", acc, 0.01)
+    first, part = strongest_part(motion, 2.0)
+    assert part.acc.shape == (3, 201) and (part.acc**2).sum() == 400.0
+    assert 5.99 <= first <= 7.0 and np.array_equal(part.acc, acc[:, round(100 * first) :][:, :201])
+    assert strongest_part(motion, 10.0) == (0.0, motion)

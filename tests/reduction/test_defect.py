@@ -49,7 +49,7 @@ def test_replay_is_of_second_order_and_repeats_the_exact_modes():
     for substeps in (16, 32, 64):
         mean = np.zeros((201, system.B.shape[0]))
         what = Forces(_smooth(0.01 / substeps), mean, 0.01, substeps)
-        found = np.array(list(replay(free, what, np.zeros(system.size))))
+        found = np.array(list(replay(Replayed(free, np.zeros(system.size)), what)))
         errors.append(relative_l2(found, exact))
     assert errors[-1] < 1e-3
     assert np.log2(errors[-2] / errors[-1]) == pytest.approx(2.0, abs=0.1)

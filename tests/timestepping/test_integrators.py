@@ -174,13 +174,18 @@ def test_steps_divide_the_written_rows():
     assert (steps.finest, steps.interval, steps.sizes) == (0.00125, 0.02, [0.01, 0.005, 0.00125])
 
 
+def to_accuracy(job, accuracy):
+    transient = job.config.transient.model_copy(update={"finest_step": None, "accuracy": accuracy})
+    return replace(job, config=job.config.model_copy(update={"transient": transient}))
+
+
 def test_settings_of_a_job_and_of_a_run_that_an_accuracy_has_stepped():
     job, motion = load_config(EXAMPLE), GroundMotion("m", np.zeros((3, 50)), 0.01)
     prepared = prepare(job, oscillator(gaps=1))
     assert settings_for(job, prepared, motion).steps == Steps(0.01, 1, (4,))
-    transient = job.config.transient.model_copy(update={"finest_step": None, "accuracy": 0.02})
-    loose = replace(job, config=job.config.model_copy(update={"transient": transient}))
-    assert prepare(loose, oscillator(gaps=1)).integrator.force_change == 0.02
+    loose, tight = to_accuracy(job, 0.02), to_accuracy(job, 0.001)
+    assert prepare(loose, oscillator(gaps=1)).integrator.force_change == 0.003  # never more than its own
+    assert prepare(tight, oscillator(gaps=1)).integrator.force_change == 0.001
     assert settings_for(loose, prepared, motion).steps == Steps(0.01, 1)
     assert settings_for(loose, prepared, motion, 0.00125).steps == Steps(0.01, 1, (2, 4))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -109,3 +110,13 @@ def _low_pass(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray
 def cut_or_extended(acc: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
     """The first samples of acceleration (3, nt), followed by rest where there are not as many."""
     return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))
+
+
+def strongest_part(motion: GroundMotion, seconds: float) -> tuple[float, GroundMotion]:
+    """Cut a motion to where its squared acceleration is largest; the first time [s], and the part."""
+    length = round(seconds / motion.dt)
+    energy = np.concatenate([[0.0], np.cumsum((motion.acc**2).sum(axis=0))])
+    if length + 1 >= motion.acc.shape[1]:
+        return 0.0, motion
+    first = int(np.argmax(energy[length + 1 :] - energy[: -length - 1]))
+    return first * motion.dt, replace(motion, acc=motion.acc[:, first : first + length + 1])
