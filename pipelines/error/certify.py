@@ -176,11 +176,12 @@ def _replayed(
 def _correct(case: _Certified, settings: Settings, passes: int, clock: Clock) -> Correction:
     """Feed the full order's defect back into the finer model, `passes` times."""
     run, end = case.run, float(case.run.time[-1])
-    ground = ground_at_steps(case.motion, settings.steps.base, end)
+    ground_at = partial(ground_at_steps, case.motion, duration=end, system=case.finer.system)
+    ground = ground_at(settings.steps.base)
     correction: Correction | None = None
     for number in range(1, passes + 1):
         mean = run.mean if correction is None else correction.corrected.mean_traction
-        forces = replay_forces(run, mean, partial(ground_at_steps, case.motion, duration=end))
+        forces = replay_forces(run, mean, ground_at)
         with clock.stage(f"replay_{number}", "replaying the joint forces through the full order") as progress:
             defect = measure_defect(case.models, forces, progress)
         with clock.stage(f"correction_{number}", "correcting the run") as progress:

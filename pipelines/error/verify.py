@@ -18,6 +18,7 @@ from romdam.error.verification import VerifiedRun, against_reference, full_order
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
@@ -70,6 +71,7 @@ def verify(
     motions = load_motions(job.config.records, job.folder)
     seconds = min(duration, motions[0].duration)
     refuse_lengths(job, motions[:1], seconds)
+    refuse_drifting(job, motions[:1])
     tell_doubts(job, motions[:1])
     motion, job = motions[0], with_modes_chosen(job, motions, clock)
     model = build_model(job, clock)
@@ -115,7 +117,7 @@ def _full(
     steps = whole_steps(every, full_order_step(reduced, motion.dt))
     settings = replace(settings_for(job, model.prepared, motion), steps=steps)
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
-    full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds)
+    full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds, system)
     with clock.stage("full", f"full order, {ground.shape[1] - 1} steps") as progress:
         history = simulate_one(full, ground, settings, progress)
     return _verified(model.scene, history, {})

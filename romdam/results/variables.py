@@ -35,6 +35,10 @@ def _reduced(case: Case) -> bool:
     return case.history.q is not None
 
 
+def _has_moving_supports(case: Case) -> bool:
+    return case.scene.moving is not None
+
+
 def _probe_position(case: Case) -> Array:
     return np.array([case.scene.blocks[p.block].points[p.node] for p in case.scene.probes])
 
@@ -132,6 +136,13 @@ COORDINATES: dict[str, Variable] = {
     ),
     "initial_gap": Variable(
         ("gap",), "m", "initial gap, open positive", lambda c: c.of_gaps("gap"), _has_joints
+    ),
+    "support": Variable(
+        ("support",),
+        "",
+        "first entry of `supports` with the motion",
+        lambda c: _strings([motion.name for motion in c.scene.moving.motions]),
+        _has_moving_supports,
     ),
     "node_block": Variable(
         ("node",),
@@ -239,8 +250,17 @@ VARIABLES: dict[str, Variable] = {
     "ground_acceleration": Variable(
         ("time", "component"), "m s-2", "ground acceleration at the base", _ground_acceleration
     ),
-    "energy_input": _energy("input", "work of inertia forces, static loads and water that enters gaps"),
-    "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),
+    "support_displacement": Variable(
+        ("time", "support", "component"),
+        "m",
+        "displacement of the support relative to the base",
+        lambda c: c.history.supports.reshape(len(c.history.time), -1, 3),
+        _has_moving_supports,
+    ),
+    "energy_input": _energy(
+        "input", "work of inertia forces, static loads, moving supports and water that enters gaps"
+    ),
+    "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base and what moving supports carry"),
     "energy_strain": _energy("strain", "strain energy of the blocks"),
     "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),
     "energy_damping": _energy("damping", "energy dissipated by damping"),

@@ -78,11 +78,13 @@ class Acting:
     operators : block name -> its gap operator, (directions * gaps, 3 nodes)
     forces : block name -> (3 nodes,) static forces but its weight [N]
     directions : of every gap, 1 or 3
+    carried : block name -> (3 nodes, m) inertia of what moving supports displace [kg]
     """
 
     operators: dict[str, csr_matrix]
     forces: dict[str, Floats]
     directions: int
+    carried: dict[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,7 @@ def merged_bases(
     kept = [{name: b for name, key in own.items() if (b := store.read(key)) is not None} for own in keys]
     if all(len(own) == len(part.blocks) for own in kept):
         return kept
-    merged = _merged_part(part, scene, operator, static)
+    merged = _merged_part(part, scene, acting)
     return _reduced(merged, scene, choices[0], store, keys)
 
 
@@ -171,7 +173,8 @@ def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
     return part_operator(part, acting.operators), gather(part, acting.forces)
 
 
-def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats) -> _MergedPart:
+def _merged_part(part: Part, scene: Scene, acting: Acting) -> _MergedPart:
+    operator, static = _acting_on(part, acting)
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
     K, M, inertia = part_matrices(part, scene.blocks)
@@ -184,6 +187,7 @@ def _merged_part(part: Part, scene: Scene, operator: csr_matrix, static: Floats)
         _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
         boundary_tractions(part, scene),
         free_field_forces(part, scene),
+        gather(part, acting.carried),
     ]
     mesh, held = part.mesh(scene.blocks), part.stands_free(scene)
     motions = Motions(np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free])
