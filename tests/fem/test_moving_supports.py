@@ -47,7 +47,7 @@ def box(origin, size, edge, material="concrete", element="hex8"):
 def valley(left=None, right=None, middle=None, **joints):
     """Three monoliths: two hang on the banks, one stands on the valley's floor; joints between them."""
     motions = {"left": ("xmin", left), "middle": ("zmin", middle), "right": ("xmax", right)}
-    law = {"normal_stiffness": "20 GPa/m", "friction": 0.6} | joints
+    law = {"normal_stiffness": "20 GPa/m", "shear_stiffness": "10 GPa/m", "friction": 0.6} | joints
     return {
         "blocks": {
             name: box([10.0 * k, 0, 0], [10, 5, 20], 5.0) for k, name in enumerate(("left", "middle", "right"))
@@ -74,13 +74,13 @@ def pulses(seconds=3.0, dt=DT):
     """Along all axes, each ends at rest: velocity and displacement are zero at the end (3, nt) [m/s2]."""
     time = np.arange(round(seconds / dt) + 1) * dt
     found = []
-    for peak, freq in ((2.0, 1.7), (3.0, 2.3), (1.0, 3.1)):
+    for peak, freq in ((6.0, 1.7), (9.0, 2.3), (3.0, 3.1)):
         window = np.where(time < 2.0, np.sin(np.pi * time / 2.0) ** 4, 0.0)
         found.append(peak * np.gradient(np.gradient(window * np.sin(2 * np.pi * freq * time), dt), dt) / (2 * np.pi * freq) ** 2)
     return np.stack(found)
 
 
-def systems(scene, modes=30):
+def systems(scene, modes=20):
     full = assemble_full(scene, DAMPED)
     return full, reduce_scene(scene, ModeChoice(count=modes), DAMPED).system
 

@@ -168,8 +168,7 @@ def _try_step(
         shift[i] = start[i] + share * (end[i] - start[i])
     if model.carried is not None:
         first = runs.samples[run] + runs.clock[run].base_steps
-        length = levels.step.dt[variant, BASE]
-        add_carried(model.carried, runs.supports[:, first : first + 2], share, length, shift)
+        add_carried(model.carried, runs.supports, first, (share, levels.step.dt[variant, BASE]), shift)
     copy(memory.force, old_force)
     control = (tolerance, l < finest)
     if model.conserving is not None:

@@ -219,7 +219,8 @@ def _runs(
 
 def _of_supports(of: Simulation) -> Floats:
     """Acceleration, velocity and displacement of moving supports, (3 m, nt)."""
-    return of.ground[len(of.prepared.system.inertial(of.ground)) :]
+    by = of.prepared.system.pseudo_static
+    return of.ground[:0] if by is None else np.concatenate(by.motion(of.ground))
 
 
 def _impulse_limit(of: Simulation, step: float, force_change: float) -> float:
