@@ -96,9 +96,7 @@ def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:
     return csr_matrix(total)
 
 
-def _support_load(
-    scene: Scene, moving: PseudoStatic, numbered: Unknowns, water: AddedMass | None
-) -> Floats:
+def _support_load(scene: Scene, moving: PseudoStatic, numbered: Unknowns, water: AddedMass | None) -> Floats:
     """Inertia of what moving supports displace, with the water's, on the unknowns."""
     inertia = support_inertia(scene, moving)
     total = sum(matrix.T @ inertia[name] for name, matrix in numbered.of_block.items())

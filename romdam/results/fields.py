@@ -185,7 +185,9 @@ class Result:
         rows, back = np.unique(chosen, return_inverse=True)
         field = np.einsum("ncm,tm->tnc", matrix[rows][back], q.values, optimize=True)
         if "carried" in group:
-            field += np.einsum("ncm,tm->tnc", group["carried"][rows][back], self._supports(times), optimize=True)
+            field += np.einsum(
+                "ncm,tm->tnc", group["carried"][rows][back], self._supports(times), optimize=True
+            )
         return xr.DataArray(
             field,
             dims=("time", "point", "component"),

@@ -260,7 +260,9 @@ VARIABLES: dict[str, Variable] = {
     "energy_input": _energy(
         "input", "work of inertia forces, static loads, moving supports and water that enters gaps"
     ),
-    "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base and what moving supports carry"),
+    "energy_kinetic": _energy(
+        "kinetic", "kinetic energy relative to the base and what moving supports carry"
+    ),
     "energy_strain": _energy("strain", "strain energy of the blocks"),
     "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),
     "energy_damping": _energy("damping", "energy dissipated by damping"),

@@ -30,7 +30,9 @@ class SupportMotionConfig(Model):
     @model_validator(mode="after")
     def _says_something(self) -> Self:
         if self.record is None and self.delay == 0.0 and self.factor == 1.0:
-            raise ValueError("give `delay` above 0 s, a `factor` that is not 1, or a `record`; or leave it out")
+            raise ValueError(
+                "give `delay` above 0 s, a `factor` that is not 1, or a `record`; or leave it out"
+            )
         if self.record is not None and self.model_fields_set & {"delay", "factor"}:
             raise ValueError("give `record`, or `delay` and `factor`; `record.scale` multiplies a record")
         return self

@@ -106,7 +106,12 @@ class _State:
         self.energies, self.impulse = record(ENERGIES), np.zeros_like(gaps.force)
         self.energies.stored = gaps.stored
         self.numerical, self.carried = 0.0, Carried.at_rest(system)
-        rest = system.force - system.load @ system.inertial(ground) + system.B.T @ gaps.acting.ravel() - system.K @ q
+        rest = (
+            system.force
+            - system.load @ system.inertial(ground)
+            + system.B.T @ gaps.acting.ravel()
+            - system.K @ q
+        )
         massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
         self.a = Factor(system.M + diags_array(massless.astype(float))).solve(np.where(massless, 0.0, rest))
         self.inertia = system.M @ self.a
