@@ -111,6 +111,6 @@ def _refuse_loose(part: Part, scene: Scene) -> None:
     if not part.stands_free(scene):
         assert scene.moving is not None
         raise ConfigError(
-            f"{scene.moving.motions[0].name}.motion: part {part.name!r} is carried by supports that leave it a "
-            "rigid motion, limit 0, so that where they carry it is undetermined; hold more of its components"
+            f"{scene.moving.motions[0].name}.motion: part {part.name!r} is carried by supports that leave "
+            "it a rigid motion, limit 0: where they carry it is undetermined; hold more of its components"
         )

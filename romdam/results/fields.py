@@ -4,7 +4,7 @@ The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per mo
 
     /                       attributes: format, content_sha256, source
     /blocks/<name>          one group for each block, as `romdam.reduction.storage.model_file` describes it
-    /blocks/<name>/carried  (n, 3, k) displacement per `support_displacement`, where supports move by themselves
+    /blocks/<name>/carried  (n, 3, k) displacement per `support_displacement`, where supports move
 """
 
 from __future__ import annotations

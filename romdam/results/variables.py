@@ -39,6 +39,11 @@ def _has_moving_supports(case: Case) -> bool:
     return case.scene.moving is not None
 
 
+def _moving_supports(case: Case) -> Array:
+    assert case.scene.moving is not None
+    return _strings([motion.name for motion in case.scene.moving.motions])
+
+
 def _probe_position(case: Case) -> Array:
     return np.array([case.scene.blocks[p.block].points[p.node] for p in case.scene.probes])
 
@@ -141,7 +146,7 @@ COORDINATES: dict[str, Variable] = {
         ("support",),
         "",
         "first entry of `supports` with the motion",
-        lambda c: _strings([motion.name for motion in c.scene.moving.motions]),
+        _moving_supports,
         _has_moving_supports,
     ),
     "node_block": Variable(

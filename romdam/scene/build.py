@@ -36,7 +36,6 @@ from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
-
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import build_tie, merged_parts
 

@@ -47,7 +47,7 @@ class SupportConfig(Model):
     fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
     """Components that do not move against the base."""
     motion: SupportMotionConfig | None = None
-    """Of these components, where it is not the base's; displacement comes of integrating the records twice."""
+    """Of these components, where it is not the base's; displacement is the records' integrated twice."""
 
 
 def refuse_wrong_motions(
@@ -83,8 +83,8 @@ def refuse_wrong_motions(
         )
     if transient.integrator == "conserving":
         raise ValueError(
-            f"{place}: transient.integrator: conserving knows one motion of the base; take adaptive, modal or "
-            "generalized_alpha"
+            f"{place}: transient.integrator: conserving knows one motion of the base; take adaptive, modal "
+            "or generalized_alpha"
         )
     for place, motion in moving.items():
         if motion.record is not None and several:

@@ -6,7 +6,7 @@ The file (HDF5, `stress-<first 12 of its content's SHA-256>.h5`, one per model, 
     /blocks/<name>/nodes    (k,) node numbers, ascending
     /blocks/<name>/fields   (k, 6, m) stress per reduced coordinate, xx yy zz xy yz xz [Pa kg-0.5];
                             attribute first: the block's first column of `reduced_coordinates`; where supports
-                            move by themselves those per `support_displacement` behind, attribute carried of them
+                            move those per `support_displacement` behind, so many as attribute carried
     /blocks/<name>/offset   (k, 6) stress without displacement [Pa]
 """
 

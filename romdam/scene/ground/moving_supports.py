@@ -49,8 +49,8 @@ def moving_supports(
         _refuse_meeting(k, before[before > _NONE], texts, f"{source}: supports")
         entries[part.name][part.number[support.block][nodes]] = k
         if texts[k]:
-            axes = ["xyz".index(axis) for axis in support.fix]
-            components[support.block][np.ix_(nodes, axes)] = list(first).index(texts[k])
+            for axis in support.fix:
+                components[support.block][nodes, "xyz".index(axis)] = list(first).index(texts[k])
     log.info("%s: supports: %d motions besides that of the base", source, len(first))
     return MovingSupports(tuple(_motion(k, supports[k].motion) for k in first.values()), components)
 
@@ -60,8 +60,8 @@ def _refuse_meeting(entry: int, others: Ints, texts: Sequence[str], place: str) 
     differ = [k for k in others.tolist() if texts[k] != texts[entry]]
     if differ:
         raise ConfigError(
-            f"{place}[{entry}].motion: {len(differ)} of its nodes are held by supports[{differ[0]}] too, which "
-            "moves otherwise, limit 0; give faces that do not meet, or one motion"
+            f"{place}[{entry}].motion: {len(differ)} of its nodes are held by supports[{differ[0]}] too, "
+            "which moves otherwise, limit 0; give faces that do not meet, or one motion"
         )
 
 

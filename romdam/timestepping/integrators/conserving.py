@@ -56,8 +56,8 @@ class Conserving(ModalIntegrator):
             )
         if system.pseudo_static is not None:
             raise ConfigError(
-                "transient.integrator: conserving knows one motion of the base, and a support has a motion of "
-                "its own; give damping, or take adaptive, modal or generalized_alpha"
+                "transient.integrator: conserving knows one motion of the base, and a support has a motion "
+                "of its own; give damping, or take adaptive, modal or generalized_alpha"
             )
         super().supports(system)
 
