@@ -159,7 +159,7 @@ def merged_bases(
     kept = [{name: b for name, key in own.items() if (b := store.read(key)) is not None} for own in keys]
     if all(len(own) == len(part.blocks) for own in kept):
         return kept
-    merged = _merged_part(part, scene, acting)
+    merged = _merged_part(part, scene, (operator, static), gather(part, acting.carried))
     return _reduced(merged, scene, choices[0], store, keys)
 
 
@@ -173,8 +173,8 @@ def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats]:
     return part_operator(part, acting.operators), gather(part, acting.forces)
 
 
-def _merged_part(part: Part, scene: Scene, acting: Acting) -> _MergedPart:
-    operator, static = _acting_on(part, acting)
+def _merged_part(part: Part, scene: Scene, on: tuple[csr_matrix, Floats], carried: Floats) -> _MergedPart:
+    operator, static = on
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
     K, M, inertia = part_matrices(part, scene.blocks)
@@ -187,7 +187,7 @@ def _merged_part(part: Part, scene: Scene, acting: Acting) -> _MergedPart:
         _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
         boundary_tractions(part, scene),
         free_field_forces(part, scene),
-        gather(part, acting.carried),
+        carried,
     ]
     mesh, held = part.mesh(scene.blocks), part.stands_free(scene)
     motions = Motions(np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free])
