@@ -6,13 +6,10 @@ import logging
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
-from romdam.core.arrays import Floats
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.fem.sections import LOST_LIMIT, lost_static_forces, modal_section_forces
-from romdam.fem.stress import carried_stress, modal_stress
+from romdam.fem.stress import modal_stress, with_carried_stress
 from romdam.postprocess.stress.sections import section_forces
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.storage.staging import initial_forces, initial_stress
@@ -36,9 +33,7 @@ def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, Stres
                 "%g %%); raise model.modes or model.cutoff", name, 100 * share, 100 * LOST_LIMIT,
             )  # fmt: skip
     if moving is not None:
-        more = carried_stress(scene, moving)
-        fields = {name: np.dstack([own, more[name][0]]) for name, own in fields.items()}
-        sections = {name: np.dstack([own, more[name][1]]) for name, own in sections.items()}
+        fields, sections = with_carried_stress(scene, moving, fields, sections)
     return {
         name: StressFields(
             sites.nodes,
@@ -59,7 +54,7 @@ def stress_of(
     if scene.stress is None:
         return history, None
     if history.q is not None:
-        coordinates = {name: _coordinates(history, own) for name, own in fields.items()}
+        coordinates = {name: own.coordinates(history) for name, own in fields.items()}
         source = StressHistory(
             fields={name: own.fields for name, own in fields.items()},
             coordinates=coordinates,
@@ -71,13 +66,6 @@ def stress_of(
     else:
         history, source = _observed(scene, history)
     return history, summarise(scene.stress, source, history.time)
-
-
-def _coordinates(history: History, of: StressFields) -> Floats:
-    """What a block's fields are per: coordinates, and displacements of moving supports."""
-    assert history.q is not None
-    q = history.q[:, of.columns]
-    return np.hstack([q, history.supports]) if of.carried else q
 
 
 def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:

@@ -143,6 +143,10 @@ class PseudoStatic:
         acc, vel, disp = ground[-3 * len(self.stiffness) :].reshape(3, len(self.stiffness), -1)
         return acc, vel, disp
 
+    def displacement(self, ground: Floats) -> Floats:
+        """The last of them alone, (m, nt) [m]."""
+        return ground[-len(self.stiffness) :]
+
     def normal(self, directions: int) -> PseudoStatic:
         """The same with the gaps' normal jumps alone, of so many directions."""
         more = None if self.at_point is None else self.at_point[::directions]

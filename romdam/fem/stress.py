@@ -124,6 +124,15 @@ def carried_stress(scene: Scene, moving: PseudoStatic) -> dict[str, tuple[Floats
     return found
 
 
+def with_carried_stress(
+    scene: Scene, moving: PseudoStatic, fields: dict[str, Floats], sections: dict[str, Floats]
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Stress and section forces per coordinate, block by block, with `carried_stress` behind."""
+    more = carried_stress(scene, moving)
+    stress = {name: np.dstack([fields[name], own]) for name, (own, _) in more.items()}
+    return stress, {name: np.dstack([sections[name], own]) for name, (_, own) in more.items()}
+
+
 def thermal_stress(scene: Scene) -> dict[str, Floats]:
     """Stress of the blocks' temperature change with every expansion held back: block name -> (k, 6) [Pa].
 

@@ -41,7 +41,7 @@ class Carried:
         """The jumps at the last column of a ground motion."""
         if self.by is None:
             return self
-        disp = self.by.motion(ground)[2][:, -1]
+        disp = self.by.displacement(ground)[:, -1]
         more = self.more if self.by.at_point is None else self.by.at_point @ disp
         return replace(self, jump=self.by.jump @ disp, more=more)
 
@@ -56,7 +56,7 @@ def with_carried_points(history: History, system: System, ground: Floats, stride
     by = system.pseudo_static
     if by is None or by.at_point is None:
         return history
-    more = (by.at_point @ by.motion(ground)[2][:, ::stride]).T
+    more = (by.at_point @ by.displacement(ground)[:, ::stride]).T
     return replace(history, jump=history.jump + more.reshape(history.jump.shape))
 
 
@@ -75,7 +75,7 @@ def with_supports(history: History, system: System, ground: Floats, stride: int)
     strain = 0.5 * np.einsum("ti,ij,tj->t", disp, by.stiffness, disp, optimize=True)
     energy = history.energy | {
         "strain": history.energy["strain"] + strain,
-        "input": history.energy["input"] + strain - strain[0],
+        "input": history.energy["input"] + strain - strain[:1],
     }
     return replace(
         history,

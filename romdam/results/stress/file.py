@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
+from romdam.core.system import History
 from romdam.results.beside import in_order, open_beside, write_beside
 
 FORMAT = "romdam-stress-1"
@@ -54,6 +55,12 @@ class StressFields:
     def carried(self) -> int:
         """How many of the fields are per displacement of a moving support."""
         return self.fields.shape[2] - (self.columns.stop - self.columns.start)
+
+    def coordinates(self, history: History) -> Floats:
+        """What the fields are per: reduced coordinates, and displacements of moving supports, (nt, m)."""
+        assert history.q is not None
+        q = history.q[:, self.columns]
+        return np.hstack([q, history.supports]) if self.carried else q
 
 
 def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
