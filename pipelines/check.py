@@ -14,6 +14,7 @@ from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.pipelines.automatic_modes import FIRST, with_modes
 from romdam.pipelines.doubts import doubts_of
+from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.simulation import refuse_large, settings_for
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
@@ -71,6 +72,7 @@ def check(job: Job, show: Stage = silent, cache: Path | None = None) -> Check:
     with clock.stage("records", "reading records"):
         motions = load_motions(job.config.records, job.folder)
     refuse_lengths(job, motions)
+    refuse_drifting(job, motions)
     if job.config.model.modes == "auto":
         job = with_modes(job, FIRST)
     model = build_model(job, clock, open_store(cache), estimated=True)

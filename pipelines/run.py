@@ -26,6 +26,7 @@ from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
+from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
@@ -40,7 +41,6 @@ from romdam.results.fields import write_model
 from romdam.results.stored_run import FOLDER
 from romdam.results.stress.file import StressFields, write_stress
 from romdam.results.variables import Case
-from romdam.scene.build import build_scene
 from romdam.timestepping.prepared import Prepared
 
 log = logging.getLogger(__name__)
@@ -130,6 +130,7 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     with clock.stage("records", "reading records"):
         motions, failures = read_motions(job, folder)
     refuse_lengths(job, motions)
+    refuse_drifting(job, motions)
     tell_doubts(job, motions)
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
@@ -153,7 +154,9 @@ def write_shared(folder: Path, model: Model) -> dict[str, str]:
     """Write what all results of a model share: attribute of the results -> file name."""
     files = {}
     if model.reduced is not None:
-        files["model_file"] = write_model(folder, model.scene, model.reduced.basis)
+        moving = model.system.pseudo_static
+        carried = None if moving is None else moving.shapes
+        files["model_file"] = write_model(folder, model.scene, model.reduced.basis, carried)
     if model.stress:
         files["stress_file"] = write_stress(folder, model.stress)
     return files
@@ -166,7 +169,7 @@ def with_modes_chosen(
     if job.config.model.modes != "auto":
         return job
     with clock.stage("modes", "choosing the number of modes"):
-        return choose_modes(job, build_scene(job.config, job.folder, str(job.path)), motions, store)
+        return choose_modes(job, scene_of(job), motions, store)
 
 
 def read_motions(job: Job, folder: Path | None = None) -> tuple[list[GroundMotion], dict[str, str]]:
@@ -207,7 +210,7 @@ def build_model(job: Job, clock: Clock, store: BlockStore | None = None, *, esti
     estimated : with the finer model that every run's estimate of its error compares with
     """
     with clock.stage("scene", "building the scene"):
-        scene = build_scene(job.config, job.folder, str(job.path))
+        scene = scene_of(job)
     if job.config.model.order == "full":
         with clock.stage("model", "assembling the full model"), placed(job.path):
             full = observing_stress(scene, assemble_full(scene, job.config.damping))

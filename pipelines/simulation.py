@@ -12,6 +12,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.system import History, System
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
+from romdam.records.processing.support_motions import with_supports
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
@@ -66,7 +67,9 @@ def simulate_motions(
     for kind in dict.fromkeys(kinds):
         group = [i for i, other in enumerate(kinds) if other == kind]
         some, own = [prepared[i] for i in group], kind[1]
-        grounds = [partial(ground_at_steps, motions[i], duration=duration) for i in group]
+        grounds = [
+            partial(ground_at_steps, motions[i], duration=duration, system=prepared[i].system) for i in group
+        ]
         if accuracy is None:
             made = simulate(some, [ground(own.steps.base) for ground in grounds], own, progress)
         else:
@@ -151,10 +154,16 @@ def _needs_coordinates(job: Job) -> bool:
     return not peaks or outputs.error_estimate or outputs.stress is not None
 
 
-def ground_at_steps(motion: GroundMotion, dt: float, duration: float | None) -> Floats:
-    """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it."""
+def ground_at_steps(
+    motion: GroundMotion, dt: float, duration: float | None, system: System | None = None
+) -> Floats:
+    """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it.
+
+    (3 + 9 k, nt) with what supports move against the base, where a system is given that has k such motions.
+    """
     refuse_steps(motion.duration if duration is None else duration, dt, motion.name)
     acc = resample_motion(motion, dt)
-    if duration is None:
-        return acc
-    return cut_or_extended(acc, round(duration / dt) + 1)
+    if duration is not None:
+        acc = cut_or_extended(acc, round(duration / dt) + 1)
+    moving = None if system is None else system.pseudo_static
+    return acc if moving is None else with_supports(acc, dt, moving.motions)

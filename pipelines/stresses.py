@@ -9,7 +9,7 @@ from dataclasses import replace
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.fem.sections import LOST_LIMIT, lost_static_forces, modal_section_forces
-from romdam.fem.stress import modal_stress
+from romdam.fem.stress import modal_stress, with_carried_stress
 from romdam.postprocess.stress.sections import section_forces
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.storage.staging import initial_forces, initial_stress
@@ -25,12 +25,15 @@ def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, Stres
         return {}
     fields, offset = modal_stress(scene, reduced.basis), initial_stress(scene, reduced.basis)
     sections, initial = modal_section_forces(scene, reduced.basis), initial_forces(scene, reduced.basis)
+    moving = reduced.system.pseudo_static
     for name, share in lost_static_forces(scene, reduced.basis, sections).items():
         if share > LOST_LIMIT:
             log.warning(
                 "outputs.stress.sections.%s: the modes leave out %.2g %% of the static loads above it (limit "
                 "%g %%); raise model.modes or model.cutoff", name, 100 * share, 100 * LOST_LIMIT,
             )  # fmt: skip
+    if moving is not None:
+        fields, sections = with_carried_stress(scene, moving, fields, sections)
     return {
         name: StressFields(
             sites.nodes,
@@ -51,7 +54,7 @@ def stress_of(
     if scene.stress is None:
         return history, None
     if history.q is not None:
-        coordinates = {name: history.q[:, own.columns] for name, own in fields.items()}
+        coordinates = {name: own.coordinates(history) for name, own in fields.items()}
         source = StressHistory(
             fields={name: own.fields for name, own in fields.items()},
             coordinates=coordinates,

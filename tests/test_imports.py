@@ -26,7 +26,7 @@ ALLOWED = {
     "linalg": set(),
     "contact": set(),
     "postprocess": {"records"},
-    "fem": {"scene"},
+    "fem": {"linalg", "scene"},
     "timestepping": {"contact", "linalg"},
     "reduction": {"fem", "linalg", "scene"},
     "results": {"postprocess"},

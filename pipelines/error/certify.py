@@ -33,6 +33,7 @@ from romdam.error.sampled import SHORTEST, Sampling, sampled_certificate
 from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Model, Stage, reduced_model, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.postprocess.responses import PARAMETER
@@ -41,7 +42,6 @@ from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
 from romdam.results.suite.design import parameter_places
-from romdam.scene.build import build_scene
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
@@ -74,7 +74,7 @@ def certify(
     config : its YAML file; the one that the result names if None
     passes : how often the defect of the whole record is fed back; the change in the last of several is stated
         too. If None, the mesh is solved in windows of the record and the error stated as an interval; once
-        throughout where the record is no longer than two windows, and without damping
+        throughout where the record is no longer than two windows, without damping, and where supports move
     show : told of every stage and its progress
     tell : told what the mesh's solutions are going to cost, before they begin
 
@@ -97,7 +97,7 @@ def certify(
         full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
     settings = settings_for(job, model.prepared, motion, float(str(run.attributes["solver_finest_step"])))
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
-    sampled = passes is None and damped and float(run.time[-1]) > SHORTEST
+    sampled = passes is None and damped and scene.moving is None and float(run.time[-1]) > SHORTEST
     with clock.stage("cost", "timing a solution"):
         tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
     if sampled:
@@ -116,7 +116,7 @@ def certify(
 def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
     """The scene, if it is the run's and can be certified: refused before anything is reduced."""
     with clock.stage("scene", "building the scene"):
-        scene = build_scene(job.config, job.folder, str(job.path))
+        scene = scene_of(job)
     if any(block.absorbing for block in scene.blocks.values()):
         raise ResultError(
             f"{run.path}: dashpots of viscous faces couple its {run.q.shape[1]} modes, and a certificate "
@@ -263,11 +263,12 @@ def _replayed(
 def _correct(case: _Certified, settings: Settings, passes: int, clock: Clock) -> Correction:
     """Feed the full order's defect back into the finer model, `passes` times."""
     run, end = case.run, float(case.run.time[-1])
-    ground = ground_at_steps(case.motion, settings.steps.base, end)
+    ground_at = partial(ground_at_steps, case.motion, duration=end, system=case.finer.system)
+    ground = ground_at(settings.steps.base)
     correction: Correction | None = None
     for number in range(1, passes + 1):
         mean = run.mean if correction is None else correction.corrected.mean_traction
-        forces = replay_forces(run, mean, partial(ground_at_steps, case.motion, duration=end))
+        forces = replay_forces(run, mean, ground_at)
         with clock.stage(f"replay_{number}", "replaying the joint forces through the full order") as progress:
             defect = measure_defect(case.models, forces, progress)
         with clock.stage(f"correction_{number}", "correcting the run") as progress:

@@ -45,6 +45,7 @@ def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: His
     """
     start = time.process_time()
     settings = settings_for(job, finer.prepared, motion, history.stats["finest_step"])
-    ground = ground_at_steps(motion, settings.steps.base, job.config.transient.duration)
+    system, duration = finer.prepared.system, job.config.transient.duration
+    ground = ground_at_steps(motion, settings.steps.base, duration, system)
     statement = estimate_error(finer, history, ground, settings)
     return replace(statement, details={"cpu_seconds": time.process_time() - start})

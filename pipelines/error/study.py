@@ -20,6 +20,7 @@ from romdam.error.comparison import Openings, compare_openings, read_reference
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.pipelines.sizes import refuse_lengths
@@ -27,7 +28,6 @@ from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
-from romdam.scene.build import build_scene
 from romdam.timestepping.integrators.registry import FULL_ORDER
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
@@ -90,8 +90,9 @@ def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage 
     stored = read_reference(reference) if reference else None
     motion = load_motions(job.config.records, job.folder)[0]
     refuse_lengths(job, [motion])
+    refuse_drifting(job, [motion])
     tell_doubts(job, [motion])
-    scene = build_scene(job.config, job.folder, str(job.path))
+    scene = scene_of(job)
     steps = job.config.study.finest_steps or tuple(motion.dt / part for part in PARTS)
     setup = _Setup(job, scene, motion, steps, job.config.outputs.output_interval or motion.dt)
     if stored is None:
@@ -136,7 +137,7 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
         )
     prepared = prepare(setup.job, system, None if dense else FULL_ORDER)
     settings = _settings(setup, prepared, dt or min(setup.steps) / FINER)
-    ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared)
+    ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared, system)
     with clock.stage("reference", f"the reference, {ground.shape[1] - 1} steps") as progress:
         history = simulate_one(prepared, ground, settings, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
@@ -177,7 +178,7 @@ def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
 
 def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
     one = case.setting
-    ground = ground_at_steps(setup.motion, case.settings.steps.base, setup.duration)
+    ground = ground_at_steps(setup.motion, case.settings.steps.base, setup.duration, case.prepared.system)
     model = f"{one.modes}, {one.residual_vectors} residual vectors"
     text = f"{one.integrator}, {model}, finest step {one.finest_step:g} s"
     runs: list[History] = []

@@ -21,6 +21,7 @@ from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Model, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
@@ -86,8 +87,10 @@ def verify(
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
     first, motion = 0.0, motions[0]
+    refuse_drifting(job, motions[:1])
     tell_doubts(job, motions[:1])
-    if duration is None and stored is None:
+    moving = any(support.motion is not None for support in job.config.supports)  # they begin at rest
+    if duration is None and stored is None and not moving:
         first, motion = strongest_part(motion, WINDOW)
     seconds = min(WINDOW if duration is None else duration, motion.duration)
     refuse_lengths(job, [motion], seconds)
@@ -140,7 +143,7 @@ def _full(
     steps = whole_steps(every, full_order_step(reduced, motion.dt))
     settings = replace(settings_for(job, model.prepared, motion), steps=steps)
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
-    full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds)
+    full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds, system)
     count = ground.shape[1] - 1
     tell(
         f"{job.path}: {count} steps of the mesh's {system.size} unknowns, about "

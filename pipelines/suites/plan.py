@@ -24,6 +24,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, with_modes_chosen
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
@@ -36,7 +37,6 @@ from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import SOURCE, Row
 from romdam.results.suite.scaling import no_factors, scale_count, scale_factors
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
-from romdam.scene.build import build_scene
 
 log = logging.getLogger(__name__)
 
@@ -112,7 +112,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
         tuple({n: float(v[i]) for n, v in columns.items()} for i in range(design.sizes["sample"])),
     )
     with clock.stage("scene", "building the scene"):
-        scene = build_scene(job.config, job.folder, str(job.path))
+        scene = scene_of(job)
         scene, contents = _sampled(job, scene, samples)
     samples = replace(samples, contents=tuple(contents))
     runs = _runs(records, _model_key(job, scene), contents)
@@ -184,7 +184,8 @@ def _unusable(job: Job, motion: GroundMotion) -> str:
     """Say why a record cannot be run, before a run would find it; empty where it can."""
     try:
         refuse_lengths(job, [motion])
-    except ConfigError as error:
+        refuse_drifting(job, [motion])
+    except (ConfigError, RecordError) as error:
         return str(error)
     return ""
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.core.arrays import Ints
+
 MOST_SAMPLES = 20_000_000  # of a motion: 5 hours at 1 ms, 500 MB for its three components
 
 
@@ -43,3 +45,40 @@ class GroundMotion:
     def peak(self) -> float:
         """Largest acceleration of a component [m/s2]."""
         return float(np.abs(self.acc).max())
+
+
+@dataclass(frozen=True)
+class SupportMotion:
+    """Motion of a support's own: factor times the record, later by the delay; or a record of its own.
+
+    Attributes
+    ----------
+    support : number of the first entry of `supports` that moves so
+    delay : [s]
+    factor : of all components
+    record : in place of delay and factor
+    """
+
+    support: int
+    delay: float = 0.0
+    factor: float = 1.0
+    record: GroundMotion | None = None
+
+    @property
+    def name(self) -> str:
+        """The key of that entry."""
+        return f"supports[{self.support}]"
+
+
+@dataclass(frozen=True)
+class MovingSupports:
+    """Supports that do not move as the base does.
+
+    Attributes
+    ----------
+    motions : those that differ from each other
+    components : block name -> (n, 3) number of the motion that a component has; -1 where it has none
+    """
+
+    motions: tuple[SupportMotion, ...]
+    components: dict[str, Ints]

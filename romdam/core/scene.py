@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.motion import MovingSupports
 from romdam.core.system import LawRows
 
 
@@ -359,22 +360,20 @@ class Scene:
 
     Attributes
     ----------
-    blocks : name -> Block, in the configuration's order
-    joints : name -> Joint, in the configuration's order
+    blocks, joints : name -> Block, name -> Joint, in the configuration's order
     fixed : block name -> (n, 3) True where a support holds the component
     pressures, forces : static loads on faces and nodes
     gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
     probes : nodes to be written
     stress : where stress is written; None if nowhere
-    ties : merged interfaces of blocks
-    water : hydrostatic loads
+    ties, water, reservoir : merged interfaces; hydrostatic loads; water that moves with the dam, or None
     warmed : block name -> uniform change of temperature [K]
-    reservoir : water that moves with the dam, or None
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
-    radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
-        send out: the ground's acceleration does not act on it
-    free_field : see `romdam.fem.free_field`; None where all that does not radiate is shaken alike
+    radiating : blocks that move with the ground's own waves; their mass, on which its acceleration does not
+        act, only carries away what the others send out
+    free_field : the waves that come up through the rock, see `romdam.fem.free_field`; None without
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
+    moving : supports that do not move as the base does; None where all do
     """
 
     blocks: dict[str, Block]
@@ -393,6 +392,7 @@ class Scene:
     free_field: FreeField | None = None
     staged_weight: bool = False
     reservoir: Reservoir | None = None
+    moving: MovingSupports | None = None
 
     @property
     def gap_position(self) -> Floats:

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError
+from romdam.core.motion import SupportMotion
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,45 @@ class Drive(Protocol):
 
 
 @dataclass(frozen=True)
+class PseudoStatic:
+    """What moves with supports of their own motion: u_s d(t), which the system's displacement is added to.
+
+    u_s is the static answer, joints open, to unit displacements of the supports, d their motion against the
+    base along x, y and z of each. It strains blocks and opens gaps at once; its acceleration is a load.
+
+    Attributes
+    ----------
+    motions : of the supports
+    shapes : block name -> u_s, (3 nodes, m)
+    jump : (directions * ng, m) jumps of it that joint forces see
+    at_point : (directions * ng, m) what jumps at the gaps' positions are more; None where nothing
+    observe : (rows of `System.observe`, m) what is observed of it
+    stiffness : (m, m) u_s^T K u_s, of its strain energy [N/m]
+    """
+
+    motions: tuple[SupportMotion, ...]
+    shapes: dict[str, Floats]
+    jump: Floats
+    at_point: Floats | None
+    observe: Floats
+    stiffness: Floats
+
+    def motion(self, ground: Floats) -> tuple[Floats, Floats, Floats]:
+        """Acceleration, velocity and displacement (m, nt) of the supports, of a run's ground motion."""
+        acc, vel, disp = ground[-3 * len(self.stiffness) :].reshape(3, len(self.stiffness), -1)
+        return acc, vel, disp
+
+    def displacement(self, ground: Floats) -> Floats:
+        """The last of them alone, (m, nt) [m]."""
+        return ground[-len(self.stiffness) :]
+
+    def normal(self, directions: int) -> PseudoStatic:
+        """The same with the gaps' normal jumps alone, of so many directions."""
+        more = None if self.at_point is None else self.at_point[::directions]
+        return replace(self, jump=self.jump[::directions], at_point=more)
+
+
+@dataclass(frozen=True)
 class System:
     """M u'' + C u' + K u = force - load s(t) + B^T p, jumps w = B u, with s(t) the ground's acceleration.
 
@@ -138,6 +178,8 @@ class System:
     drive : of the load's columns from the fourth on, and of the acceleration that goes with them; None
         where the ground's acceleration is all
     gyroscopic : whether C is skew between dam and water, where it does no work; B does not see the water
+    pseudo_static : what supports that do not move as the base does add to the displacement u, and so to jumps
+        and what is observed; their acceleration has the load's columns from the fourth on. None without
     """
 
     M: csr_matrix
@@ -155,11 +197,16 @@ class System:
     at_point: csr_matrix | None = None
     drive: Drive | None = None
     gyroscopic: bool = False
+    pseudo_static: PseudoStatic | None = None
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return self.M.shape[0]
+
+    def inertial(self, ground: Floats) -> Floats:
+        """The rows of a run's ground motion that the load acts with: accelerations of base and supports."""
+        return ground[: self.load.shape[1]]
 
 
 def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> System:
@@ -182,11 +229,12 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
             "joints: the system was reduced without the gaps' tangential directions, so a run on it can have "
             "no friction, cohesion or shear key; reduce it with friction"
         )
-    B, more = system.B, system.at_point
+    B, more, moving = system.B, system.at_point, system.pseudo_static
     if law.directions != reduced:
         B, more = csr_matrix(B[::reduced]), None if more is None else csr_matrix(more[::reduced])
+        moving = None if moving is None else moving.normal(reduced)
     C = system.C if damping is None else csr_matrix(diags_array(np.asarray(damping, dtype=float)))
-    return replace(system, law=law, B=B, C=C, at_point=more)
+    return replace(system, law=law, B=B, C=C, at_point=more, pseudo_static=moving)
 
 
 @dataclass(frozen=True)
@@ -203,6 +251,7 @@ class History:
     state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
     q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
+    supports : (nt, m) displacement of supports of their own motion, see `PseudoStatic`; empty without any [m]
     energy : name -> (nt,) [J], see `romdam.timestepping.energy.TERMS`
     peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks`; of
         jumps that differ from those that joint forces see, of written rows and what these reach between them
@@ -231,3 +280,4 @@ class History:
     water: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     strength: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
     bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
+    supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))

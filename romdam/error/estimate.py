@@ -101,9 +101,14 @@ def _window(history: History, intervals: float) -> slice:
 
 def _jump_of_forces(history: History, finer: FinerModel, row: int) -> Floats:
     """The jumps (ng, d) of a row that joint forces see."""
-    more, jump = finer.prepared.system.at_point, history.jump[row]
+    system, jump = finer.prepared.system, history.jump[row]
     assert history.q is not None
-    return jump if more is None else jump - (more @ (finer.embed @ history.q[row])).reshape(jump.shape)
+    if system.at_point is None:
+        return jump
+    more = system.at_point @ (finer.embed @ history.q[row])
+    if system.pseudo_static is not None:
+        more += system.pseudo_static.at_point @ history.supports[row]
+    return jump - more.reshape(jump.shape)
 
 
 def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool = False) -> Start:

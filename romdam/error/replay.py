@@ -48,7 +48,8 @@ class Forces:
 
     Attributes
     ----------
-    ground : (3, (nt - 1) * substeps + 1) ground acceleration at every substep [m/s2]
+    ground : (3, (nt - 1) * substeps + 1) ground acceleration at every substep, followed by what moving
+        supports do, see `romdam.core.system.PseudoStatic.motion` [m/s2]
     mean : (nt, N) joint force, its mean over the interval that ends at each row; row 0 is not used [N]
     interval : time between two rows [s]
     substeps : steps of the replay in one interval
@@ -95,13 +96,13 @@ def replay(model: Replayed, forces: Forces) -> Iterator[Floats]:
     system, h = model.system, forces.interval / forces.substeps
     factor = model.factor or step_factor(system, h)
     C, K, lift = csr_matrix(system.C), csr_matrix(system.K), csr_matrix(system.B.T)
-    load = np.ascontiguousarray(system.load)
+    load, ground = np.ascontiguousarray(system.load), system.inertial(forces.ground)
     u, v = model.start.astype(float), np.zeros(system.size) if model.rate is None else model.rate
     yield u
     for row in range(1, len(forces.mean)):
         constant = system.force + lift @ forces.mean[row]
         for n in range((row - 1) * forces.substeps, row * forces.substeps):
-            a_0, a_1 = forces.ground[:, n], forces.ground[:, n + 1]
+            a_0, a_1 = ground[:, n], ground[:, n + 1]
             stages = (constant - load @ (a_0 + _GAMMA * (a_1 - a_0)), constant - load @ a_1)
             u, v = _two_stages((factor, C, K), u, v, stages, h)
         yield u
@@ -193,6 +194,11 @@ def measure_defect(
         energy[0, row], energy[1, row] = 0.5 * u @ (K @ u), 0.5 * e @ (K @ e)
         if progress is not None and (row % 50 == 0 or row + 1 == rows):
             progress(row + 1, rows)
+    if full.system.pseudo_static is not None:  # exact in all of them
+        by = full.system.pseudo_static
+        carried = by.displacement(forces.ground)[:, :: forces.substeps].T
+        jump += carried @ by.jump.T
+        disp += carried @ by.observe.T
     jumps, disps = ((own[0], own[0] - own[1], own[0] - own[2]) for own in (jump, disp))
     return Defect(*jumps, point, *disps, *energy)
 

@@ -27,10 +27,10 @@ from scipy.sparse import csr_matrix, vstack
 
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Ints, Material, Scene
-from romdam.core.system import System
+from romdam.core.system import PseudoStatic, System
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
-from romdam.fem.sections import observed_section_forces
+from romdam.fem.sections import observed_section_forces, section_operators
 from romdam.scene.elements import ELEMENTS, Floats, jacobians
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
@@ -99,7 +99,38 @@ def observing_stress(scene: Scene, system: System) -> System:
         return system
     rows = csr_matrix(vstack([observed_stress(scene), observed_section_forces(scene)]))
     rows.resize(rows.shape[0], system.size)  # water has unknowns of its own, behind those of the blocks
-    return replace(system, observe=csr_matrix(vstack([system.observe, rows])))
+    moving = system.pseudo_static
+    if moving is not None:
+        stress, forces = zip(*carried_stress(scene, moving).values(), strict=True)
+        flat = [values.reshape(-1, values.shape[2]) for values in (*stress, sum(forces))]
+        moving = replace(moving, observe=np.vstack([moving.observe, *flat]))
+    return replace(system, observe=csr_matrix(vstack([system.observe, rows])), pseudo_static=moving)
+
+
+def carried_stress(scene: Scene, moving: PseudoStatic) -> dict[str, tuple[Floats, Floats]]:
+    """Stress at stress nodes, and forces on sections, of what moving supports displace.
+
+    Returns
+    -------
+    block name -> (k, 6, m) [Pa/m], (sections, 6, m) [N/m], [N]
+    """
+    if scene.stress is None:
+        return {}
+    found = {}
+    for name, section in section_operators(scene).items():
+        stress = stress_operator(scene.blocks[name], scene.stress.blocks[name].nodes)
+        own, size = moving.shapes[name], (-1, 6, len(moving.stiffness))
+        found[name] = (stress @ own).reshape(size), (section @ own).reshape(size)
+    return found
+
+
+def with_carried_stress(
+    scene: Scene, moving: PseudoStatic, fields: dict[str, Floats], sections: dict[str, Floats]
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Stress and section forces per coordinate, block by block, with `carried_stress` behind."""
+    more = carried_stress(scene, moving)
+    stress = {name: np.dstack([fields[name], own]) for name, (own, _) in more.items()}
+    return stress, {name: np.dstack([sections[name], own]) for name, (_, own) in more.items()}
 
 
 def thermal_stress(scene: Scene) -> dict[str, Floats]:

@@ -9,14 +9,15 @@ from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Scene
-from romdam.core.system import System
+from romdam.core.system import PseudoStatic, System
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import static_force
 from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
-from romdam.fem.water.added_mass import added_mass, sparse_added_mass
+from romdam.fem.pseudo_static import applied, pseudo_static, support_inertia
+from romdam.fem.water.added_mass import AddedMass, added_mass, sparse_added_mass
 from romdam.fem.water.compressible import reservoir_waves, with_waves
 from romdam.scene.ties import scene_parts
 
@@ -60,6 +61,9 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     added, wet = (mass * 0.0, 0.0) if water is None else sparse_added_mass(water, numbered.of_block, MOST_WET)
     mass, jumps = csr_matrix(mass + added), csr_matrix(hstack(B))
     driven: Floats | csr_matrix = shaken + wet
+    moving = pseudo_static(scene, law.directions)
+    if moving is not None:
+        driven = np.hstack([driven, _support_load(scene, moving, numbered, water)])
     if scene.free_field is not None:
         driven = csr_matrix(hstack([driven, -_free_field_load(scene, scene.free_field, numbered)]))
     system = System(
@@ -76,6 +80,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         floating=not all(held),
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
         drive=deconvolution(scene.free_field, damping),
+        pseudo_static=moving,
     )
     waves = reservoir_waves(scene)
     return system if waves is None else with_waves(system, waves, waves.on(numbered.of_block))
@@ -89,6 +94,16 @@ def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:
         if scene.blocks[name].absorbing:
             total = total + matrix.T @ boundary_dashpots(scene.blocks[name]) @ matrix
     return csr_matrix(total)
+
+
+def _support_load(scene: Scene, moving: PseudoStatic, numbered: Unknowns, water: AddedMass | None) -> Floats:
+    """Inertia of what moving supports displace, with the water's, on the unknowns."""
+    inertia = support_inertia(scene, moving)
+    total = sum(matrix.T @ inertia[name] for name, matrix in numbered.of_block.items())
+    if water is not None:
+        pressed = water.times(applied(water.coupling, moving.shapes))
+        total = total + csr_matrix(water.on(numbered.of_block)).T @ pressed
+    return np.asarray(total)
 
 
 def _free_field_load(scene: Scene, field: FreeField, numbered: Unknowns) -> csr_matrix:

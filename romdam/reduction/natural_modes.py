@@ -133,7 +133,7 @@ def natural_modes(
 
 
 def _pencil(scene: Scene, numbered: Unknowns, bonded: bool) -> _Pencil:
-    system = assemble_full(replace(scene, reservoir=None, free_field=None), DampingConfig())
+    system = assemble_full(replace(scene, reservoir=None, free_field=None, moving=None), DampingConfig())
     K = csr_matrix(system.K + _springs(scene, numbered)) if bonded else system.K
     heavy = system.M.diagonal() > 0.0
     stiffest = (system.K.diagonal()[heavy] / system.M.diagonal()[heavy]).max(initial=0.0)

@@ -28,15 +28,18 @@ from romdam.fem.damping import modal_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
+from romdam.fem.pseudo_static import pseudo_static, support_inertia
 from romdam.fem.water.added_mass import AddedMass, WetMass, added_mass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import Dense
 from romdam.reduction.interface import Interface, joint_interface, sees_more_nodes_than_gaps
+from romdam.reduction.methods.acting import Acting
 from romdam.reduction.methods.craig_bampton import ALL_MODES, FreeBlock, ModeChoice, reduce_block
-from romdam.reduction.methods.free_interface import Acting, merged_bases, merged_keys
+from romdam.reduction.methods.free_interface import merged_bases, merged_keys
 from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys, refuse_wet
 from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
+from romdam.reduction.moving_supports import with_supports
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.water import with_water
@@ -117,8 +120,9 @@ def _reduced_scene(
     refuse_wet(scene)
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
-    water, models = added_mass(scene), []
-    acting = Acting(gap_operators(scene, law.directions), forces, law.directions, water)
+    moving, water, models = pseudo_static(scene, law.directions, choices[0].solving), added_mass(scene), []
+    carried = support_inertia(scene, moving)
+    acting = Acting(gap_operators(scene, law.directions), forces, law.directions, carried, water)
     for choice in choices:
         _refuse_large(scene, acting, choice, store)
     parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
@@ -130,6 +134,7 @@ def _reduced_scene(
             system, basis = with_water(system, basis, water, damping)
         system = _with_free_field(_with_dashpots(system, scene, basis), scene, basis, damping)
         system = with_reservoir(system, scene, basis)
+        system = with_supports(system, basis, moving, carried, water)
         report["cpu_seconds"] = time.process_time() - start
         models.append(ReducedModel(system=system, basis=basis, report=report, water=water))
     return models

@@ -4,6 +4,7 @@ The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per mo
 
     /                       attributes: format, content_sha256, source
     /blocks/<name>          one group for each block, as `romdam.reduction.storage.model_file` describes it
+    /blocks/<name>/carried  (n, 3, k) displacement per `support_displacement`, where supports move
 """
 
 from __future__ import annotations
@@ -34,8 +35,14 @@ FORMAT = "romdam-model-1"
 _ROWS = 4096  # of an array at a time
 
 
-def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> str:
+def write_model(
+    folder: Path, scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None = None
+) -> str:
     """Write the basis file of a model unless it is there; its name, made from its content.
+
+    Parameters
+    ----------
+    carried : block name -> (3 n, k) displacement that moving supports make; None without any
 
     Raises
     ------
@@ -45,14 +52,20 @@ def write_model(folder: Path, scene: Scene, basis: Mapping[str, BlockBasis]) -> 
 
     def fill(file: h5py.File) -> None:
         for name, block in scene.blocks.items():
-            write_block(file.create_group(f"blocks/{name}"), block, basis[name])
+            group = file.create_group(f"blocks/{name}")
+            write_block(group, block, basis[name])
+            if carried is not None:
+                group["carried"] = carried[name].reshape(len(block.points), 3, -1)
 
     blocks = ((name, block, basis[name]) for name, block in scene.blocks.items())
     digest = _digest(
         (
             f"{name} {block.element} {own.columns.start} {own.vectors.shape}",
             chain(_pieces(block.points), _pieces(block.cells)),
-            (own.vectors.rows(rows) for rows in _slices(own.vectors.shape[0])),
+            chain(
+                (own.vectors.rows(rows) for rows in _slices(own.vectors.shape[0])),
+                () if carried is None else (carried[name],),
+            ),
         )
         for name, block, own in blocks
     )
@@ -86,7 +99,7 @@ def stored_digest(file: h5py.File) -> str:
             f"{name} {group['cells'].attrs['element']} {int(group['basis'].attrs['first'])} "
             f"{(3 * group['basis'].shape[0], group['basis'].shape[2])}",
             chain(_pieces(group["points"]), _pieces(group["cells"])),
-            _pieces(group["basis"]),
+            chain(_pieces(group["basis"]), _pieces(group["carried"]) if "carried" in group else ()),
         )
         for name, group in in_order(file)
     )
@@ -164,12 +177,17 @@ class Result:
         ResultError
             for an unknown block, a node number out of range, or a full-order result.
         """
-        matrix = self._block(block)["basis"]
+        group = self._block(block)
+        matrix = group["basis"]
         chosen = self._nodes(matrix.shape[0], block, nodes)
         first, count = int(matrix.attrs["first"]), matrix.shape[2]
         q = self._coordinates(times, slice(first, first + count))
         rows, back = np.unique(chosen, return_inverse=True)
         field = np.einsum("ncm,tm->tnc", matrix[rows][back], q.values, optimize=True)
+        if "carried" in group:
+            field += np.einsum(
+                "ncm,tm->tnc", group["carried"][rows][back], self._supports(times), optimize=True
+            )
         return xr.DataArray(
             field,
             dims=("time", "point", "component"),
@@ -203,8 +221,10 @@ class Result:
         """
         kept = read_stress(self.path, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
         q = self._coordinates(times, kept.columns)
+        supports = self._supports(times) if kept.carried else np.zeros((len(q), 0))
+        coordinates = np.hstack([q.values, supports])
         return xr.DataArray(
-            np.einsum("ncm,tm->tnc", kept.fields, q.values, optimize=True) + kept.offset,
+            np.einsum("ncm,tm->tnc", kept.fields, coordinates, optimize=True) + kept.offset,
             dims=("time", "point", "stress_component"),
             coords={"time": q.time.values, "point": kept.nodes, "stress_component": list(COMPONENTS)},
             name="stress",
@@ -220,6 +240,16 @@ class Result:
                 "more, of another model; run it again"
             )
         return _at_times(q, times)[:, columns]
+
+    def _supports(self, times: float | Sequence[float] | slice | None) -> Floats:
+        """Displacement of moving supports, (nt, 3 supports) [m]."""
+        if "support_displacement" not in self.dataset:
+            raise ResultError(
+                f"{self.path}: has no support_displacement, and the files beside it are of a model whose "
+                "supports move; run it again"
+            )
+        values = _at_times(self.dataset.support_displacement, times).values
+        return np.asarray(values.reshape(len(values), -1))
 
     def _nodes(self, count: int, block: str, nodes: Any) -> NDArray[np.int64]:
         chosen = np.arange(count) if nodes is None else np.atleast_1d(np.asarray(nodes, dtype=np.int64))

@@ -35,6 +35,15 @@ def _reduced(case: Case) -> bool:
     return case.history.q is not None
 
 
+def _has_moving_supports(case: Case) -> bool:
+    return case.scene.moving is not None
+
+
+def _moving_supports(case: Case) -> Array:
+    assert case.scene.moving is not None
+    return _strings([motion.name for motion in case.scene.moving.motions])
+
+
 def _probe_position(case: Case) -> Array:
     return np.array([case.scene.blocks[p.block].points[p.node] for p in case.scene.probes])
 
@@ -132,6 +141,13 @@ COORDINATES: dict[str, Variable] = {
     ),
     "initial_gap": Variable(
         ("gap",), "m", "initial gap, open positive", lambda c: c.of_gaps("gap"), _has_joints
+    ),
+    "support": Variable(
+        ("support",),
+        "",
+        "first entry of `supports` with the motion",
+        _moving_supports,
+        _has_moving_supports,
     ),
     "node_block": Variable(
         ("node",),
@@ -239,8 +255,19 @@ VARIABLES: dict[str, Variable] = {
     "ground_acceleration": Variable(
         ("time", "component"), "m s-2", "ground acceleration at the base", _ground_acceleration
     ),
-    "energy_input": _energy("input", "work of inertia forces, static loads and water that enters gaps"),
-    "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),
+    "support_displacement": Variable(
+        ("time", "support", "component"),
+        "m",
+        "displacement of the support relative to the base",
+        lambda c: c.history.supports.reshape(len(c.history.time), -1, 3),
+        _has_moving_supports,
+    ),
+    "energy_input": _energy(
+        "input", "work of inertia forces, static loads, moving supports and water that enters gaps"
+    ),
+    "energy_kinetic": _energy(
+        "kinetic", "kinetic energy relative to the base and what moving supports carry"
+    ),
     "energy_strain": _energy("strain", "strain energy of the blocks"),
     "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),
     "energy_damping": _energy("damping", "energy dissipated by damping"),

@@ -26,6 +26,7 @@ from romdam.scene.cutting.pieces import cut_block
 from romdam.scene.elements import Floats
 from romdam.scene.gravity_dam.generator import gravity_dam
 from romdam.scene.ground.free_field import free_field
+from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.joints import build_joint
@@ -76,6 +77,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     }
     _fill_joints(config, joints, blocks, source)
     refuse_free_blocks(blocks, joints, fixed, source, ties)
+    moving = moving_supports(config.supports, blocks, tuple(rigid.values()), source)
     for part in rigid.values():
         refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
     scene = Scene(
@@ -97,6 +99,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         stress=stress_sites(
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"
         ),
+        moving=moving,
     )
     files.say_unused(source)
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())

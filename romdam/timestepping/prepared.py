@@ -41,7 +41,7 @@ class Prepared:
 
 
 class Simulation(NamedTuple):
-    """One run: a prepared system and the (3, nt) ground acceleration at every base step [m/s2]."""
+    """One run: a prepared system and its ground motion, see `romdam.timestepping.simulate.simulate`."""
 
     prepared: Prepared
     ground: Floats

@@ -12,6 +12,7 @@ from romdam.timestepping.energy import imbalance
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
+from romdam.timestepping.support_motion import with_supports
 
 
 def simulate(
@@ -26,7 +27,8 @@ def simulate(
     ----------
     prepared : one for all, or one for each; they may differ in damping and in the joints' parameters, and
         have equal integrators
-    grounds : (3, nt) ground acceleration at every base step [m/s2]; they may differ in length
+    grounds : (3, nt) ground acceleration at every base step [m/s2], followed by what moving supports do, see
+        `romdam.core.system.PseudoStatic.motion`; they may differ in length
     settings : the same for all
     progress : called with (base steps done, base steps in all)
 
@@ -48,7 +50,10 @@ def simulate(
         assert one.integrator == integrator
         integrator.supports(one.system)
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
-    return [one if isinstance(one, ConvergenceError) else _with_imbalance(one) for one in outcomes]
+    return [
+        made if isinstance(made, ConvergenceError) else _finished(made, one, settings.steps.stride)
+        for made, one in zip(outcomes, simulations, strict=True)
+    ]
 
 
 def simulate_one(
@@ -73,5 +78,7 @@ def history_of(outcome: Outcome) -> History:
     return outcome
 
 
-def _with_imbalance(history: History) -> History:
+def _finished(history: History, of: Simulation, stride: int) -> History:
+    """The history with what moving supports add, and how far its ledger is open."""
+    history = with_supports(history, of.prepared.system, of.ground, stride)
     return replace(history, stats=history.stats | {"ledger_imbalance": imbalance(history.energy)})

@@ -30,9 +30,10 @@ from romdam.config.sections.ground import GroundConfig, refuse_wrong_ground
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
 from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
-from romdam.config.sections.places import Axis, ElementName, FaceRef, NodeConfig, Vector
+from romdam.config.sections.places import ElementName, NodeConfig, Vector
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
+from romdam.config.sections.supports import SupportConfig, refuse_wrong_motions
 from romdam.config.sections.transient import ModalName, TransientConfig
 from romdam.config.sections.water import WaterConfig, refuse_waves
 from romdam.core.errors import listed, shown
@@ -90,16 +91,6 @@ class BlockConfig(Model):
         if (self.box is None) == (self.mesh is None):
             raise ValueError("give exactly one of `box` and `mesh`")
         return self
-
-
-class SupportConfig(Model):
-    """Components held at zero relative displacement on a face of a block."""
-
-    block: str
-    """A name of `blocks`."""
-    face: FaceRef
-    fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
-    """Components that do not move against the base."""
 
 
 class RayleighConfig(Model):
@@ -289,6 +280,8 @@ class Config(Model):
         varied = self.suite.parameters if self.suite else {}
         refuse_wrong_ground(self.ground, self.arch_dam, self.water, varied, self.damping.modal is not None)
         refuse_waves(self.water, self.transient.integrator, self.model.modes, varied)
+        several = len(self.records) > 1 or self.pipeline == "suite"
+        refuse_wrong_motions(self.supports, (self.ground, self.arch_dam, self.water), self.transient, several)
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):

@@ -37,13 +37,14 @@ from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Bools, Ints, Scene
 from romdam.fem.parts import gather, part_matrices, part_operator
-from romdam.fem.water.added_mass import AddedMass, WetMass
+from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
+from romdam.reduction.methods.acting import Acting
 from romdam.reduction.methods.attachment_modes import Pencil, beside, diagonalised
 from romdam.reduction.methods.boundary_forces import boundary_tractions, free_field_forces
 from romdam.reduction.methods.craig_bampton import (
@@ -67,30 +68,6 @@ log = logging.getLogger(__name__)
 BEYOND = 1.5
 _NODES = 4096  # of a block's basis at a time
 _TOGETHER = 64  # modes looked at: each time all of them are read
-
-
-@dataclass(frozen=True)
-class Acting:
-    """Gap operators and static forces of the blocks.
-
-    Attributes
-    ----------
-    operators : block name -> its gap operator, (directions * gaps, 3 nodes)
-    forces : block name -> (3 nodes,) static forces but its weight [N]
-    directions : of every gap, 1 or 3
-    water : whose inertia finer bases answer, or None
-    """
-
-    operators: dict[str, csr_matrix]
-    forces: dict[str, Floats]
-    directions: int
-    water: AddedMass | None = None
-
-    def wet(self, block: str) -> WetMass | None:
-        """The water's added mass on a block's DOFs."""
-        if self.water is None or block not in self.water.coupling:
-            return None
-        return WetMass(self.water.coupling[block], self.water.flexibility)
 
 
 @dataclass(frozen=True)
@@ -167,7 +144,7 @@ def merged_bases(
     kept = [{name: b for name, key in own.items() if (b := store.read(key)) is not None} for own in keys]
     if all(len(own) == len(part.blocks) for own in kept):
         return kept
-    merged = _merged_part(part, scene, operator, static, wet)
+    merged = _merged_part(part, scene, (operator, static, wet), gather(part, acting.carried))
     return _reduced(merged, scene, choices[0], store, keys)
 
 
@@ -186,8 +163,9 @@ def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats, WetMass 
 
 
 def _merged_part(
-    part: Part, scene: Scene, operator: csr_matrix, static: Floats, wet: WetMass | None
+    part: Part, scene: Scene, on: tuple[csr_matrix, Floats, WetMass | None], carried: Floats
 ) -> _MergedPart:
+    operator, static, wet = on
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
     K, M, inertia = part_matrices(part, scene.blocks)
@@ -200,6 +178,7 @@ def _merged_part(
         _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
         boundary_tractions(part, scene),
         free_field_forces(part, scene),
+        carried,
     ]
     mesh, held = part.mesh(scene.blocks), part.stands_free(scene)
     motions = Motions(np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free])

@@ -29,8 +29,8 @@ from romdam.core.scene import Scene
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import make_solver
+from romdam.reduction.methods.acting import Acting
 from romdam.reduction.methods.craig_bampton import ModeChoice
-from romdam.reduction.methods.free_interface import Acting
 from romdam.reduction.storage.keys import part_keys
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix

@@ -48,7 +48,10 @@ def part_keys(
     kinds = [sorted(names & set(part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)]
     slaves = () if part.slaves is None else (part.slaves,)
     waves = () if scene.free_field is None else (scene.free_field,)
-    whole = _key(of_blocks, *slaves, *waves, kinds, operator, static, choice.stored, *_water(choice, wet))
+    moved = [] if scene.moving is None else [scene.moving.components[name] for name in part.blocks]
+    carried = (moved,) if any((number >= 0).any() for number in moved) else ()
+    outside = (*slaves, *waves, *carried, kinds, operator, static)
+    whole = _key(of_blocks, *outside, choice.stored, *_water(choice, wet))
     return {name: fingerprint((whole, name)) for name in part.blocks}
 
 

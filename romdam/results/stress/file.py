@@ -5,7 +5,8 @@ The file (HDF5, `stress-<first 12 of its content's SHA-256>.h5`, one per model, 
     /                       attributes: format, content_sha256, source
     /blocks/<name>/nodes    (k,) node numbers, ascending
     /blocks/<name>/fields   (k, 6, m) stress per reduced coordinate, xx yy zz xy yz xz [Pa kg-0.5];
-                            attribute first: the block's first column of `reduced_coordinates`
+                            attribute first: the block's first column of `reduced_coordinates`; where supports
+                            move those per `support_displacement` behind, so many as attribute carried
     /blocks/<name>/offset   (k, 6) stress without displacement [Pa]
 """
 
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
+from romdam.core.system import History
 from romdam.results.beside import in_order, open_beside, write_beside
 
 FORMAT = "romdam-stress-1"
@@ -31,7 +33,7 @@ Nodes = int | Sequence[int] | NDArray[np.integer[Any]] | None
 
 @dataclass(frozen=True)
 class StressFields:
-    """Stress of a block's nodes: fields @ q[columns] + offset.
+    """Stress of a block's nodes: fields @ q[columns] + offset, displacements of moving supports behind q's.
 
     Attributes
     ----------
@@ -49,6 +51,17 @@ class StressFields:
     sections: Floats = field(default_factory=lambda: np.zeros((0, 6, 0)))
     section_offset: Floats = field(default_factory=lambda: np.zeros((0, 6)))
 
+    @property
+    def carried(self) -> int:
+        """How many of the fields are per displacement of a moving support."""
+        return self.fields.shape[2] - (self.columns.stop - self.columns.start)
+
+    def coordinates(self, history: History) -> Floats:
+        """What the fields are per: reduced coordinates, and displacements of moving supports, (nt, m)."""
+        assert history.q is not None
+        q = history.q[:, self.columns]
+        return np.hstack([q, history.supports]) if self.carried else q
+
 
 def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
     """Write the stress file of a model unless it is there; its name, made from its content.
@@ -64,6 +77,8 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
             group = file.create_group(f"blocks/{name}")
             group["nodes"], group["fields"], group["offset"] = part.nodes, part.fields, part.offset
             group["fields"].attrs["first"] = part.columns.start
+            if part.carried:
+                group["fields"].attrs["carried"] = part.carried
 
     digest = _digest(
         (name, part.columns.start, (part.nodes, part.fields, part.offset)) for name, part in blocks.items()
@@ -129,5 +144,6 @@ def _read_block(blocks: h5py.Group, result: Path, block: str, nodes: Nodes) -> S
     group = blocks[block]
     rows, back = np.unique(np.searchsorted(known, chosen), return_inverse=True)
     fields = group["fields"][rows][back]
-    first = int(group["fields"].attrs["first"])
-    return StressFields(chosen, fields, group["offset"][rows][back], slice(first, first + fields.shape[2]))
+    about = group["fields"].attrs
+    first, modes = int(about["first"]), fields.shape[2] - int(about.get("carried", 0))
+    return StressFields(chosen, fields, group["offset"][rows][back], slice(first, first + modes))

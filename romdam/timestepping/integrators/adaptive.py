@@ -69,7 +69,8 @@ class Adaptive(ModalIntegrator):
     def _merged(self, simulation: Simulation, settings: Settings) -> Prepared:
         """The system to integrate: with merged contacts where some are equivalent under the ground motion."""
         prepared, ground = simulation
-        if not self.merge_contacts or settings.start is not None or settings.shift is not None:
+        added = settings.shift is not None or prepared.system.pseudo_static is not None
+        if not self.merge_contacts or settings.start is not None or added:
             return prepared
         shaken = ground.any(axis=1)
         key = shaken.tobytes()

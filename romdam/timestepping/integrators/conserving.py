@@ -54,6 +54,11 @@ class Conserving(ModalIntegrator):
                 f"transient.integrator: conserving knows no {', '.join(further_keys(system.law))}; "
                 "use adaptive, or leave these keys out of the joints"
             )
+        if system.pseudo_static is not None:
+            raise ConfigError(
+                "transient.integrator: conserving knows one motion of the base, and a support has a motion "
+                "of its own; give damping, or take adaptive, modal or generalized_alpha"
+            )
         super().supports(system)
 
     def compared(self, history: History) -> Floats:

@@ -45,6 +45,7 @@ from romdam.timestepping.peaks import first_peaks, named_peaks, raise_peaks
 from romdam.timestepping.prepared import Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, fixed_steps
+from romdam.timestepping.support_motion import Carried
 
 if TYPE_CHECKING:
     from romdam.config.sections.transient import TransientConfig
@@ -104,8 +105,13 @@ class _State:
         self.water = gaps.water.copy()
         self.energies, self.impulse = record(ENERGIES), np.zeros_like(gaps.force)
         self.energies.stored = gaps.stored
-        self.numerical = 0.0
-        rest = system.force - system.load @ ground + system.B.T @ gaps.acting.ravel() - system.K @ q
+        self.numerical, self.carried = 0.0, Carried.at_rest(system)
+        rest = (
+            system.force
+            - system.load @ system.inertial(ground)
+            + system.B.T @ gaps.acting.ravel()
+            - system.K @ q
+        )
         massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
         self.a = Factor(system.M + diags_array(massless.astype(float))).solve(np.where(massless, 0.0, rest))
         self.inertia = system.M @ self.a
@@ -140,12 +146,14 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     u_old, v_old, inertia_old = state.u, state.v, state.inertia
     u_star = u_old + dt * v_old + dt**2 * (0.5 - s.beta) * state.a
     v_star = v_old + dt * (1.0 - s.gamma) * state.a
+    carried = state.carried.after(ground)
+    ground = system.inertial(ground)
     before, after = ground.T
     external = system.force - system.load @ ((1.0 - s.a_f) * after + s.a_f * before)
     right = external - s.a_m * inertia_old
     right -= system.C @ ((1.0 - s.a_f) * v_star + s.a_f * v_old)
     right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
-    w_free = stepper.operator @ u_star + s.beta * dt**2 * (stepper.X.T @ right)
+    w_free = stepper.operator @ u_star + s.beta * dt**2 * (stepper.X.T @ right) + carried.jump
     y = np.empty(len(w_free))
     residual = float(solve_gaps(stepper.problem, memory, state.state > 0, w_free, y, (tolerance, False)))
     if not residual <= tolerance:
@@ -168,6 +176,8 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     energies.input += float((system.force - system.load @ ground.mean(axis=1)) @ moved) + fed
     energies.damping += dt * float(rate @ damping)
     energies.joint_work += float((acting * (state.jump - jump_old)).sum()) - fed
+    energies.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
+    state.carried = carried
     energies.friction += friction
     state.numerical += _numerical(stepper, moved, state.v - v_old, state.inertia - inertia_old, ground)
     state.numerical += float((moved - dt * rate) @ damping)
@@ -223,7 +233,9 @@ class _Rows:
     def _at_points(self, state: _State) -> Floats:
         """Jumps at the gaps' very positions (ng, d)."""
         more = self.system.at_point
-        return state.jump if more is None else state.jump + (more @ state.u).reshape(state.jump.shape)
+        if more is None:
+            return state.jump
+        return state.jump + (more @ state.u + state.carried.more).reshape(state.jump.shape)
 
     def _write(self, state: _State, row: int) -> None:
         system = self.system

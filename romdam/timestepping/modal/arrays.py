@@ -35,6 +35,7 @@ class ModalModel(NamedTuple):
     conserving : True where the joint force acts with its mean over the step, so that no energy is lost, else
         None, which is a type of its own to numba: what is not called is not compiled either
     shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
+    carried : (N, m) jumps that moving supports make, None without
     """
 
     static: Floats
@@ -44,6 +45,7 @@ class ModalModel(NamedTuple):
     R: Floats
     conserving: bool | None
     shift: Floats
+    carried: Floats | None
 
 
 class StepHierarchy(NamedTuple):
@@ -81,6 +83,7 @@ class Batch(NamedTuple):
         accepted steps since the closed set changed
     failed : (runs,) whether a step did not converge at the finest level
     acc : (components, samples) ground acceleration at every base step, the runs one after another [m/s2]
+    supports : (3 m, samples) acceleration, velocity and displacement of moving supports
     memory : (runs,) of the gap-space problems, without the solver's part
     solver : (runs, levels) what the solver has learnt, see `romdam.contact.solvers.state`
     """
@@ -93,6 +96,7 @@ class Batch(NamedTuple):
     clock: Record
     failed: NDArray[np.bool_]
     acc: Floats
+    supports: Floats
     memory: GapMemory
     solver: SolverState
 
@@ -145,7 +149,7 @@ class Work(NamedTuple):
         force on the modes
     w, y, old_force : (runs, N) jumps, the gap-space problem's solution, joint force at the step's start
     start_shift, end_shift : (runs, N) added jumps at both ends of the base step; (runs, 0) where none are
-    shift : (runs, N) or (runs, 0) added jumps at the step's end
+    shift, last_shift : (runs, N) or (runs, 0) added jumps at the step's end, and at the last accepted one's
     active, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
     """
 
@@ -160,6 +164,7 @@ class Work(NamedTuple):
     start_shift: Floats
     end_shift: Floats
     shift: Floats
+    last_shift: Floats
     active: Ints
     accepted: Ints
 
@@ -220,6 +225,7 @@ def new_work(states: ModalState, shifted: bool) -> Work:
         start_shift=np.zeros((runs, N if shifted else 0)),
         end_shift=np.zeros((runs, N if shifted else 0)),
         shift=np.zeros((runs, N if shifted else 0)),
+        last_shift=np.zeros((runs, N if shifted else 0)),
         active=np.zeros(runs, dtype=np.int64),
         accepted=np.zeros(runs, dtype=np.int64),
     )

@@ -121,6 +121,31 @@ def external_force(model: ModalModel, acc: Floats, f: Floats) -> None:
             f[j] += model.load[a, j] * acc[a]
 
 
+@njit(cache=True)
+def add_carried(
+    carried: Floats | None, motion: Floats, first: int, within: tuple[float, float], jump: Floats
+) -> None:
+    """Add the jumps that moving supports make within a base step, exactly for linear acceleration.
+
+    Parameters
+    ----------
+    carried : (N, m)
+    motion : (3 m, samples) acceleration, velocity and displacement of the supports
+    first : sample at which the base step begins
+    within : how far into it, from 0 to 1, and its length [s]
+    """
+    if carried is None:
+        return
+    share, dt = within
+    t, m = share * dt, carried.shape[1]
+    for k in range(m):
+        start, change = motion[k, first], motion[k, first + 1] - motion[k, first]
+        acc = 0.5 * start + share * change / 6.0
+        disp = motion[2 * m + k, first] + t * (motion[m + k, first] + t * acc)
+        for i in range(len(jump)):
+            jump[i] += carried[i, k] * disp
+
+
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats) -> None:
     """Displacement at the step's end without joint force."""

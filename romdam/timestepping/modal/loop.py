@@ -38,6 +38,7 @@ from romdam.timestepping.modal.arrays import (
     Work,
 )
 from romdam.timestepping.modal.kernels import (
+    add_carried,
     advance,
     external_force,
     free_motion,
@@ -165,6 +166,9 @@ def _try_step(
     variant = runs.variant[run].step
     for i in range(len(shift)):
         shift[i] = start[i] + share * (end[i] - start[i])
+    if model.carried is not None:
+        first = runs.samples[run] + runs.clock[run].base_steps
+        add_carried(model.carried, runs.supports, first, (share, levels.step.dt[variant, BASE]), shift)
     copy(memory.force, old_force)
     control = (tolerance, l < finest)
     if model.conserving is not None:
@@ -238,6 +242,13 @@ def _move(
         joint += joint_r
         loss += loss_r
     energies = state.energies
+    if model.carried is not None:  # the supports do what work the joint force does on what they carry
+        shift, last = work.shift[run], work.last_shift[run]
+        for i in range(len(shift)):
+            carried = state.mean[i] * (shift[i] - last[i])
+            joint += carried
+            input_ -= carried
+            last[i] = shift[i]
     energies.input += input_
     energies.damping += loss
     energies.joint_work += joint

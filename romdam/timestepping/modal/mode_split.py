@@ -109,6 +109,7 @@ def modal_model(
         R=np.ascontiguousarray(R),
         conserving=True if massless_boundary else None,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
+        carried=None if system.pseudo_static is None else np.ascontiguousarray(system.pseudo_static.jump),
     )
 
 

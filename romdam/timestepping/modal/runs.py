@@ -47,6 +47,7 @@ from romdam.timestepping.peaks import first_peaks, named_peaks, peaks_at_points
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps
+from romdam.timestepping.support_motion import with_carried_points
 
 if TYPE_CHECKING:
     from romdam.timestepping.modal.integrator import ModalIntegrator
@@ -127,7 +128,8 @@ def _arrays(
     starts: Sequence[Initial],
 ) -> Arrays:
     """Everything that the hot loop needs, at its beginning."""
-    active = np.flatnonzero([any(np.any(one.ground[a]) for one in batch) for a in range(3)])
+    shaken = [one.prepared.system.inertial(one.ground).any(axis=1) for one in batch]
+    active = np.flatnonzero(np.any(shaken, axis=0))
     variants = list(dict.fromkeys(one.prepared for one in batch))
     model, levels, damping = _constant(variants, integrator, split, settings, active)
     problem = np.array([variants.index(one.prepared) for one in batch], dtype=np.int64)
@@ -141,7 +143,8 @@ def _arrays(
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
     buffer = _history_buffer(states, settings.steps.stride, runs)
-    arrays = Arrays(model, levels, runs, states, new_work(states, len(model.shift) > 0), buffer)
+    added = len(model.shift) > 0 or model.carried is not None
+    arrays = Arrays(model, levels, runs, states, new_work(states, added), buffer)
     _begin(arrays)
     return arrays
 
@@ -175,6 +178,9 @@ def _begin(arrays: Arrays) -> None:
     work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
     if len(model.shift):
         work.start_shift[:], work.end_shift[:] = model.shift[:2]
+    if model.carried is not None:
+        disp = runs.supports[-model.carried.shape[1] :, runs.samples]
+        work.last_shift[:] = work.start_shift + (model.carried @ disp).T
 
 
 def _external_force(model: ModalModel, acc: Floats) -> Floats:
@@ -201,23 +207,30 @@ def _runs(
         samples=np.concatenate([[0], np.cumsum(samples)[:-1]]),
         rows=np.concatenate([[0], np.cumsum(rows)[:-1]]),
         last=samples - 1,
-        impulse=np.array([_impulse_limit(one.ground, steps.base, integrator.force_change) for one in batch]),
+        impulse=np.array([_impulse_limit(one, steps.base, integrator.force_change) for one in batch]),
         clock=np.zeros(len(batch), CLOCK),
         failed=np.zeros(len(batch), dtype=np.bool_),
         acc=np.ascontiguousarray(np.concatenate([one.ground[active] for one in batch], axis=1)),
+        supports=np.ascontiguousarray(np.concatenate([_of_supports(one) for one in batch], axis=1)),
         memory=memory,
         solver=solver,
     )
 
 
-def _impulse_limit(ground: Floats, step: float, force_change: float) -> float:
+def _of_supports(of: Simulation) -> Floats:
+    """Acceleration, velocity and displacement of moving supports, (3 m, nt)."""
+    by = of.prepared.system.pseudo_static
+    return of.ground[:0] if by is None else np.concatenate(by.motion(of.ground))
+
+
+def _impulse_limit(of: Simulation, step: float, force_change: float) -> float:
     """Gap velocity that the change of a joint force over a step may stand for [m/s].
 
     Impacts happen at about the peak ground velocity. On the two-cantilever model anything below 1 % of it no
     longer changes the error, with a tenth of the joints' stiffness 0.3 %; without that limit it stays above
     1 % at any step.
     """
-    velocity = np.cumsum(ground, axis=1) * step
+    velocity = np.cumsum(of.prepared.system.inertial(of.ground), axis=1) * step
     peak = float(np.abs(velocity).max(initial=0.0))
     return force_change * peak if peak > 0.0 else math.inf
 
@@ -285,7 +298,7 @@ def _outcomes(
     )  # fmt: skip
     (setup, loop), tries = spent, (states.tries["accepted"] + states.tries["refused"]).astype(float)
     outcomes: list[Outcome] = []
-    for run, (prepared, _) in enumerate(batch):
+    for run, (prepared, ground) in enumerate(batch):
         place = prepared.system.law.place(int(runs.memory.failure[run].gap))
         if runs.failed[run]:
             step, residual = int(runs.clock[run].base_steps) + 1, float(states.tries[run].residual)
@@ -305,6 +318,7 @@ def _outcomes(
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
         written = buffer._replace(**{name: getattr(buffer, name)[rows] for name in _ROWS})
         history = _history(prepared, (model, split), written, acc, settings)
+        history = with_carried_points(history, prepared.system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
         laws = at(levels.problem.laws, (runs.variant[run].problem, BASE))
         strength, bonded = shear_strength(prepared.system.law.mu, laws, written.memory, written.force)

@@ -1,0 +1,60 @@
+"""Supports of their own motion: what their records need before a scene is reduced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from romdam.config.load import Job
+from romdam.core.errors import ConfigError
+from romdam.core.motion import GroundMotion, SupportMotion
+from romdam.core.scene import Scene
+from romdam.records.processing.support_motions import refuse_drift
+from romdam.records.record_set import load_motions
+from romdam.scene.build import build_scene
+
+
+def scene_of(job: Job) -> Scene:
+    """Build the scene of a job, with the records of supports that have one.
+
+    Raises
+    ------
+    RomdamError
+        for bad input, several records of one support, and one whose displacement drifts.
+    """
+    scene = build_scene(job.config, job.folder, str(job.path))
+    if scene.moving is None:
+        return scene
+    motions = tuple(_with_record(one, job) for one in scene.moving.motions)
+    return replace(scene, moving=replace(scene.moving, motions=motions))
+
+
+def _with_record(motion: SupportMotion, job: Job) -> SupportMotion:
+    entry = job.config.supports[motion.support].motion
+    if entry is None or entry.record is None:
+        return motion
+    records, place = load_motions([entry.record], job.folder), f"{job.path}: {motion.name}.motion.record"
+    if len(records) != 1:
+        raise ConfigError(f"{place}: a support has one record, got {len(records)}; name one file")
+    refuse_drift(records[0], place)
+    return replace(motion, record=records[0])
+
+
+def refuse_drifting(job: Job, motions: Sequence[GroundMotion]) -> None:
+    """Refuse ground motions that supports cannot move against, before anything is reduced.
+
+    Raises
+    ------
+    RecordError
+        for one whose displacement drifts.
+    ConfigError
+        for several where a support has its own record.
+    """
+    moving = [support.motion for support in job.config.supports if support.motion is not None]
+    if any(one.record is not None for one in moving) and len(motions) > 1:
+        raise ConfigError(
+            f"{job.path}: supports: a support's own record goes with one record, and `records` has "
+            f"{len(motions)}; name one, or give `delay` and `factor`"
+        )
+    for motion in motions if moving else ():
+        refuse_drift(motion, f"{job.path}: records")

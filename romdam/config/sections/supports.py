@@ -1,0 +1,94 @@
+"""Supports, and motions of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from romdam.config.base import Model
+from romdam.config.quantities import Dimensionless, Time
+from romdam.config.sections.geometry.arch_dam import ArchDamConfig
+from romdam.config.sections.ground import GroundConfig
+from romdam.config.sections.motions.records import RecordConfig
+from romdam.config.sections.places import Axis, FaceRef
+from romdam.config.sections.transient import TransientConfig
+from romdam.config.sections.water import WaterConfig
+
+
+class SupportMotionConfig(Model):
+    """How a support moves where it does not move as the base does: `delay` and `factor`, or a `record`."""
+
+    delay: Annotated[Time, Field(ge=0.0, le=100.0)] = 0.0
+    """By which the support moves later than each record says, which is the motion that arrives first."""
+    factor: Annotated[Dimensionless, Field(gt=0.0, le=100.0)] = 1.0
+    """Of each record's motion, all components."""
+    record: RecordConfig | None = None
+    """The support's own motion, as an entry of `records`; it begins with the job's one record."""
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if self.record is None and self.delay == 0.0 and self.factor == 1.0:
+            raise ValueError(
+                "give `delay` above 0 s, a `factor` that is not 1, or a `record`; or leave it out"
+            )
+        if self.record is not None and self.model_fields_set & {"delay", "factor"}:
+            raise ValueError("give `record`, or `delay` and `factor`; `record.scale` multiplies a record")
+        return self
+
+
+class SupportConfig(Model):
+    """Components held on a face of a block: at zero relative displacement, or moved by a `motion`."""
+
+    block: str
+    """A name of `blocks`."""
+    face: FaceRef
+    fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
+    """Components that do not move against the base."""
+    motion: SupportMotionConfig | None = None
+    """Of these components, where it is not the base's; displacement is the records' integrated twice."""
+
+
+def refuse_wrong_motions(
+    supports: Sequence[SupportConfig],
+    beside: tuple[GroundConfig, ArchDamConfig | None, WaterConfig | None],
+    transient: TransientConfig,
+    several: bool,
+) -> None:
+    """Raise where supports of their own motion meet what knows one motion of the base only.
+
+    Parameters
+    ----------
+    beside : what else the scene may have
+    several : whether there is more than one entry of records, or a suite
+
+    Raises
+    ------
+    ValueError
+    """
+    moving = {f"supports[{i}].motion": one.motion for i, one in enumerate(supports) if one.motion is not None}
+    if not moving:
+        return
+    (place, *_), (ground, dam, water) = moving, beside
+    if ground.viscous or (dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"):
+        raise ValueError(
+            f"{place}: viscous faces of the rock know one motion of the base; hold the rock by supports "
+            "(boundary: fixed, `mass: false`), or leave the motion out"
+        )
+    if water is not None and water.has_waves:
+        raise ValueError(
+            f"{place}: water.model: compressible has one motion of its floor and banks; set water.model: "
+            "incompressible, or leave the motion out"
+        )
+    if transient.integrator == "conserving":
+        raise ValueError(
+            f"{place}: transient.integrator: conserving knows one motion of the base; take adaptive, modal "
+            "or generalized_alpha"
+        )
+    for place, motion in moving.items():
+        if motion.record is not None and several:
+            raise ValueError(
+                f"{place}.record: goes with one record, and there are several entries of `records`, or a "
+                "suite; give one and pipeline: run, or `delay` and `factor`"
+            )

@@ -1,0 +1,116 @@
+"""Displacement that supports of their own motion make by themselves, and its inertia.
+
+With supports that move by d(t) against the base the displacement is u + u_s d, u_s the static answer of the
+mesh, its joints open, to their unit displacements. u is zero at supports, and its equation is that of one
+motion with -M u_s d'' beside -M r a_g: u_s is exact, at full order and reduced, and the basis has only u to
+answer. K u_s is zero where nothing holds, so that stiffness-proportional damping does nothing for u_s d;
+neither does the mass-proportional part, nor modal ratios: a structure that is carried along is not damped.
+
+References
+----------
+Chopra, Dynamics of Structures, section 9.7; Clough, Penzien, Dynamics of Structures, section 26-2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Scene
+from romdam.core.system import PseudoStatic
+from romdam.fem.assembly import assemble
+from romdam.fem.gaps import gap_operators, point_operators
+from romdam.fem.parts import assemble_part, gather
+from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import AUTO, Solving, make_solver
+from romdam.scene.elements import Floats
+from romdam.scene.supports import rigid_motions
+from romdam.scene.ties import Part, scene_parts
+
+
+def pseudo_static(scene: Scene, directions: int, solving: Solving = AUTO) -> PseudoStatic | None:
+    """Solve for what a scene's moving supports displace; None where all move as the base does.
+
+    Parameters
+    ----------
+    directions : of every gap, 1 or 3
+    solving : how large parts are solved
+
+    Raises
+    ------
+    ConfigError
+        where supports alone do not hold a part that they move.
+    """
+    if scene.moving is None:
+        return None
+    shapes: dict[str, Floats] = {}
+    for part in scene_parts(scene).values():
+        shapes |= _shapes(part, scene, solving)
+    more = point_operators(scene, directions)
+    rows = [shapes[probe.block][3 * probe.node : 3 * probe.node + 3] for probe in scene.probes]
+    return PseudoStatic(
+        motions=scene.moving.motions,
+        shapes=shapes,
+        jump=applied(gap_operators(scene, directions), shapes),
+        at_point=None if more is None else applied(more, shapes),
+        observe=np.vstack([np.zeros((0, 3 * len(scene.moving.motions))), *rows]),
+        stiffness=sum(u.T @ (assemble(scene.blocks[name])[0] @ u) for name, u in shapes.items()),
+    )
+
+
+def applied(operators: Mapping[str, csr_matrix], shapes: Mapping[str, Floats]) -> Floats:
+    """Sum over the blocks of operators (rows, 3 nodes) on what they move by, (rows, m)."""
+    return np.asarray(sum(operator @ shapes[name] for name, operator in operators.items()))
+
+
+def support_inertia(scene: Scene, moving: PseudoStatic | None) -> dict[str, Floats]:
+    """M u_s of every block, (3 nodes, m) [kg]; without columns where no support moves by itself."""
+    if moving is None:
+        return {name: np.zeros((3 * len(block.points), 0)) for name, block in scene.blocks.items()}
+    return {name: np.asarray(assemble(scene.blocks[name])[1] @ u) for name, u in moving.shapes.items()}
+
+
+def _shapes(part: Part, scene: Scene, solving: Solving) -> dict[str, Floats]:
+    """u_s of a part's blocks."""
+    held, size = _prescribed(part, scene), 3 * part.nodes
+    moved, free = held[:size].copy(), ~part.fixed(scene.fixed).ravel()
+    if held.any() and free.any():
+        _refuse_loose(part, scene)
+        blocks = _of_blocks(part, moved, held[size:])
+        force = gather(part, {name: -(assemble(scene.blocks[name])[0] @ u) for name, u in blocks.items()})
+        K = csr_matrix(assemble_part(part, scene.blocks)[0][free][:, free])
+        rigid = rigid_motions(part.mesh(scene.blocks), np.arange(part.nodes)).reshape(-1, 6)[free]
+        motions = Motions(np.flatnonzero(free), rigid)
+        moved[free] = make_solver(K, motions, held.shape[1], solving, f"part {part.name}").solve(force[free])
+    return _of_blocks(part, moved, held[size:])
+
+
+def _prescribed(part: Part, scene: Scene) -> Floats:
+    """Unit displacements of the supports over the part's DOFs, slaves behind the others."""
+    assert scene.moving is not None
+    held = np.zeros((3 * part.every_node, 3 * len(scene.moving.motions)))
+    for name in part.blocks:
+        node, axis = np.nonzero(scene.moving.components[name] >= 0)
+        motion = scene.moving.components[name][node, axis]
+        held[3 * part.number[name][node] + axis, 3 * motion + axis] = 1.0
+    return held
+
+
+def _of_blocks(part: Part, moved: Floats, slaves: Floats) -> dict[str, Floats]:
+    """Displacement of the part's blocks from that of its independent DOFs, and of slaves that are held."""
+    every = moved if part.slaves is None else np.vstack([moved, part.slaves @ moved + slaves])
+    axes = np.arange(3)
+    return {name: every[(3 * part.number[name][:, None] + axes).ravel()] for name in part.blocks}
+
+
+def _refuse_loose(part: Part, scene: Scene) -> None:
+    """Raise where a part that moving supports hold can move rigidly: it has no static answer to them."""
+    if not part.stands_free(scene):
+        assert scene.moving is not None
+        raise ConfigError(
+            f"{scene.moving.motions[0].name}.motion: part {part.name!r} is carried by supports that leave "
+            "it a rigid motion, limit 0: where they carry it is undetermined; hold more of its components"
+        )

@@ -1,0 +1,69 @@
+"""Motions of supports against the base: acceleration, and by integrating it velocity and displacement.
+
+A record is a line between samples, so that velocity and displacement are exact at every step; both begin at
+zero. A record that ends with a velocity has a displacement that drifts, and two of its copies, one later or
+larger, drift apart: with them the structure between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.errors import RecordError
+from romdam.core.motion import GroundMotion, SupportMotion
+from romdam.records.processing.integrate import displacement, velocity
+from romdam.records.processing.resampling import cut_or_extended, resample_motion
+
+_DRIFT = 0.1  # of the peak velocity, at the end: a record that is corrected has 0.01
+
+
+def with_supports(
+    acc: NDArray[np.float64], dt: float, motions: Sequence[SupportMotion]
+) -> NDArray[np.float64]:
+    """Add to a ground acceleration what supports move against it.
+
+    Parameters
+    ----------
+    acc : (3, nt) of the base [m/s2]
+
+    Returns
+    -------
+    (3 + 9 k, nt) that of the base, then acceleration, velocity and displacement of k supports, x, y, z each
+    """
+    if not motions:
+        return acc
+    against = np.concatenate([_own(one, acc, dt) - acc for one in motions])
+    return np.concatenate([acc, against, velocity(against, dt), displacement(against, dt)])
+
+
+def _own(motion: SupportMotion, acc: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+    """Acceleration of a support (3, nt) [m/s2]."""
+    if motion.record is not None:
+        return cut_or_extended(resample_motion(motion.record, dt), acc.shape[1])
+    time = np.arange(acc.shape[1]) * dt
+    later = [np.interp(time - motion.delay, time, row, left=0.0) for row in acc]
+    return motion.factor * np.stack(later)
+
+
+def refuse_drift(motion: GroundMotion, place: str) -> None:
+    """Raise where a record's displacement drifts.
+
+    Parameters
+    ----------
+    place : file and key, for messages
+
+    Raises
+    ------
+    RecordError
+    """
+    speed = np.abs(velocity(motion.acc, motion.dt))
+    peak, end = float(speed.max(initial=0.0)), float(speed[:, -1].max(initial=0.0))
+    if end > _DRIFT * peak:
+        raise RecordError(
+            f"{place}: record {motion.name} ends with a velocity of {end:.3g} m/s, {end / peak:.0%} of its "
+            f"peak, limit {_DRIFT:.0%}: its displacement, which supports of their own motion take, drifts; "
+            "correct its baseline, as `correction: peer` does"
+        )
