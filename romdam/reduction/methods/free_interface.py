@@ -40,6 +40,7 @@ from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
+from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
@@ -291,7 +292,7 @@ def _ritz_vectors(
     columns = right.shape[1] + choice.columns
     solver = make_solver(shifted, merged.motions, columns, choice.solving, merged.place, merged.inner)
     T = OutOfCoreMatrix(path, key, (len(merged.row), right.shape[1]))
-    width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
+    width = solver.width if isinstance(solver, CondensedSingle | Multifrontal) else WIDTH
     T.fill(
         T.shape[1], lambda a, b: _over_blocks(merged, _static(merged, solver, right[:, a:b].toarray())), width
     )
