@@ -18,6 +18,7 @@ from romdam.linalg.dense import eigh
 from romdam.linalg.factor import Factor
 from romdam.linalg.krylov import krylov_modes, ritz_vectors
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
+from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.multigrid import Multigrid
 from romdam.linalg.solvers import SMALL, Solver
 from romdam.linalg.symmetric import Symmetric
@@ -34,7 +35,7 @@ def lowest_modes(
 ) -> tuple[Floats, Floats]:
     """Lowest modes: by shift-invert Lanczos on a factorisation that exists, or by LOBPCG under multigrid.
 
-    Above 20,000 unknowns Lanczos takes sixteen vectors at once.
+    Above 5,000 unknowns Lanczos takes sixteen vectors at once.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ def modes_below(
     """Lowest modes: so many, or all below a frequency [Hz]; see `lowest_modes`.
 
     Those below a frequency are counted first, as the negative pivots of K - omega^2 M (Sylvester's inertia).
-    Above 20,000 unknowns, where that factorisation would cost as much as all the rest, the iteration goes on
+    Above 5,000 unknowns, where that factorisation would cost as much as all the rest, the iteration goes on
     until it is past the frequency, and random vectors beside what it found look for a mode that it missed.
     """
     if count is not None or K.shape[0] == 0:
@@ -147,7 +148,7 @@ def span_of_modes(
     large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
     if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
         wanted = Wanted(count, np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2)
-        if isinstance(solver, CondensedSingle):
+        if isinstance(solver, CondensedSingle | Multifrontal):
             return _outer_modes(csr_matrix(M), wanted, solver, shift, beyond)
         return krylov_modes(csr_matrix(M), wanted, solver.solve, shift, beyond)
     omega2, modes = modes_below(K, M, count, cutoff, solver, shift)
@@ -159,17 +160,18 @@ def span_of_modes(
 
 
 def _outer_modes(
-    M: csr_matrix, wanted: Wanted, solver: CondensedSingle, shift: float, beyond: float
+    M: csr_matrix, wanted: Wanted, solver: CondensedSingle | Multifrontal, shift: float, beyond: float
 ) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """`span_of_modes` where all mass is on the solver's outer rows: found there, then carried inside."""
     own = csr_matrix(M[solver.outer][:, solver.outer])
-    (count, _), make = krylov_modes(own, wanted, solver.near.solve, shift)
-    counts = count, count
-    if count:
+    if isinstance(solver, CondensedSingle):
+        (count, _), make = krylov_modes(own, wanted, solver.near.solve, shift)
         vectors = make(0, count)
         del make  # it holds the factors that are to go
-        solver.sharpen(vectors)
-        counts, make = krylov_modes(own, wanted, solver.near.solve, shift, beyond)
+        if count:
+            solver.sharpen(vectors)
+        del vectors
+    counts, make = krylov_modes(own, wanted, solver.near.solve, shift, beyond)
 
     def over_all(first: int, last: int) -> Floats:
         forces = np.zeros((M.shape[0], last - first))

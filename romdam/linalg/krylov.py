@@ -31,7 +31,10 @@ Apply = Callable[[Floats], Floats]
 RESIDUAL = 1e-7  # of a mode found: |D M x - mu x| relative to mu, in the norm of M
 _NEAR = 1e-2  # the same of the modes next to them
 _BESIDE = 2  # so many of those
-_NONE = 1e-12  # length of a new direction, relative to the largest mu, below which it is round-off
+_GROWTH = 1.125  # of the space between two looks at its content
+_NONE = (
+    1e-12  # length of a new direction, relative to T's largest diagonal entry, below which it is round-off
+)
 _ROWS = 65_536
 _PROBE, _PROBE_WIDTH = 5, 8  # steps and random vectors that look for a missed mode
 _WIDEST = 64
@@ -129,9 +132,13 @@ def _converged(ritz: _Ritz, count: int, size: int) -> bool:
 def _grown(
     own: csr_matrix, flexibility: Apply, start: Floats, against: Floats | None = None
 ) -> Iterator[_Ritz]:
-    """The Krylov space of D M, grown block by block; within what is M-orthogonal to `against`."""
+    """The Krylov space of D M, grown block by block; within what is M-orthogonal to `against`.
+
+    Its dense eigenproblem is solved each time it has grown by an eighth: at every block it would cost more
+    than the solutions.
+    """
     blocks = [] if against is None else [against]
-    fixed, T = len(blocks), np.zeros((0, 0))
+    fixed, T, due = len(blocks), np.zeros((0, 0)), 0.0
     V = _independent(own, _apart(own, blocks, start))
     while V.shape[1]:
         blocks.append(V)
@@ -140,12 +147,15 @@ def _grown(
         T = np.pad(T, ((0, V.shape[1]),) * 2)
         T[:, -V.shape[1] :] = np.vstack([block.T @ MW for block in blocks[fixed:]])
         T[-V.shape[1] :] = T[:, -V.shape[1] :].T
-        mu, S = eigh(0.5 * (T + T.T))
         W = _apart(own, blocks, W)
-        gram, last = W.T @ (own @ W), S[-V.shape[1] :]
-        error = np.sqrt(np.maximum((last * (gram @ last)).sum(axis=0), 0.0)) / np.abs(mu)
-        yield _Ritz(mu[::-1], S[:, ::-1], error[::-1], blocks[fixed:])
-        if np.sqrt(gram.diagonal().max()) <= _NONE * mu[-1]:
+        gram = W.T @ (own @ W)
+        ended = np.sqrt(gram.diagonal().max()) <= _NONE * T.diagonal().max()
+        if ended or len(T) >= due:
+            mu, S = eigh(0.5 * (T + T.T))
+            last, due = S[-V.shape[1] :], _GROWTH * len(T)
+            error = np.sqrt(np.maximum((last * (gram @ last)).sum(axis=0), 0.0)) / np.abs(mu)
+            yield _Ritz(mu[::-1], S[:, ::-1], error[::-1], blocks[fixed:])
+        if ended:
             return
         V = _independent(own, W)
 

@@ -5,6 +5,7 @@ All solvers have one interface, made once and solved with many times:
 | name | what it is | from |
 |---|---|---|
 | superlu | LU with an ordering for symmetric patterns | SciPy |
+| multifrontal | L L^T of dense fronts, nested dissection (see `multifrontal.py`) | LAPACK |
 | pardiso | L D L^T of the Intel MKL | pypardiso (extra `large`) |
 | pardiso_single | L L^T in single precision under conjugate gradients in double: half the memory | the same |
 | | where most rows have neither mass nor load, of those alone (see `condensed.py`) | |
@@ -29,6 +30,7 @@ from romdam.core.errors import ReductionError
 from romdam.core.machine import memory_limit, shown_size
 from romdam.linalg.condensed import CondensedSingle, is_condensable
 from romdam.linalg.factor import Factor
+from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.pardiso import PardisoFactor, PardisoSingle
 from romdam.linalg.symmetric import Symmetric, upper, whole
@@ -36,9 +38,16 @@ from romdam.linalg.symmetric import Symmetric, upper, whole
 log = logging.getLogger(__name__)
 
 
-SMALL = 20_000  # unknowns up to which SuperLU is taken, so that a small job gives the same with any extra
+SMALL = 5_000  # unknowns up to which SuperLU is quicker than dense fronts
+_OWN = 20_000  # up to which one of these two is taken, so that a small job gives the same with any extra
 _WRONG = 1e-3  # error of a trial solve, relative to the answer: a matrix that spans 13 decades or more
-_MODULE = {"superlu": "scipy", "pardiso": "pypardiso", "pardiso_single": "pypardiso", "multigrid": "pyamg"}
+_MODULE = {
+    "superlu": "scipy",
+    "multifrontal": "scipy",
+    "pardiso": "pypardiso",
+    "pardiso_single": "pypardiso",
+    "multigrid": "pyamg",
+}
 
 
 class Solver(Protocol):
@@ -90,6 +99,7 @@ class _Growth:
 # name -> seconds to make, seconds for a column, bytes
 _FITS = {
     "superlu": (_Growth(18000.0, 2.2), _Growth(5.0, 1.5), _Growth(80e9, 1.5)),
+    "multifrontal": (_Growth(830.0, 2.0), _Growth(0.33, 1.33), _Growth(40e9, 1.33)),
     "pardiso": (_Growth(620.0, 1.5), _Growth(0.7, 0.95), _Growth(22e9, 1.2)),
     "pardiso_single": (_Growth(370.0, 1.35), _Growth(1.5, 1.0), _Growth(11.7e9, 0.95)),
     "multigrid": (_Growth(40.0, 1.0), _Growth(3.5, 1.0), _Growth(6e9, 0.9)),
@@ -106,7 +116,8 @@ def estimates(unknowns: int, columns: int) -> list[Estimate]:
         for name, (make, column, memory) in _FITS.items()
         if find_spec(_MODULE[name]) is not None
     ]
-    return sorted(found, key=lambda e: (e.solver != "superlu" if unknowns <= SMALL else 0, e.seconds))
+    own = ("superlu" if unknowns <= SMALL else "multifrontal") if unknowns <= _OWN else None
+    return sorted(found, key=lambda e: (e.solver != own, e.seconds))
 
 
 def candidates(unknowns: int, columns: int, solving: Solving, place: str) -> list[Estimate]:
@@ -166,7 +177,7 @@ def make_solver(
 
     Parameters
     ----------
-    motions : of the matrix' rows, for multigrid
+    motions : of the matrix' rows
     place : what to call the matrix in messages
     inner : rows without mass and load, if any
 
@@ -179,6 +190,7 @@ def make_solver(
         return Factor(whole(matrix))
     makers: dict[str, Callable[[], Solver]] = {
         "superlu": lambda: Factor(whole(matrix)),
+        "multifrontal": lambda: Multifrontal(whole(matrix), motions.row // 3, inner),
         "pardiso": lambda: PardisoFactor(upper(matrix), solving.limit),
         "pardiso_single": lambda: _single(matrix, inner, solving.limit),
         "multigrid": lambda: Multigrid(whole(matrix), motions),

@@ -14,11 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix, eye_array
+from scipy.sparse import bsr_matrix, csr_matrix, eye_array
 
 from romdam.core.arrays import Bools, Floats
 
-_PARALLEL = 1e-10  # second singular value of the jump directions at a node, relative to the first
+_PARALLEL = 1e-10  # part of a jump direction across the longest one at the node, relative to that
 _ALIGNED = 1e-12  # distance of a unit normal from a coordinate axis
 
 
@@ -47,24 +47,20 @@ def joint_interface(operator: csr_matrix, fixed: Bools) -> Interface:
     operator : (rows, 3 n) gap operator of the block
     fixed : (n, 3) components held by supports
     """
-    by_node = csr_matrix(operator.T)
-    retained = np.zeros(fixed.size, dtype=bool)
+    retained = np.zeros(fixed.shape, dtype=bool)
     frames: dict[int, Floats] = {}
-    for node in np.unique(np.flatnonzero(np.diff(by_node.indptr)) // 3):
-        components = 3 * node + np.arange(3)
-        directions = by_node[components].toarray()
-        direction = _lone_direction(directions[:, np.abs(directions).any(axis=0)])
+    for node, direction in _lone_directions(operator):
         axis = None if direction is None else int(np.argmax(np.abs(direction)))
         if direction is None or axis is None:
-            retained[components] = True
+            retained[node] = True
         elif 1.0 - abs(direction[axis]) < _ALIGNED:
-            retained[components[axis]] = True
+            retained[node, axis] = True
         elif fixed[node].any():
-            retained[components] = True
+            retained[node] = True
         else:
-            frames[int(node)] = _frame(direction)
-            retained[components[0]] = True
-    return Interface(turn=_block_rotation(frames, len(fixed)), retained=retained & ~fixed.ravel())
+            frames[node] = _frame(direction)
+            retained[node, 0] = True
+    return Interface(turn=_block_rotation(frames, len(fixed)), retained=(retained & ~fixed).ravel())
 
 
 def sees_more_nodes_than_gaps(operator: csr_matrix, interface: Interface, directions: int) -> bool:
@@ -79,12 +75,19 @@ def sees_more_nodes_than_gaps(operator: csr_matrix, interface: Interface, direct
     return int(interface.retained.reshape(-1, 3).any(axis=1).sum()) > len(gaps)
 
 
-def _lone_direction(directions: Floats) -> Floats | None:
-    """The unit vector to which all columns (3, k) are parallel, if there is one."""
-    U, singular, _ = np.linalg.svd(directions, full_matrices=False)
-    if len(singular) > 1 and singular[1] > _PARALLEL * singular[0]:
-        return None
-    return np.asarray(U[:, 0])
+def _lone_directions(operator: csr_matrix) -> list[tuple[int, Floats | None]]:
+    """Every node that gaps see, and the unit vector parallel to all their directions, if there is one."""
+    by_node = bsr_matrix(operator, blocksize=(1, 3))
+    jumps, node = by_node.data[:, 0], by_node.indices
+    length = np.linalg.norm(jumps, axis=1)
+    order = np.lexsort((-length, node))
+    jumps, node, length = (a[order][length[order] > 0.0] for a in (jumps, node, length))
+    seen, first, which = np.unique(node, return_index=True, return_inverse=True)  # the longest is the first
+    longest = jumps[first] / length[first, None]
+    across = jumps - (jumps * longest[which]).sum(axis=1)[:, None] * longest[which]
+    parallel = np.ones(len(seen), dtype=bool)
+    parallel[which[np.linalg.norm(across, axis=1) > _PARALLEL * length[first][which]]] = False
+    return [(int(n), d if lone else None) for n, d, lone in zip(seen, longest, parallel, strict=True)]
 
 
 def _frame(direction: Floats) -> Floats:
@@ -94,6 +97,8 @@ def _frame(direction: Floats) -> Floats:
 
 
 def _block_rotation(frames: dict[int, Floats], nodes: int) -> csr_matrix:
+    if not frames:
+        return csr_matrix(eye_array(3 * nodes, format="csr"))
     turn = eye_array(3 * nodes, format="lil")
     for node, frame in frames.items():
         turn[3 * node : 3 * node + 3, 3 * node : 3 * node + 3] = frame

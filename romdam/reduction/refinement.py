@@ -38,7 +38,8 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     matrix = np.zeros((fine.system.size, coarse.system.size))
     for name, block in scene.blocks.items():
         a, b = fine.basis[name], coarse.basis[name]
-        matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble(block)[1]))
+        if block.material.rho > 0.0:
+            matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble(block)[1]))
     if fine.water is not None:
         onto, of = (on_unknowns(m.system.size, m.basis, fine.water.coupling) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)

@@ -23,9 +23,8 @@ from romdam.core.system import System
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.water.added_mass import AddedMass
 from romdam.linalg.dense import eigh
-from romdam.reduction.basis import Dense, Lazy
+from romdam.reduction.basis import Lazy
 from romdam.reduction.methods.craig_bampton import without_roundoff
-from romdam.reduction.methods.out_of_core import LARGE
 
 _MOST = 3000  # modes that take the water; higher ones, which answer as flexibilities, stay dry
 
@@ -131,10 +130,9 @@ def _changed(part: BlockBasis, change: _Change, omega2: Floats) -> BlockBasis:
     V = np.zeros((len(own), columns.stop))
     V[change.wet[wet] - first, :shift] = change.V[wet]
     V[change.dry[dry] - first, shift + dry] = 1.0
-    large = part.vectors.nbytes > LARGE
     return replace(
         part,
-        vectors=Lazy(part.vectors, V) if large else Dense(part.vectors.rows() @ V),
+        vectors=Lazy(part.vectors, V),
         columns=columns,
         omega2=omega2[columns],
         participation=V.T @ part.participation,

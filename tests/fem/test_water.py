@@ -227,7 +227,6 @@ def test_large_bases_are_turned_row_by_row(monkeypatch, tmp_path):
     """A mapped basis takes the water where its rows are read; what is stored is the same."""
     scene, config = two_blocks()
     known = reduce_scene(scene, ModeChoice(count=12), config.damping)
-    monkeypatch.setattr(romdam.reduction.water, "LARGE", 0.0)
     monkeypatch.setattr(romdam.reduction.storage.model_file, "_MAPPED", 0.0)
     made = reduce_scene(scene, ModeChoice(count=12), config.damping)
     path = tmp_path / write_model(tmp_path, scene, made.basis)

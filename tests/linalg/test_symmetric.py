@@ -28,9 +28,11 @@ def test_both_triangles_come_back_bit_for_bit(matrix):
     assert kept.upper.nnz < 0.6 * matrix.nnz
 
 
-@pytest.mark.parametrize("name", ["superlu", "pardiso", "pardiso_single", "multigrid"])
+@pytest.mark.parametrize("name", ["superlu", "multifrontal", "pardiso", "pardiso_single", "multigrid"])
 def test_every_solver_takes_it(matrix, name):
-    pytest.importorskip({"superlu": "scipy", "multigrid": "pyamg"}.get(name, "pypardiso"))
+    pytest.importorskip(
+        {"superlu": "scipy", "multifrontal": "scipy", "multigrid": "pyamg"}.get(name, "pypardiso")
+    )
     motions = Motions(np.arange(60), np.random.default_rng(2).standard_normal((60, 6)))
     right = np.random.default_rng(3).standard_normal((60, 5))
     found = make_solver(Symmetric(matrix), motions, 5, Solving(name), "b").solve(right)

@@ -17,6 +17,7 @@ from romdam.fem.parts import basis_over_unknowns
 from romdam.linalg import eigen
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
+from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import Solving
 from romdam.reduction.methods import free_interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
@@ -177,6 +178,35 @@ def test_all_modes_on_rock_without_mass_are_those_of_the_condensed_mesh():
     assert (found[len(exact) :] > exact[-1]).all()  # what is left of the joints' flexibility has no mass
     few = reduced(scene, cutoff=0.99 * np.sqrt(exact[40]) / 2 / np.pi).system.K.diagonal()
     assert np.abs(np.sqrt(few[:40] / exact[:40]) - 1).max() < 1e-8
+
+
+def test_rock_without_mass_is_eliminated_before_modes_are_looked_for(monkeypatch):
+    """On the dam alone, by fronts; omega^2 and flexibility of the gaps are those of SuperLU on the whole."""
+    monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)
+    made = []
+
+    class Noted(Multifrontal):
+        def __init__(self, *of):
+            super().__init__(*of)
+            made.append((self.size, len(self.outer)))
+
+    monkeypatch.setattr("romdam.linalg.solvers.Multifrontal", Noted)
+    scene = massless(divisions=COARSE | {"rock": 3, "upstream": 3})
+    mine, known = (
+        reduce_scene(scene, ModeChoice(cutoff=30.0, solving=Solving(name)), DAMPING)
+        for name in ("multifrontal", "superlu")
+    )
+    ((size, outer),) = made
+    assert size - outer > 500
+    modes = known.report["C1"]["fixed_interface_modes"]
+    assert modes == mine.report["C1"]["fixed_interface_modes"] > 10
+    squared, exact = (model.system.K.diagonal()[:modes] for model in (mine, known))
+    assert np.abs(squared / exact - 1.0).max() < 1e-9
+    flexible, exact = (
+        model.system.B @ (model.system.B.T.toarray() / model.system.K.diagonal()[:, None])
+        for model in (mine, known)
+    )
+    assert np.abs(flexible - exact).max() < 1e-9 * np.abs(exact).max()
 
 
 def test_rock_without_mass_is_condensed_to_the_same_model(monkeypatch):

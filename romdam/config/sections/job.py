@@ -171,7 +171,7 @@ class ModelConfig(Model):
     """Fixed-interface modes of each block."""
     cutoff: Annotated[Frequency, Positive] | None = None
     residual_vectors: ResidualVectors = 0
-    solver: Literal["auto", "superlu", "pardiso", "pardiso_single", "multigrid"] = "auto"
+    solver: Literal["auto", "superlu", "multifrontal", "pardiso", "pardiso_single", "multigrid"] = "auto"
     memory: Annotated[Memory, Positive] | None = None
 
     @model_validator(mode="after")

@@ -187,7 +187,8 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         yield from repeat(Substructure(without_roundoff(omega2), basis, *sizes, highest_hz(omega2), 0.0, 0.0))
     Psi, modes, solver = _ritz_vectors(block, choice)
     T = _assemble_basis(Psi, modes.Phi, retained)
-    omega2, V = diagonalise(T.T @ (K @ T), T.T @ (M @ T), block.place)
+    mass = T.T @ (M @ T)
+    omega2, V = diagonalise(_stiffness(block, T, modes.omega2, mass), mass, block.place)
     sub = Substructure(
         omega2=omega2,
         basis=T @ V,
@@ -257,6 +258,16 @@ def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
     T = over_interior(retained, np.hstack([Psi, Phi]))
     T[retained, :boundary] = np.eye(boundary)
     return T
+
+
+def _stiffness(block: FreeBlock, T: Floats, omega2: Floats, mass: Floats) -> Floats:
+    """T^T K T from what constraint modes leave at the boundary; K - s M couples them with no mode."""
+    boundary, s = T.shape[1] - len(omega2), block.shift
+    on_boundary = block.K[block.retained] - s * block.M[block.retained]
+    stiffness = s * mass
+    stiffness[:boundary, :boundary] += on_boundary @ T[:, :boundary]
+    stiffness[boundary:, boundary:] += np.diag(omega2 - s)
+    return stiffness
 
 
 def over_interior(retained: Bools, inside: Floats) -> Floats:

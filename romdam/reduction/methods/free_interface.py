@@ -41,6 +41,7 @@ from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.eigen import dense_modes, span_of_modes
+from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
@@ -67,7 +68,7 @@ log = logging.getLogger(__name__)
 # times the highest frequency of the modes: so far go those of the basis that estimates compare with
 BEYOND = 1.5
 _NODES = 4096  # of a block's basis at a time
-_TOGETHER = 64  # modes looked at: each time all of them are read
+_TOGETHER, _READ = 64, 200e6  # modes looked at, and bytes of them: each time all of them are read
 
 
 @dataclass(frozen=True)
@@ -244,7 +245,12 @@ def _reduced(
             _Level(T, count, *diagonalised(T, count, pencil, _work(merged, T), count - counts[0]))
             for T, count in zip(some, counts, strict=False)
         ]
-    kept = [_stored(merged, scene, one, (store, own, choice)) for one, own in zip(levels, keys, strict=True)]
+    residual = _residual(merged, levels[0])  # the finer basis has the same modes
+    reports = [_report(merged, level, residual) | choice.report() for level in levels]
+    kept = [
+        _stored(merged, scene, level, (store, own, report))
+        for level, own, report in zip(levels, keys, reports, strict=True)
+    ]
     whole.remove()
     return kept
 
@@ -259,12 +265,14 @@ class _Level(NamedTuple):
 
 
 def _stored(
-    merged: _MergedPart, scene: Scene, level: _Level, to: tuple[BlockStore, dict[str, str], ModeChoice]
+    merged: _MergedPart,
+    scene: Scene,
+    level: _Level,
+    to: tuple[BlockStore, dict[str, str], dict[str, object]],
 ) -> dict[str, BlockBasis]:
     """Keep the blocks' rows of a basis under their keys."""
-    (T, modes, omega2, V), (store, keys, choice) = level, to
+    (T, modes, omega2, V), (store, keys, report) = level, to
     log.info("%s: %d modes, %d attachment modes", merged.place, modes, len(omega2) - modes)
-    report = _report(merged, T, omega2, V, modes) | choice.report()
     kept, first = {}, 0
     for name, key in keys.items():
         last = first + 3 * len(scene.blocks[name].points)
@@ -287,7 +295,7 @@ def _ritz_vectors(
     columns = right.shape[1] + choice.columns
     solver = make_solver(shifted, merged.motions, columns, choice.solving, merged.place, merged.inner)
     T = OutOfCoreMatrix(path, key, (len(merged.row), right.shape[1]))
-    width = solver.width if isinstance(solver, CondensedSingle) else WIDTH
+    width = solver.width if isinstance(solver, CondensedSingle | Multifrontal) else WIDTH
     T.fill(
         T.shape[1], lambda a, b: _over_blocks(merged, _static(merged, solver, right[:, a:b].toarray())), width
     )
@@ -350,21 +358,26 @@ def _spread(right: csc_matrix, rows: Ints, size: int) -> csr_matrix:
     return csr_matrix((across.data, rows[across.indices], across.indptr), shape=(right.shape[1], size))
 
 
-def _report(
-    merged: _MergedPart, T: OutOfCoreMatrix, omega2: Floats, V: Floats, modes: int
-) -> dict[str, object]:
+def _residual(merged: _MergedPart, level: _Level) -> float:
+    """Largest relative eigenvalue residual of the modes."""
+    together = max(_TOGETHER, int(_READ / (8 * len(merged.row))))
+    found = 0.0
+    for first in range(0, level.modes, together):
+        some = slice(first, min(first + together, level.modes))
+        Phi = level.T.combined(level.V[:, some])[merged.first]
+        found = max(found, eigen_residual(merged.K, merged.M, level.omega2[some], Phi))
+    return found
+
+
+def _report(merged: _MergedPart, level: _Level, residual: float) -> dict[str, object]:
     """The numbers on the reduction, as plain values."""
-    low, residual, rows = omega2[:modes], 0.0, merged.first
-    for first in range(0, modes, _TOGETHER):
-        some = slice(first, min(first + _TOGETHER, modes))
-        Phi = T.combined(V[:, some])[rows]
-        residual = max(residual, eigen_residual(merged.K, merged.M, low[some], Phi))
+    low = level.omega2[: level.modes]
     sub = Substructure(
-        omega2=omega2,
+        omega2=level.omega2,
         basis=np.zeros((0, 0)),
-        retained=len(omega2) - modes,
-        fixed_interface=modes,
-        highest=float(np.sqrt(max(low[-1], 0.0)) / (2.0 * np.pi)) if modes else 0.0,
+        retained=len(level.omega2) - level.modes,
+        fixed_interface=level.modes,
+        highest=float(np.sqrt(max(low[-1], 0.0)) / (2.0 * np.pi)) if level.modes else 0.0,
         orthonormality=0.0,
         residual=residual,
     )
