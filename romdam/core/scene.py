@@ -11,6 +11,8 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.system import LawRows
 
+MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
+
 
 @dataclass(frozen=True)
 class Material:
@@ -156,11 +158,6 @@ class Joint:
         """(3,) force of its water on block J, block I has the opposite [N]."""
         return np.asarray(self.water @ self.axes[:, 0])
 
-    @property
-    def has_friction(self) -> bool:
-        """Tell whether the tangential directions carry force."""
-        return bool(self.mu.max(initial=0.0) > 0.0)
-
 
 @dataclass(frozen=True)
 class FacePressure:
@@ -194,8 +191,7 @@ class Tie:
     blocks : names of the blocks I and J
     nodes : two arrays of node numbers, in block I and in block J
     weights : (k, m) sparse, rows sum to 1; None where nodes are one
-    area : (k,) tributary areas of the slave nodes [m2], None if alike: a node that is a slave in several ties
-        takes their mean by them
+    area : (k,) of the slave nodes [m2], None if alike: by them a slave in several ties takes its mean
     """
 
     name: str
@@ -351,6 +347,12 @@ class StressSites:
     strength: float | None
     sections: tuple[Section, ...] = ()
 
+    @property
+    def ring_shares(self) -> Floats:
+        """(faces,) part of each face's area that the ring leaves out."""
+        outside = [f.area @ self.blocks[f.block].counted[f.rows] / f.area.sum() for f in self.faces]
+        return 1.0 - np.array(outside)
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -370,10 +372,8 @@ class Scene:
     warmed : block name -> uniform change of temperature [K]
     reservoir : water that moves with the dam, or None
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
-    radiating : blocks that move with the ground's own waves, and whose mass only carries away what the others
-        send out: the ground's acceleration does not act on it
-    free_field : the waves that come up through the rock, see `romdam.fem.free_field`; None where all that
-        does not radiate is shaken alike
+    radiating : blocks whose mass only carries away what the others send out: the ground does not shake it
+    free_field : the waves that come up through the rock; None where all that does not radiate is shaken alike
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     """
 
