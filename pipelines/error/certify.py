@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import romdam
+from romdam.config.coupling import coupling
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
@@ -61,15 +62,10 @@ def certify(
     """
     run = read_run(Path(result))
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
-    _refuse_waves(job)
+    _refuse_coupled(job)
     motion = _motion(job, run)
     model = build_model(job, clock)
     run.refuse_other(model.scene.gap_position, model.system.size)
-    if not model.system.diagonal:
-        raise ResultError(
-            f"{run.path}: dashpots of viscous faces couple its {model.system.size} modes, and a certificate "
-            "corrects runs of modes that nothing couples; `romdam verify` compares with the full order"
-        )
     with clock.stage("finer", "reducing a finer model"):
         fine = reduce_scene(model.scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling the full model"):
@@ -83,11 +79,11 @@ def certify(
     return Certified(statement, write_certificate(run.path, statement), correction.corrected)
 
 
-def _refuse_waves(job: Job) -> None:
-    if job.config.water is not None and job.config.water.has_waves:
+def _refuse_coupled(job: Job) -> None:
+    if own := coupling(job.config):
         raise ConfigError(
-            f"{job.path}: water.model: a certificate replays joint forces through models whose water is an "
-            "added mass, got compressible; take `romdam verify`, which runs the mesh itself"
+            f"{job.path}: {own.key}: a certificate corrects runs of modes that nothing couples, and {own.by} "
+            "couple them; take `romdam verify`, which runs the mesh itself"
         )
 
 

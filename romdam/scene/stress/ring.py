@@ -97,7 +97,7 @@ def near_edges(points: Floats, ends: Floats, radius: Floats) -> Bools:
 
 
 def near_contacts(block: Block, nodes: Ints, joints: Iterable[Joint], held: Bools, radius: float) -> Bools:
-    """(k,) True for nodes of a block within `radius` of the nodes of its contact faces, with gaps or held [m].
+    """(k,) True for nodes of a block within `radius` of its contact faces' nodes, with gaps or held [m].
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mappi
     rows = []
     for k, (name, block) in enumerate(blocks.items()):
         held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
-        free = ~(covered[k] | held | _linked(block, facets[k], links, fixed[name].any(axis=1)))
+        free = ~(covered[k] | held | _linked(block, facets[k], links, np.asarray(fixed[name].any(axis=1))))
         material = stiffness.index((block.material.E, block.material.nu))
         rows.append(_edge_rows(block, facets[k][free], number[k], material))
     at = np.concatenate(number)

@@ -95,9 +95,8 @@ def _with_rings(
     for name, own in sites.items():
         block, joints = structure.blocks[name], structure.joints.values()
         rings[name] = near_edges(block.points[own.nodes], ends, radius)
-        rings[name] |= near_contacts(
-            block, own.nodes, joints, structure.fixed[name].any(axis=1), ring.contacts
-        )
+        held = np.asarray(structure.fixed[name].any(axis=1))
+        rings[name] |= near_contacts(block, own.nodes, joints, held, ring.contacts)
     return {name: replace(own, ring=rings[name]) for name, own in sites.items()}
 
 
