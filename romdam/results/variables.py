@@ -131,7 +131,18 @@ COORDINATES: dict[str, Variable] = {
         _has_joints,
     ),
     "initial_gap": Variable(
-        ("gap",), "m", "initial gap, open positive", lambda c: c.of_gaps("gap"), _has_joints
+        ("gap",),
+        "m",
+        "initial gap as configured, before any grouting, open positive",
+        lambda c: c.of_gaps("gap"),
+        _has_joints,
+    ),
+    "grouted_gap": Variable(
+        ("gap",),
+        "m",
+        "initial gap after grouting, at which the opening of an unloaded gap starts, open positive",
+        lambda c: c.history.gap,
+        lambda c: _has_joints(c) and bool(c.of_gaps("grout").any()),
     ),
     "node_block": Variable(
         ("node",),

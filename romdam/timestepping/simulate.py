@@ -48,7 +48,10 @@ def simulate(
         assert one.integrator == integrator
         integrator.supports(one.system)
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
-    return [one if isinstance(one, ConvergenceError) else _with_imbalance(one) for one in outcomes]
+    return [
+        one if isinstance(one, ConvergenceError) else _told(one, own)
+        for one, own in zip(outcomes, each, strict=True)
+    ]
 
 
 def simulate_one(
@@ -73,5 +76,6 @@ def history_of(outcome: Outcome) -> History:
     return outcome
 
 
-def _with_imbalance(history: History) -> History:
-    return replace(history, stats=history.stats | {"ledger_imbalance": imbalance(history.energy)})
+def _told(history: History, prepared: Prepared) -> History:
+    stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
+    return replace(history, stats=stats, gap=prepared.system.law.gap)
