@@ -21,6 +21,7 @@ from romdam.pipelines.error.study import study
 from romdam.pipelines.run import run
 from romdam.records.processing.resampling import resample
 from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.ground.free_field import free_field
@@ -408,3 +409,11 @@ def test_run_says_what_its_displacement_is_relative_to(tmp_path, monkeypatch):
         ConfigError, match=r"model.modes: auto .* none with dashpots of viscous faces \(ground"
     ):
         parse_config(job, "s.yaml")
+
+
+def test_natural_modes_do_not_know_how_the_rock_is_shaken():
+    """They are of the mesh on its springs, with a free field or without."""
+    field, uniform = make(rock()), make(rock(input="uniform"))
+    assert field.free_field is not None and uniform.free_field is None
+    freq = [natural_modes(one, DampingConfig(), 4).freq for one in (field, uniform)]
+    np.testing.assert_allclose(freq[0], freq[1], rtol=1e-9)
