@@ -248,7 +248,7 @@ VARIABLES: dict[str, Variable] = {
         _has_probes,
     ),
     "ground_acceleration": Variable(
-        ("time", "component"), "m s-2", "ground acceleration at the base", _ground_acceleration
+        ("time", "component"), "m s-2", "ground acceleration of the base", _ground_acceleration
     ),
     "energy_input": _energy("input", "work of inertia forces, static loads and water that enters gaps"),
     "energy_kinetic": _energy("kinetic", "kinetic energy relative to the base"),

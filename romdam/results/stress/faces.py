@@ -186,7 +186,7 @@ FACE_VARIABLES: dict[str, Variable] = {
     "start_principal_stress": Variable(
         ("stress_node",),
         "Pa",
-        "major principal stress at the first time, at rest",
+        "major principal stress at the first time, of the loads at rest where it starts from them",
         _attribute("at_start"),
         _of_nodes,
     ),
@@ -211,7 +211,7 @@ FACE_VARIABLES: dict[str, Variable] = {
     "face_start_overstressed_share": Variable(
         ("stress_face",),
         "%",
-        "share of the area outside the ring above the tensile strength at the first time, at rest",
+        "share of the area outside the ring where start_principal_stress is above the tensile strength",
         _start_share,
         _of_faces_with_strength,
     ),
@@ -225,7 +225,8 @@ FACE_VARIABLES: dict[str, Variable] = {
     "change_inelastic_duration": Variable(
         ("stress_node", "dcr_level"),
         "s",
-        "total time of that above dcr_level times the tensile strength",
+        "total duration of the major principal stress of what is more than at the first time, above "
+        "dcr_level times the tensile strength",
         _attribute("duration_of_change"),
         _with_strength,
     ),
