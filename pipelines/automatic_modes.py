@@ -9,7 +9,7 @@ from romdam.config.load import Job
 from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.pipelines.error.estimate import estimate_run, reduced_models
+from romdam.pipelines.error.estimate import can_estimate, estimate_run, reduced_models
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.storage.model_file import BlockStore
 
@@ -39,17 +39,18 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
     """
     accuracy = job.config.transient.accuracy
     assert accuracy is not None  # the configuration asks for it
+    if not can_estimate(job):
+        raise ConfigError(
+            f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
+            "estimate the error of leaving out modes; give a number, 60 is a good start"
+        )
     free = min(int((~fixed).sum()) for fixed in scene.fixed.values())
     motion = max(motions, key=lambda m: m.peak)
     count = FIRST
     while count < free / 2:
         trial = with_modes(job, count)
         reduced, finer = reduced_models(trial, scene, store)
-        if finer is None:
-            raise ConfigError(
-                f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
-                "estimate the error of leaving out modes; give a number, 60 is a good start"
-            )
+        assert finer is not None
         prepared = prepare(trial, reduced.system)
         history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
         if estimate_run(trial, finer, motion, history).errors["opening"].l2 <= accuracy:

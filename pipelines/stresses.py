@@ -8,9 +8,15 @@ from dataclasses import replace
 
 from romdam.core.scene import Scene
 from romdam.core.system import History
-from romdam.fem.sections import LOST_LIMIT, lost_static_forces, modal_section_forces
+from romdam.fem.gaps import water_force
+from romdam.fem.sections import (
+    LOST_LIMIT,
+    gap_section_operator,
+    lost_static_forces,
+    modal_section_forces,
+)
 from romdam.fem.stress import modal_stress, with_carried_stress
-from romdam.postprocess.stress.sections import section_forces
+from romdam.postprocess.stress.sections import gap_section_forces, section_forces
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.storage.staging import initial_forces, initial_stress
 from romdam.reduction.synthesis import ReducedModel
@@ -65,6 +71,10 @@ def stress_of(
         )
     else:
         history, source = _observed(scene, history)
+    if scene.stress.sections and scene.joints:
+        operator, water = gap_section_operator(scene, history.traction.shape[2]), water_force(scene)
+        gaps = gap_section_forces(operator, history.traction, (history.water, water))
+        source = replace(source, sections=source.sections + gaps)
     return history, summarise(scene.stress, source, history.time)
 
 

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import romdam
+from romdam.config.coupling import coupling
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
@@ -85,7 +86,7 @@ def certify(
     """
     run = read_run(Path(result))
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
-    _refuse_waves(job)
+    _refuse_coupled(job)
     motion = _motion(job, run)
     scene = _scene(job, run, clock)
     with clock.stage("model", "reducing the blocks"):
@@ -114,14 +115,9 @@ def certify(
 
 
 def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
-    """The scene, if it is the run's and can be certified: refused before anything is reduced."""
+    """The scene, if it is the run's: refused before anything is reduced."""
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
-    if any(block.absorbing for block in scene.blocks.values()):
-        raise ResultError(
-            f"{run.path}: dashpots of viscous faces couple its {run.q.shape[1]} modes, and a certificate "
-            "corrects runs of modes that nothing couples; `romdam verify` compares with the full order"
-        )
     run.refuse_other(scene.gap_position, run.q.shape[1])
     return scene
 
@@ -168,11 +164,11 @@ def _sampled(
         return sampled_certificate(run, sampling, model.system.law.joints, progress), history
 
 
-def _refuse_waves(job: Job) -> None:
-    if job.config.water is not None and job.config.water.has_waves:
+def _refuse_coupled(job: Job) -> None:
+    if own := coupling(job.config):
         raise ConfigError(
-            f"{job.path}: water.model: a certificate replays joint forces through models whose water is an "
-            "added mass, got compressible; take `romdam verify`, which runs the mesh itself"
+            f"{job.path}: {own.key}: a certificate corrects runs of modes that nothing couples, and {own.by} "
+            "couple them; take `romdam verify`, which runs the mesh itself"
         )
 
 

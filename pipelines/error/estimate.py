@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+from romdam.config.coupling import coupling
 from romdam.config.load import Job
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
@@ -17,19 +18,23 @@ from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
 
 
+def can_estimate(job: Job) -> bool:
+    """Tell whether an estimate is wanted and can be made.
+
+    There is none without joints, with modes that something couples, and without damping: undamped histories
+    part in time whatever the basis, and their peaks are what counts.
+    """
+    config = job.config
+    wanted = config.outputs.error_estimate and bool(config.every_joint)
+    return wanted and config.damping.acts and coupling(config) is None
+
+
 def reduced_models(
     job: Job, scene: Scene, store: BlockStore | None = None
 ) -> tuple[ReducedModel, FinerModel | None]:
-    """The reduced model of a job, and the finer one; None where no estimate is wanted, or none can be made.
-
-    There is none with all modes, without joints, with modes that dashpots couple, and without damping:
-    undamped histories part in time whatever the basis, and their peaks are what counts.
-    """
+    """The reduced model of a job, and the finer one; None where no estimate is wanted or can be made."""
     model, damping = job.config.model, job.config.damping
-    wanted = job.config.outputs.error_estimate and job.config.every_joint and model.modes != "all"
-    waves = scene.reservoir is not None and scene.reservoir.sound is not None
-    coupled = waves or any(block.absorbing for block in scene.blocks.values())
-    if not wanted or coupled or not damping.acts:
+    if model.modes == "all" or not can_estimate(job):
         return reduce_scene(scene, model, damping, store), None
     reduced, fine = reduce_scene_twice(scene, model, damping, store)
     return reduced, FinerModel(prepare(job, fine.system), embedding(scene, reduced, fine))

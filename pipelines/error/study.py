@@ -9,6 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from romdam.config.coupling import coupling
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.files import prepare_folder, replacing
@@ -114,10 +115,10 @@ def _refuse(job: Job) -> None:
         raise ConfigError(
             f"{job.path}: model.order is full, a study is about reduced models; set it to reduced"
         )
-    if job.config.water is not None and job.config.water.has_waves:
+    if own := coupling(job.config):
         raise ConfigError(
-            f"{job.path}: water.model: a study compares integrators of modes that nothing couples, got "
-            "compressible water, which couples them; set water.model: incompressible"
+            f"{job.path}: {own.key}: a study compares integrators of modes that nothing couples, and "
+            f"{own.by} couple them; {own.remedy}"
         )
     if not job.config.every_joint:
         raise ConfigError(f"{job.path}: joints: there is none, and openings are what is compared; name one")

@@ -12,6 +12,8 @@ from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.motion import MovingSupports
 from romdam.core.system import LawRows
 
+MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
+
 
 @dataclass(frozen=True)
 class Material:
@@ -105,8 +107,7 @@ class Joint:
     nodes : node numbers in block I and in block J, those that gaps see
     position : (n, 3) of the gaps [m]
     area : (n,) tributary areas, all positive, which stiffness and strength follow from [m2]
-    share : (n,) area of nodes nearby that cannot open, held or tied on both sides: it bears nothing, and is
-        part of the joint [m2]
+    share : (n,) the joint's area nearby that is held or tied on both sides, so that it bears nothing [m2]
     axes : (n, 3, 3) rows i (normal, from I to J), j, k
     weights : (n, nodes) sparse, of either side; rows sum to 1
     gap : (n,) initial gap [m]; negative is initial penetration
@@ -157,11 +158,6 @@ class Joint:
         """(3,) force of its water on block J, block I has the opposite [N]."""
         return np.asarray(self.water @ self.axes[:, 0])
 
-    @property
-    def has_friction(self) -> bool:
-        """Tell whether the tangential directions carry force."""
-        return bool(self.mu.max(initial=0.0) > 0.0)
-
 
 @dataclass(frozen=True)
 class FacePressure:
@@ -195,8 +191,7 @@ class Tie:
     blocks : names of the blocks I and J
     nodes : two arrays of node numbers, in block I and in block J
     weights : (k, m) sparse, rows sum to 1; None where nodes are one
-    area : (k,) tributary areas of the slave nodes [m2], None if alike: a node that is a slave in several ties
-        takes their mean by them
+    area : (k,) of the slave nodes [m2], None if alike: by them a slave in several ties takes its mean
     """
 
     name: str
@@ -353,6 +348,12 @@ class StressSites:
     strength: float | None
     sections: tuple[Section, ...] = ()
 
+    @property
+    def ring_shares(self) -> Floats:
+        """(faces,) part of each face's area that the ring leaves out."""
+        outside = [f.area @ self.blocks[f.block].counted[f.rows] / f.area.sum() for f in self.faces]
+        return 1.0 - np.array(outside)
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -369,8 +370,7 @@ class Scene:
     ties, water, reservoir : merged interfaces; hydrostatic loads; water that moves with the dam, or None
     warmed : block name -> uniform change of temperature [K]
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
-    radiating : blocks that move with the ground's own waves; their mass, on which its acceleration does not
-        act, only carries away what the others send out
+    radiating : blocks whose mass only carries away what the others send out: the ground does not shake it
     free_field : the waves that come up through the rock, see `romdam.fem.free_field`; None without
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     moving : supports that do not move as the base does; None where all do

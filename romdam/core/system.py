@@ -261,6 +261,7 @@ class History:
     strength : (nt, ng, 2) shear along j and k that the laws let the gaps carry now, inf where nothing bounds
         it [N]; empty without shear
     bonded : (nt, ng) whether a gap has any of it without compression; empty without shear
+    gap : (ng,) initial gaps that it began with, after grouting [m]
     """
 
     time: Floats
@@ -281,3 +282,4 @@ class History:
     strength: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
     bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    gap: Floats = field(default_factory=lambda: np.zeros(0))

@@ -2,7 +2,8 @@
 
 Virtual work with the functions of `romdam.scene.stress.sections`: force = sum_i step_i f_i and moment =
 sum_i (step_i y_i + arm_i n) x f_i over all nodes, where y is in the plane, from the centroid, and f = K u -
-f_thermal are the internal nodal forces of the cells.
+f_thermal are the internal nodal forces of the cells. Forces of gaps, whose step is not that of the nodes but
+whether they are above the plane, add (step of the gap - step at its nodes) f, and so for the moment.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import block_diag, csr_matrix, vstack
 
 from romdam.core.basis import BlockBasis
-from romdam.core.scene import Block, Scene, Section
+from romdam.core.scene import Block, Joint, Scene, Section
 from romdam.fem.assembly import assemble
+from romdam.fem.gaps import gap_operators
 from romdam.fem.loads import static_force, thermal_force
 from romdam.fem.parts import unknowns
 from romdam.scene.elements import Floats
-from romdam.scene.stress.sections import stepping_cells
+from romdam.scene.stress.sections import gaps_above, stepping_cells
 from romdam.scene.ties import scene_parts
 
 LOST_LIMIT = 0.01  # of the static loads above a section: what a run says
@@ -41,7 +43,7 @@ def _operator(block: Block, sections: tuple[Section, ...]) -> csr_matrix:
     rows = [csr_matrix((0, 3 * len(block.points)))]
     for section in sections:
         if block.name in section.step:
-            rows.append(_virtual(block, section) @ assemble(_stepping(block, section))[0])
+            rows.append(_of_block(block, section) @ assemble(_stepping(block, section))[0])
         else:
             rows.append(csr_matrix((COMPONENTS, 3 * len(block.points))))
     return csr_matrix(vstack(rows))
@@ -77,7 +79,7 @@ def lost_static_forces(
         wanted, borne = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
         for name in section.step:
             force = np.where(scene.fixed[name], 0.0, static_force(scene, name)).ravel()
-            wanted += _virtual(scene.blocks[name], section) @ force
+            wanted += _of_block(scene.blocks[name], section) @ force
             borne += modal[name][k] @ (basis[name].vectors.project(force) / basis[name].omega2)
         if whole := float(np.linalg.norm(wanted[:3])):
             lost[section.name] = float(np.linalg.norm((wanted - borne)[:3])) / whole
@@ -94,6 +96,31 @@ def observed_section_forces(scene: Scene) -> csr_matrix:
     return csr_matrix(total)
 
 
+def gap_section_operator(scene: Scene, directions: int) -> Floats:
+    """What joint forces add to the forces on all sections, (6 sections, directions * ng) [-], [m]."""
+    operators, joints = gap_operators(scene, directions), scene.joints.values()
+    rows = [np.zeros((0, directions * sum(len(joint.area) for joint in joints)))]
+    for section in scene.stress.sections if scene.stress is not None else ():
+        own = np.concatenate([_at_gaps(scene, section, joint, directions) for joint in joints], axis=1)
+        for name in section.step:
+            own -= (_of_block(scene.blocks[name], section) @ operators[name].T).toarray()
+        rows.append(own)
+    return np.concatenate(rows)
+
+
+def _at_gaps(scene: Scene, section: Section, joint: Joint, directions: int) -> Floats:
+    """The section's virtual motions of a joint's gaps times their forces, (6, directions * gaps)."""
+    total = np.zeros((COMPONENTS, directions * len(joint.area)))
+    axes = block_diag([frame[:directions] for frame in joint.axes], format="csr")
+    step = gaps_above(joint, section, scene.blocks)
+    for sign, block, nodes, weights in zip((-1, 1), joint.blocks, joint.nodes, joint.weights, strict=True):
+        if block in section.step:
+            points = weights @ scene.blocks[block].points[nodes]
+            arm = step * ((points - section.centroid) @ section.axes[0])
+            total += sign * (_virtual(points, (step, arm), section) @ axes.T).toarray()
+    return total
+
+
 def initial_section_forces(scene: Scene, displacement: Mapping[str, Floats]) -> dict[str, Floats]:
     """Forces on sections that the joints' structure does not make: block name -> (sections, 6) [N], [N m].
 
@@ -108,7 +135,7 @@ def initial_section_forces(scene: Scene, displacement: Mapping[str, Floats]) -> 
         for k, section in enumerate(sections):
             if scene.warmed.get(name) and name in section.step:
                 held = thermal_force(_stepping(scene.blocks[name], section), scene.warmed[name])
-                forces[name][k] -= _virtual(scene.blocks[name], section) @ held.ravel()
+                forces[name][k] -= _of_block(scene.blocks[name], section) @ held.ravel()
     return forces
 
 
@@ -118,10 +145,20 @@ def _stepping(block: Block, section: Section) -> Block:
     return replace(block, cells=cells, absorbing=())
 
 
-def _virtual(block: Block, section: Section) -> csr_matrix:
-    """Rigid motions of what is above the section, (6, 3 n): along its axes, then about them."""
-    step, arm, normal = section.step[block.name][:, None], section.arm[block.name][:, None], section.axes[0]
-    y = (block.points - section.centroid) @ section.axes[1:].T @ section.axes[1:]
+def _of_block(block: Block, section: Section) -> csr_matrix:
+    return _virtual(block.points, (section.step[block.name], section.arm[block.name]), section)
+
+
+def _virtual(points: Floats, above: tuple[Floats, Floats], section: Section) -> csr_matrix:
+    """Rigid motions of what is above the section, (6, 3 n): along its axes, then about them.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    above : step and arm there, (n,), (n,) [m]
+    """
+    step, arm, normal = above[0][:, None], above[1][:, None], section.axes[0]
+    y = (points - section.centroid) @ section.axes[1:].T @ section.axes[1:]
     turned = np.cross(section.axes[:, None], (step * y + arm * normal)[None])  # (3, n, 3)
     moved = section.axes[:, None] * step
     return csr_matrix(np.concatenate([moved, turned]).reshape(COMPONENTS, -1))

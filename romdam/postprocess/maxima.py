@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.arrays import Bools
+from romdam.core.scene import MOST_RING
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
 Row = tuple[str, float, str, str, str]  # quantity, value, unit, where, when [s]
@@ -143,7 +144,7 @@ def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
         about = (str(face), *(f"{x:.3g}" for x in numbers), at, f"{float(own.ring_share):.3g}", start)
         for basis in dataset.stress_basis.values if "acceptance" in dataset else ():
             met = own.acceptance.sel(stress_basis=basis)
-            words = (verdict(met.sel(dam_kind=kind).values.astype(bool)) for kind in LIMITS)
+            words = (verdict(met.sel(dam_kind=kind).values) for kind in LIMITS)
             if np.isnan(own.face_principal_stress).all():
                 words = ("not judged: all of it is in the ring" for _ in LIMITS)
             rows.append((*about, str(basis), *words))
@@ -164,7 +165,11 @@ def stress_statement(dataset: xr.Dataset) -> str:
         rest = f", {start:.3g} % of its area above the strength before the shaking" if start > 0.0 else ""
         faces.append(
             f"{face} {low:.3g} MPa (largest {top:.3g} MPa at ({at}){rest}; "
-            f"the ring leaves out {float(own.ring_share):.3g} % of its area)"
+            f"the ring leaves out {float(own.ring_share):.3g} % of its area{_judged(own)})"
         )
     named = f"major principal stress that {HEADLINE:g} % of a face's area outside the ring do not exceed: "
     return named + "; ".join(faces) if faces else ""
+
+
+def _judged(face: xr.Dataset) -> str:
+    return ", so that no acceptance is stated" if float(face.ring_share) > 100.0 * MOST_RING else ""

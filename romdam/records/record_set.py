@@ -107,7 +107,9 @@ def _aimed(loaded: list[Loaded], entry: RecordConfig, folder: Path) -> list[Load
     unread = [replace(one, passes=entry.select is None) for one in loaded if one.motion is None]
     motions = [one.motion for one in loaded if one.motion is not None and one.passes]
     try:
-        aimed = aim(entry, folder, motions) if motions else []
+        aimed = (
+            aim(entry, folder, motions, [str(one.error) for one in unread if one.error]) if motions else []
+        )
     except (RecordError, ConfigError) as error:
         return [
             Loaded(entry.name or str(entry.files or entry.manifest or entry.suite or entry.file), error=error)

@@ -140,7 +140,18 @@ COORDINATES: dict[str, Variable] = {
         _has_joints,
     ),
     "initial_gap": Variable(
-        ("gap",), "m", "initial gap, open positive", lambda c: c.of_gaps("gap"), _has_joints
+        ("gap",),
+        "m",
+        "initial gap as configured, before any grouting, open positive",
+        lambda c: c.of_gaps("gap"),
+        _has_joints,
+    ),
+    "grouted_gap": Variable(
+        ("gap",),
+        "m",
+        "initial gap after grouting, at which the opening of an unloaded gap starts, open positive",
+        lambda c: c.history.gap,
+        lambda c: _has_joints(c) and bool(c.of_gaps("grout").any()),
     ),
     "support": Variable(
         ("support",),
@@ -253,7 +264,7 @@ VARIABLES: dict[str, Variable] = {
         _has_probes,
     ),
     "ground_acceleration": Variable(
-        ("time", "component"), "m s-2", "ground acceleration at the base", _ground_acceleration
+        ("time", "component"), "m s-2", "ground acceleration of the base", _ground_acceleration
     ),
     "support_displacement": Variable(
         ("time", "support", "component"),

@@ -11,8 +11,9 @@ as in a quasi-static loading; so s grows where a step does not converge, and shr
 
 Gaps that are rigid in meeting planes determine each other (where three blocks meet, two jumps give the
 third), and W is singular. Then the iteration is proximal in the forces too: W + c I, with -c p of the last
-iteration on the other side: a compliance against changes of the force alone. What sticks gives by c times its
-shear on the way, 1e-4 of what the structure gives, and sticks where it is; at rest every law holds exactly.
+iteration on the other side, water that entered included: a compliance against changes of the force alone.
+What sticks gives by c times its shear on the way, 1e-4 of what the structure gives, and sticks where it is;
+at rest every law holds exactly.
 """
 
 from __future__ import annotations
@@ -301,13 +302,19 @@ def _solve_step(
     """Solve for the gaps; and how far the proximal compliance still gives, of the largest jump."""
     if step.compliance == 0.0:
         return _solve(step.problem, memory, w_free, control), 0.0
-    new = _solve(step.problem, memory, w_free - step.compliance * gaps.p_c, control)
-    gives = step.compliance * (new.p_c - gaps.p_c).reshape(new.jump.shape)
+    last = _with_own_water(gaps)
+    new = _solve(step.problem, memory, w_free - step.compliance * last.ravel(), control)
+    gives = step.compliance * (_with_own_water(new) - last)
     jump = new.jump - gives
     slip = jump[:, 1:] + step.problem.compliance.reshape(jump.shape)[:, 1:] * new.force[:, 1:]
     memory.accumulated_slip[:] = slip
     share = float(np.abs(gives).max() / max(np.abs(jump).max(), 1e-300))
     return replace(new, jump=jump, accumulated_slip=slip), share
+
+
+def _with_own_water(gaps: GapState) -> Floats:
+    """The solver's forces (n, d) with the water that entered the gaps: what the compliance gives by [N]."""
+    return with_water(gaps.p_c.reshape(gaps.jump.shape), gaps.water)
 
 
 def _keeps_water(problem: GapProblem, memory: GapMemory, gaps: GapState) -> bool:

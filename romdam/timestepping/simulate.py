@@ -79,6 +79,8 @@ def history_of(outcome: Outcome) -> History:
 
 
 def _finished(history: History, of: Simulation, stride: int) -> History:
-    """The history with what moving supports add, and how far its ledger is open."""
-    history = with_supports(history, of.prepared.system, of.ground, stride)
-    return replace(history, stats=history.stats | {"ledger_imbalance": imbalance(history.energy)})
+    """The history with what moving supports add, its initial gap, and how far its ledger is open."""
+    system = of.prepared.system
+    history = with_supports(history, system, of.ground, stride)
+    stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
+    return replace(history, stats=stats, gap=system.law.gap)

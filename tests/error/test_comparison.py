@@ -81,3 +81,14 @@ def test_both_runs_are_compared_with_a_stored_one():
         {"peak": 4.8, "peak_reference": 4.0, "peak_error": 0.2, "l2_error": 0.2, "seconds": 0.4}
     )
     assert found["full_against_reference"]["l2_error"] == pytest.approx(0.1)
+
+
+def test_gaps_of_joints_that_meet_are_told_apart_by_their_order():
+    """Two gaps at one place: no pairing by position knows them, and the runs have them in one order."""
+    position = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 2]])
+    reference = np.tile([3.0, 4.0, 0.0], (5, 1))
+    found = compare_openings(*(openings(reference, position=position) for _ in range(2)), NAMES)
+    assert found.error.l2 == 0.0
+    with pytest.raises(ResultError):  # in another order nothing tells them apart
+        moved = openings(reference, position=position[::-1])
+        compare_openings(openings(reference, position=position), moved, NAMES)

@@ -1,5 +1,8 @@
 """Compressible water: closed forms on a rigid wall, the ledger, the reduction, two published dams."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from gravity_sections import FOOT, KOYNA, PINE_FLAT, channel_inputs, first_period, inputs, section_scene
@@ -10,12 +13,14 @@ from test_water import SERIES, job, rigid_mass, section_system, wall
 
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError
+from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.fem.water.compressible import reservoir_waves
 from romdam.fem.water.drive import ChannelDrive
 from romdam.fem.water.radiation import impedance_network
 from romdam.reduction.synthesis import reduce_scene
 from romdam.reduction.waves import reduced_waves
+from romdam.scene.build import build_scene
 
 H, C, RHO, WIDTH = 40.0, 1440.0, 1000.0, 4.0
 FIRST = np.pi * C / (2.0 * H)  # rad/s, first frequency of the reservoir
@@ -231,7 +236,7 @@ def test_koyna_full_is_the_closed_form():
         ({"model": {"modes": "auto"}, "transient": {"accuracy": 0.01}}, "model.modes: auto judges modes"),
         (
             {"suite": {"parameters": {"mu": {"path": "joints.a-b.friction", "values": [0.1, 0.5]}}}},
-            "limit 0 where water.model is",
+            "limit 0 with compressible water",
         ),
         ({"water.bottom_reflection": 1.2}, "water.bottom_reflection"),
         ({"water.sound_speed": 0}, "water.sound_speed"),
@@ -250,3 +255,20 @@ def test_what_waves_do_not_go_with_is_refused(change, says):
     with pytest.raises(ConfigError) as caught:
         parse_config(raw, "s.yaml")
     assert says in str(caught.value)
+
+
+def test_stress_at_full_order_is_the_blocks_whatever_the_water():
+    """The water's unknowns stand behind the blocks', and no stress or section sees them."""
+    scene, config = blocks()
+    raw = config.model_dump(mode="json", exclude_unset=True)
+    section = {"blocks": "all", "point": [0, 0, 0]}
+    raw["outputs"]["stress"] = {"blocks": ["a"], "sections": {"foot": section}}
+    scene = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
+    system = observing_stress(scene, assemble_full(scene, config.damping))
+    own = np.random.default_rng(1).normal(size=system.size)
+    moved = own.copy()
+    moved[system.parts["reservoir"]] += 1.0
+    np.testing.assert_array_equal(system.observe @ moved, system.observe @ own)
+    bare = replace(scene, reservoir=None)
+    dry = observing_stress(bare, assemble_full(bare, config.damping))
+    np.testing.assert_array_equal(system.observe @ own, dry.observe @ own[: dry.size])

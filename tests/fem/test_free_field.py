@@ -12,14 +12,16 @@ from simulating import simulated
 import romdam
 from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
-from romdam.core.errors import ConfigError, ResultError
+from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Material
 from romdam.fem.column import respond, shapes, wave_moduli
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.error.certify import certify
+from romdam.pipelines.error.study import study
 from romdam.pipelines.run import run
 from romdam.records.processing.resampling import resample
 from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.ground.free_field import free_field
@@ -356,7 +358,7 @@ def test_rock_without_mass_and_modal_damping_are_refused():
         reduce_scene(make(rock()), ModeChoice(count=2), DampingConfig(modal=0.05))
 
 
-def test_run_says_what_its_displacement_is_relative_to(tmp_path):
+def test_run_says_what_its_displacement_is_relative_to(tmp_path, monkeypatch):
     """From YAML to NetCDF: a node far from the dam has no acceleration but the record's."""
     job = {
         "materials": MATERIALS,
@@ -390,5 +392,28 @@ def test_run_says_what_its_displacement_is_relative_to(tmp_path):
         far = np.abs(data.acceleration.sel(node="far")).max() / np.abs(data.ground_acceleration).max()
         assert 1e-4 < far < 0.1  # what the dam sends there
         assert np.abs(data.energy_residual).max() < 1e-9 * data.energy_input.max()
-    with pytest.raises(ResultError, match=r"dashpots of viscous faces couple its \d+ modes"):
+
+    def costly(*_):
+        raise AssertionError("refused too late")
+
+    for stage in ("certify.build_model", "study.load_motions", "study.build_scene"):
+        monkeypatch.setattr(f"romdam.pipelines.error.{stage}", costly)
+    with pytest.raises(ConfigError, match=r"ground.viscous: a certificate .* dashpots .* `romdam verify`"):
         certify(path)
+    with pytest.raises(
+        ConfigError, match=r"ground.viscous: a study .* dashpots .* hold the rock by supports"
+    ):
+        study(load_config(tmp_path / "s.yaml"), tmp_path)
+    job |= {"model": {"modes": "auto"}, "transient": {"accuracy": 0.01}}
+    with pytest.raises(
+        ConfigError, match=r"model.modes: auto .* none with dashpots of viscous faces \(ground"
+    ):
+        parse_config(job, "s.yaml")
+
+
+def test_natural_modes_do_not_know_how_the_rock_is_shaken():
+    """They are of the mesh on its springs, with a free field or without."""
+    field, uniform = make(rock()), make(rock(input="uniform"))
+    assert field.free_field is not None and uniform.free_field is None
+    freq = [natural_modes(one, DampingConfig(), 4).freq for one in (field, uniform)]
+    np.testing.assert_allclose(freq[0], freq[1], rtol=1e-9)

@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.core.errors import ConvergenceError
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
+from romdam.results.variables import COORDINATES, Case
 from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium
 from romdam.timestepping.grouting import grouted
@@ -72,6 +74,21 @@ def test_pressure_goes_as_the_joint_is_pulled_apart():
         forces.append(gaps.force[after.law.joints["J1"], 0].sum())
     assert forces[0] > forces[1] > forces[2] > forces[3] == 0.0
     assert forces[0] - forces[1] == pytest.approx(forces[1] - forces[2], rel=1e-6)
+
+
+def test_result_names_the_gap_before_and_after_grouting():
+    """Openings count from the one after: opening less the jump of the displacement is it."""
+    scene, system = three_blocks("reduced", grouting_pressure=PRESSURE, gap=1e-3)
+    after = grouted(system, 1e-12)
+    history = simulated(after, np.zeros((3, 3)), 0.01, "modal")
+    case = Case(scene, None, history)
+    before, then = (COORDINATES[name].get(case) for name in ("initial_gap", "grouted_gap"))
+    first = after.law.joints["J1"]
+    np.testing.assert_array_equal(before[first], 1e-3)
+    assert (then[first] < 0.0).all() and (then[after.law.joints["J2"]] == 0.0).all()
+    opening = history.jump[0, :, 0]
+    assert opening - system.B @ history.q[0] == pytest.approx(then, abs=1e-15)
+    assert not COORDINATES["grouted_gap"].when(Case(three_blocks("reduced")[0], None, history))
 
 
 def test_blocks_that_nothing_holds_are_told():

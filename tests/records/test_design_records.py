@@ -242,7 +242,12 @@ def test_selection_says_what_was_passed_over(tmp_path):
         RecordError, match=r"select: 1 records are asked for, 0 can be used\n.*needs a factor"
     ):
         load(tmp_path, **entry | {"scale": {"to": "target", "factors": [0.001, 0.002]}})
-    with pytest.raises(RecordError, match=r"select: 4 records are asked for, 3 can be used"):
+    alone = entry | {"files": "r2.AT2", "select": None, "scale": {"to": "target", "factors": [0.5, 2.0]}}
+    with pytest.raises(RecordError, match=r"r2: scale.factors: the target needs a factor of 3, the limits"):
+        load(tmp_path, **alone)
+    (told,) = load_records([RecordConfig.model_validate(alone)], tmp_path)
+    assert told.motion is None and "the limits are 0.5 and 2" in str(told.error)
+    with pytest.raises(RecordError, match=r"asked for, 3 can be used\n  (.*\W)?bad.AT2\W.+"):
         load(tmp_path, **entry | {"select": 4})
 
 

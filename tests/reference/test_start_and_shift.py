@@ -12,9 +12,10 @@ from simulating import simulated
 from romdam.error.estimate import start_at
 from romdam.reduction.synthesis import reduce_scene
 
-sys.path.append(str(Path(__file__).parents[1] / "contact"))
+sys.path += [str(Path(__file__).parents[1] / "contact"), str(Path(__file__).parents[1] / "timestepping")]
 
 from further_laws import lost, with_laws
+from hand_systems import gap_law, modal_twin, sparse_system
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.6], ids=["frictionless", "friction"])
@@ -69,3 +70,17 @@ def test_no_added_jump_changes_nothing_and_a_constant_one_is_an_initial_gap(poun
     wider = simulated(replace(system, law=law), ground, 0.0025, **OPTIONS)
     shifted = simulated(system, ground, 0.0025, shift=shift, **OPTIONS)
     assert np.abs(shifted.jump - wider.jump)[1:].max() < 1e-9 * np.abs(wider.jump).max()
+
+
+@pytest.mark.parametrize("initial_state", ["static", "undeformed"])
+def test_a_first_row_at_rest_says_what_was_lost_and_an_unloaded_one_does_not(initial_state):
+    """2 kN on 1e4 N/m and a bond of 50 N: broken at rest, it stays so; undeformed it is still whole."""
+    law = with_laws(gap_law(1, K_n=1e6), tensile_strength=[50.0])
+    system = sparse_system([[1.0]], [[1e4]], [[1.0]], law, force=[2e3], C=[[20.0]], load=[0.0])
+    system = replace(modal_twin(system), reduced=True)
+    whole = simulated(system, np.zeros((3, 200)), 1e-4, initial_state=initial_state)
+    at_rest = initial_state == "static"
+    start = start_at(whole, law, 0, whole.jump[0], at_rest)
+    assert lost(law, start.memory)[0, 0] == at_rest
+    rest = simulated(system, np.zeros((3, 200)), 1e-4, start=start, initial_state=initial_state)
+    assert np.abs(rest.jump - whole.jump).max() < 1e-9 * np.abs(whole.jump).max()

@@ -106,6 +106,18 @@ def test_ring_is_left_out_of_what_is_said_of_a_face(job):
     assert json.loads(dataset.attrs["configuration"])
 
 
+def test_nothing_passes_on_a_face_that_is_mostly_ring(job):
+    """What it misses outside the ring it misses; 0.9 and 2.1 strengths at node 7, three quarters are ring."""
+    case = swinging(0.0, 0.9, ring=[4, 5, 6])
+    np.testing.assert_array_equal(value(case, "acceptance"), -1)
+    dataset = build_dataset(case, job, Timing({}, {}), None)
+    assert [row[-1] for row in face_rows(dataset)] == ["undecided: most of it is in the ring"] * 2
+    assert "75 % of its area, so that no acceptance is stated" in dataset.attrs["stress_statement"]
+    dataset = build_dataset(swinging(0.0, 2.1, ring=[4, 5, 6]), job, Timing({}, {}), None)
+    assert {row[-1] for row in face_rows(dataset)} == {"fails: ratio, duration, area"}
+    np.testing.assert_array_equal(value(swinging(0.0, 0.9, ring=[4, 5]), "acceptance"), 1)  # half is not most
+
+
 def test_stress_above_the_strength_at_rest_is_said(job):
     dataset = build_dataset(swinging(1.2, 0.5), job, Timing({}, {}), None)
     assert "100 % of its area above the strength before the shaking" in stress_statement(dataset)

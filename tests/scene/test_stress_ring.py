@@ -95,6 +95,45 @@ def test_nodes_of_contact_faces_are_left_out():
         )
 
 
+@pytest.mark.parametrize("size", [1.0, 0.5])  # of the second block: nodes that coincide, and mortar
+def test_contact_nodes_that_the_foot_holds_are_contact_nodes(size):
+    """They have no gaps. Inside the face they lie on no edge of the outline, which goes on past the joint."""
+    fine = {"element_size": [size, 1.0, size], "element": "hex8"}
+    boxes = {"a": ("c", [0, 0, 0], [4, 2, 3], MESH), "b": ("c", [0, 2, 0], [4, 2, 3], fine)}
+    joint = {"joints": {"t": {"between": ["a", "b"], "normal_stiffness": "1 GPa/m"}}}
+    scene = scene_of(boxes, joint, {"blocks": ["a", "b"], "ring": {"edges": "0 m"}}, held=("a", "b"))
+    for name in boxes:
+        sites, points = scene.stress.blocks[name], scene.blocks[name].points
+        on = np.isclose(points[:, 1], 2.0) & (points[:, 0] > 0.0) & (points[:, 0] < 4.0)
+        assert on.sum() > 6
+        np.testing.assert_array_equal(sites.ring[on], True)
+    ends, _ = singular_edges(scene.blocks, scene.joints.values(), scene.fixed)
+    inside = (ends[..., 2] < 1e-9).all(axis=1) & (np.abs(ends[..., 1] - 2.0) < 1e-9).all(axis=1)
+    assert not inside.any()  # where the joint's face ends at the foot nothing is free
+
+
+def test_apex_of_a_free_triangle_above_the_foot_is_no_contact():
+    """Two corners of it are held and one has a gap, but it does not face the joint."""
+    mesh = {"element_size": 1.0, "element": "tet4"}
+    boxes = {"a": ("c", [0, 0, 0], [2, 2, 3], mesh), "b": ("c", [0, 2, 0], [2, 2, 3], mesh)}
+    joint = {"joints": {"t": {"between": ["a", "b"], "normal_stiffness": "1 GPa/m"}}}
+    scene = scene_of(boxes, joint, {"blocks": ["a", "b"], "ring": {"edges": "0 m"}}, held=("a", "b"))
+    for name in boxes:
+        points, ring = scene.blocks[name].points, scene.stress.blocks[name].ring
+        foot_edge = np.isclose(points[:, 2], 0.0) & (np.abs(points[:, :2] - [1.0, 2.0]) > 0.99).any(axis=1)
+        off = (np.abs(points[:, 1] - 2.0) > 1e-9) & ~foot_edge
+        np.testing.assert_array_equal(ring[off], False)
+
+
+@pytest.mark.parametrize(("edges", "warned"), [(1.0, False), (2.0, True)])
+def test_a_face_that_is_mostly_ring_is_told(caplog, edges, warned):
+    """3 m high: the lowest row of nodes has a sixth of the area, each of the next two a third."""
+    stress = {"faces": [{"block": "a", "face": "xmin"}], "ring": {"edges": edges}}
+    scene = scene_of({"a": ("c", [0, 0, 0], [2, 2, 3], MESH)}, None, stress)
+    assert scene.stress.ring_shares == pytest.approx([{1.0: 1 / 2, 2.0: 5 / 6}[edges]])
+    assert ("50 % of the area of a.xmin (83.3 %)" in caplog.text) == warned
+
+
 def pressed(elements):
     """Largest vertical stress of a cantilever of 1 x 4 m under 1 Pa: anywhere, and outside a ring of 1 m."""
     mesh = {"element_size": [1.0 / elements, 0.25, 1.0 / elements], "element": "hex20"}

@@ -110,6 +110,8 @@ def test_record_measures_follow_the_scale(whole):
 def test_every_variable_says_what_it_is(whole):
     with xr.open_dataset(whole[1].path, engine="h5netcdf") as found:
         assert all(v.attrs.get("long_name") for v in found.data_vars.values())
+        assert "largest" in found.record_pga.attrs["long_name"]  # of the components, which no interval is of
+        assert "largest" not in found.record_dt.attrs["long_name"]
         assert found.parameter_mu.attrs == {"units": "1", "long_name": "joints.gap.friction"}
 
 

@@ -112,6 +112,23 @@ def test_an_open_gap_stays_at_rest(integrator):
     assert np.ptp(history.disp) < 1e-12 * (100.0 + WATER) / K
 
 
+def test_water_is_whole_where_rigid_gaps_determine_each_other():
+    """Two columns on a table, rigid in three planes, and beside them a body on springs that water moves."""
+    table, between = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    B = np.zeros((12, 9))
+    B[:3, :3] = B[3:6, 3:6] = table
+    B[6:9, :3], B[6:9, 3:6], B[9:, 6:] = -between, between, np.eye(3)
+    law = filled(gap_law(4, K_n=np.inf, K_s=np.inf, mu=0.5), [0.0, 0.0, 0.0, WATER])
+    stiffness = np.diag([0.0] * 6 + [K] * 3)
+    force = [1e3, 0.0, -1e4, 0.0, 0.0, -1e4, 100.0, 0.0, 0.0]
+    system = modal_twin(sparse_system(1000.0 * np.eye(9), stiffness, B, law, force=force, floating=True))
+    assert equilibrium._proximal_step(system, equilibrium.rest_shift(system)).compliance > 0.0
+    q, gaps = static_equilibrium(system, 1e-10)
+    assert gaps.water[3] == WATER
+    assert gaps.jump[3, 0] == pytest.approx((100.0 + WATER) / K, rel=1e-9)
+    assert (system.B @ q).reshape(4, 3)[3] == pytest.approx(gaps.jump[3], abs=1e-12)
+
+
 def test_conserving_knows_no_water_in_cracks():
     with pytest.raises(ConfigError, match=r"conserving knows no loads.joint_water.crack; use adaptive"):
         simulated(on_a_wall("modal"), np.zeros((3, 5)), 1e-3, "conserving")

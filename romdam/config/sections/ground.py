@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -61,28 +60,18 @@ def refuse_wrong_ground(
     ground: GroundConfig,
     dam: ArchDamConfig | None,
     water: WaterConfig | None,
-    varied: Mapping[str, object],
     modal: bool = False,
 ) -> None:
-    """Raise where a suite forbids viscous faces, waves have none to come through, or water is for one motion.
+    """Raise where waves have no viscous faces to come through, and where water is for one motion.
 
     Parameters
     ----------
-    varied : parameters of a suite by name
     modal : whether damping is by ratios of modes
 
     Raises
     ------
     ValueError
     """
-    of_dam = dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"
-    if varied and (of_dam or ground.viscous):
-        raise ValueError(
-            f"suite.parameters: {len(varied)} varied, limit 0 where "
-            f"{'arch_dam.rock.boundary' if of_dam else 'a face of ground.viscous'} is viscous: samples "
-            "share modes that nothing couples, and dashpots couple them; leave the parameters out, or hold "
-            "the rock by supports (`boundary: fixed`) and give it `mass: false`"
-        )
     if ground.input == "free_field" and water is not None and water.has_waves:
         raise ValueError(
             "ground.input: free_field moves each depth of the rock on its own, and water.model: compressible "
@@ -94,6 +83,7 @@ def refuse_wrong_ground(
             "are those of rock and dam together); give damping.rayleigh, or ground.input: uniform"
         )
     key = "rock" if ground.rock else "input: free_field" if ground.input == "free_field" else ""
+    of_dam = dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"
     if key and not (of_dam or ground.viscous):
         raise ValueError(
             f"ground.{key} is of rock with viscous faces, and there are 0; name the rock's bottom and sides "

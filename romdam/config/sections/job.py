@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
+from romdam.config.coupling import coupling, refuse_coupled
 from romdam.config.names import Name
 from romdam.config.quantities import (
     AngularFrequency,
@@ -35,7 +36,7 @@ from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.supports import SupportConfig, refuse_wrong_motions
 from romdam.config.sections.transient import ModalName, TransientConfig
-from romdam.config.sections.water import WaterConfig, refuse_waves
+from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, shown
 from romdam.core.integrators import INTEGRATORS
 
@@ -278,8 +279,8 @@ class Config(Model):
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
         varied = self.suite.parameters if self.suite else {}
-        refuse_wrong_ground(self.ground, self.arch_dam, self.water, varied, self.damping.modal is not None)
-        refuse_waves(self.water, self.transient.integrator, self.model.modes, varied)
+        refuse_wrong_ground(self.ground, self.arch_dam, self.water, self.damping.modal is not None)
+        refuse_coupled(coupling(self), self.transient.integrator, self.model.modes, varied)
         several = len(self.records) > 1 or self.pipeline == "suite"
         refuse_wrong_motions(self.supports, (self.ground, self.arch_dam, self.water), self.transient, several)
         for name, block in self.blocks.items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -11,7 +10,6 @@ from romdam.config.base import Model
 from romdam.config.quantities import Density, Dimensionless, Frequency, Length, Velocity
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.places import BlockFace, Direction, FaceRef
-from romdam.core.integrators import INTEGRATORS
 
 Positive = Field(gt=0.0)
 _OF_SOUND = ("sound_speed", "bottom_reflection", "cutoff")
@@ -92,39 +90,3 @@ class WaterConfig(Model):
     def has_waves(self) -> bool:
         """Tell whether the reservoir has motions of its own."""
         return self.model == "compressible"
-
-
-def refuse_waves(
-    water: WaterConfig | None, integrator: str | None, modes: object, varied: Collection[str]
-) -> None:
-    """Refuse compressible water where a run needs modes that nothing couples.
-
-    Parameters
-    ----------
-    integrator : that is asked for, if any
-    modes : `model.modes`
-    varied : parameters that samples of a suite vary
-
-    Raises
-    ------
-    ValueError
-        with the key and the remedy.
-    """
-    if water is None or not water.has_waves:
-        return
-    if varied:
-        raise ValueError(
-            f"suite.parameters: {len(varied)} varied, limit 0 where water.model is compressible: samples "
-            "share modes that nothing couples, and water couples them; leave the parameters out, or set "
-            "water.model: incompressible"
-        )
-    if modes == "auto":
-        raise ValueError(
-            "model.modes: auto judges modes by an estimate; there is none with compressible water: give a "
-            "number, 60 is a good start, or set water.model: incompressible"
-        )
-    if integrator is not None and INTEGRATORS[integrator].uncoupled:
-        raise ValueError(
-            f"transient.integrator: {integrator} needs modes that nothing couples, and compressible water "
-            "couples them; leave the integrator out, or set water.model: incompressible"
-        )

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from romdam.core.arrays import Bools, Floats
+from romdam.core.arrays import Floats, Ints
 
 PERCENTILES = np.array([50.0, 90.0, 95.0, 98.0, 99.0, 100.0])  # of the area; the last is the maximum
 HEADLINE = 98.0
 BASES = ("total", "change")
 CRITERIA = ("ratio", "duration", "area")
 LARGEST_RATIO = 2.0
+UNDECIDED, MISSED, MET = -1, 0, 1  # a criterion; undecided is one that most of a face was left out of
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,9 @@ def face_demand(ratio: Floats, duration: Floats, area: Floats, levels: Floats) -
     return FaceDemand(float(ratio.max()), duration.max(axis=0), share)
 
 
-def verdict(met: Sequence[bool] | Bools) -> str:
-    """Say whether a face passes, and by which criteria it does not."""
-    missed = [name for name, one in zip(CRITERIA, met, strict=True) if not one]
-    return "passes" if not missed else f"fails: {', '.join(missed)}"
+def verdict(met: Sequence[int] | Ints) -> str:
+    """Say whether a face passes, by which criteria it does not, or that most of it was not judged."""
+    missed = [name for name, one in zip(CRITERIA, met, strict=True) if one == MISSED]
+    if missed:
+        return f"fails: {', '.join(missed)}"
+    return "undecided: most of it is in the ring" if UNDECIDED in list(met) else "passes"

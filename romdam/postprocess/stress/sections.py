@@ -24,6 +24,22 @@ def section_forces(blocks: Iterable[tuple[Floats, Floats, Floats]]) -> Floats:
     return np.asarray(sum(shares))
 
 
+def gap_section_forces(operator: Floats, contact: Floats, water: Iterable[Floats]) -> Floats:
+    """What joints add to the forces on all sections over time, (nt, sections, 6) [N], [N m].
+
+    Parameters
+    ----------
+    operator : (6 sections, d * ng) of all forces in the gaps
+    contact : (nt, ng, d) along normal and tangents, on side J [N]
+    water : each (nt, ng) or (ng,), along the normals; or empty [N]
+    """
+    acting = contact.copy()
+    for force in water:
+        if force.size:
+            acting[..., 0] += force
+    return np.asarray(acting.reshape(len(acting), -1) @ operator.T).reshape(len(acting), -1, 6)
+
+
 def linearised_stress(section: Section, forces: Floats) -> Floats:
     """Normal stress N/A + k . y at a section's sides, where y lies in the plane, from the centroid.
 

@@ -68,7 +68,9 @@ class Fit:
     misfit: float
 
 
-def aim(entry: RecordConfig, folder: Path, motions: Sequence[GroundMotion]) -> list[Aimed]:
+def aim(
+    entry: RecordConfig, folder: Path, motions: Sequence[GroundMotion], unread: Sequence[str] = ()
+) -> list[Aimed]:
     """Choose, scale and match motions as their entry says.
 
     Parameters
@@ -76,6 +78,7 @@ def aim(entry: RecordConfig, folder: Path, motions: Sequence[GroundMotion]) -> l
     entry : with a `target`
     folder : where the path of the target's table starts
     motions : of the entry, those that can be used
+    unread : why others cannot be
 
     Returns
     -------
@@ -90,9 +93,8 @@ def aim(entry: RecordConfig, folder: Path, motions: Sequence[GroundMotion]) -> l
     target = read_target(entry.target, folder)
     fits, others = _fits(entry, target, motions)
     if entry.select is not None:
-        fits, passed = _selected(
-            fits, entry.select, [f"{one.name}: {one.error or one.why}" for one in others]
-        )
+        why_not = [f"{one.name}: {one.error or one.why}" for one in others]
+        fits, passed = _selected(fits, entry.select, [*why_not, *unread])
         others = [replace(one, error=None, why=one.why or str(one.error)) for one in others] + passed
     common = _common_factor(fits, target, entry.scale)
     return [_apply(fit, target, common, entry) for fit in fits] + others

@@ -6,13 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from romdam.core.scene import StressFace, StressSites
+from romdam.core.scene import MOST_RING, StressFace, StressSites
 from romdam.postprocess.stress.faces import (
     BASES,
     CRITERIA,
     HEADLINE,
     LIMITS,
+    MET,
+    MISSED,
     PERCENTILES,
+    UNDECIDED,
     FaceDemand,
     area_percentiles,
     face_demand,
@@ -65,8 +68,7 @@ def _outside(sites: StressSites, face: StressFace) -> tuple[Array, Array]:
 
 
 def _ring_share(case: Case) -> Array:
-    sites = _sites(case)
-    return np.array([100.0 * (1.0 - _outside(sites, f)[1].sum() / f.area.sum()) for f in sites.faces])
+    return 100.0 * _sites(case).ring_shares
 
 
 def _percentiles(get: Callable[[Case], Array]) -> Callable[[Case], Array]:
@@ -106,9 +108,13 @@ def _demand(name: str) -> Callable[[Case], Array]:
 
 
 def _accepted(case: Case) -> Array:
+    """(faces, bases, kinds, criteria) whether each is met; where little of a face is judged nothing is."""
     kinds = LIMITS.values()
     met = [[[one.accepted(DCR_LEVELS, k) for k in kinds] for one in own] for own in _demands(case)]
-    return np.array(met, dtype=np.int8)
+    values = np.array(met, dtype=np.int8)
+    mostly = _sites(case).ring_shares > MOST_RING
+    values[mostly] = np.where(values[mostly] == MET, UNDECIDED, values[mostly])
+    return values
 
 
 def _peak_position(case: Case) -> Array:
@@ -180,7 +186,7 @@ FACE_VARIABLES: dict[str, Variable] = {
     "start_principal_stress": Variable(
         ("stress_node",),
         "Pa",
-        "major principal stress at the first time, at rest",
+        "major principal stress at the first time, of the loads at rest where it starts from them",
         _attribute("at_start"),
         _of_nodes,
     ),
@@ -205,7 +211,7 @@ FACE_VARIABLES: dict[str, Variable] = {
     "face_start_overstressed_share": Variable(
         ("stress_face",),
         "%",
-        "share of the area outside the ring above the tensile strength at the first time, at rest",
+        "share of the area outside the ring where start_principal_stress is above the tensile strength",
         _start_share,
         _of_faces_with_strength,
     ),
@@ -219,7 +225,8 @@ FACE_VARIABLES: dict[str, Variable] = {
     "change_inelastic_duration": Variable(
         ("stress_node", "dcr_level"),
         "s",
-        "total time of that above dcr_level times the tensile strength",
+        "total duration of the major principal stress of what is more than at the first time, above "
+        "dcr_level times the tensile strength",
         _attribute("duration_of_change"),
         _with_strength,
     ),
@@ -250,13 +257,14 @@ FACE_VARIABLES: dict[str, Variable] = {
     "acceptance": Variable(
         ("stress_face", "stress_basis", "dam_kind", "criterion"),
         "1",
-        "whether the face meets the criterion of linear analysis",
+        "whether the face meets the criterion of linear analysis; undecided where it does outside a "
+        "ring that leaves out most of its area",
         _accepted,
         _of_faces_with_strength,
         {
             "references": _MANUAL,
-            "flag_values": np.array([0, 1], dtype=np.int8),
-            "flag_meanings": "missed met",
+            "flag_values": np.array([UNDECIDED, MISSED, MET], dtype=np.int8),
+            "flag_meanings": "undecided missed met",
             "limits": "; ".join(f"{kind}: {one}" for kind, one in LIMITS.items()),
         },
     ),

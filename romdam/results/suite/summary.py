@@ -151,6 +151,8 @@ def _about_measure(name: str, period: float, of: str) -> dict[str, str]:
         about = ("m s-2", f"pseudo-spectral acceleration at {period:g} s, 5 % damping")
     else:
         about = MEASURES[name]
+    if name in ("duration", "dt"):  # of the record, not of a component
+        return {"units": about[0], "long_name": about[1]}
     whose = f" of the {NAMED[of]}" + ("" if about[0] == "s" else ", scaled")
     return {"units": about[0], "long_name": about[1] + whose}
 

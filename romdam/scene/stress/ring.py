@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
 from romdam.scene.elements import ELEMENTS, Floats
-from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, row_numbers
+from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
 
 _FLAT = 20.0  # degrees beyond 180 that a curved face of straight facets may enclose
 _SAME = 1e-6  # of the scene's size: nodes as near as that are one
@@ -96,17 +96,19 @@ def near_edges(points: Floats, ends: Floats, radius: Floats) -> Bools:
     return near
 
 
-def near_contacts(block: Block, nodes: Ints, joints: Iterable[Joint], radius: float) -> Bools:
-    """(k,) True for nodes of a block within `radius` of the nodes that its gaps see [m]."""
-    seen = [
-        side
-        for joint in joints
-        for name, side in zip(joint.blocks, joint.nodes, strict=True)
-        if name == block.name
-    ]
-    if not seen or not len(nodes):
+def near_contacts(block: Block, nodes: Ints, joints: Iterable[Joint], held: Bools, radius: float) -> Bools:
+    """(k,) True for nodes of a block within `radius` of its contact faces' nodes, with gaps or held [m].
+
+    Parameters
+    ----------
+    held : (n,) True where a support holds any component
+    """
+    links: list[Joint | Tie] = [joint for joint in joints if block.name in joint.blocks]
+    if not links or not len(nodes):
         return np.zeros(len(nodes), dtype=bool)
-    on = np.unique(np.concatenate(seen))
+    facets = boundary_facets(block.cells, block.element)
+    seen = [side for k in links for name, side in zip(k.blocks, k.nodes, strict=True) if name == block.name]
+    on = np.unique(np.concatenate([*seen, facets[_linked(block, facets, links, held)].ravel()]))
     distance = cKDTree(block.points[on]).query(block.points[nodes])[0]
     return np.isin(nodes, on) | (distance <= radius * (1.0 + _ROUNDING))
 
@@ -129,7 +131,7 @@ def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mappi
     rows = []
     for k, (name, block) in enumerate(blocks.items()):
         held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
-        free = ~(covered[k] | held | _linked(name, corners[k], links))
+        free = ~(covered[k] | held | _linked(block, facets[k], links, np.asarray(fixed[name].any(axis=1))))
         material = stiffness.index((block.material.E, block.material.nu))
         rows.append(_edge_rows(block, facets[k][free], number[k], material))
     at = np.concatenate(number)
@@ -167,14 +169,25 @@ def _covered(corners: list[Ints]) -> list[Bools]:
     return np.split(counts[inverse] > 1, np.cumsum([len(own) for own in corners])[:-1])
 
 
-def _linked(name: str, corners: Ints, links: list[Joint | Tie]) -> Bools:
-    """Tell whether all corners of a facet belong to one joint or tie."""
-    inside = np.zeros(len(corners), dtype=bool)
+def _linked(block: Block, facets: Ints, links: list[Joint | Tie], held: Bools) -> Bools:
+    """Tell whether a facet belongs to a joint or a tie, with all its corners.
+
+    Corners that supports hold have no gaps: then the facet's normal must be that of the gaps nearby.
+    """
+    corners, linked = _corners(facets, block), np.zeros(len(facets), dtype=bool)
     for link in links:
         for owner, nodes in zip(link.blocks, link.nodes, strict=True):
-            if owner == name:
-                inside |= np.isin(corners, nodes).all(axis=1)
-    return inside
+            if owner != block.name:
+                continue
+            on = np.isin(corners, nodes)
+            linked |= on.all(axis=1)
+            partly = np.flatnonzero(on.any(axis=1) & ~on.all(axis=1) & (on | held[corners]).all(axis=1))
+            if isinstance(link, Joint) and len(partly):
+                nearest = cKDTree(link.position).query(block.points[corners[partly]].mean(axis=1))[1]
+                normal = facet_normals(block.points, facets[partly])
+                along = np.abs((normal * link.axes[nearest, 0]).sum(axis=1))
+                linked[partly[along > np.cos(np.deg2rad(_FLAT))]] = True
+    return linked
 
 
 def _numbers(points: Floats) -> Ints:

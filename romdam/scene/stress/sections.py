@@ -7,25 +7,31 @@ with the loads and inertia of the discrete model, whatever the error of its stre
 
 Step and arm, which grows from 0 as the distance above the plane, are linear between up to five levels of the
 mesh's nodes, which its elements follow exactly. Their values at the levels in between are such that loads
-that are quadratic along the normal do the work that they would on the plane itself.
+that are quadratic along the normal do the work that they would on the plane itself. Levels end where the
+area has a kink; forces of gaps, which begin and end anywhere, are counted by themselves, see `gaps_above`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from romdam.config.sections.stress import SectionConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Ints, Section
+from romdam.core.scene import Block, Bools, Ints, Joint, JointFace, Section
 from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.facets import below
 
 _WINDOWS = 4
 _APART = 0.5  # of a cell's height, at least, from level to level
 _ON = 1e-6  # of the blocks' height: what is on the plane
 _ASIDE = 1e-9  # of the blocks' height: how far from nodes on the plane its area is taken
+_FEWEST = 3  # windows between levels, below which a kink is passed over
+_NEAR = 1e-3  # of a cell's height: where the area's slope is taken beside a level
+_KINK = 0.02  # of the area, what its slope changes by over a cell's height
 _TETRAHEDRA = np.array([(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)])
+_HALVES = ((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3))
 _CUTS = {  # corners above the plane, of four from low to high -> triangles of points on edges
     1: (((0, 3), (1, 3), (2, 3)),),
     2: (((0, 2), (0, 3), (1, 3)), ((0, 2), (1, 3), (1, 2))),
@@ -49,13 +55,55 @@ def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block],
     height = {key: (block.points - point) @ axes[0] for key, block in chosen.items()}
     levels = _levels(chosen, height, place)
     step, arm = ({key: _above(own, levels, degree) for key, own in height.items()} for degree in (0, 1))
-    whole = np.concatenate(list(height.values()))
-    aside = _ASIDE * np.ptp(whole)
-    aside *= 1.0 if whole.max() > aside else -1.0  # below the blocks' own end
-    triangles = np.concatenate([_triangles(block, height[key] - aside) for key, block in chosen.items()])
+    triangles = _cut(chosen, height, _aside(height))
     area, centroid, second = _shape(triangles)
     sides = _sides(triangles.reshape(-1, 3), axes, centroid)
     return Section(name, step, arm, axes, centroid, area, axes[1:] @ second @ axes[1:].T, sides)
+
+
+def gaps_above(joint: Joint, section: Section, blocks: Mapping[str, Block]) -> Floats:
+    """Part of each gap's force that is above a section (n,).
+
+    Where the plane cuts the facets around a gap, the force is spread over them as pressure that is linear
+    between gaps.
+    """
+    aside = _aside({name: _heights(blocks[name].points, section) for name in section.step})
+    step = (_heights(joint.position, section) > aside).astype(float)
+    if joint.face is None:
+        return step
+    height = _heights(blocks[joint.face.block].points, section)
+    whole, above = np.zeros((2, len(height)))
+    cut = np.zeros(len(height), dtype=bool)
+    for corners, size in _facet_triangles(joint.face, blocks):
+        own = height[corners]
+        whole[corners] += size / 3.0
+        cut[corners] |= own.min() <= aside < own.max()
+        for part in below(np.eye(3), aside - own) if own.max() > aside else ():  # in barycentric coordinates
+            above[corners] += size * abs(np.linalg.det(part)) * part.mean(axis=0)
+    beside = cut[joint.corner]
+    step[beside] = (above / np.maximum(whole, 1e-300))[joint.corner[beside]]
+    return step
+
+
+def _facet_triangles(face: JointFace, blocks: Mapping[str, Block]) -> Iterator[tuple[Ints, float]]:
+    """Corner triangles of a joint's facets and their areas, halves of quadrilaterals both ways [m2]."""
+    points = blocks[face.block].points
+    for facets in face.facets:
+        halves = _HALVES if facets.shape[1] == 4 else ((0, 1, 2),)
+        for corners in (facets[:, list(half)] for half in halves):
+            areas = _areas(points[corners]) * (2.0 / max(len(halves), 2))
+            yield from zip(corners, areas, strict=True)
+
+
+def _heights(points: Floats, section: Section) -> Floats:
+    return np.asarray((points - section.centroid) @ section.axes[0])
+
+
+def _aside(height: Mapping[str, Floats]) -> float:
+    """Distance that takes what is on the plane below it; above it, at the blocks' own end [m]."""
+    whole = np.concatenate(list(height.values()))
+    aside = _ASIDE * float(np.ptp(whole))
+    return aside if whole.max() > aside else -aside
 
 
 def _axes(normal: Floats, place: str) -> Floats:
@@ -71,7 +119,7 @@ def _axes(normal: Floats, place: str) -> Floats:
 
 
 def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], place: str) -> Floats:
-    """Up to five levels of corner nodes around the plane, above it [m]."""
+    """Up to five levels of corner nodes around the plane, above it, between kinks of the area [m]."""
     corners = {key: height[key][b.cells[:, : ELEMENTS[b.element].corners]] for key, b in blocks.items()}
     low, high = min(c.min() for c in corners.values()), max(c.max() for c in corners.values())
     on = _ON * (high - low)
@@ -84,11 +132,39 @@ def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], place: st
         )
     size = _APART * float(np.median((top - bottom)[met]))
     levels = np.unique(np.concatenate([c.ravel() for c in corners.values()]))
-    below = _spaced(levels[levels <= on][::-1], size)
-    above = _spaced(levels[levels > below[0] + size], size)
-    least = _WINDOWS // 2 + (abs(below[0]) <= on)
+    under = _spaced(levels[levels <= on][::-1], size)
+    above = _spaced(levels[levels > under[0] + size], size)
+    around = np.r_[under[::-1], above]
+    kinks = np.array([_is_kink(blocks, height, level, size) for level in around])
+    first, last = _between_kinks(around, kinks, on)
+    under, above = under[under >= around[first]], above[above <= around[last]]
+    least = _WINDOWS // 2 + (abs(under[0]) <= on)
     taken = max(least, _WINDOWS + 1 - len(above))
-    return np.r_[below[:taken][::-1], above][: _WINDOWS + 1]
+    return np.r_[under[:taken][::-1], above][: _WINDOWS + 1]
+
+
+def _between_kinks(levels: Floats, kinks: Bools, on: float) -> tuple[int, int]:
+    """First and last of the levels around the plane between which the area has no kink.
+
+    A plane in a kink goes with what is above it, or else below. Where too few levels are left for a step that
+    is right, kinks are passed over.
+    """
+    inner = np.flatnonzero(kinks)
+    ends = np.r_[0, inner, len(levels) - 1]
+    low, high = ends[levels[ends] <= on].max(initial=0), ends[levels[ends] > on].min(initial=len(levels) - 1)
+    if high - low >= _FEWEST:
+        return int(low), int(high)
+    lower = ends[ends < low].max(initial=0)
+    if abs(levels[low]) <= on and low - lower >= _FEWEST:
+        return int(lower), int(low)
+    return 0, len(levels) - 1
+
+
+def _is_kink(blocks: Mapping[str, Block], height: Mapping[str, Floats], level: float, size: float) -> bool:
+    """Tell whether the blocks' area changes its slope, or itself, at a level within them."""
+    near = _NEAR * size
+    low, own, high = (_areas(_cut(blocks, height, level + aside)).sum() for aside in (-near, 0.0, near))
+    return min(low, high) > 0.0 and abs(low - 2.0 * own + high) * size > _KINK * own * near
 
 
 def _spaced(levels: Floats, size: float) -> Floats:
@@ -126,9 +202,16 @@ def stepping_cells(block: Block, step: Floats) -> Ints:
     return np.flatnonzero(np.ptp(step[block.cells], axis=1) > 0.0)
 
 
+def _cut(blocks: Mapping[str, Block], height: Mapping[str, Floats], level: float) -> Floats:
+    """Triangles (t, 3, 3) that the plane at a level cuts out of blocks [m]."""
+    return np.concatenate([_triangles(block, height[key] - level) for key, block in blocks.items()])
+
+
 def _triangles(block: Block, height: Floats) -> Floats:
     """Triangles (t, 3, 3) that the plane cuts out of a block's cells, as tetrahedra of their corners [m]."""
     cells = block.cells[:, : ELEMENTS[block.element].corners]
+    sides = height[cells] > 0.0
+    cells = cells[sides.any(axis=1) & ~sides.all(axis=1)]
     tets = cells if cells.shape[1] == 4 else cells[:, _TETRAHEDRA].reshape(-1, 4)
     tets = np.take_along_axis(tets, np.argsort(height[tets], axis=1), axis=1)
     above = (height[tets] > 0.0).sum(axis=1)
@@ -144,13 +227,16 @@ def _triangles(block: Block, height: Floats) -> Floats:
 
 def _shape(triangles: Floats) -> tuple[float, Floats, Floats]:
     """Area, centroid (3,) and second moments (3, 3) about it of triangles (t, 3, 3)."""
-    area = 0.5 * np.linalg.norm(
-        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
-    )
+    area = _areas(triangles)
     centroid = area @ triangles.mean(axis=1) / area.sum()
     y = triangles - centroid
     corners, whole = np.einsum("t,tik,til->kl", area, y, y), y.sum(axis=1)
     return float(area.sum()), centroid, (corners + np.einsum("t,tk,tl->kl", area, whole, whole)) / 12.0
+
+
+def _areas(triangles: Floats) -> Floats:
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 def _sides(points: Floats, axes: Floats, centroid: Floats) -> Floats:

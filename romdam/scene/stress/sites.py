@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from romdam.config.sections.stress import RingConfig, StressConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, Ints, Joint, StressFace, StressNodes, StressSites, Tie
+from romdam.core.scene import MOST_RING, Block, Bools, Ints, Joint, StressFace, StressNodes, StressSites, Tie
 from romdam.scene.elements import Floats
 from romdam.scene.facets import gap_weights, node_normals
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.ring import near_contacts, near_edges, singular_edges
 from romdam.scene.stress.sections import build_section
+
+_log = logging.getLogger(__name__)
 
 _NO_NODES = np.zeros(0, dtype=np.int64)
 _UP = np.array([0.0, 0.0, 1.0])
@@ -70,13 +73,15 @@ def stress_sites(config: StressConfig | None, structure: Structure, place: str) 
         if wanted or any(name in section.step for section in sections):
             own = [facets for owner, _, facets in faces if owner == name]
             sites[name] = _with_axes(block, np.unique(np.concatenate([_NO_NODES, *wanted])), own, joints)
-    return StressSites(
+    made = StressSites(
         blocks=_with_rings(sites, structure, config.ring),
         faces=tuple(_face(sites[owner], blocks[owner], name, facets) for owner, name, facets in faces),
         probes={name: (b, int(np.searchsorted(sites[b].nodes, n))) for name, (b, n) in probes.items()},
         strength=config.strength,
         sections=sections,
     )
+    _say_rings(made, place)
+    return made
 
 
 def _with_rings(
@@ -90,8 +95,20 @@ def _with_rings(
     for name, own in sites.items():
         block, joints = structure.blocks[name], structure.joints.values()
         rings[name] = near_edges(block.points[own.nodes], ends, radius)
-        rings[name] |= near_contacts(block, own.nodes, joints, ring.contacts)
+        held = np.asarray(structure.fixed[name].any(axis=1))
+        rings[name] |= near_contacts(block, own.nodes, joints, held, ring.contacts)
     return {name: replace(own, ring=rings[name]) for name, own in sites.items()}
+
+
+def _say_rings(sites: StressSites, place: str) -> None:
+    shares = zip(sites.faces, sites.ring_shares, strict=True)
+    mostly = [f"{face.name} ({100 * share:.3g} %)" for face, share in shares if share > MOST_RING]
+    if mostly:
+        _log.warning(
+            "%s.ring: it leaves out more than %g %% of the area of %s, so that no acceptance is stated "
+            "there; refine the mesh, or give ring.edges a smaller length",
+            place, 100 * MOST_RING, ", ".join(mostly),
+        )  # fmt: skip
 
 
 def _face_name(block: str, face: object) -> str:
