@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from romdam.core.scene import (
     PointForce,
     Probe,
     Scene,
+    Tie,
 )
 from romdam.scene.arch_dam.generator import Dam, arch_dam
 from romdam.scene.boxes import box_block
@@ -68,8 +70,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     waves = config.ground.input == "free_field"
     fixed = _fixed(config, blocks, dam.held, source)
     _refuse_joined_twice(config, source)
-    stated = (build_tie(name, tie, blocks, f"{source}: ties.{name}") for name, tie in config.ties.items())
-    ties = (*dam.ties, *stated)
+    ties = (*dam.ties, *_ties(config, blocks, source))
     rigid = merged_parts(fixed, ties)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
@@ -77,7 +78,6 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     }
     _fill_joints(config, joints, blocks, source)
     refuse_free_blocks(blocks, joints, fixed, source, ties)
-    moving = moving_supports(config.supports, blocks, tuple(rigid.values()), source)
     for part in rigid.values():
         refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
     scene = Scene(
@@ -99,11 +99,16 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         stress=stress_sites(
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"
         ),
-        moving=moving,
+        moving=moving_supports(config.supports, blocks, tuple(rigid.values()), source),
     )
     files.say_unused(source)
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
+
+
+def _ties(config: Config, blocks: dict[str, Block], source: str) -> Iterator[Tie]:
+    for name, tie in config.ties.items():
+        yield build_tie(name, tie, blocks, f"{source}: ties.{name}")
 
 
 def _weightless(config: Config) -> frozenset[str]:
