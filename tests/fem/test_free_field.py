@@ -396,7 +396,7 @@ def test_run_says_what_its_displacement_is_relative_to(tmp_path, monkeypatch):
     def costly(*_):
         raise AssertionError("refused too late")
 
-    for stage in ("certify.build_model", "study.load_motions", "study.build_scene"):
+    for stage in ("certify.scene_of", "certify.reduced_model", "study.load_motions", "study.scene_of"):
         monkeypatch.setattr(f"romdam.pipelines.error.{stage}", costly)
     with pytest.raises(ConfigError, match=r"ground.viscous: a certificate .* dashpots .* `romdam verify`"):
         certify(path)

@@ -246,7 +246,15 @@ def _others() -> dict[str, Any]:
         "material": "concrete",
         "mesh": {"file": "left.msh", "group": "body", "unit": "m"},
     }
-    raw["supports"] = [{"block": "right", "face": "zmin"}]
+    record = {"file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}
+    raw["records"] = [record]
+    raw["supports"] = [{"block": "right", "face": "zmin", "motion": {"record": copy.deepcopy(record)}}]
+    raw["water"] = {
+        "model": "incompressible",
+        "level": 20.0,
+        "faces": [{"block": "right", "face": "xmin"}],
+        "mesh": {"file": "reservoir.msh", "group": "water", "unit": "m", "end": {"axis": "x", "at": -20.0}},
+    }
     raw["blocks"]["whole"] = {
         "material": "concrete",
         "box": {"origin": [20, 0, 0], "size": [5, 20, 5], "element_size": 2.5, "element": "tet4"},
@@ -305,12 +313,19 @@ def write_files(folder: Path) -> None:
     (folder / "samples.csv").write_text("ratio\n0.05\n")
     vertices = "\n".join(f"vertex {x} 15 {z}" for x, z in ((0, -9), (0, 90), (90, -9)))
     (folder / "surface.stl").write_text(f"solid s\nfacet\n{vertices}\nendfacet\nendsolid\n")
-    corners = [f"{x} {y} {z}" for z in (0, 5, 10, 15, 20) for x, y in ((0, -5), (5, -5), (5, 0), (0, 0))]
+    _write_column(folder / "left.msh", "body", (0, 5), (-5, 0))
+    _write_column(folder / "reservoir.msh", "water", (-20, 0), (0, 10))
+
+
+def _write_column(path: Path, group: str, x: tuple[int, int], y: tuple[int, int]) -> None:
+    """Four cells one on the other."""
+    around = ((x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1]))
+    corners = [f"{a} {b} {z}" for z in (0, 5, 10, 15, 20) for a, b in around]
     nodes = "".join(f"{i + 1} {xyz}\n" for i, xyz in enumerate(corners))
     cells = "".join(f"{k + 1} 5 2 1 1 {' '.join(str(4 * k + n) for n in range(1, 9))}\n" for k in range(4))
-    (folder / "left.msh").write_text(
+    path.write_text(
         "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
-        '$PhysicalNames\n1\n3 1 "body"\n$EndPhysicalNames\n'
+        f'$PhysicalNames\n1\n3 1 "{group}"\n$EndPhysicalNames\n'
         f"$Nodes\n20\n{nodes}$EndNodes\n$Elements\n4\n{cells}$EndElements\n"
     )
 

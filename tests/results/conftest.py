@@ -9,7 +9,7 @@ from scipy.sparse import eye
 from romdam.config import load_config
 from romdam.config.load import Job
 from romdam.core.basis import BlockBasis
-from romdam.core.motion import GroundMotion
+from romdam.core.motion import GroundMotion, MovingSupports, SupportMotion
 from romdam.core.scene import (
     Block,
     Joint,
@@ -55,7 +55,7 @@ def make_joint(name: str, gaps: int, mu: float) -> Joint:
     coefficients = np.full((gaps, 2), mu)
     return Joint(
         name, ("left", "right"), nodes, position, 0.5 * ones, 0 * ones, axes, (eye(gaps).tocsr(),) * 2,
-        1e-3 * ones, 1e10 * ones, 0 * ones, 5e9 * ones, coefficients, 0 * ones, 0 * ones,
+        1e-3 * ones, 1e10 * ones, 0 * ones, 5e9 * ones, coefficients, 0 * ones, 3e4 * ones,
         2e5 * ones,
     )  # fmt: skip
 
@@ -85,7 +85,8 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     return History(
         time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
         water=traction[:, :, 0], q=q, v=v, energy=energy, peaks=peaks, stats=stats, integrator="modal",
-        strength=strength, bonded=bonded,
+        strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
+        supports=1e-3 * rng.normal(size=(STEPS, 3)),
     )  # fmt: skip
 
 
@@ -117,7 +118,10 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     found = {"J1": make_joint("J1", 2, mu), "J2": make_joint("J2", 3, 0.0)} if joints else {}
     fixed = {name: np.zeros((8, 3), dtype=bool) for name in blocks}
     probes = (Probe("top_left", "left", 6), Probe("top_right", "right", 5))
-    scene = Scene(blocks, found, fixed, (), (), np.zeros(3), probes, make_sites())
+    moving = MovingSupports(
+        (SupportMotion(0, delay=0.1),), {name: np.zeros((8, 3), dtype=int) - 1 for name in blocks}
+    )
+    scene = Scene(blocks, found, fixed, (), (), np.zeros(3), probes, make_sites(), moving=moving)
     acc = np.zeros((3, 401))
     acc[1] = np.sin(np.arange(401) * 0.05)
     motion = GroundMotion("quake", acc, 0.005, {"sha256": "abc"}, ("a warning",))
