@@ -51,6 +51,12 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
             limits.cohesion[i, a] = max(limit[COHESION_J + a] - limits.mu[i, a] * limits.tension[i], 0.0)
 
 
+def put_limits(problem: GapProblem, memory: GapMemory) -> None:
+    """`set_limits` from Python: nothing is compiled where there are no further laws."""
+    if problem.laws is not None:
+        set_limits(problem.laws, problem.whole, memory)
+
+
 @njit(cache=True)
 def bond_forces(
     laws: Laws | None, problem: GapProblem, memory: GapMemory, y_free: Floats, sign: float

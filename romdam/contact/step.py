@@ -18,7 +18,7 @@ from romdam.contact.solvers.gauss_seidel import solve_frictional
 from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import Floats
-from romdam.core.jit import ARRAYS, copy, njit
+from romdam.core.jit import ARRAYS, CALLED, copy, njit
 
 SOLVERS: dict[type, Callable[..., Any]] = {PivotingState: solve_unilateral, FrictionalState: solve_frictional}
 
@@ -91,7 +91,7 @@ def _solve(
     return float(SOLVERS[type(memory.solver)](problem, memory, closed, y_free, y, control))
 
 
-@overload(_solve)
+@overload(_solve, jit_options=CALLED)
 def _compiled_solve(
     problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any
 ) -> Callable[..., Any]:

@@ -1,5 +1,9 @@
 """Compiled functions: a cache that may be missing or damaged, whether views count references, and `at`.
 
+A function that compiled code calls is lowered and no more (`_Linked`), where numba is the one this was
+tried with; numba by itself optimises it, with all below it, at every level of calls, and makes each a way in
+from Python.
+
 Every view (a row of a run's state) takes an atomic increment and a decrement, dozens per step. The time loop
 itself makes no arrays, so it needs none; what it calls says so where it does make some, for the option is
 handed down to the functions that are called.
@@ -13,6 +17,7 @@ import operator
 import os
 import stat
 import tempfile
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -20,7 +25,11 @@ from typing import Any
 
 import numba
 from numba import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
 from numba.core.imputils import impl_ret_borrowed
+from numba.core.untyped_passes import IRProcessing
 from numba.extending import lower_builtin, type_callable
 from numpy.typing import NDArray
 
@@ -31,13 +40,81 @@ log = logging.getLogger(__name__)
 
 _SETTINGS: Any = numba.config
 _KERNELS = ("contact", "timestepping")  # rooms whose compiled functions call each other
+_TOLD = 1.0  # seconds of compiling that are worth a line
+_TRIED = (
+    0,
+    68,
+)  # the numba whose own compiler `_Linked` and `_Lowered` were tried with; others compile for longer
 
 VIEWS: dict[str, Any] = {"cache": True, "_nrt": False}  # no arrays are made here, nor by what is called
 ARRAYS: dict[str, Any] = {"cache": True, "_nrt": True}  # arrays may be made, by what is called too
 
 
+class _Linked(JITCodeLibrary):
+    """Code that is linked into what calls it: optimised and made the processor's there, with the rest, once.
+
+    Nothing calls it from Python, so it has no address and no environment.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Null: the code is nowhere but in its callers."""
+        self._ensure_finalized()  # type: ignore[no-untyped-call]
+        return 0
+
+    @property
+    def codegen(self) -> _Linked:
+        """Where numba would tell the function's environment, which is the callers'."""
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Keep none."""
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _LinkOnly(AnalysisPass):
+    """Let a function be lowered to linked code."""
+
+    _name = "romdam_link_only"
+
+    def __init__(self) -> None:
+        super().__init__()  # type: ignore[no-untyped-call]
+
+    def run_pass(self, state: Any) -> bool:
+        """Give the function its library, which it otherwise gets when it is lowered."""
+        codegen, name = state.targetctx.codegen(), state.func_id.func_qualname
+        state.library = _Linked(codegen, name)  # type: ignore[no-untyped-call]
+        return False
+
+
+class _Lowered(CompilerBase):
+    """Numba's own passes, for functions that only compiled ones call."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """List the one way to compile."""
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.add_pass_after(_LinkOnly, IRProcessing)
+        passes.finalize()
+        return [passes]
+
+
+# options of functions that only compiled ones call
+CALLED: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _Lowered}
+if numba.version_info.short != _TRIED:
+    CALLED = {}
+
+
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """`numba.njit`; where its cache cannot be written, or is damaged, that costs time and nothing else."""
+    """`numba.njit`, with a second function for compiled callers, which is only lowered.
+
+    Where the cache cannot be written, or is damaged, that costs time and nothing else.
+    """
 
     def compiled(function: Callable[..., Any]) -> Any:
         try:
@@ -49,6 +126,9 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         if hasattr(made._cache, "_cache_file"):
             _guard(made._cache)
             _stamp(made._cache, Path(function.__code__.co_filename).parent)
+        if CALLED:
+            called = numba.njit(**options | CALLED | {"cache": False})(function)
+            made.get_call_template, made.get_overload = called.get_call_template, called.get_overload
         return made
 
     return compiled
@@ -108,10 +188,14 @@ def _code_of(folder: Path) -> str:
 
 
 def _guard(cache: Any) -> None:
-    """Make a cache that cannot be read or written count as empty: numba unpickles whatever it finds."""
-    load, save = cache.load_overload, cache.save_overload
+    """Make a cache that cannot be read or written count as empty: numba unpickles whatever it finds.
+
+    Between a look for what is not there and its being kept numba compiles, which is said where it takes long.
+    """
+    load, save, asked = cache.load_overload, cache.save_overload, [0.0]
 
     def load_overload(*place: Any) -> Any:
+        asked[0] = time.perf_counter()
         try:
             return load(*place)
         except Exception as error:
@@ -121,6 +205,9 @@ def _guard(cache: Any) -> None:
             return None
 
     def save_overload(*compiled: Any) -> None:
+        seconds = time.perf_counter() - asked[0]
+        if seconds > _TOLD:
+            log.info("compiling, once for this version: %.0f s", seconds)
         try:
             save(*compiled)
         except Exception as error:

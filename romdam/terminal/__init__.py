@@ -100,6 +100,8 @@ def open_terminal(quiet: bool = False, verbose: bool = False) -> Terminal:
     # what happens to its workers is in messages of romdam's own
     handler.addFilter(lambda record: not record.name.startswith(("asyncio", "distributed")))
     logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
+    # a first start says what it waits for
+    logging.getLogger("romdam.core.jit").setLevel(logging.ERROR if quiet else logging.INFO)
 
     def say(*lines: object) -> None:
         for line in lines if not quiet else ():

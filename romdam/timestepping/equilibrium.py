@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
-from romdam.contact.softening import set_limits
+from romdam.contact.softening import put_limits
 from romdam.contact.solvers.state import forget_product, make_hasty, solver_state
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
@@ -162,7 +162,7 @@ def _water_at_start(system: System) -> Floats:
     N = len(system.law) * system.law.directions
     problem = system_gap_problem(system, np.zeros((N, N)))
     memory = gap_memory(problem)
-    set_limits(problem.laws, problem.whole, memory)
+    put_limits(problem, memory)
     return memory.water
 
 
@@ -176,7 +176,7 @@ def resumed(system: System, start: Start) -> GapState:
     memory = gap_memory(problem)
     if len(history):
         memory.trial[:] = history
-    set_limits(problem.laws, problem.whole, memory)
+    put_limits(problem, memory)
     bonded = memory.limits.tension > 0.0
     p_c[:, NORMAL] = np.where(bonded, p_c[:, NORMAL], np.maximum(p_c[:, NORMAL] + tension, 0.0))
     compliance = problem.compliance.reshape(-1, d)
@@ -320,7 +320,7 @@ def _with_own_water(gaps: GapState) -> Floats:
 def _keeps_water(problem: GapProblem, memory: GapMemory, gaps: GapState) -> bool:
     """Tell whether the gaps as they are now have the water that brought them there."""
     memory.trial[:] = memory.history
-    set_limits(problem.laws, problem.whole, memory)
+    put_limits(problem, memory)
     return bool(np.array_equal(memory.water, gaps.water))
 
 

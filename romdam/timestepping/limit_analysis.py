@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from romdam.contact.components import ALONG_J, ALONG_K
 from romdam.contact.problem import GapProblem, Limits, gap_memory
-from romdam.contact.softening import set_limits
+from romdam.contact.softening import put_limits
 from romdam.core.arrays import Floats
 from romdam.core.system import System
 
@@ -37,7 +37,7 @@ def needed_strength(system: System, problem: GapProblem) -> float:
         return 1.0
     motions, loads = csr_matrix(system.B)[:, rigid].T.toarray(), system.force[rigid]
     memory = gap_memory(problem)
-    set_limits(problem.laws, problem.whole, memory)
+    put_limits(problem, memory)
     low, high = 1.0, _MOST
     if _holds(motions, loads, memory.limits, low):
         return low
