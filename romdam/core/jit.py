@@ -41,10 +41,7 @@ log = logging.getLogger(__name__)
 _SETTINGS: Any = numba.config
 _KERNELS = ("contact", "timestepping")  # rooms whose compiled functions call each other
 _TOLD = 1.0  # seconds of compiling that are worth a line
-_TRIED = (
-    0,
-    68,
-)  # the numba whose own compiler `_Linked` and `_Lowered` were tried with; others compile for longer
+_TRIED = (0, 68)  # the numba that `_Linked` and `_Lowered` were tried with
 
 VIEWS: dict[str, Any] = {"cache": True, "_nrt": False}  # no arrays are made here, nor by what is called
 ARRAYS: dict[str, Any] = {"cache": True, "_nrt": True}  # arrays may be made, by what is called too
