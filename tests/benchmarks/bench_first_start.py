@@ -40,11 +40,11 @@ class Function(NamedTuple):
     from_python: bool
 
 
-class Account(event.Listener):  # type: ignore[misc]
+class Account(event.Listener):
     """CPU seconds of every function and phase, those of what is compiled within it taken off."""
 
     def __init__(self) -> None:
-        self.seconds: dict[Any, Counter[str]] = defaultdict(Counter)
+        self.seconds: dict[Any, Any] = defaultdict(Counter)
         self.signatures: dict[Any, list[tuple[Any, ...]]] = defaultdict(list)
         self._under_way: list[tuple[Any, str]] = [(OUTSIDE, "other")]
         self._last = time.process_time()
@@ -101,7 +101,7 @@ def compiled(config: Path) -> Account:
 def print_table(account: Account) -> None:
     """A row for each function, the dearest first, and their sum."""
     print(f"{'CPU s':>7} " + " ".join(f"{phase:>8}" for phase in PHASES) + "  signatures, function")
-    total: Counter[str] = Counter()
+    total: Any = Counter()
     functions = {of: spent for of, spent in account.seconds.items() if of != OUTSIDE}
     for of, spent in sorted(functions.items(), key=lambda one: -one[1].total()):
         called = ", called from Python" if of.from_python else ""
@@ -112,7 +112,7 @@ def print_table(account: Account) -> None:
     print(f"{account.seconds[OUTSIDE].total():7.2f} everything else")
 
 
-def _numbers(spent: Counter[str]) -> str:
+def _numbers(spent: Any) -> str:
     return f"{spent.total():7.2f} " + " ".join(f"{spent[phase]:8.2f}" for phase in PHASES)
 
 

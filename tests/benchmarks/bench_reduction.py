@@ -21,6 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -58,12 +59,10 @@ def main() -> None:
 
 def halved(job: Job) -> Job:
     """The job with elements of half the size in all boxes."""
-    blocks = {
-        name: block.model_copy(
-            update={"box": block.box.model_copy(update={"element_size": block.box.element_size / 2.0})}
-        )
-        for name, block in job.config.blocks.items()
-    }
+    raw: Any = job.config.model_dump(mode="json")
+    for block in raw["blocks"].values():
+        block["box"]["element_size"] = (0.5 * np.array(block["box"]["element_size"])).tolist()
+    blocks = {name: type(job.config.blocks[name]).model_validate(one) for name, one in raw["blocks"].items()}
     return replace(job, config=job.config.model_copy(update={"blocks": blocks}))
 
 
@@ -104,11 +103,11 @@ def noted() -> Iterator[list[Any]]:
         problems.append((K, merged.M, merged.right.toarray(), counts[0]))
         return T, counts
 
-    craig_bampton._ritz_vectors, free_interface._ritz_vectors = of_block, of_part
-    try:
+    with (
+        patch.object(craig_bampton, "_ritz_vectors", of_block),
+        patch.object(free_interface, "_ritz_vectors", of_part),
+    ):
         yield problems
-    finally:
-        craig_bampton._ritz_vectors, free_interface._ritz_vectors = by_block, by_part
 
 
 def turn(job: Job, scene: Scene, problems: list[Any]) -> dict[str, float]:
