@@ -11,7 +11,7 @@ JOBS ?= 2
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
 	@echo "How far is that from the unreduced mesh? Running both on the first 10 s (about a minute) ..."
-	@$(BIN)/romdam verify $(CONFIG) --out $(OUT)
+	@$(BIN)/romdam verify $(CONFIG) --duration "10 s" --out $(OUT)
 	@echo "Results, figures and the error statement are in $(OUT)/ ; read $(OUT)/*.nc with xarray."
 
 test: $(VENV)/.installed-dev
