@@ -1,4 +1,4 @@
-"""Natural frequencies against NAFEMS FV52, the Rayleigh-Lamb equation and waves in a cube.
+"""Natural frequencies against NAFEMS FV32 and FV52, the Rayleigh-Lamb equation and waves in a cube.
 
 FV52 (NAFEMS R0015, Selected benchmarks for natural frequency analysis, 1987): solid square plate on lines.
 A line support under a solid has no limit in three dimensions: refined meshes sink below the
@@ -7,6 +7,8 @@ so the bending modes are compared on meshes like NAFEMS' own, with the figures o
 mesh, the membrane modes also with their closed form, and convergence is shown on the hard-supported plate,
 whose bending modes are Lamb waves (Graff, Wave motion in elastic solids, 1975, section 8.1), and on a cube.
 """
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -29,7 +31,10 @@ def frequencies(element, size, divisions, held, material, count, around):
     """Lowest frequencies above `around` [Hz]; `held` maps points to (n, 3) fixed components."""
     lengths = tuple(s / n for s, n in zip(size, divisions, strict=True))
     config = BoxConfig(origin=(0, 0, 0), size=size, element_size=lengths, element=element)
-    block = box_block("b", config, material, "s.yaml: blocks.b.box")
+    return lowest(box_block("b", config, material, "s.yaml: blocks.b.box"), held, count, around)
+
+
+def lowest(block, held, count, around):
     K, M = assemble(block)
     free = np.flatnonzero(~held(block.points).ravel())
     K, M = K[free][:, free].tocsc(), M[free][:, free].tocsc()
@@ -95,6 +100,24 @@ def test_fv52_membrane_modes_reach_their_closed_form(element, divisions):
             np.abs(found / closed - 1).min()
             < {"hex8": 1e-2, "hex20": 5e-4, "hex27": 5e-4, "tet10": 1e-3}[element]
         )
+
+
+FV32 = [44.623, 130.03, 162.70, 246.05, 379.90, 391.44]  # Hz, its membrane
+
+
+@pytest.mark.parametrize(
+    ("element", "limit"), [("hex8", 0.04), ("hex20", 5e-5), ("hex27", 1e-4), ("tet10", 1e-3)]
+)
+def test_fv32_tapered_cantilever(element, limit):
+    """A membrane 10 m long, 5 m deep at its foot, 1 m at its end: half of its thickness, free to thin."""
+    config = BoxConfig(
+        origin=(0, -2.5, 0), size=(10, 5, 0.025), element_size=(0.625, 0.625, 0.025), element=element
+    )
+    box = box_block("b", config, PLATE, "s.yaml: blocks.b.box")
+    x, y, z = box.points.T
+    tapered = replace(box, points=np.c_[x, y * (1 - 0.08 * x), z])
+    computed = lowest(tapered, lambda p: np.c_[p[:, 0] == 0, p[:, 0] == 0, p[:, 2] == 0], 6, 0.0)
+    assert np.abs(computed / FV32 - 1).max() < limit
 
 
 LADDERS = {  # divisions, and how far from exact the finest may be
