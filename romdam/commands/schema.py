@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -18,10 +17,10 @@ def schema(
 
     An editor finds it by a line in the YAML: # yaml-language-server: $schema=FILE
     """
-    from romdam.config.schema import schema
+    from romdam.config.schema import schema_text
     from romdam.core.files import replacing
 
-    text = json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+    text = schema_text()
     if out is None:
         typer.echo(text, nl=False)
         return

@@ -6,6 +6,7 @@ the dimension of a unit is known to `romdam check` alone.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -99,6 +100,11 @@ def schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of a configuration file."""
     made = Config.model_json_schema(schema_generator=_Generator, mode="validation")
     return {"$schema": GenerateJsonSchema.schema_dialect, **_bounded(made), "title": "romdam configuration"}
+
+
+def schema_text() -> str:
+    """The schema as the text of its file."""
+    return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 def _bounded(node: Any) -> Any:
