@@ -7,6 +7,7 @@ import pytest
 from rich.console import Console
 
 from romdam import terminal
+from romdam.terminal import tables
 
 
 def console(is_terminal: bool) -> Console:
@@ -61,3 +62,11 @@ def test_stage_that_fails_takes_its_bar_away():
     assert where.file.getvalue().rstrip().endswith(("\x1b[2K", "\x1b[?25h")), (
         "the bar is erased, the cursor is back"
     )
+
+
+def test_a_table_that_is_piped_has_columns_and_no_boxes(capsys):
+    _, say = terminal.open_terminal()
+    table = tables._table("Peaks", ("joint",), ("opening [mm]",))
+    table.add_row("J1", "5.67")
+    say(table)
+    assert capsys.readouterr().out.splitlines()[-2:] == ["joint  opening [mm]", "J1             5.67"]

@@ -18,6 +18,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.table import Table
 
 Terminal = tuple["Stages", Callable[..., None]]
 
@@ -105,6 +106,8 @@ def open_terminal(quiet: bool = False, verbose: bool = False) -> Terminal:
 
     def say(*lines: object) -> None:
         for line in lines if not quiet else ():
+            if isinstance(line, Table) and not output.is_terminal:  # columns, for grep and awk
+                line.box, line.pad_edge = None, False
             output.print(line, markup=False)
 
     return Stages(errors, quiet), say

@@ -16,11 +16,7 @@ if TYPE_CHECKING:
 
 def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     """Peaks of every joint, a row for each record and joint."""
-    table = Table(title="Peaks", title_justify="left")
-    for name in ("record", "joint"):
-        table.add_column(name, overflow="fold")
-    for name in ("opening [mm]", "at [s]", "compression [MPa]", "slip [mm]"):
-        table.add_column(name, justify="right")
+    table = _table("Peaks", ("record", "joint"), ("opening [mm]", "at [s]", "compression [MPa]", "slip [mm]"))
     for record, dataset in results.items():
         for joint in dataset.joint.values if "joint" in dataset else ():
             row = dataset.sel(joint=joint)
