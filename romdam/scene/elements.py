@@ -213,10 +213,17 @@ def _element(name: str, cell: Cell, order: int, **others: Any) -> Element:
     )
 
 
+# Node orders of the formats: for every node in VTK's order its place in theirs (`Cell.orders`).
 _GMSH_HEX20 = (0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15)
 _GMSH_HEX27 = (*_GMSH_HEX20, 22, 23, 21, 24, 20, 25, 26)
 _GMSH_TET10 = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)
+_MED_HEX20 = (0, 3, 2, 1, 4, 7, 6, 5, 11, 10, 9, 8, 15, 14, 13, 12, 16, 19, 18, 17)
+_MED_HEX27 = (*_MED_HEX20, 21, 23, 24, 22, 20, 25, 26)
+_MED_TET10 = (0, 2, 1, 3, 6, 5, 4, 7, 9, 8)
+_UNV_HEX20 = (0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)  # ring after ring
+_UNV_TET10 = (0, 2, 4, 9, 1, 3, 5, 6, 7, 8)
 _NASTRAN_HEX20 = (*range(12), 16, 17, 18, 19, 12, 13, 14, 15)  # the uprights before the top ring
+_ASTER_HEX27 = (*_NASTRAN_HEX20, 24, 22, 21, 23, 20, 25, 26)
 _ABAQUS_HEX27 = (*range(20), 26, 24, 23, 25, 21, 22, 20)  # the middle, then the faces S1 to S6
 
 # Nastran has no hexahedron of 27 nodes. The mass of a straight tet10 needs degree 4; scikit-fem's rule of
@@ -226,7 +233,8 @@ ELEMENTS: dict[str, Element] = {
     for element in (
         _element(
             "hex8",
-            Cell("hexahedron", 3, 8, vtk=12, gmsh=5, abaqus=True, nastran=("CHEXA",)),
+            Cell("hexahedron", 3, 8, 12, 5, True, ("CHEXA",),
+                 {"med": _MED_HEX20[:8]}, "HE8", "HEXA8", (115,)),
             order=2,
             facet="quad4",
             bytes_per_node=5.1e3,
@@ -234,59 +242,67 @@ ELEMENTS: dict[str, Element] = {
         _element(
             "hex20",
             Cell("hexahedron20", 3, 20, 25, 17, True, ("CHEXA",),
-                 {"gmsh": _GMSH_HEX20, "nastran": _NASTRAN_HEX20}),
+                 {"gmsh": _GMSH_HEX20, "nastran": _NASTRAN_HEX20, "aster": _NASTRAN_HEX20,
+                  "med": _MED_HEX20, "unv": _UNV_HEX20}, "H20", "HEXA20", (116,)),
             order=3,
             facet="quad8",
             bytes_per_node=10.8e3,
         ),
         _element(
             "hex27",
-            Cell("hexahedron27", 3, 27, 29, 12, True, orders={"gmsh": _GMSH_HEX27, "abaqus": _ABAQUS_HEX27}),
+            Cell("hexahedron27", 3, 27, 29, 12, True, (),
+                 {"gmsh": _GMSH_HEX27, "abaqus": _ABAQUS_HEX27, "aster": _ASTER_HEX27, "med": _MED_HEX27},
+                 "H27", "HEXA27"),
             order=3,
             facet="quad9",
             bytes_per_node=11.8e3,
         ),
         _element(
             "tet4",
-            Cell("tetra", 3, 4, vtk=10, gmsh=4, abaqus=True, nastran=("CTETRA",)),
+            Cell("tetra", 3, 4, 10, 4, True, ("CTETRA",), {"med": _MED_TET10[:4]}, "TE4", "TETRA4", (111,)),
             order=2,
             facet="tri3",
             bytes_per_node=3.4e3,
         ),
         _element(
             "tet10",
-            Cell("tetra10", 3, 10, 24, 11, True, ("CTETRA",), {"gmsh": _GMSH_TET10}),
+            Cell("tetra10", 3, 10, 24, 11, True, ("CTETRA",),
+                 {"gmsh": _GMSH_TET10, "med": _MED_TET10, "unv": _UNV_TET10}, "T10", "TETRA10", (118,)),
             order=5,
             facet="tri6",
             bytes_per_node=5.5e3,
         ),
         _element(
             "quad4",
-            Cell("quad", 2, 4, vtk=9, gmsh=3, abaqus=True, nastran=("CQUAD4", "CQUADR")),
+            Cell("quad", 2, 4, 9, 3, True, ("CQUAD4", "CQUADR"), {},
+                 "QU4", "QUAD4", (44, 54, 64, 84, 94)),
             order=2,
             pieces=((0, 1, 2, 3),),
         ),
         _element(
             "quad8",
-            Cell("quad8", 2, 8, vtk=23, gmsh=16, abaqus=True, nastran=("CQUAD8",)),
+            Cell("quad8", 2, 8, 23, 16, True, ("CQUAD8",), {"unv": (0, 2, 4, 6, 1, 3, 5, 7)},
+                 "QU8", "QUAD8", (45, 55, 65, 85, 95)),
             order=3,
             pieces=((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6, 7)),
         ),
         _element(
             "quad9",
-            Cell("quad9", 2, 9, vtk=28, gmsh=10, abaqus=True),
+            Cell("quad9", 2, 9, 28, 10, True, med="QU9", aster="QUAD9"),
             order=3,
             pieces=((0, 4, 8, 7), (1, 5, 8, 4), (2, 6, 8, 5), (3, 7, 8, 6)),
         ),
         _element(
             "tri3",
-            Cell("triangle", 2, 3, vtk=5, gmsh=2, abaqus=True, nastran=("CTRIA3", "CTRIAR")),
+            Cell("triangle", 2, 3, 5, 2, True, ("CTRIA3", "CTRIAR"), {},
+                 "TR3", "TRIA3", (41, 51, 61, 81, 91)),
             order=2,
             pieces=((0, 1, 2),),
         ),
         _element(
             "tri6",
-            Cell("triangle6", 2, 6, vtk=22, gmsh=9, abaqus=True, nastran=("CTRIA6",)),
+            Cell("triangle6", 2, 6, 22, 9, True, ("CTRIA6",), {"unv": (0, 2, 4, 1, 3, 5)},
+                 "TR6", "TRIA6", (42, 52, 62, 82, 92)),
             order=5,
             pieces=((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
         ),

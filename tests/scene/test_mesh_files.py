@@ -220,7 +220,7 @@ def test_mesh_blocks_make_a_joint(make):
 NODES = "*NODE\n" + "\n".join(f"{n + 1},{x},{y},{z}" for n, (x, y, z) in enumerate(ELEMENTS["hex8"].nodes))
 BAD = {
     "missing.msh": (None, "s.yaml: blocks.b.mesh.file: no mesh file {path}; give its path relative to"),
-    "m.obj": ("", "is of no known format; known endings are .msh, .bdf, .nas, .dat, .inp, .vtu"),
+    "m.obj": ("", "is of no known format; known endings are .msh, .bdf, .nas, .dat, .inp, .med, .unv, .mail, .cdb, .vtu"),
     "m.msh": ("nonsense", "{path} cannot be read as a gmsh file ("),
     "empty.msh": ("", "{path} cannot be read as a gmsh file ("),
     "m.vtu": ("<VTKFile", "{path} cannot be read as a vtu file ("),

@@ -167,6 +167,30 @@ def by_value(values: list[Ints]) -> Groups:
     return dict(sorted(found.items(), key=lambda item: int(item[0])))
 
 
+def by_number(
+    mesh: MeshFile, elements: dict[str, Ints], nodes: dict[str, Ints]
+) -> tuple[Groups, dict[str, Ints]]:
+    """Groups of elements and sets of nodes that name their members by the file's numbers.
+
+    Raises
+    ------
+    ValueError
+        for members that are not given.
+    """
+    every = np.concatenate([np.zeros(0, np.int64), *(c.ids for c in mesh.cells)])
+    for what, sets, known in (("element", elements, every), ("node", nodes, mesh.tags)):
+        for name, own in sets.items():
+            lost = own[~np.isin(own, known)]
+            if len(lost):
+                raise ValueError(
+                    f"group {name!r} has {what} {lost[0]}, which is not given ({len(lost)} such members): "
+                    "the file was cut, or has lost them"
+                )
+    order = np.argsort(mesh.tags, kind="stable")
+    groups = {n: [np.flatnonzero(np.isin(c.ids, own)) for c in mesh.cells] for n, own in elements.items()}
+    return groups, {n: order[np.searchsorted(mesh.tags[order], own)] for n, own in nodes.items()}
+
+
 def missing_ids(cells: list[Cells]) -> tuple[str, ...]:
     """A remark on numbers left out among the elements', for formats that do not say how many there are."""
     ids = np.unique(np.concatenate([c.ids for c in cells])) if cells else np.zeros(0, int)

@@ -1,4 +1,4 @@
-"""Blocks read from mesh files: gmsh .msh, Nastran .bdf/.nas/.dat, Abaqus .inp and .vtu."""
+"""Blocks read from mesh files, of the formats in `FORMATS`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,17 @@ from romdam.core.files import check_file
 from romdam.core.scene import Block, Bools, Ints, Material
 from romdam.scene.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_element
 from romdam.scene.facets import boundary_facets, row_numbers
-from romdam.scene.meshes.abaqus import read_abaqus
 from romdam.scene.meshes.data import LARGEST, MeshFile
-from romdam.scene.meshes.gmsh import read_gmsh
-from romdam.scene.meshes.nastran import read_nastran
+from romdam.scene.meshes.formats.abaqus import read_abaqus
+from romdam.scene.meshes.formats.ansys import read_ansys
+from romdam.scene.meshes.formats.aster import read_aster
+from romdam.scene.meshes.formats.gmsh import read_gmsh
+from romdam.scene.meshes.formats.med import read_med
+from romdam.scene.meshes.formats.nastran import read_nastran
+from romdam.scene.meshes.formats.stl import read_stl
+from romdam.scene.meshes.formats.unv import read_unv
+from romdam.scene.meshes.formats.vtu import read_vtu
 from romdam.scene.meshes.quality import refuse_bad_cells
-from romdam.scene.meshes.stl import read_stl
-from romdam.scene.meshes.vtu import read_vtu
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +35,10 @@ FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
     ".nas": read_nastran,
     ".dat": read_nastran,
     ".inp": read_abaqus,
+    ".med": read_med,
+    ".unv": read_unv,
+    ".mail": read_aster,
+    ".cdb": read_ansys,
     ".vtu": read_vtu,
     ".stl": read_stl,
 }
@@ -106,7 +114,7 @@ def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folde
 
 
 def read_mesh_file(path: Path, place: str) -> MeshFile:
-    """Read a gmsh, Nastran, Abaqus, VTU or STL file.
+    """Read a file of one of `FORMATS`.
 
     Raises
     ------
