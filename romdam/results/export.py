@@ -17,7 +17,7 @@ from romdam.core.errors import ResultError
 from romdam.core.files import replacing
 from romdam.results.fields import Result
 from romdam.results.series import Frames, frame_times
-from romdam.scene.elements import ELEMENTS
+from romdam.scene.meshes.kinds import kinds_of
 
 if TYPE_CHECKING:
     import meshio
@@ -63,8 +63,9 @@ def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> meshio.Mesh:
     points, cells, number, first = [], [], [], 0
     for k, (at, element, own) in enumerate(blocks):
         points.append(at)
-        cells.append((ELEMENTS[element].cell.name, own + first))
-        number.append(np.full(len(own), k, dtype=np.int32))
+        kinds = kinds_of(element, own)
+        cells += [(kind.cell.name, nodes + first) for kind, _, nodes in kinds]
+        number += [np.full(len(nodes), k, dtype=np.int32) for _, _, nodes in kinds]
         first += len(at)
     return meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})
 

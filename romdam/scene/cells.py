@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from romdam.core.arrays import Ints
-
-_GMSH_WEDGE15 = (0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11)
-_NASTRAN_WEDGE15 = (*range(9), 12, 13, 14, 9, 10, 11)  # the uprights before the top ring
-_MED_WEDGE15 = (0, 2, 1, 3, 5, 4, 8, 7, 6, 11, 10, 9, 12, 14, 13)
-_UNV_WEDGE15 = (0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8)
-_GMSH_PYRAMID13 = (0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12)
-_MED_PYRAMID13 = (0, 3, 2, 1, 4, 8, 7, 6, 5, 9, 12, 11, 10)
+from romdam.scene.meshes.orders import ORDERS
 
 
 @dataclass(frozen=True)
@@ -29,7 +23,6 @@ class Cell:
     nastran : entries that hold it
     med, aster : its type in MED and in code_aster's .mail
     unv : its descriptors in I-deas universal files
-    orders : format -> for every node its place in the format's own order; the same where not listed
     """
 
     name: str
@@ -39,10 +32,14 @@ class Cell:
     gmsh: int | None = None
     abaqus: bool = False
     nastran: tuple[str, ...] = ()
-    orders: dict[str, tuple[int, ...]] = field(default_factory=dict)
     med: str = ""
     aster: str = ""
     unv: tuple[int, ...] = ()
+
+    @property
+    def orders(self) -> dict[str, tuple[int, ...]]:
+        """By format, for every node its place in the format's own order; the same where not listed."""
+        return ORDERS.get(self.name, {})
 
     def in_vtk_order(self, cells: Ints, kind: str) -> Ints:
         """Cells (n, nodes) of a format, their nodes in VTK's order."""
@@ -54,14 +51,7 @@ OTHER_CELLS = (
     Cell("vertex", 0, 1, vtk=1, gmsh=15, med="PO1", aster="POI1"),
     Cell("line", 1, 2, vtk=3, gmsh=1, med="SE2", aster="SEG2"),
     Cell("line3", 1, 3, vtk=21, gmsh=8, med="SE3", aster="SEG3"),
-    Cell("wedge", 3, 6, 13, 6, True, ("CPENTA",), {"med": _MED_WEDGE15[:6]}, "PE6", "PENTA6", (112,)),
-    Cell("wedge15", 3, 15, 26, 18, True, ("CPENTA",),
-         {"gmsh": _GMSH_WEDGE15, "nastran": _NASTRAN_WEDGE15, "aster": _NASTRAN_WEDGE15,
-          "med": _MED_WEDGE15, "unv": _UNV_WEDGE15}, "P15", "PENTA15", (113,)),
     Cell("wedge18", 3, 18, gmsh=13, med="P18", aster="PENTA18"),
-    Cell("pyramid", 3, 5, 14, 7, True, ("CPYRAM", "CPYRA"), {"med": _MED_PYRAMID13[:5]}, "PY5", "PYRAM5"),
-    Cell("pyramid13", 3, 13, 27, 19, False, ("CPYRAM", "CPYRA"),
-         {"gmsh": _GMSH_PYRAMID13, "med": _MED_PYRAMID13}, "P13", "PYRAM13"),
     Cell("pyramid14", 3, 14, gmsh=14),
 )  # fmt: skip
 

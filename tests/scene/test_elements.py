@@ -45,6 +45,15 @@ def test_nodes_are_in_the_order_of_vtk(element):
     vtk = pytest.importorskip("vtk")
     theirs = vtk.vtkGenericCell.InstantiateCell(element.cell.vtk)
     count, d = element.nodes.shape
+    if element.linear == "pyramid5":  # VTK's is a hexahedron whose top is one point
+        for k in range(count):
+            theirs.GetPointIds().SetId(k, k)
+        ids = [theirs.GetEdge(k).GetPointIds() for k in range(theirs.GetNumberOfEdges())]
+        edges = [tuple(one.GetId(i) for i in range(one.GetNumberOfIds())) for one in ids]
+        middles = [(5 + k,) if element.quadratic else () for k in range(8)]
+        ours = [(*edge, *middle) for edge, middle in zip(element.edges, middles, strict=True)]
+        assert {frozenset(edge) for edge in edges} == {frozenset(edge) for edge in ours}
+        return
     xi = np.array([theirs.GetParametricCoords()[k] for k in range(3 * count)]).reshape(-1, 3)[:, :d]
     assert np.array_equal(xi * 2 - 1 if element.box else xi, element.nodes)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -12,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from romdam.config.quantities import to_si
 from romdam.config.sections.geometry.cut import CutConfig, CutSurfaceConfig
+from romdam.config.sections.places import GridElement
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block
@@ -51,6 +53,11 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
         cannot be cut in two.
     """
     place = f"{source}: cut.{block.name}"
+    if block.element not in get_args(GridElement):
+        raise MeshError(
+            f"{place}: block {block.name!r} has wedges or pyramids ({block.element}), which are not cut; "
+            "cut it where it was meshed, or mesh it with hexahedra or tetrahedra alone"
+        )
     steps = _steps(block.name, cuts, folder, source)
     every = [step for own in steps.values() for step in own]
     mesh = whole = Mesh.of(block)

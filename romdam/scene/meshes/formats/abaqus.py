@@ -40,7 +40,7 @@ _OTHER = re.compile(  # structural and special elements, which no block is made 
 _SOLID_TYPES, _SHELL_TYPES = (
     {cell.nodes: cell for cell in CELLS.values() if cell.abaqus and cell.dim == dim} for dim in (3, 2)
 )
-_USE = "use one of " + ", ".join(f"C3D{element.cell.nodes}" for element in SOLIDS.values())
+_USE = "use one of " + ", ".join(f"C3D{cell.nodes}" for cell in _SOLID_TYPES.values())
 _HEX_SIDES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
 _TET_SIDES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
 _SIDES = {e.cell.name: _HEX_SIDES if e.box else _TET_SIDES for e in SOLIDS.values()}

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 
 from romdam.core.errors import ResultError, shown
@@ -23,6 +23,9 @@ from romdam.core.scene import Floats, Ints
 from romdam.core.sealed import reading_foreign
 from romdam.scene.elements import CELLS, ELEMENT_OF_CELL, jacobians
 from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
+
+if TYPE_CHECKING:
+    import h5py
 
 _TYPES = {cell.med: cell for cell in CELLS.values() if cell.med}
 _METRES = {"", "m", "meter", "metre", "SI"}
