@@ -6,8 +6,8 @@ kill it, takes several meshes for one, and passes over what it does not know.
 References
 ----------
 MED 4.1 reference manual, chapter on numbering: solids are numbered the other way round from VTK's
-(`Cell.orders` has what Gmsh 4.15 writes). Files made from VTK's order are in use, so elements that are turned
-inside out are turned back.
+(`Cell.orders` has what Gmsh 4.15 writes). Files in VTK's order are in use, so elements that are inside out
+are turned.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ import numpy as np
 from romdam.core.errors import ResultError, shown
 from romdam.core.scene import Floats, Ints
 from romdam.core.sealed import reading_foreign
-from romdam.scene.elements import CELLS, ELEMENT_OF_CELL, jacobians
-from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
+from romdam.scene.elements import CELLS
+from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh, turned
 
 if TYPE_CHECKING:
     import h5py
@@ -61,10 +61,9 @@ def read_med(path: Path, place: str) -> MeshFile:
         raise cannot_be_read(place, "MED", str(error)) from None
     tags = np.arange(1, len(found.points) + 1)
     made = checked_mesh(tags, found.points, found.cells, place)
-    cells = _turned(made, found.remarks)
+    made = turned(made, [cell.name for cell in _TYPES.values()])
     return replace(
         made,
-        cells=cells,
         groups=groups,
         node_sets={label: own[0] for label, own in nodes.items()},
         remarks=(*made.remarks, *found.remarks),
@@ -119,25 +118,6 @@ def _read_cells(found: _Found, kind: str, group: h5py.Group) -> None:
     table = cell.in_vtk_order(flat.reshape(cell.nodes, count).T, "med")
     found.cells.append(Cells(cell.name, table, np.arange(first, first + count)))
     found.families.append(_family(group, count))
-
-
-def _turned(made: MeshFile, remarks: list[str]) -> list[Cells]:
-    """The elements; those that are inside out in MED's order are taken in the order in which they stand."""
-    cells = []
-    for block in made.cells:
-        element = ELEMENT_OF_CELL.get(block.kind)
-        if element is not None and block.dim == 3:
-            centre = element.nodes[: element.corners].mean(axis=0)[None]
-            wrong = np.linalg.det(jacobians(made.points, block.nodes, element, centre)[:, 0]) < 0.0
-            if wrong.any():
-                back = block.nodes[:, np.argsort(element.cell.orders["med"])]
-                block = replace(block, nodes=np.where(wrong[:, None], back, block.nodes))
-                remarks.append(
-                    f"{wrong.sum()} of {len(wrong)} {block.kind} are inside out in MED's order of nodes, and "
-                    "have been turned"
-                )
-        cells.append(block)
-    return cells
 
 
 def _groups(families: h5py.Group | None) -> dict[int, list[str]]:
