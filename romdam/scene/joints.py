@@ -119,6 +119,11 @@ def _say_rotation(face: FaceGaps, surface: Surface, side: int, place: str) -> No
         )  # fmt: skip
 
 
+def _quadratic(facets: Ints) -> bool:
+    """True for quadratic facets of one kind, which mortar takes."""
+    return facet_frame(facets).quadratic and len(facets_by_kind(facets)) == 1
+
+
 def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> tuple[FaceGaps, Surface]:
     """Put gaps between two blocks as the joint's `discretization` has it; and the face that they stand on."""
     if joint.discretization == "mortar":
@@ -130,7 +135,7 @@ def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -
             raise
         _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", place)
         return _mortar(joint, block_I, block_J, place)
-    if joint.discretization == "auto" and joint.gaps == "nodes" and facet_frame(facets).quadratic:
+    if joint.discretization == "auto" and joint.gaps == "nodes" and _quadratic(facets):
         _log.info("%s: the faces are quadratic; discretization: mortar", place)
         return _mortar(joint, block_I, block_J, place)
     surface = Surface(block_I.name, block_I.points, facets)

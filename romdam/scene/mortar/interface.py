@@ -118,7 +118,7 @@ def mortar_interface(
         raise ConfigError(do_not_touch(block_I, block_J, tolerance, place))
     I, J = I.only(touched_I), J.only(touched_J)
     for face in (I, J):
-        _refuse_quadratic_mix(face, place)
+        _refuse_two_kinds(face, place)
     area = float(between.area.sum())
     shares = area / I.areas.sum(), area / J.areas.sum()
     if max(shares) < overlap:
@@ -131,12 +131,12 @@ def mortar_interface(
     return MortarInterface(slave, master, _facing(slave, master, tolerance, place), slave_is_J)
 
 
-def _refuse_quadratic_mix(face: Surface, place: str) -> None:
-    """Shape functions of collapsed quad4 are those of tri3; of collapsed quad8 they are not those of tri6."""
-    if face.element.quadratic and len(facets_by_kind(face.facets)) > 1:
+def _refuse_two_kinds(face: Surface, place: str) -> None:
+    """Dual shape functions are those of one kind of facet."""
+    if len(facets_by_kind(face.facets)) > 1:
         raise ConfigError(
-            f"{place}: the face of block {face.block!r} there has triangles and quadrilaterals with mid-edge "
-            "nodes, which discretization: mortar does not take together; mesh the face with one kind, or set "
+            f"{place}: the face of block {face.block!r} there has triangles and quadrilaterals, which "
+            "discretization: mortar does not take together; mesh the face with one kind, or set "
             "discretization: node_to_node where the meshes conform"
         )
 
