@@ -74,6 +74,8 @@ COLLAPSED: dict[tuple[int, int], dict[str, tuple[int, ...]]] = {
     (2, 8): {"triangle6": (0, 1, 2, 2, 3, 4, 2, 5), "quad8": tuple(range(8))},
 }
 
+PLAIN = {(dim, len(set(own))): kind for (dim, _), kinds in COLLAPSED.items() for kind, own in kinds.items()}
+
 
 def uncollapsed(table: Ints, dim: int) -> list[tuple[str, Ints, Ints]]:
     """Kinds of cells in a table (n, nodes) where some may have nodes that stand twice.
@@ -83,7 +85,7 @@ def uncollapsed(table: Ints, dim: int) -> list[tuple[str, Ints, Ints]]:
     of every kind its name, the rows (k,) that are of it, and these rows' own nodes (k, nodes of the kind)
     """
     if (kinds := COLLAPSED.get((dim, table.shape[1]))) is None:
-        return [({(3, 4): "tetra", (3, 10): "tetra10"}[dim, table.shape[1]], np.arange(len(table)), table)]
+        return [(PLAIN[dim, table.shape[1]], np.arange(len(table)), table)]
     left, found = np.ones(len(table), dtype=bool), []
     for kind, frame in kinds.items():
         own = table[:, np.unique(frame, return_index=True)[1]]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -13,7 +12,6 @@ from scipy.sparse.csgraph import connected_components
 
 from romdam.config.quantities import to_si
 from romdam.config.sections.geometry.cut import CutConfig, CutSurfaceConfig
-from romdam.config.sections.places import GridElement
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block
@@ -26,6 +24,7 @@ from romdam.scene.cutting.teeth import Step, joint_facets, refuse_teeth, smoothe
 from romdam.scene.cutting.tetrahedra import cut_tetrahedra
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import row_numbers
+from romdam.scene.meshes.kinds import refuse_wedges
 from romdam.scene.meshes.quality import sound_volume
 
 log = logging.getLogger(__name__)
@@ -53,11 +52,7 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
         cannot be cut in two.
     """
     place = f"{source}: cut.{block.name}"
-    if block.element not in get_args(GridElement):
-        raise MeshError(
-            f"{place}: block {block.name!r} has wedges or pyramids ({block.element}), which are not cut; "
-            "cut it where it was meshed, or mesh it with hexahedra or tetrahedra alone"
-        )
+    refuse_wedges(block, "are not cut", place)
     steps = _steps(block.name, cuts, folder, source)
     every = [step for own in steps.values() for step in own]
     mesh = whole = Mesh.of(block)

@@ -7,9 +7,12 @@ numbering, what shares a cell) asks nothing of it. What integrates takes the kin
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import get_args
 
 import numpy as np
 
+from romdam.config.sections.places import GridElement
+from romdam.core.errors import MeshError
 from romdam.core.scene import Block, Ints
 from romdam.scene.cells import COLLAPSED, uncollapsed
 from romdam.scene.elements import ELEMENT_OF_CELL, ELEMENTS, Element
@@ -42,6 +45,25 @@ def mixed_cells(tables: dict[str, Ints]) -> tuple[str, Ints] | None:
         if set(tables) <= set(kinds):
             return name, np.concatenate([own[:, list(kinds[kind])] for kind, own in tables.items()])
     return None
+
+
+def refuse_wedges(block: Block, what: str, place: str) -> None:
+    """Raise where a block has elements with facets of two kinds.
+
+    Parameters
+    ----------
+    what : is not done with them, such as `are not cut`
+    place : file and key
+
+    Raises
+    ------
+    MeshError
+    """
+    if block.element not in get_args(GridElement):
+        raise MeshError(
+            f"{place}: block {block.name!r} has wedges or pyramids ({block.element}), which {what}; mesh it "
+            "with hexahedra or tetrahedra alone"
+        )
 
 
 def chunks_of(block: Block, size: int) -> Iterator[tuple[Element, Ints, Ints]]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from romdam.core.errors import shown
 from romdam.core.scene import Ints
-from romdam.scene.cells import uncollapsed
+from romdam.scene.cells import PLAIN, uncollapsed
 from romdam.scene.meshes.data import (
     Cells,
     MeshFile,
@@ -166,7 +166,7 @@ def _add(found: _Found, row: list[int]) -> None:
     if routine is None:
         raise found.error(f"element {row[_NUMBER]} is of type {row[_TYPE]}, which ET does not give")
     dim = 3 if routine in _SOLIDS else 2 if routine in _SHELLS else 0
-    if not dim or len(nodes) not in ((4, 8, 10, 20) if dim == 3 else (4, 8)):
+    if (dim, len(nodes)) not in PLAIN:
         found.others[f"of type {routine} with {len(nodes)} nodes"] += 1
         found.left.add(row[_NUMBER])
         return
