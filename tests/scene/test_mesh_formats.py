@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 from test_elements import CONCRETE
-from test_mesh_files import BY_GMSH, DATA, VOLUMES, off_middle, read
+from test_mesh_files import BY_GMSH, DATA, VOLUMES, error_of, off_middle, read
 
 from romdam.core.scene import Block
 from romdam.fem.assembly import assemble
@@ -219,3 +219,117 @@ def test_what_is_left_out_and_units_are_said(tmp_path, caplog):
         "elements that are neither solids nor shells are left out (1 of type 174 with 4 nodes)" in caplog.text
     )
     assert "it says '/UNITS,MPA'; coordinates are read in `unit`" in caplog.text
+
+
+def changed(path, name, edit):
+    """A copy of a file of `data` with its text, or its HDF5, changed."""
+    shutil.copy(DATA / name, path)
+    if path.suffix == ".med":
+        with h5py.File(path, "r+") as file:
+            edit(file)
+        return
+    old, new = edit
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def without_family(file):
+    del file["FAS/hex8/ELEME/F_3D_1"]
+
+
+def of_two_meshes(file):
+    file.copy("ENS_MAA/hex8", "ENS_MAA/other")
+
+
+def of_short_nodes(file):
+    step = next(iter(file["ENS_MAA/hex8"].values()))
+    values, attributes = step["MAI/HE8/NOD"][:-1], dict(step["MAI/HE8/NOD"].attrs)
+    del step["MAI/HE8/NOD"]
+    step["MAI/HE8"].create_dataset("NOD", data=values).attrs.update(attributes)
+
+
+def of_a_lost_node(file):
+    next(iter(file["ENS_MAA/hex8"].values()))["MAI/HE8/NOD"][0] = 99
+
+
+def in_millimetres(file):
+    file["ENS_MAA/hex8"].attrs["UNI"] = np.bytes_("mm".ljust(16) * 3)
+
+
+BROKEN = {
+    "a family without groups.med": ("hex8.med", without_family, "family -3 is used and not given"),
+    "two meshes.med": ("hex8.med", of_two_meshes, "it holds 2 of a mesh (hex8, other), limit one"),
+    "nodes cut.med": ("hex8.med", of_short_nodes, "has 15 nodes of 2 elements of 8"),
+    "node lost.med": ("hex8.med", of_a_lost_node, "elements use node 99, which is not given"),
+    "no FIN.mail": ("hex8.mail", ("FIN\n", ""), "cannot be read as a .mail file"),
+    "cut.mail": (
+        "hex8.mail",
+        ("FINSF\nGROUP_NO", "GROUP_NO"),
+        "GROUP_MA upper names 'GROUP_NO', which is not given",
+    ),
+    "node twice.mail": ("hex8.mail", ("N1 ", "N0 "), "node 'N0' is given twice"),
+    "word.mail": ("hex8.mail", ("HEXA8", "HEXE8"), "'HEXE8' is no section of the format"),
+    "member lost.mail": (
+        "hex8.mail",
+        ("NOM=lower\nhexahedron0", "NOM=lower\nhexahedron7"),
+        "'hexahedron7', which is not",
+    ),
+    "count.cdb": (
+        "hex8.cdb",
+        ("EBLOCK,19,SOLID,4,4", "EBLOCK,19,SOLID,5,5"),
+        "EBLOCK holds 4, and says 5: the file was cut",
+    ),
+    "form.cdb": (
+        "hex8.cdb",
+        ("EBLOCK,19,SOLID", "EBLOCK,10"),
+        "is not in the form SOLID; write it with CDWRITE, DB",
+    ),
+    "type.cdb": ("hex8.cdb", ("ET,1,", "ET,7,"), "is of type 1, which ET does not give"),
+    "made.cdb": ("hex8.cdb", ("EBLOCK", "NGEN,2,100\nEBLOCK"), "NGEN makes or moves nodes and elements"),
+    "format.cdb": ("hex8.cdb", ("(19i9)", "(19a9)"), "'(19a9)' is no format such as (19i9)"),
+    "dataset.unv": ("hex8.unv", ("  2412", "   780"), "dataset 780 has elements in an old form"),
+    "marks.unv": ("hex8.unv", ("    -1\n", ""), "lines of -1, which open and close datasets: it was cut"),
+    "group.unv": (
+        "hex8.unv",
+        ("         8         1         0", "         8       999         0"),
+        "has element 999, which is not given",
+    ),
+    "word.unv": (
+        "hex8.unv",
+        ("1.0000000000000000D+00", "1.000000000x000000D+00"),
+        "of the nodes is '1.000000000X000000E+00'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_files_are_refused_with_file_and_reason(case, tmp_path):
+    name, edit, message = BROKEN[case]
+    changed(tmp_path / case, name, edit)
+    error = error_of(case, tmp_path)
+    assert error.startswith(f"{PLACE}: {tmp_path / case}") and "\n" not in error
+    assert message in error
+
+
+@pytest.mark.parametrize("ending", [".med", ".unv", ".mail", ".cdb"])
+def test_every_cut_is_refused(ending, tmp_path):
+    """No start of a file is read, but that which lacks nothing but what ends it."""
+    data = (DATA / f"hex8{ending}").read_bytes()
+    for share in (0.0, 0.1, 0.4, 0.7, 0.9, 0.97):
+        (tmp_path / f"m{ending}").write_bytes(data[: int(share * len(data))])
+        assert error_of(f"m{ending}", tmp_path, group="lower").startswith(f"{PLACE}: {tmp_path}")
+
+
+def test_groups_that_are_not_there_or_have_no_solids():
+    assert error_of("hex8.med", DATA, group="dam") == (
+        f"s.yaml: blocks.b.mesh.group: group 'dam' does not exist in {DATA / 'hex8.med'}; groups of solid "
+        "elements are lower, upper"
+    )
+    assert "group 'base' holds no solid elements" in error_of("hex8.unv", DATA, group="base")
+
+
+def test_med_says_its_unit(tmp_path, caplog):
+    changed(tmp_path / "m.med", "hex8.med", in_millimetres)
+    read("m.med", tmp_path, unit="mm")
+    assert "it says that its coordinates are in 'mm'; they are read in `unit`" in caplog.text

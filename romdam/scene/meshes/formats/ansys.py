@@ -176,7 +176,7 @@ def _add(found: _Found, row: list[int]) -> None:
 
 
 def _read_component(found: _Found, words: list[str]) -> None:
-    name, kind, said = words[1], words[2].upper()[:4], _said(words, 3)
+    name, kind, said = ([*words, "", "", ""])[1], "".join(words[2:3]).upper()[:4], _said(words, 3)
     _, width, _ = _format(found)
     if kind not in found.components or said is None:
         raise found.error(f"{shown(','.join(words))} is no component of nodes or elements")

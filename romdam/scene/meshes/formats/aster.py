@@ -57,6 +57,14 @@ class _Names:
             raise ValueError(f"{what} {shown(name)} is given twice")
         return self.numbers.setdefault(name, len(self.numbers) + 1)
 
+    def take_own(self) -> None:
+        """Take the names' own numbers, as 12 of N12, where they are different."""
+        own = [re.fullmatch(r"\D*(\d{1,17})", name) for name in self.numbers]
+        if all(own) and len({int(match[1]) for match in own if match}) == len(own):
+            self.numbers = {
+                name: int(match[1]) for name, match in zip(self.numbers, own, strict=True) if match
+            }
+
     def of(self, names: list[str], what: str) -> Ints:
         """Numbers of known names."""
         lost = [name for name in names if name not in self.numbers]
@@ -81,7 +89,7 @@ def read_aster(path: Path, place: str) -> MeshFile:
         cells = [
             block for s in sections if _ELEMENT.fullmatch(s.keyword) for block in _cells(s, nodes, elements)
         ]
-        made = checked_mesh(np.arange(1, len(points) + 1), points, cells, place)
+        made = checked_mesh(np.array(list(nodes.numbers.values()), dtype=np.int64), points, cells, place)
         groups, node_sets = by_number(
             made, _members(sections, "GROUP_MA", elements), _members(sections, "GROUP_NO", nodes)
         )
@@ -135,6 +143,7 @@ def _points(sections: list[_Section], nodes: _Names) -> np.ndarray:
     for section, k in words:
         nodes.new(section.words[k], "node")
         numbers += section.words[k + 1 : k + 4]
+    nodes.take_own()
     if len(numbers) != 3 * len(words):
         raise ValueError("COOR_3D ends amid a node, of a name and three coordinates")
     return numbers_of([word.upper().replace("D", "E") for word in numbers], "COOR_3D").reshape(-1, 3)
