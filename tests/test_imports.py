@@ -51,6 +51,7 @@ TYPES = {
     "romdam.reduction.storage.model_file": {"results"},
     "romdam.reduction.storage.user_cache": {"__init__", "commands", "terminal"},  # listed, cleared by command
     "romdam.scene.elements": {"results", "visual"},
+    "romdam.scene.meshes.kinds": {"results", "visual"},
 }
 ANYWHERE = {"core", "config"}
 ONLY_IN = {

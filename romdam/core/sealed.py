@@ -188,6 +188,24 @@ def opened(path: Path) -> Iterator[h5py.File]:
         ) from error
 
 
+@contextmanager
+def reading_foreign(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file of another program, once a process of its own has read all of it.
+
+    Raises
+    ------
+    ResultError
+        as `examine` does, and where the body meets an error of HDF5's.
+    """
+    if not is_sealed(path):
+        _tried(path)
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except FAILURES as error:
+        raise ResultError(f"{path}: is not what it should be ({error!r})") from error
+
+
 def text_of(item: h5py.Group, name: str) -> str:
     """An attribute that is a text; empty where there is none, or it is something else."""
     value = item.attrs.get(name)

@@ -21,10 +21,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.scene import Absorbing, Block
+from romdam.core.scene import Absorbing, Block, Ints
 from romdam.fem.material import lame
 from romdam.scene.elements import facet_element
 from romdam.scene.facets import area_elements
+from romdam.scene.meshes.kinds import facets_by_kind
 
 _ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0  # springs, in units of G / R
 
@@ -51,7 +52,15 @@ def boundary_dashpots(block: Block) -> csr_matrix:
 
 def _face_matrix(block: Block, face: Absorbing, along: float, across: float) -> csr_matrix:
     """int N_a N_b (along n n^T + across (I - n n^T)) dA over a face."""
-    facets = face.facets
+    size = 3 * len(block.points)
+    total = csr_matrix((size, size))
+    for _, facets, _ in facets_by_kind(face.facets):
+        total = total + _facet_matrices(block, facets, along, across)
+    return csr_matrix(total)
+
+
+def _facet_matrices(block: Block, facets: Ints, along: float, across: float) -> csr_matrix:
+    """The same over facets of one kind."""
     element = facet_element(facets)
     xi, weight = element.rule_of(3 if element.box else 4)
     shape = element.shape(xi)

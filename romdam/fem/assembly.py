@@ -8,7 +8,8 @@ from scipy.sparse import csr_matrix
 from romdam.core.scene import Block, Ints, Material
 from romdam.fem.absorbing import boundary_springs
 from romdam.fem.material import lame
-from romdam.scene.elements import ELEMENTS, Floats, jacobians
+from romdam.scene.elements import Element, Floats, jacobians
+from romdam.scene.meshes.kinds import chunks_of
 from romdam.scene.meshes.quality import refuse_inverted
 
 _CHUNK = 512  # cells at a time: element matrices that stay in the cache, 4 MB for tet10
@@ -36,9 +37,8 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     """
     pattern = _NodePairs(block.cells, len(block.points))
     K, M = np.zeros(9 * pattern.size), np.zeros(pattern.size)
-    for first in range(0, len(block.cells), _CHUNK):
-        cells = block.cells[first : first + _CHUNK]
-        gradient, shape, volume = cell_geometry(block, cells, first)
+    for element, rows, cells in chunks_of(block, _CHUNK):
+        gradient, shape, volume = cell_geometry(block, element, cells, rows)
         pair = pattern.pairs(cells)
         np.add.at(M, pair.ravel(), _mass(shape, volume, block.material.rho).ravel())
         np.add.at(
@@ -90,14 +90,19 @@ class _NodePairs:
         return csr_matrix((K, columns, 3 * start), shape=shape), mass
 
 
-def cell_geometry(block: Block, cells: Ints, first: int) -> tuple[Floats, Floats, Floats]:
-    """Gradients (nc, nq, 3, nn) [1/m], shape functions (nq, nn), volumes of the points (nc, nq) [m3]."""
-    element = ELEMENTS[block.element]
+def cell_geometry(block: Block, element: Element, cells: Ints, rows: Ints) -> tuple[Floats, Floats, Floats]:
+    """Gradients (nc, nq, 3, nn) [1/m], shape functions (nq, nn), volumes of the points (nc, nq) [m3].
+
+    Parameters
+    ----------
+    cells : (nc, nn) of one kind
+    rows : (nc,) their numbers in the block, for messages
+    """
     xi, weight = element.rule
     jacobian = jacobians(block.points, cells, element, xi)
     adjugate = np.cross(jacobian[..., [1, 2, 0], :], jacobian[..., [2, 0, 1], :])
     determinant = (jacobian[..., 0, :] * adjugate[..., 0, :]).sum(axis=-1)
-    refuse_inverted(block, determinant, first)
+    refuse_inverted(block, determinant, rows)
     gradient = adjugate.swapaxes(-1, -2) @ element.gradient(xi)[None] / determinant[..., None, None]
     return gradient, element.shape(xi), determinant * weight
 

@@ -9,16 +9,9 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Hydrostatic, Ints, Scene
 from romdam.fem.assembly import assemble
-from romdam.scene.elements import (
-    ELEMENTS,
-    Element,
-    Floats,
-    Rule,
-    facet_element,
-    jacobians,
-    simplex_rule,
-)
+from romdam.scene.elements import ELEMENTS, Element, Floats, Rule, facet_element, jacobians, simplex_rule
 from romdam.scene.facets import area_elements, area_vectors, below
+from romdam.scene.meshes.kinds import facets_by_kind, kinds_of
 
 _CUTS = 6  # parts of an edge of a facet that the water's level cuts
 
@@ -77,30 +70,30 @@ def thermal_force(block: Block, change: float) -> Floats:
 
     The expansion held back makes the stress -E alpha change / (1 - 2 nu) in all directions.
     """
-    material, element = block.material, ELEMENTS[block.element]
-    xi, weight = element.rule
-    jacobian = jacobians(block.points, block.cells, element, xi)
-    gradient = np.linalg.solve(jacobian, element.gradient(xi)[None])
-    volume = np.linalg.det(jacobian) * weight
+    material, force = block.material, np.zeros_like(block.points)
     pressure = material.E * material.expansion * change / (1.0 - 2.0 * material.nu)
-    force = np.zeros_like(block.points)
-    np.add.at(force, block.cells, pressure * np.einsum("cq,cqka->cak", volume, gradient, optimize=True))
+    for element, _, cells in kinds_of(block.element, block.cells):
+        xi, weight = element.rule
+        jacobian = jacobians(block.points, cells, element, xi)
+        gradient = np.linalg.solve(jacobian, element.gradient(xi)[None])
+        volume = np.linalg.det(jacobian) * weight
+        np.add.at(force, cells, pressure * np.einsum("cq,cqka->cak", volume, gradient, optimize=True))
     return force
 
 
 def hydrostatic_force(points: Floats, water: Hydrostatic) -> Floats:
     """Nodal force of still water on facets, (n, 3) [N]; those that the level cuts are integrated below it."""
     force = np.zeros_like(points)
-    top = points[water.facets, 2].max(axis=1)
-    bottom = points[water.facets, 2].min(axis=1)
-    whole = water.facets[top <= water.level]
-    if len(whole):
-        element = facet_element(whole)
-        xi, weight = element.rule
-        np.add.at(force, whole, -_water_on(points, whole, water, (xi, weight)))
-    for facet in water.facets[(top > water.level) & (bottom < water.level)]:
-        rule = _wet_rule(points[facet], facet_element(water.facets), water.level)
-        np.add.at(force, facet, -_water_on(points, facet[None], water, rule)[0])
+    for _, facets, _ in facets_by_kind(water.facets):
+        element = facet_element(facets)
+        top = points[facets, 2].max(axis=1)
+        bottom = points[facets, 2].min(axis=1)
+        whole = facets[top <= water.level]
+        if len(whole):
+            np.add.at(force, whole, -_water_on(points, whole, water, element.rule))
+        for facet in facets[(top > water.level) & (bottom < water.level)]:
+            rule = _wet_rule(points[facet], element, water.level)
+            np.add.at(force, facet, -_water_on(points, facet[None], water, rule)[0])
     return force
 
 

@@ -31,7 +31,8 @@ from romdam.core.system import PseudoStatic, System
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
 from romdam.fem.sections import observed_section_forces, section_operators
-from romdam.scene.elements import ELEMENTS, Floats, jacobians
+from romdam.scene.elements import ELEMENTS, Element, Floats, jacobians
+from romdam.scene.meshes.kinds import kinds_of
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
@@ -52,11 +53,14 @@ def stress_operator(block: Block, nodes: Ints) -> csr_matrix:
     """
     place = np.full(len(block.points), -1)
     place[nodes] = np.arange(len(nodes))
-    share = 1.0 / np.bincount(block.cells.ravel(), minlength=len(block.points))
-    touched = np.flatnonzero((place[block.cells] >= 0).any(axis=1))
+    kinds = kinds_of(block.element, block.cells)
+    size = len(block.points)
+    share = 1.0 / np.sum([np.bincount(cells.ravel(), minlength=size) for _, _, cells in kinds], axis=0)
+    touched = [(element, cells[(place[cells] >= 0).any(axis=1)]) for element, _, cells in kinds]
     parts = [
-        _cells_operator(block, touched[first : first + _CHUNK], place, share)
-        for first in range(0, len(touched), _CHUNK)
+        _cells_operator(block, (element, cells[first : first + _CHUNK]), place, share)
+        for element, cells in touched
+        for first in range(0, len(cells), _CHUNK)
     ]
     total = csr_matrix((6 * len(nodes), 3 * len(block.points)))
     for part in parts:
@@ -150,16 +154,13 @@ def thermal_stress(scene: Scene) -> dict[str, Floats]:
     return found
 
 
-def _cells_operator(block: Block, cells: Ints, place: Ints, share: Floats) -> csr_matrix:
-    """Share of some cells in the operator."""
-    element = ELEMENTS[block.element]
-    xi, carry = _recovery(block.element)
-    gradient = np.linalg.solve(
-        jacobians(block.points, block.cells[cells], element, xi), element.gradient(xi)[None]
-    )
+def _cells_operator(block: Block, kind: tuple[Element, Ints], place: Ints, share: Floats) -> csr_matrix:
+    """Share of some cells of one kind in the operator."""
+    element, own = kind
+    xi, carry = _recovery(element.name)
+    gradient = np.linalg.solve(jacobians(block.points, own, element, xi), element.gradient(xi)[None])
     at_points = _stress_of_gradient(np.asarray(gradient, dtype=float), block.material)
     at_nodes = np.einsum("aq,cqvbm->cavbm", carry, at_points, optimize=True)
-    own = block.cells[cells]
     at_nodes *= share[own][:, :, None, None, None]
     shape = at_nodes.shape
     rows = 6 * place[own][:, :, None, None, None] + np.arange(6)[:, None, None]
@@ -189,4 +190,4 @@ def _recovery(name: str) -> tuple[Floats, Floats]:
     if name == "tet4":
         return np.full((1, 3), 0.25), np.ones((4, 1))
     linear, xi = ELEMENTS[element.linear], element.rule_of(2)[0]
-    return xi, np.asarray(linear.shape(element.nodes) @ np.linalg.inv(linear.shape(xi)), dtype=float)
+    return xi, np.asarray(linear.shape(element.nodes) @ np.linalg.pinv(linear.shape(xi)), dtype=float)

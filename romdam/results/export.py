@@ -18,6 +18,7 @@ from romdam.core.files import replacing
 from romdam.results.fields import Result
 from romdam.results.series import Frames, frame_times
 from romdam.scene.elements import ELEMENTS
+from romdam.scene.meshes.kinds import kinds_of
 
 if TYPE_CHECKING:
     import meshio
@@ -47,6 +48,9 @@ def write_series(result: Result, folder: Path, stem: str, frames: Frames, progre
     return path
 
 
+_CORNERS_ONLY = {"wedge15", "pyramid13"}  # which meshio 5.3 cannot write: their cells have straight edges
+
+
 def _collection(names: list[str], times: Floats) -> str:
     rows = "\n".join(
         f'    <DataSet timestep="{time:.9g}" part="0" file="{name}"/>'
@@ -63,8 +67,12 @@ def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> meshio.Mesh:
     points, cells, number, first = [], [], [], 0
     for k, (at, element, own) in enumerate(blocks):
         points.append(at)
-        cells.append((ELEMENTS[element].cell.name, own + first))
-        number.append(np.full(len(own), k, dtype=np.int32))
+        kinds = [
+            (ELEMENTS[kind.linear] if kind.name in _CORNERS_ONLY else kind, rows, nodes)
+            for kind, rows, nodes in kinds_of(element, own)
+        ]
+        cells += [(kind.cell.name, nodes[:, : kind.cell.nodes] + first) for kind, _, nodes in kinds]
+        number += [np.full(len(nodes), k, dtype=np.int32) for _, _, nodes in kinds]
         first += len(at)
     return meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})
 

@@ -30,8 +30,7 @@ def box_block(name: str, box: BoxConfig, material: Material, place: str) -> Bloc
     divisions = _divisions(box, place)
     points = _grid_points(np.array(box.origin), np.array(box.size), divisions)
     cells = _grid_cells(divisions)
-    if box.element.startswith("tet"):
-        cells = split_into_tets(cells)
+    points, cells = _split(points, cells, ELEMENTS[box.element].linear)
     points, cells = with_middle_nodes(points, cells, ELEMENTS[box.element])
     return Block(name, box.element, points, cells, material, _box_faces(box, points, cells))
 
@@ -78,6 +77,19 @@ def hexahedra(number: Ints) -> Ints:
     corners = [(low, low), (high, low), (high, high), (low, high)]
     rings = [number[i, j, k] for k in (low, high) for i, j in corners]
     return np.stack([ring.ravel() for ring in rings], axis=1)
+
+
+def _split(points: Floats, cells: Ints, into: str) -> tuple[Floats, Ints]:
+    """Hexahedra cut into tetrahedra, two wedges along z, or six pyramids around a node in their middle."""
+    if into == "tet4":
+        return points, split_into_tets(cells)
+    if into == "wedge6":
+        return points, cells[:, np.array([(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)])].reshape(-1, 6)
+    if into == "pyramid5":
+        tips = np.repeat(len(points) + np.arange(len(cells)), 6)
+        bases = cells[:, np.array(ELEMENTS["hex8"].facets)[:, ::-1]].reshape(-1, 4)  # seen from the middle
+        return np.vstack([points, points[cells].mean(axis=1)]), np.c_[bases, tips]
+    return points, cells
 
 
 _CORNER_AT = {(0, 0, 0): 0, (1, 0, 0): 1, (1, 1, 0): 2, (0, 1, 0): 3}

@@ -8,7 +8,9 @@ import numpy as np
 from scipy.sparse import csr_matrix, eye_array
 
 from romdam.core.scene import Bools, Ints
+from romdam.scene.cells import COLLAPSED
 from romdam.scene.elements import ELEMENTS, Floats, facet_element
+from romdam.scene.meshes.kinds import facets_by_kind, frame, kinds_of
 
 
 def boundary_facets(cells: Ints, element: str) -> Ints:
@@ -23,11 +25,32 @@ def boundary_facets(cells: Ints, element: str) -> Ints:
     -------
     (nf, nodes per facet), in the order of the cells
     """
-    table = ELEMENTS[element]
-    facets = cells[:, np.array(table.facets)].reshape(-1, len(table.facets[0]))
-    keys = row_numbers(np.sort(facets[:, : ELEMENTS[table.facet].corners], axis=1))
+    facets = all_facets(cells, element)[0]
+    keys = row_numbers(facet_keys(facets[:, : ELEMENTS[frame(element).facet].corners]))
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return facets[counts[inverse] == 1]
+
+
+def all_facets(cells: Ints, element: str) -> tuple[Ints, Ints]:
+    """Facets of every cell, (nf, nodes per facet) in the order of kinds and cells, and their cells (nf,)."""
+    facets, owner = [], []
+    for kind, rows, own in kinds_of(element, cells):
+        table = np.array(kind.facets)
+        if kind.facet != frame(element).facet:  # tetrahedra among others
+            table = table[:, next(iter(COLLAPSED[2, 4 if table.shape[1] == 3 else 8].values()))]
+        facets.append(own[:, table].reshape(-1, table.shape[1]))
+        owner.append(np.repeat(rows, len(table)))
+    return np.concatenate(facets), np.concatenate(owner)
+
+
+def facet_keys(facets: Ints) -> Ints:
+    """Rows that are equal where facets have the same nodes; those that stand twice count once."""
+    keys = np.sort(facets, axis=1)
+    twice = keys[:, 1:] == keys[:, :-1]
+    if twice.any():
+        keys[:, 1:] = np.where(twice, keys[:, -1:], keys[:, 1:])
+        keys.sort(axis=1)
+    return keys
 
 
 def row_numbers(rows: Ints) -> Ints:
@@ -47,26 +70,38 @@ def row_numbers(rows: Ints) -> Ints:
 
 def area_vectors(points: Floats, facets: Ints) -> Floats:
     """Consistent nodal area vectors int N_j n dA of every facet, (nf, nodes per facet, 3) [m2]."""
-    element = facet_element(facets)
-    xi, weight = element.rule
-    normal = area_elements(points, facets, xi)
-    return np.einsum("q,qj,fqk->fjk", weight, element.shape(xi), normal, optimize=True)
+    found = np.zeros((*facets.shape, 3))
+    for rows, own, columns in facets_by_kind(facets):
+        element = facet_element(own)
+        xi, weight = element.rule
+        normal = area_elements(points, own, xi)
+        found[rows[:, None], columns] = np.einsum(
+            "q,qj,fqk->fjk", weight, element.shape(xi), normal, optimize=True
+        )
+    return found
 
 
 def facet_areas(points: Floats, facets: Ints) -> Floats:
     """Area of every facet (nf,) [m2]."""
-    xi, weight = facet_element(facets).rule
-    return np.linalg.norm(area_elements(points, facets, xi), axis=2) @ weight
+    found = np.zeros(len(facets))
+    for rows, own, _ in facets_by_kind(facets):
+        xi, weight = facet_element(own).rule
+        found[rows] = np.linalg.norm(area_elements(points, own, xi), axis=2) @ weight
+    return found
 
 
 def second_moments(points: Floats, facets: Ints) -> tuple[Floats, Floats]:
     """Second moments of a face's area about its centroid (3, 3) [m4], and the centroid (3,) [m]."""
-    element = facet_element(facets)
-    xi, weight = element.rule
-    dA = weight * np.linalg.norm(area_elements(points, facets, xi), axis=2)
-    at = np.einsum("qa,fak->fqk", element.shape(xi), points[facets], optimize=True)
-    middle = np.einsum("fq,fqk->k", dA, at) / dA.sum()
-    return np.einsum("fq,fqk,fql->kl", dA, at - middle, at - middle, optimize=True), middle
+    areas, places = [], []
+    for _, own, _ in facets_by_kind(facets):
+        element = facet_element(own)
+        xi, weight = element.rule
+        areas.append((weight * np.linalg.norm(area_elements(points, own, xi), axis=2)).ravel())
+        at = np.einsum("qa,fak->fqk", element.shape(xi), points[own], optimize=True)
+        places.append(at.reshape(-1, 3))
+    dA, at = np.concatenate(areas), np.concatenate(places)
+    middle = dA @ at / dA.sum()
+    return np.einsum("q,qk,ql->kl", dA, at - middle, at - middle, optimize=True), middle
 
 
 def facet_normals(points: Floats, facets: Ints) -> Floats:
@@ -109,20 +144,25 @@ def gap_weights(points: Floats, facets: Ints, corners_only: bool = False) -> tup
     area : (n,) of all of them, or of the corners [m2]
     C : (n, k) sparse, rows sum to 1
     """
-    element = facet_element(facets)
-    nodes, local = np.unique(facets, return_inverse=True)
-    local = local.reshape(facets.shape)
-    xi, weight, phi = _tributary_rule(element.name, corners_only and element.quadratic)
-    dA = weight * np.linalg.norm(area_elements(points, facets, xi), axis=2)
-    area = np.zeros(len(nodes))
-    np.add.at(area, local[:, : phi.shape[1]], dA @ phi)
-    if not element.quadratic:
+    nodes = np.unique(facets)
+    area, with_area = np.zeros(len(nodes)), np.zeros(len(nodes), dtype=bool)
+    entries: list[tuple[Floats, Ints, Ints]] = []
+    for _, own, _ in facets_by_kind(facets):
+        element, local = facet_element(own), np.searchsorted(nodes, own)
+        xi, weight, phi = _tributary_rule(element.name, corners_only and element.quadratic)
+        dA = weight * np.linalg.norm(area_elements(points, own, xi), axis=2)
+        np.add.at(area, local[:, : phi.shape[1]], dA @ phi)
+        with_area[local[:, : phi.shape[1]]] = True
+        if element.quadratic:
+            blocks = np.einsum("fq,qi,qj->fij", dA, phi, element.shape(xi), optimize=True)
+            rows = np.broadcast_to(local[:, : phi.shape[1], None], blocks.shape)
+            columns = np.broadcast_to(local[:, None, :], blocks.shape)
+            entries.append((blocks.ravel(), rows.ravel(), columns.ravel()))
+    if not entries:
         return nodes, area, csr_matrix(eye_array(len(nodes)))
-    blocks = np.einsum("fq,qi,qj->fij", dA, phi, element.shape(xi), optimize=True)
-    rows = np.broadcast_to(local[:, : phi.shape[1], None], blocks.shape)
-    columns = np.broadcast_to(local[:, None, :], blocks.shape)
-    total = csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(len(nodes),) * 2)
-    at = np.unique(local[:, : phi.shape[1]])
+    values, *where = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    total = csr_matrix((values, tuple(where)), shape=(len(nodes),) * 2)
+    at = np.flatnonzero(with_area)
     return nodes, area[at], csr_matrix(total[at].multiply(1.0 / area[at][:, None]))
 
 

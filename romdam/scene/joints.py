@@ -21,9 +21,10 @@ from romdam.core.arrays import Bools, Ints
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Joint, JointFace
 from romdam.core.system import LawRows
-from romdam.scene.elements import Floats, facet_element
+from romdam.scene.elements import Floats, facet_element, facet_frame
 from romdam.scene.facets import gap_weights, node_normals, second_moments
 from romdam.scene.gap_table import table_gap
+from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.surface import Surface
@@ -94,11 +95,12 @@ def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: P
 
 def _linear_face(surface: Surface, corner: Ints) -> JointFace:
     """The facets of a surface, in the pieces that the nodes with gaps cut them into."""
-    element = surface.element
-    every = bool(np.isin(surface.facets, corner).all())
-    pieces = element.pieces if every else (tuple(range(element.corners)),)
-    kinds = {len(piece): [other for other in pieces if len(other) == len(piece)] for piece in pieces}
-    facets = [np.concatenate([surface.facets[:, list(p)] for p in kind]) for kind in kinds.values()]
+    every, facets = bool(np.isin(surface.facets, corner).all()), []
+    for _, own, _ in facets_by_kind(surface.facets):
+        element = facet_element(own)
+        pieces = element.pieces if every else (tuple(range(element.corners)),)
+        kinds = {len(piece): [other for other in pieces if len(other) == len(piece)] for piece in pieces}
+        facets += [np.concatenate([own[:, list(p)] for p in kind]) for kind in kinds.values()]
     return JointFace(surface.block, tuple(facets))
 
 
@@ -117,6 +119,11 @@ def _say_rotation(face: FaceGaps, surface: Surface, side: int, place: str) -> No
         )  # fmt: skip
 
 
+def _quadratic(facets: Ints) -> bool:
+    """True for quadratic facets of one kind, which mortar takes."""
+    return facet_frame(facets).quadratic and len(facets_by_kind(facets)) == 1
+
+
 def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> tuple[FaceGaps, Surface]:
     """Put gaps between two blocks as the joint's `discretization` has it; and the face that they stand on."""
     if joint.discretization == "mortar":
@@ -128,7 +135,7 @@ def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -
             raise
         _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", place)
         return _mortar(joint, block_I, block_J, place)
-    if joint.discretization == "auto" and joint.gaps == "nodes" and facet_element(facets).quadratic:
+    if joint.discretization == "auto" and joint.gaps == "nodes" and _quadratic(facets):
         _log.info("%s: the faces are quadratic; discretization: mortar", place)
         return _mortar(joint, block_I, block_J, place)
     surface = Surface(block_I.name, block_I.points, facets)
@@ -138,7 +145,7 @@ def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -
 def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints, partner: Ints) -> FaceGaps:
     points_I, points_J = (block.points for block in blocks)
     nodes, area, weights = gap_weights(points_I, facets, joint.gaps == "corners")
-    at = nodes if len(area) == len(nodes) else np.unique(facets[:, : facet_element(facets).corners])
+    at = nodes if len(area) == len(nodes) else np.unique(facets[:, : facet_frame(facets).corners])
     point = csr_matrix(eye_array(len(nodes)))[np.searchsorted(nodes, at)]
     return FaceGaps(
         nodes=(nodes, partner[nodes]),
@@ -148,7 +155,7 @@ def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints,
         area=area,
         corner=at,
         weights=(weights, weights),
-        at_point=(point, point) if facet_element(facets).quadratic else None,
+        at_point=(point, point) if facet_frame(facets).quadratic else None,
     )
 
 

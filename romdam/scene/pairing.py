@@ -7,8 +7,8 @@ from scipy.spatial import cKDTree
 
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Bools, Ints
-from romdam.scene.elements import Floats, facet_element
-from romdam.scene.facets import boundary_facets, facet_normals
+from romdam.scene.elements import Floats, facet_frame
+from romdam.scene.facets import boundary_facets, facet_keys, facet_normals
 
 _OPPOSED = -0.5  # cosine: faces that touch look at each other
 _SHOWN = 3
@@ -69,14 +69,16 @@ def _mutual_partners(side_I: _Side, side_J: _Side, tolerance: float) -> Ints:
 def _matched_facets(side_I: _Side, side_J: _Side, partner: Ints) -> tuple[Bools, Bools]:
     """Facets of I and of J that have the same nodes and look at each other."""
     matched = np.zeros(len(side_I.facets), dtype=bool), np.zeros(len(side_J.facets), dtype=bool)
-    if side_I.facets.shape[1] != side_J.facets.shape[1]:
-        return matched
-    number = {tuple(key): f for f, key in enumerate(np.sort(side_J.facets, axis=1).tolist())}
-    images = np.sort(partner[side_I.facets], axis=1)
+    width = max(side.facets.shape[1] for side in (side_I, side_J))
+    own, other = (
+        np.pad(s.facets, ((0, 0), (0, width - s.facets.shape[1])), mode="edge") for s in (side_I, side_J)
+    )
+    number = {tuple(key): f for f, key in enumerate(facet_keys(other).tolist())}
+    images = facet_keys(partner[own])
     for f in np.flatnonzero(images[:, 0] >= 0):
-        other = number.get(tuple(images[f].tolist()))
-        if other is not None and side_I.normals[f] @ side_J.normals[other] < _OPPOSED:
-            matched[0][f] = matched[1][other] = True
+        facing = number.get(tuple(images[f].tolist()))
+        if facing is not None and side_I.normals[f] @ side_J.normals[facing] < _OPPOSED:
+            matched[0][f] = matched[1][facing] = True
     return matched
 
 
@@ -108,7 +110,7 @@ def _does_not_conform(
     if not len(where):
         where = np.vstack([s.points[s.facets[f]].mean(axis=1) for s, f in zip(sides, over, strict=True)])
         counts = f"none, but {len(over[0])} facets of {names[0]!r} are cut otherwise than those they touch"
-    kinds = {facet_element(side.facets).name for side in sides}
+    kinds = {side.block.element for side in sides}
     elements = f" ({' against '.join(s.block.element for s in sides)})" if len(kinds) > 1 else ""
     return (
         f"{place}: the meshes of {names[0]!r} and {names[1]!r} do not conform{elements}: nodes on the common "
@@ -164,16 +166,19 @@ def _overlaps(side: _Side, which: Ints, other: _Side, among: Ints, tolerance: fl
 
 def _inner_points(points: Floats, facets: Ints) -> Floats:
     """Centroid and a point near each corner, inside every facet, (nf, corners + 1, 3)."""
-    corner = points[facets[:, : facet_element(facets).corners]]
+    corner = points[facets[:, : facet_frame(facets).corners]]
     centre = corner.mean(axis=1, keepdims=True)
     return np.concatenate([centre, centre + 0.95 * (corner - centre)], axis=1)
 
 
 def _triangles(points: Floats, facets: Ints) -> tuple[Floats, Ints]:
     """Corner triangles of facets, (nt, 3, 3), and the facet of each."""
-    corner = points[facets[:, : facet_element(facets).corners]]
-    halves = [corner[:, [0, 1, 2]]] + ([corner[:, [0, 2, 3]]] if corner.shape[1] == 4 else [])
-    return np.concatenate(halves), np.tile(np.arange(len(facets)), len(halves))
+    corner = points[facets[:, : facet_frame(facets).corners]]
+    if corner.shape[1] == 3:
+        return corner, np.arange(len(facets))
+    rest = np.flatnonzero(facets[:, 2] != facets[:, 3])  # of quadrilaterals
+    halves = np.concatenate([corner[:, [0, 1, 2]], corner[rest][:, [0, 2, 3]]])
+    return halves, np.r_[np.arange(len(facets)), rest]
 
 
 def _inside_box(samples: Floats, triangles: Floats, tolerance: float) -> Bools:

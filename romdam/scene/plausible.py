@@ -9,8 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from romdam.core.scene import Block, Joint, Material, Scene
-from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.elements import Floats
 from romdam.scene.facets import boundary_facets, facet_areas
+from romdam.scene.meshes.kinds import frame
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
 
@@ -83,9 +84,9 @@ def _extent(blocks: dict[str, Block]) -> list[str]:
 
 def _slender(block: Block) -> list[str]:
     """Elements whose longest edge is many times their shortest."""
-    ends = block.points[block.cells[:, np.array(ELEMENTS[block.element].edges)]]
+    ends = block.points[block.cells[:, np.array(frame(block.element).edges)]]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-    aspect = length.max(axis=1) / length.min(axis=1)
+    aspect = length.max(axis=1) / np.where(length > 0.0, length, np.inf).min(axis=1)  # 0 where collapsed
     if aspect.max() <= _SLENDER:
         return []
     at = ", ".join(f"{x:.6g}" for x in ends[np.argmax(aspect)].mean(axis=(0, 1)))

@@ -103,7 +103,9 @@ class Part:
         points = np.zeros((self.every_node, 3))
         for name in self.blocks:
             points[self.number[name]] = blocks[name].points
-        cells = np.vstack([self.number[name][blocks[name].cells] for name in self.blocks])
+        every = [self.number[name][blocks[name].cells] for name in self.blocks]
+        width = max(cells.shape[1] for cells in every)
+        cells = np.vstack([np.pad(c, ((0, 0), (0, width - c.shape[1])), mode="edge") for c in every])
         first = blocks[self.blocks[0]]
         absorbing = tuple(
             replace(face, facets=self.number[name][face.facets])

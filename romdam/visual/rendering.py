@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
 from romdam.scene.elements import ELEMENTS
+from romdam.scene.meshes.kinds import kinds_of
 
 if TYPE_CHECKING:
     import pyvista
@@ -58,10 +59,8 @@ def grid(element: str, points: Floats, cells: Ints, straight: bool = False) -> p
     """A block's mesh for PyVista; `straight` takes its corner nodes only."""
     import pyvista
 
-    if straight:
-        cells = cells[:, : ELEMENTS[element].corners]
-        element = ELEMENTS[element].linear
-    return pyvista.UnstructuredGrid({ELEMENTS[element].cell.vtk: cells}, points)
+    kinds = [(ELEMENTS[kind.linear] if straight else kind, own) for kind, _, own in kinds_of(element, cells)]
+    return pyvista.UnstructuredGrid({kind.cell.vtk: own[:, : kind.cell.nodes] for kind, own in kinds}, points)
 
 
 class Picture:

@@ -25,6 +25,8 @@ PAIRS = [
     (("tet10", 2), ("tet10", 3)),
     (("hex8", 3), ("tet10", 2)),
     (("hex27", 2), ("tet4", 3)),
+    (("wedge6", 3), ("pyramid5", 2)),
+    (("wedge15", 2), ("pyramid13", 3)),
 ]
 LAWS = {
     "penalty": {"normal_stiffness": 20e9},

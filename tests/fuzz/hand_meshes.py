@@ -7,6 +7,7 @@ from mesh_texts import (
     NODES4,
     SLAB,
     TETS,
+    assembly,
     bdf,
     chexa,
     grids,
@@ -222,11 +223,28 @@ HAND = {
     "inp system": ("a.inp", "*SYSTEM\n1.,0.,0.\n" + inp(), "*SYSTEM is not followed"),
     "inp ngen": ("a.inp", inp(more="*NGEN\n1, 12, 1\n"), "*NGEN is not followed"),
     "inp elgen": ("a.inp", inp(more="*ELGEN\n1, 2, 1, 1\n"), "*ELGEN is not followed"),
-    "inp moved instance": ("a.inp", inp(more="*INSTANCE, NAME=P-1, PART=P\n5., 0., 0.\n"), "moves its part"),
+    "inp instance of no part": (
+        "a.inp",
+        inp(more="*INSTANCE, NAME=P-1, PART=P\n5., 0., 0.\n*END INSTANCE\n"),
+        "which is not given before",
+    ),
+    "inp moved instance": ("a.inp", assembly("*INSTANCE, NAME=a, PART=p\n5., 0., 0.\n*END INSTANCE"), 2.0),
+    "inp instance moved nowhere": (
+        "a.inp",
+        assembly("*INSTANCE, NAME=a, PART=p\n5., x\n*END INSTANCE"),
+        "expected a ",
+    ),
+    "inp instance cut": (
+        "a.inp",
+        assembly("*INSTANCE, NAME=a, PART=p\n5., 0., 0."),
+        "has no end: the file was cut",
+    ),
     "inp two instances": (
         "a.inp",
-        inp(more="*INSTANCE, NAME=a, PART=P\n*END INSTANCE\n*INSTANCE, NAME=b, PART=p\n"),
-        "is another of part",
+        assembly(
+            "*INSTANCE, NAME=a, PART=P\n*END INSTANCE\n*INSTANCE, NAME=b, PART=p\n0, 0, 9\n*END INSTANCE"
+        ),
+        4.0,
     ),
     "inp generate": ("a.inp", inp(more="*ELSET, ELSET=all, GENERATE\n1, 2\n"), 2.0),
     "inp generate beyond": (

@@ -92,6 +92,12 @@ def inp(
     return f"*HEADING\n{node}\n{nodes}\n*ELEMENT, TYPE={kind}\n{rows}\n{more}"
 
 
+def assembly(instances: str) -> str:
+    """Two cubes as a part, and instances of it."""
+    part = inp().removeprefix("*HEADING\n")
+    return f"*HEADING\n*PART, NAME=p\n{part}*END PART\n*ASSEMBLY, NAME=A\n{instances}\n*END ASSEMBLY\n"
+
+
 def vtu(
     points: Sequence[Point] = CUBES,
     cells: Cells = HEX,

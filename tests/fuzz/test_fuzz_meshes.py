@@ -25,10 +25,10 @@ from romdam.scene.meshes.files import MeshFiles, read_mesh_file
 DATA = Path(__file__).parents[1] / "scene" / "data"
 ENDINGS = (
     ".msh", "_binary.msh", "_22.msh", "_22_binary.msh", ".bdf", "_free.bdf", "_large.bdf", ".inp",
-    "_ascii.vtu", "_plain.vtu", "_zlib.vtu", "_lzma.vtu", "_raw.vtu",
+    "_ascii.vtu", "_plain.vtu", "_zlib.vtu", "_lzma.vtu", "_raw.vtu", ".unv", ".mail", ".cdb", ".med",
 )  # fmt: skip
 ELEMENTS = ("hex8", "hex20", "tet4", "tet10")
-BINARY = ("_binary.msh", "_22_binary.msh", "_raw.vtu")
+BINARY = ("_binary.msh", "_22_binary.msh", "_raw.vtu", ".med")
 WORDS = [
     "0",
     "-1",

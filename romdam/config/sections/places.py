@@ -11,7 +11,8 @@ from romdam.config.quantities import Dimensionless, Length, to_si
 from romdam.core.errors import shown
 
 Axis = Literal["x", "y", "z"]
-ElementName = Literal["hex8", "hex20", "hex27", "tet4", "tet10"]  # see romdam.scene.elements
+GridElement = Literal["hex8", "hex20", "hex27", "tet4", "tet10"]
+ElementName = Literal[GridElement, "wedge6", "wedge15", "pyramid5", "pyramid13"]  # see romdam.scene.elements
 Vector = tuple[Length, Length, Length]
 Direction = tuple[Dimensionless, Dimensionless, Dimensionless]
 Tolerance = Annotated[Length, Field(gt=0.0, le=10.0)]

@@ -11,6 +11,7 @@ from romdam.fem.water.body import Section, WaterBody, scattered, section_of, vec
 from romdam.fem.water.prism import prism_body
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import area_elements, area_vectors, row_numbers
+from romdam.scene.meshes.kinds import chunks_of
 from romdam.scene.mortar.segments import integrand_degree, samples
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.reservoir.own_mesh import lying_on
@@ -50,9 +51,8 @@ def _volumes(mesh: Block) -> tuple[csr_matrix, csr_matrix, Floats]:
     """Laplacian [m], int N N dV [m3], and the flux (nodes, 3) of all faces' unit rigid motions [m2]."""
     size = len(mesh.points)
     H, G, rigid = csr_matrix((size, size)), csr_matrix((size, size)), np.zeros((size, 3))
-    for first in range(0, len(mesh.cells), _CHUNK):
-        cells = mesh.cells[first : first + _CHUNK]
-        gradient, shape, volume = cell_geometry(mesh, cells, first)
+    for element, rows, cells in chunks_of(mesh, _CHUNK):
+        gradient, shape, volume = cell_geometry(mesh, element, cells, rows)
         stiff = np.einsum("nqka,nqkb,nq->nab", gradient, gradient, volume, optimize=True)
         H = H + scattered(stiff, cells, size)
         G = G + scattered(np.einsum("qa,qb,nq->nab", shape, shape, volume, optimize=True), cells, size)

@@ -24,6 +24,7 @@ from romdam.scene.cutting.teeth import Step, joint_facets, refuse_teeth, smoothe
 from romdam.scene.cutting.tetrahedra import cut_tetrahedra
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import row_numbers
+from romdam.scene.meshes.kinds import refuse_wedges
 from romdam.scene.meshes.quality import sound_volume
 
 log = logging.getLogger(__name__)
@@ -51,6 +52,7 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
         cannot be cut in two.
     """
     place = f"{source}: cut.{block.name}"
+    refuse_wedges(block, "are not cut", place)
     steps = _steps(block.name, cuts, folder, source)
     every = [step for own in steps.values() for step in own]
     mesh = whole = Mesh.of(block)

@@ -12,6 +12,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, FreeField, Ints, Material
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import boundary_facets, facet_normals
+from romdam.scene.meshes.kinds import refuse_wedges
 
 log = logging.getLogger(__name__)
 
@@ -37,6 +38,8 @@ def free_field(
     """
     place = f"{source}: ground.input"
     own = {name: blocks[name] for name in sorted(rock)}
+    for block in own.values():
+        refuse_wedges(block, "the rock of a free field is not made of", place)
     bottom = _bottom(own, place)
     sides = _sides(own)
     ends = np.concatenate([_ends(own[name], facets) for name, facets in sides.items()])

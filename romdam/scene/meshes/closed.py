@@ -10,7 +10,15 @@ from scipy.spatial import cKDTree
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block, Bools, Ints
 from romdam.scene.elements import ELEMENTS, Element, Floats
-from romdam.scene.facets import area_elements, area_vectors, facet_element, row_numbers
+from romdam.scene.facets import (
+    all_facets,
+    area_elements,
+    area_vectors,
+    facet_element,
+    facet_keys,
+    row_numbers,
+)
+from romdam.scene.meshes.kinds import facets_by_kind, frame, kinds_of
 
 _AWAY = 1e-3  # of a face's size: how far outside of it nothing may be
 _NEAR_CORNER = 0.9  # of the way from a face's centre to its corners: where that is looked at
@@ -53,7 +61,7 @@ def refuse_bad_faces(block: Block, volume: float, place: str) -> int:
     _refuse_inner(block, free, place)
     centre = block.points.mean(axis=0)
     flux = float(np.einsum("fjk,fjk->", area_vectors(block.points, free), _arms(block, free, centre)))
-    if abs(flux / 3.0 - volume) > _VOLUME * volume and not ELEMENTS[block.element].quadratic:
+    if abs(flux / 3.0 - volume) > _VOLUME * volume and not frame(block.element).quadratic:
         raise MeshError(
             f"{place}: the faces of block {block.name!r} enclose {flux / 3.0:.6g} m3 and its elements hold "
             f"{volume:.6g} m3: its faces do not close; export the mesh anew"
@@ -69,11 +77,9 @@ class _Faces:
     """All faces of a block's elements, and which of them are one."""
 
     def __init__(self, block: Block) -> None:
-        self.block, table = block, ELEMENTS[block.element]
-        self.rows = block.cells[:, np.array(table.facets)].reshape(-1, len(table.facets[0]))
-        self.cell = np.repeat(np.arange(len(block.cells)), len(table.facets))
-        self.corners = ELEMENTS[table.facet].corners
-        keys = row_numbers(np.sort(self.rows[:, : self.corners], axis=1))
+        self.block = block
+        self.rows, self.cell = all_facets(block.cells, block.element)
+        keys = row_numbers(facet_keys(self.rows[:, : ELEMENTS[frame(block.element).facet].corners]))
         self.order = np.argsort(keys, kind="stable")
         _, start, self.count = np.unique(keys[self.order], return_index=True, return_counts=True)
         self.start = start
@@ -102,8 +108,12 @@ class _Faces:
         if len(many):
             raise self._error(many, "belong to more than two elements: elements overlap", place)
         a, b = self.pairs
-        one, other = _from_least(self.rows[a], self.corners), _from_least(self.rows[b], self.corners)
-        c = self.corners
+        for own, one, columns in facets_by_kind(self.rows[a]):
+            self._refuse_turned(a[own], (one, self.rows[b[own]][:, columns]), place)
+
+    def _refuse_turned(self, a: Ints, facets: tuple[Ints, Ints], place: str) -> None:
+        c = facet_element(facets[0]).corners
+        one, other = (_from_least(rows, c) for rows in facets)
         turned = (one[:, 1:c] == other[:, c - 1 : 0 : -1]).all(axis=1)
         if not turned.all():
             raise self._error(
@@ -138,9 +148,11 @@ def _error(block: Block, at: Floats, count: int, what: str, place: str) -> MeshE
 
 
 def _refuse_inner(block: Block, free: Ints, place: str) -> None:
-    outside = _just_outside(block.points, free)
-    samples = outside.shape[1]
-    inside = _any_cell_has(block, outside.reshape(-1, 3)).reshape(-1, samples).any(axis=1)
+    inside = np.zeros(len(free), dtype=bool)
+    for rows, own, _ in facets_by_kind(free):
+        outside = _just_outside(block.points, own)
+        samples = outside.shape[1]
+        inside[rows] = _any_cell_has(block, outside.reshape(-1, 3)).reshape(-1, samples).any(axis=1)
     if inside.any():
         what = (
             f"have an element across them that does not share them, within {_AWAY:g} of their size "
@@ -169,7 +181,14 @@ def _any_cell_has(block: Block, points: Floats) -> Bools:
     found = np.zeros(len(points), dtype=bool)
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
-    nodes, element = _geometry(block)
+    for element, _, cells in kinds_of(block.element, block.cells):
+        _find_inside(points, near, _geometry(block.points[cells], element), found)
+    return found
+
+
+def _find_inside(points: Floats, near: Ints, cells: tuple[Floats, Element], found: Bools) -> None:
+    """Mark those of the points `near` that are inside an element of one kind."""
+    nodes, element = cells
     lowest, highest = nodes.min(axis=1), nodes.max(axis=1)
     slack = 0.25 * (highest - lowest) if element.quadratic else 0.0  # curved edges bulge
     lowest, highest = lowest - slack, highest + slack
@@ -184,7 +203,6 @@ def _any_cell_has(block: Block, points: Floats) -> Bools:
             boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~found[p]
             p, c = p[boxed], c[boxed]
             found[p[_inside(points[p], nodes[c], element)]] = True
-    return found
 
 
 def _parts(points: Ints, pairs: Ints) -> list[Ints]:
@@ -192,9 +210,8 @@ def _parts(points: Ints, pairs: Ints) -> list[Ints]:
     return np.split(points, np.flatnonzero(np.diff(np.cumsum(pairs) // _PAIRS)) + 1) if len(points) else []
 
 
-def _geometry(block: Block) -> tuple[Floats, Element]:
+def _geometry(nodes: Floats, element: Element) -> tuple[Floats, Element]:
     """Nodes of every cell (nc, nn, 3) and their element; the corners only where these give all of them."""
-    element, nodes = ELEMENTS[block.element], block.points[block.cells]
     linear, corners = ELEMENTS[element.linear], nodes[:, : element.corners]
     off = nodes[:, element.corners :] - linear.shape(element.nodes[element.corners :]) @ corners
     longest = np.abs(np.diff(nodes[:, np.array(element.edges)], axis=2)).max()
@@ -228,6 +245,10 @@ def _depth(xi: Floats, element: Element) -> Floats:
     """Depth (p,) of points of the reference element in it; negative outside."""
     if element.box:
         return 1.0 - np.abs(xi).max(axis=1)
+    if element.linear == "pyramid5":
+        return np.minimum(xi[:, 2], 1.0 - xi[:, 2] - np.abs(xi[:, :2]).max(axis=1))
+    if element.linear == "wedge6":
+        return np.minimum(np.minimum(xi.min(axis=1), 1.0 - xi[:, 2]), 1.0 - xi[:, 0] - xi[:, 1])
     return np.minimum(xi.min(axis=1), 1.0 - xi.sum(axis=1))
 
 

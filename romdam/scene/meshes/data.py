@@ -10,7 +10,7 @@ import numpy as np
 
 from romdam.core.errors import MeshError, shown
 from romdam.core.scene import Floats, Ints
-from romdam.scene.elements import CELLS, SOLIDS
+from romdam.scene.elements import CELLS, ELEMENT_OF_CELL, SOLIDS, jacobians
 
 LARGEST = 2e9  # bytes of a mesh file
 _FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
@@ -165,6 +165,52 @@ def by_value(values: list[Ints]) -> Groups:
         for value, members in zip(present.tolist(), np.split(order, start[1:]), strict=False):
             found.setdefault(str(value), [nothing] * len(values))[k] = members
     return dict(sorted(found.items(), key=lambda item: int(item[0])))
+
+
+def by_number(
+    mesh: MeshFile, elements: dict[str, Ints], nodes: dict[str, Ints]
+) -> tuple[Groups, dict[str, Ints]]:
+    """Groups of elements and sets of nodes that name their members by the file's numbers.
+
+    Raises
+    ------
+    ValueError
+        for members that are not given.
+    """
+    every = np.concatenate([np.zeros(0, np.int64), *(c.ids for c in mesh.cells)])
+    for what, sets, known in (("element", elements, every), ("node", nodes, mesh.tags)):
+        for name, own in sets.items():
+            lost = own[~np.isin(own, known)]
+            if len(lost):
+                raise ValueError(
+                    f"group {name!r} has {what} {lost[0]}, which is not given ({len(lost)} such members): "
+                    "the file was cut, or has lost them"
+                )
+    order = np.argsort(mesh.tags, kind="stable")
+    groups = {n: [np.flatnonzero(np.isin(c.ids, own)) for c in mesh.cells] for n, own in elements.items()}
+    return groups, {n: order[np.searchsorted(mesh.tags[order], own)] for n, own in nodes.items()}
+
+
+def turned(mesh: MeshFile, kinds: Sequence[str]) -> MeshFile:
+    """Turn elements of some kinds that are inside out, for formats whose writers differ on what is outside.
+
+    MED's order of nodes is the mirror image of VTK's, edges and facets included.
+    """
+    cells, remarks = [], []
+    for block in mesh.cells:
+        if block.dim == 3 and block.kind in kinds and block.kind in ELEMENT_OF_CELL:
+            element = ELEMENT_OF_CELL[block.kind]
+            centre = element.nodes[: element.corners].mean(axis=0)[None]
+            wrong = np.linalg.det(jacobians(mesh.points, block.nodes, element, centre)[:, 0]) < 0.0
+            if wrong.any():
+                mirrored = block.nodes[:, np.argsort(element.cell.orders["med"])]
+                block = replace(block, nodes=np.where(wrong[:, None], mirrored, block.nodes))
+                remarks.append(
+                    f"{wrong.sum()} of {len(wrong)} {block.kind} are inside out in the order of nodes that "
+                    "the format has, and have been turned"
+                )
+        cells.append(block)
+    return replace(mesh, cells=cells, remarks=(*mesh.remarks, *remarks))
 
 
 def missing_ids(cells: list[Cells]) -> tuple[str, ...]:

@@ -1,10 +1,11 @@
-"""Blocks read from mesh files: gmsh .msh, Nastran .bdf/.nas/.dat, Abaqus .inp and .vtu."""
+"""Blocks read from mesh files, of the formats in `FORMATS`."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -13,15 +14,20 @@ from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.errors import MeshError
 from romdam.core.files import check_file
 from romdam.core.scene import Block, Bools, Ints, Material
-from romdam.scene.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_element
-from romdam.scene.facets import boundary_facets, row_numbers
-from romdam.scene.meshes.abaqus import read_abaqus
+from romdam.scene.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_frame
+from romdam.scene.facets import all_facets, boundary_facets, facet_keys, row_numbers
 from romdam.scene.meshes.data import LARGEST, MeshFile
-from romdam.scene.meshes.gmsh import read_gmsh
-from romdam.scene.meshes.nastran import read_nastran
+from romdam.scene.meshes.formats.abaqus import read_abaqus
+from romdam.scene.meshes.formats.ansys import read_ansys
+from romdam.scene.meshes.formats.aster import read_aster
+from romdam.scene.meshes.formats.gmsh import read_gmsh
+from romdam.scene.meshes.formats.med import read_med
+from romdam.scene.meshes.formats.nastran import read_nastran
+from romdam.scene.meshes.formats.stl import read_stl
+from romdam.scene.meshes.formats.unv import read_unv
+from romdam.scene.meshes.formats.vtu import read_vtu
+from romdam.scene.meshes.kinds import facets_by_kind, mixed_cells
 from romdam.scene.meshes.quality import refuse_bad_cells
-from romdam.scene.meshes.stl import read_stl
-from romdam.scene.meshes.vtu import read_vtu
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +37,10 @@ FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
     ".nas": read_nastran,
     ".dat": read_nastran,
     ".inp": read_abaqus,
+    ".med": read_med,
+    ".unv": read_unv,
+    ".mail": read_aster,
+    ".cdb": read_ansys,
     ".vtu": read_vtu,
     ".stl": read_stl,
 }
@@ -106,7 +116,7 @@ def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folde
 
 
 def read_mesh_file(path: Path, place: str) -> MeshFile:
-    """Read a gmsh, Nastran, Abaqus, VTU or STL file.
+    """Read a file of one of `FORMATS`.
 
     Raises
     ------
@@ -179,9 +189,8 @@ def _on_faces(file: MeshFile, corners: Ints) -> Bools:
     for cells in file.cells:
         element = ELEMENT_OF_CELL.get(cells.kind)
         if cells.dim == 3 and element is not None:
-            if ELEMENTS[element.facet].corners == width:
-                table = np.array(element.facets)[:, :width]
-                rows.append(np.sort(cells.nodes[:, table].reshape(-1, width), axis=1))
+            facets = all_facets(cells.nodes, element.name)[0][:, : ELEMENTS[element.facet].corners]
+            rows += [np.sort(own, axis=1) for _, own, _ in facets_by_kind(facets) if own.shape[1] == width]
         elif cells.dim == 3:
             return np.ones(len(corners), dtype=bool)  # faces of a kind that is not read
     number = row_numbers(np.concatenate(rows))
@@ -239,27 +248,37 @@ def _cells(file: MeshFile, members: list[Ints], path: Path, place: str) -> tuple
             f"{place}.file: {path} has {listed} in this block; supported are {known}; mesh the part with "
             "one of these"
         )
-    if len(counts) > 1:
+    tables = {kind: np.concatenate(own) for kind, own in found.items()}
+    if len(tables) == 1:
+        kind, own = next(iter(tables.items()))
+        return ELEMENT_OF_CELL[kind].name, own
+    if not (mixed := mixed_cells(tables)):
         raise MeshError(
-            f"{place}.file: {path} mixes elements in this block ({listed}), limit one kind per block; "
-            "put each kind into a group and a block of its own, tied by joints, or mesh with one kind"
+            f"{place}.file: {path} mixes elements in this block ({listed}); a block takes linear elements "
+            "or those with mid-edge nodes, hexahedron27 apart; put the others into groups and blocks of "
+            "their own, tied by joints"
         )
-    kind, own = next(iter(found.items()))
-    return ELEMENT_OF_CELL[kind].name, np.concatenate(own)
+    return mixed
+
+
+def _keys(corners: Ints, width: int) -> list[list[int]]:
+    """Keys of facets by their corners, those of triangles as of collapsed quadrilaterals."""
+    padded = np.pad(corners, ((0, 0), (0, width - corners.shape[1])), mode="edge")
+    return cast("list[list[int]]", facet_keys(padded).tolist())
 
 
 def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
     """Named facets on the block's boundary, outward; `number` maps the file's nodes to the block's."""
-    corners = facet_element(boundary).corners
-    keys = np.sort(boundary[:, :corners], axis=1)
+    width = facet_frame(boundary).corners
+    keys = facet_keys(boundary[:, :width])
     index = {tuple(key): f for f, key in enumerate(keys.tolist())}
     faces = {}
     for label, members in file.groups.items():
         found = {
             index.get(tuple(key), -1)
             for m, cells in zip(members, file.cells, strict=True)
-            if cells.dim == 2 and ELEMENT_OF_CELL[cells.kind].corners == corners
-            for key in np.sort(number[cells.nodes[m][:, :corners]], axis=1).tolist()
+            if cells.dim == 2 and ELEMENT_OF_CELL[cells.kind].corners <= width
+            for key in _keys(number[cells.nodes[m][:, : ELEMENT_OF_CELL[cells.kind].corners]], width)
         }
         if chosen := sorted(found - {-1}):
             faces[label] = boundary[chosen]

@@ -9,10 +9,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from romdam.core.errors import MeshError
-from romdam.core.scene import Block
-from romdam.scene.elements import ELEMENTS, Floats, jacobians
-from romdam.scene.facets import row_numbers
+from romdam.core.scene import Block, Ints
+from romdam.scene.elements import Element, Floats, jacobians
+from romdam.scene.facets import facet_keys, row_numbers
 from romdam.scene.meshes.closed import refuse_bad_faces
+from romdam.scene.meshes.kinds import chunks_of, frame, kinds_of
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +37,7 @@ def refuse_bad_cells(block: Block, place: str) -> None:
     ------
     MeshError
     """
-    unique = np.unique(row_numbers(np.sort(block.cells, axis=1)))
+    unique = np.unique(row_numbers(facet_keys(block.cells)))
     if len(unique) < len(block.cells):
         raise MeshError(
             f"{place}: {len(block.cells) - len(unique)} of {len(block.cells)} elements of block "
@@ -57,17 +58,16 @@ def refuse_bad_cells(block: Block, place: str) -> None:
 
 def sound_volume(block: Block, place: str) -> float:
     """Volume of the cells [m3]; raises where one is turned inside out, at a Gauss point or at a corner."""
-    element, total = ELEMENTS[block.element], 0.0
-    xi, weight = element.rule
-    both = np.vstack([xi, element.nodes[: element.corners]])
-    for first in range(0, len(block.cells), _CHUNK):
-        cells = block.cells[first : first + _CHUNK]
+    total = 0.0
+    for element, rows, cells in chunks_of(block, _CHUNK):
+        xi, weight = element.rule
+        both = np.vstack([xi, element.nodes[: element.corners]])
         determinant = _determinants(jacobians(block.points, cells, element, both))
         size = np.ptp(block.points[cells], axis=1).max(axis=1)
         refuse_inverted(
             block,
             np.where(determinant > (_FLAT * size**3)[:, None], determinant, np.minimum(determinant, 0.0)),
-            first,
+            rows,
             place,
         )
         total += float((determinant[:, : len(xi)] @ weight).sum())
@@ -116,8 +116,9 @@ def _refuse_coincident_nodes(block: Block, place: str) -> None:
 
 def _shortest_edges(block: Block) -> Floats:
     """Length of the shortest edge at every node (n,) [m]; inf at mid-edge nodes."""
-    ends = block.cells[:, np.array(ELEMENTS[block.element].edges)]
+    ends = block.cells[:, np.array(frame(block.element).edges)]
     length = np.linalg.norm(np.diff(block.points[ends], axis=2)[:, :, 0], axis=2)
+    length[ends[:, :, 0] == ends[:, :, 1]] = np.inf  # collapsed
     found = np.full(len(block.points), np.inf)
     for side in (0, 1):
         np.minimum.at(found, ends[:, :, side], length)
@@ -134,29 +135,34 @@ def _refuse_stray_middles(block: Block, place: str) -> None:
     That is half an edge away for one of an edge. Those of facets and of the whole, a quarter of the shortest
     edge from where the edges' nodes would have them.
     """
-    element = ELEMENTS[block.element]
-    if not element.quadratic:
-        return
+    for element, rows, cells in kinds_of(block.element, block.cells):
+        if element.quadratic:
+            _refuse_stray_middles_of(block, element, (rows, cells), place)
+
+
+def _refuse_stray_middles_of(block: Block, element: Element, kind: tuple[Ints, Ints], place: str) -> None:
+    rows, cells = kind
     corners, edges = element.corners, len(element.edges)
-    nodes = block.points[block.cells]
+    nodes = block.points[cells]
     ends = nodes[:, np.array(element.edges)]
     length = np.maximum(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2), np.finfo(float).tiny)
     off = np.linalg.norm(nodes[:, corners : corners + edges] - ends.mean(axis=2), axis=2) / length
-    _refuse_stray(block, off, _Middles(corners, "mid-edge", "of its edge", 0.5), place)
+    _refuse_stray(block, off, _Middles(corners, "mid-edge", "of its edge", 0.5, rows), place)
     if not element.on_edges:
         first = corners + edges
         inner = nodes[:, first:] - element.skeleton.shape(element.nodes[first:]) @ nodes[:, :first]
         off = np.linalg.norm(inner, axis=2) / length.min(axis=1)[:, None]
-        _refuse_stray(block, off, _Middles(first, "middle", "of its corners", 0.25), place)
+        _refuse_stray(block, off, _Middles(first, "middle", "of its corners", 0.25, rows), place)
 
 
 class _Middles(NamedTuple):
-    """Nodes in the middle of corners: the first one's number, words for them, how far off they may be."""
+    """Nodes in the middle of corners: the first one's number, words, how far off they may be, their cells."""
 
     first: int
     kind: str
     where: str
     limit: float
+    cells: Ints
 
 
 def _refuse_stray(block: Block, off: Floats, middles: _Middles, place: str) -> None:
@@ -165,15 +171,16 @@ def _refuse_stray(block: Block, off: Floats, middles: _Middles, place: str) -> N
         return
     cell, node = np.unravel_index(np.argmax(off), off.shape)
     raise MeshError(
-        f"{place}: {middles.kind} node {middles.first + node} of element {cell} of block {block.name!r} "
+        f"{place}: {middles.kind} node {middles.first + node} of element {middles.cells[cell]} of block "
+        f"{block.name!r} "
         f"({block.element}, both counted from 0) is {off[cell, node]:.3g} edge lengths off the middle "
         f"{middles.where}, limit {middles.limit:g}: the file's node order is not that of its format; "
         "export the mesh anew"
     )
 
 
-def refuse_inverted(block: Block, determinant: Floats, first: int, place: str = "mesh") -> None:
-    """Raise if a determinant of dx/dxi is not positive; (nc, nq) of the cells from number `first` on [m3].
+def refuse_inverted(block: Block, determinant: Floats, cells: Ints, place: str = "mesh") -> None:
+    """Raise if a determinant of dx/dxi is not positive; (nc, nq) of the cells of these numbers (nc,) [m3].
 
     Raises
     ------
@@ -183,7 +190,7 @@ def refuse_inverted(block: Block, determinant: Floats, first: int, place: str = 
     if lowest.min() > 0.0:
         return
     worst = int(np.argmin(lowest))
-    cell = first + worst
+    cell = cells[worst]
     centre = ", ".join(f"{x:.6g}" for x in block.points[block.cells[cell]].mean(axis=0))
     raise MeshError(
         f"{place}: element {cell} of block {block.name!r} ({block.element}, counted from 0, around "

@@ -94,10 +94,12 @@ def _gravity_nodes(dam: GravityDamConfig) -> float:
 
 
 def _nodes(counts: Sequence[float], element: str) -> float:
-    """Nodes of a grid of so many hexahedra along each axis, each one element or cut into tetrahedra."""
+    """Nodes of a grid of so many hexahedra along each axis, each one element or cut as boxes are."""
     corners, kind = prod(n + 1.0 for n in counts), ELEMENTS[element]
+    tips = prod(counts) if kind.linear == "pyramid5" else 0.0
     if not kind.quadratic:
-        return corners
-    if kind.box and kind.on_edges:
-        return corners + sum(corners * n / (n + 1.0) for n in counts)
-    return prod(2.0 * n + 1.0 for n in counts)
+        return corners + tips
+    if kind.linear in ("tet4", "hex8") and not (kind.box and kind.on_edges):
+        return prod(2.0 * n + 1.0 for n in counts)
+    diagonals = corners * prod(n / (n + 1.0) for n in counts[:2]) if kind.linear == "wedge6" else 8.0 * tips
+    return corners + tips + sum(corners * n / (n + 1.0) for n in counts) + diagonals

@@ -11,6 +11,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block
 from romdam.scene.facets import node_normals
+from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface, local_coordinates
 from romdam.scene.pairing import do_not_touch
@@ -116,6 +117,8 @@ def mortar_interface(
     if not len(touched_I) or not len(touched_J):
         raise ConfigError(do_not_touch(block_I, block_J, tolerance, place))
     I, J = I.only(touched_I), J.only(touched_J)
+    for face in (I, J):
+        _refuse_two_kinds(face, place)
     area = float(between.area.sum())
     shares = area / I.areas.sum(), area / J.areas.sum()
     if max(shares) < overlap:
@@ -126,6 +129,16 @@ def mortar_interface(
     slave_is_J = (corners_J, I.block) > (corners_I, J.block) if equal else shares[1] > shares[0]
     slave, master = (J, I) if slave_is_J else (I, J)
     return MortarInterface(slave, master, _facing(slave, master, tolerance, place), slave_is_J)
+
+
+def _refuse_two_kinds(face: Surface, place: str) -> None:
+    """Dual shape functions are those of one kind of facet."""
+    if len(facets_by_kind(face.facets)) > 1:
+        raise ConfigError(
+            f"{place}: the face of block {face.block!r} there has triangles and quadrilaterals, which "
+            "discretization: mortar does not take together; mesh the face with one kind, or set "
+            "discretization: node_to_node where the meshes conform"
+        )
 
 
 def _covered(face: Surface, facet: Ints, area: Floats) -> Floats:

@@ -9,8 +9,9 @@ import numpy as np
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.scene import Block
-from romdam.scene.elements import Element, facet_element
+from romdam.scene.elements import Element, facet_element, facet_frame
 from romdam.scene.facets import boundary_facets, facet_areas
+from romdam.scene.meshes.kinds import facets_by_kind
 
 _STRAIGHT = 1e-8  # distance of a node from where a flat facet with straight edges has it, in facet sizes
 _NEWTON = 20
@@ -57,17 +58,18 @@ class Surface:
 
     def only(self, facets: Ints) -> Surface:
         """Some of the facets."""
-        return Surface(self.block, self.points, self.facets[facets])
+        kinds = facets_by_kind(self.facets[facets])
+        return Surface(self.block, self.points, kinds[0][1] if len(kinds) == 1 else self.facets[facets])
 
     @cached_property
     def element(self) -> Element:
         """Of the facets."""
-        return facet_element(self.facets)
+        return facet_frame(self.facets)
 
     @cached_property
     def corner_element(self) -> Element:
         """Of their corners."""
-        return facet_element(self.facets[:, : self.element.corners])
+        return facet_frame(self.facets[:, : self.element.corners])
 
     @cached_property
     def areas(self) -> Floats:
@@ -104,11 +106,15 @@ class Surface:
     @cached_property
     def pieces(self) -> Pieces:
         """The facets themselves where they are straight, else the linear facets their nodes cut them into."""
-        own = (tuple(range(self.element.corners)),) if self.is_straight else self.element.pieces
-        padded = np.array([(*one, one[-1])[:4] for one in own])
-        corners = self.points[self.facets[:, padded]].reshape(-1, 4, 3)
-        facet = np.repeat(np.arange(len(self.facets)), len(own))
-        centre = corners[:, :3].mean(axis=1) if padded.shape[1] == 3 else corners.mean(axis=1)
+        found, owner = [], []
+        for rows, facets, _ in facets_by_kind(self.facets):
+            element = facet_element(facets)
+            own = (tuple(range(element.corners)),) if self.is_straight else element.pieces
+            padded = np.array([(*one, one[-1])[:4] for one in own])
+            found.append(self.points[facets[:, padded]].reshape(-1, 4, 3))
+            owner.append(np.repeat(rows, len(own)))
+        corners, facet = np.concatenate(found), np.concatenate(owner)
+        centre = corners.mean(axis=1)
         normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)

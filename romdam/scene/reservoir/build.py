@@ -13,6 +13,7 @@ from romdam.core.scene import Block, Bools, Joint, Reservoir, Sound, Tie, WetFac
 from romdam.scene.elements import Floats, facet_element
 from romdam.scene.facets import area_vectors, facet_normals
 from romdam.scene.meshes.files import MeshFiles
+from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.reservoir.own_mesh import reservoir_mesh
@@ -167,11 +168,11 @@ def _open_edges(blocks: dict[str, Block], faces: list[WetFace]) -> tuple[list[st
     """Edges (n, 2, 3) that one wet facet alone has, and the block of each."""
     owner, corners = [], []
     for face in faces:
-        count = facet_element(face.facets).corners
-        rings = blocks[face.block].points[face.facets[:, :count]]
-        pairs = np.stack([rings, np.roll(rings, -1, axis=1)], axis=2).reshape(-1, 2, 3)
-        corners.append(pairs)
-        owner += [face.block] * len(pairs)
+        for _, facets, _ in facets_by_kind(face.facets):
+            rings = blocks[face.block].points[facets[:, : facet_element(facets).corners]]
+            pairs = np.stack([rings, np.roll(rings, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+            corners.append(pairs)
+            owner += [face.block] * len(pairs)
     ends = np.concatenate(corners)
     short = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
     groups = cKDTree(ends.mean(axis=1)).query_ball_point(ends.mean(axis=1), min(_TOUCH, _TOUCH * short))

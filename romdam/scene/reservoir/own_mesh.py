@@ -22,6 +22,7 @@ from romdam.core.scene import Block, Material, Reservoir, Sound
 from romdam.scene.elements import ELEMENTS
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
 from romdam.scene.meshes.files import MeshFiles
+from romdam.scene.meshes.kinds import refuse_wedges
 from romdam.scene.mortar.interface import STEEPEST
 from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface
@@ -58,6 +59,7 @@ def reservoir_mesh(
         faces, whose end is no upright plane, and for faces that are two things at once.
     """
     mesh = files.block("reservoir", config, Material(0.0, 0.0, water.density), place)
+    refuse_wedges(mesh, "the water's own mesh is not made of", place)
     walls = boundary_facets(mesh.cells, mesh.element)
     is_on = {"surface": _at_level(mesh, walls, water.level, place)}
     _refuse_confined(mesh, np.unique(walls[is_on["surface"]]), place)

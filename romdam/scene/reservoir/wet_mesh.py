@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from romdam.core.scene import Block, Ints, Reservoir
 from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element
+from romdam.scene.meshes.kinds import facets_by_kind
 
 _SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
 _LEVEL = 1e-9  # of the depth: nodes so near to the level are on it
@@ -78,7 +79,8 @@ def wet_mesh(blocks: dict[str, Block], reservoir: Reservoir) -> WetMesh:
     raw = [
         (face.block, *part)
         for face in reservoir.faces
-        for part in _below(blocks[face.block].points, face.facets, reservoir)
+        for _, facets, _ in facets_by_kind(face.facets)
+        for part in _below(blocks[face.block].points, facets, reservoir)
     ]
     corners = np.concatenate([x.reshape(-1, 3) for *_, x in raw])
     size = min(float(np.linalg.norm(x[:, 1] - x[:, 0], axis=1).min()) for *_, x in raw)

@@ -21,8 +21,16 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
-from romdam.scene.elements import ELEMENTS, Floats
-from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
+from romdam.scene.elements import ELEMENTS, Floats, facet_element
+from romdam.scene.facets import (
+    area_vectors,
+    boundary_facets,
+    facet_areas,
+    facet_keys,
+    facet_normals,
+    row_numbers,
+)
+from romdam.scene.meshes.kinds import facets_by_kind, frame
 
 _FLAT = 20.0  # degrees beyond 180 that a curved face of straight facets may enclose
 _SAME = 1e-6  # of the scene's size: nodes as near as that are one
@@ -133,7 +141,7 @@ def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mappi
         held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
         free = ~(covered[k] | held | _linked(block, facets[k], links, np.asarray(fixed[name].any(axis=1))))
         material = stiffness.index((block.material.E, block.material.nu))
-        rows.append(_edge_rows(block, facets[k][free], number[k], material))
+        rows += [_edge_rows(block, own, number[k], material) for _, own, _ in facets_by_kind(facets[k][free])]
     at = np.concatenate(number)
     merged = np.zeros((int(at.max()) + 1, 3))
     merged[at] = points
@@ -141,15 +149,15 @@ def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mappi
 
 
 def _corners(facets: Ints, block: Block) -> Ints:
-    return facets[:, : ELEMENTS[ELEMENTS[block.element].facet].corners]
+    return facets[:, : ELEMENTS[frame(block.element).facet].corners]
 
 
 def _edge_rows(
     block: Block, facets: Ints, number: Ints, material: int
 ) -> tuple[Ints, Floats, Floats, Floats, Ints]:
     """Edges, normals, middles, depths and material of a block's free facets, one row for each edge."""
-    corners = _corners(facets, block)
-    sides = corners.shape[1]
+    sides = facet_element(facets).corners
+    corners = facets[:, :sides]
     pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # (nf, sides, 2)
     length = np.linalg.norm(block.points[pairs[..., 1]] - block.points[pairs[..., 0]], axis=2)
     normal = area_vectors(block.points, facets).sum(axis=1)
@@ -164,7 +172,7 @@ def _covered(corners: list[Ints]) -> list[Bools]:
     """Block after block, True for boundary facets that coincide with one of another block."""
     widest = max(own.shape[1] for own in corners)
     padded = [np.pad(own, ((0, 0), (0, widest - own.shape[1])), mode="edge") for own in corners]
-    keys = row_numbers(np.sort(np.concatenate(padded), axis=1))
+    keys = row_numbers(facet_keys(np.concatenate(padded)))
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.split(counts[inverse] > 1, np.cumsum([len(own) for own in corners])[:-1])
 

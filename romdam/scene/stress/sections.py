@@ -20,8 +20,9 @@ import numpy as np
 from romdam.config.sections.stress import SectionConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Ints, Joint, JointFace, Section
-from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.elements import Floats
 from romdam.scene.facets import below
+from romdam.scene.meshes.kinds import frame
 
 _WINDOWS = 4
 _APART = 0.5  # of a cell's height, at least, from level to level
@@ -30,7 +31,12 @@ _ASIDE = 1e-9  # of the blocks' height: how far from nodes on the plane its area
 _FEWEST = 3  # windows between levels, below which a kink is passed over
 _NEAR = 1e-3  # of a cell's height: where the area's slope is taken beside a level
 _KINK = 0.02  # of the area, what its slope changes by over a cell's height
-_TETRAHEDRA = np.array([(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)])
+_TETRAHEDRA = {  # that fill a cell, by its number of corners
+    4: np.array([(0, 1, 2, 3)]),
+    5: np.array([(0, 1, 2, 4), (0, 2, 3, 4)]),
+    6: np.array([(0, 1, 2, 5), (0, 1, 5, 4), (0, 4, 5, 3)]),
+    8: np.array([(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]),
+}
 _HALVES = ((0, 1, 2), (0, 2, 3), (0, 1, 3), (1, 2, 3))
 _CUTS = {  # corners above the plane, of four from low to high -> triangles of points on edges
     1: (((0, 3), (1, 3), (2, 3)),),
@@ -120,7 +126,7 @@ def _axes(normal: Floats, place: str) -> Floats:
 
 def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], place: str) -> Floats:
     """Up to five levels of corner nodes around the plane, above it, between kinks of the area [m]."""
-    corners = {key: height[key][b.cells[:, : ELEMENTS[b.element].corners]] for key, b in blocks.items()}
+    corners = {key: height[key][b.cells[:, : frame(b.element).corners]] for key, b in blocks.items()}
     low, high = min(c.min() for c in corners.values()), max(c.max() for c in corners.values())
     on = _ON * (high - low)
     bottom, top = (np.concatenate([f(c, axis=1) for c in corners.values()]) for f in (np.min, np.max))
@@ -209,10 +215,10 @@ def _cut(blocks: Mapping[str, Block], height: Mapping[str, Floats], level: float
 
 def _triangles(block: Block, height: Floats) -> Floats:
     """Triangles (t, 3, 3) that the plane cuts out of a block's cells, as tetrahedra of their corners [m]."""
-    cells = block.cells[:, : ELEMENTS[block.element].corners]
+    cells = block.cells[:, : frame(block.element).corners]
     sides = height[cells] > 0.0
     cells = cells[sides.any(axis=1) & ~sides.all(axis=1)]
-    tets = cells if cells.shape[1] == 4 else cells[:, _TETRAHEDRA].reshape(-1, 4)
+    tets = cells[:, _TETRAHEDRA[cells.shape[1]]].reshape(-1, 4)
     tets = np.take_along_axis(tets, np.argsort(height[tets], axis=1), axis=1)
     above = (height[tets] > 0.0).sum(axis=1)
     found = [np.zeros((0, 3, 3))]

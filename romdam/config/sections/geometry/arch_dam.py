@@ -11,7 +11,7 @@ from romdam.config.base import Model, by_shape
 from romdam.config.names import Name
 from romdam.config.quantities import Dimensionless, Length, Whole
 from romdam.config.sections.joints import JointProperties
-from romdam.config.sections.places import ElementName
+from romdam.config.sections.places import GridElement
 
 Positive = Field(gt=0.0)
 Size = Annotated[Length, Positive]
@@ -175,7 +175,7 @@ class ArchDamConfig(Model):
     cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
     """Number of cantilevers, a joint between each two."""
     material: str
-    element: ElementName = "tet10"
+    element: GridElement = "tet10"
     divisions: DivisionsConfig = DivisionsConfig()
     perimeter: PerimeterConfig | None = None
     rock: RockConfig | None = None

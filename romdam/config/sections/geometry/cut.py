@@ -54,7 +54,7 @@ class SurfaceFileConfig(Model):
     """
 
     file: Path
-    """STL, or the facets of a gmsh .msh, Nastran .bdf, Abaqus .inp or .vtu file."""
+    """STL, or the facets of a mesh file, of any format that `blocks.<name>.mesh.file` has."""
     group: str | Whole | None = None
     """Physical group (or its number) of the facets; all of them if not given."""
     unit: LengthUnit = "m"

@@ -11,7 +11,7 @@ from pydantic import Field, Tag, model_validator
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Dimensionless, Length, Whole
 from romdam.config.sections.joints import JointConfig, JointProperties
-from romdam.config.sections.places import ElementName
+from romdam.config.sections.places import GridElement
 
 Positive = Field(gt=0.0)
 Size = Annotated[Length, Positive]
@@ -137,7 +137,7 @@ class GravityDamConfig(Model):
     gallery: GalleryConfig | None = None
     material: str
     """Of the monoliths."""
-    element: ElementName = "hex8"
+    element: GridElement = "hex8"
     divisions: GravityDivisionsConfig = GravityDivisionsConfig()
     rock: FoundationConfig | None = None
     joints: MonolithJointsConfig

@@ -13,8 +13,8 @@ class MeshFileConfig(Model):
     """A block read from a mesh file; the physical groups of its facets become its faces."""
 
     file: Path
-    """gmsh .msh, Nastran .bdf, Abaqus .inp or .vtu."""
+    """gmsh .msh, MED .med, I-deas .unv, code_aster .mail, ANSYS .cdb, Nastran .bdf, Abaqus .inp or .vtu."""
     group: str | Whole | None = None
-    """Physical group (or its number) of the cells; all of them where there is one only."""
+    """Group, set or component (or a number) of the cells; all of them where it is left out."""
     unit: LengthUnit = "m"
     """Of the coordinates."""

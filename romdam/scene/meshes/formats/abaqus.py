@@ -29,8 +29,10 @@ from romdam.scene.meshes.data import (
     checked_mesh,
     missing_ids,
 )
+from romdam.scene.meshes.formats.abaqus_assembly import Keyword, Lines, flat
 
 _DEEPEST = 10  # of files that include each other
+_ASSEMBLY = ("INSTANCE", "END INSTANCE", "PART", "END PART", "ASSEMBLY", "END ASSEMBLY")
 _SOLID = re.compile(r"^(?:DC|AC|C)3D(\d+)[A-Z]*$")
 _SHELL = re.compile(r"^(?:CPS|CPE|CAX|SFM3D|M3D|R3D|STRI|S|DS)(\d)[A-Z]*\d?$")
 _OTHER = re.compile(  # structural and special elements, which no block is made of
@@ -40,16 +42,17 @@ _OTHER = re.compile(  # structural and special elements, which no block is made 
 _SOLID_TYPES, _SHELL_TYPES = (
     {cell.nodes: cell for cell in CELLS.values() if cell.abaqus and cell.dim == dim} for dim in (3, 2)
 )
-_USE = "use one of " + ", ".join(f"C3D{element.cell.nodes}" for element in SOLIDS.values())
+_USE = "use one of " + ", ".join(f"C3D{cell.nodes}" for cell in _SOLID_TYPES.values())
 _HEX_SIDES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
 _TET_SIDES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-_SIDES = {e.cell.name: _HEX_SIDES if e.box else _TET_SIDES for e in SOLIDS.values()}
+_WEDGE_SIDES = ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0))
+_PYRAMID_SIDES = ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0))
+_SIDES_OF = {"hex8": _HEX_SIDES, "tet4": _TET_SIDES, "wedge6": _WEDGE_SIDES, "pyramid5": _PYRAMID_SIDES}
+_SIDES = {e.cell.name: _SIDES_OF[e.linear] for e in SOLIDS.values()}
 _REFUSED = {  # what makes or moves nodes and elements in ways that are not followed
     "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "IMPORT", "SUBSTRUCTURE GENERATE",
     "SYMMETRIC MODEL GENERATION",
 }  # fmt: skip
-
-Lines = list[list[str]]
 
 
 @dataclass
@@ -62,7 +65,6 @@ class _Deck:
     blocks: list[tuple[Cell, list[list[int]]]] = field(default_factory=list)  # number and nodes
     sets: dict[str, dict[str, list[list[str]]]] = field(default_factory=lambda: {"ELSET": {}, "NSET": {}})
     surfaces: dict[str, list[tuple[str, int]]] = field(default_factory=dict)  # element or set, side
-    instances: Counter[str] = field(default_factory=Counter)  # by part
     others: Counter[str] = field(default_factory=Counter)  # element types that are left out
     short: int = 0  # nodes with fewer than three coordinates
     remarks: list[str] = field(default_factory=list)
@@ -78,7 +80,7 @@ class _Deck:
 
 
 def read_abaqus(path: Path, place: str) -> MeshFile:
-    """Read a flat Abaqus mesh and the files it includes.
+    """Read an Abaqus mesh and the files it includes, its instances in their places.
 
     Element sets and surfaces become groups; the sides of every surface are appended as facets, with element
     numbers below zero.
@@ -86,15 +88,20 @@ def read_abaqus(path: Path, place: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for unsupported solids, several or moved parts, nodes and elements that are generated, unknown members
+        for unsupported solids, nodes and elements that are generated, unknown members
         of sets, and lines that are no numbers.
     """
-    deck = _Deck(f"{place}: {path}")
-    for keyword, options, lines in _keywords(_lines(deck, path, ())):
-        _read(deck, keyword, options, lines)
+    deck, renumbered = _Deck(f"{place}: {path}"), []  # type: _Deck, list[str]
+    try:
+        for keyword, options, lines in flat(_keywords(_lines(deck, path, ())), renumbered):
+            _read(deck, keyword, options, lines)
+    except ValueError as error:
+        raise cannot_be_read(deck.place, "abaqus", str(error)) from None
     if not deck.tags:
         raise cannot_be_read(deck.place, "abaqus", "no *NODE block")
-    return _finish(deck)
+    mesh = _finish(deck)
+    ids = () if renumbered else missing_ids([c for c in mesh.cells if c.ids.min() > 0])  # no surface's sides
+    return replace(mesh, remarks=(*mesh.remarks, *renumbered, *ids))
 
 
 def _lines(deck: _Deck, path: Path, above: tuple[Path, ...]) -> Iterator[str]:
@@ -119,7 +126,7 @@ def _lines(deck: _Deck, path: Path, above: tuple[Path, ...]) -> Iterator[str]:
             yield text
 
 
-def _keywords(lines: Iterator[str]) -> Iterator[tuple[str, dict[str, str], Lines]]:
+def _keywords(lines: Iterator[str]) -> Iterator[Keyword]:
     """Keyword, options and the data lines below it; a comma at the end continues the keyword's line."""
     head, data = "", []  # type: str, Lines
     for text in lines:
@@ -149,7 +156,7 @@ def _read(deck: _Deck, keyword: str, options: dict[str, str], lines: Lines) -> N
                 f"*{keyword}, INPUT={options['INPUT']} is not followed; put the mesh into one file"
             )
         _READ[keyword](deck, options, lines)
-    elif keyword != "END INSTANCE" and (close := get_close_matches(keyword, _READ, n=1, cutoff=0.75)):
+    elif keyword not in _ASSEMBLY and (close := get_close_matches(keyword, _READ, n=1, cutoff=0.75)):
         raise deck.error(f"*{keyword} is not known; is *{close[0]} meant?")
 
 
@@ -204,8 +211,8 @@ def _read_elements(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
             "element on lines of its own; repair the file"
         )
     deck.blocks.append((cell, rows))
-    if "ELSET" in options:
-        _add(deck, "ELSET", options["ELSET"], [[str(row[0])] for row in rows])
+    for key in {"ELSET", "INSTANCE"} & set(options):
+        _add(deck, "ELSET", options[key], [[str(row[0])] for row in rows])
 
 
 def _cell_type(deck: _Deck, kind: str) -> Cell | None:
@@ -255,24 +262,12 @@ def _read_surface(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
     deck.surfaces.setdefault(label, []).extend(sides)
 
 
-def _read_instance(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
-    part = options.get("PART", "").upper()
-    deck.instances[part] += 1
-    if lines or deck.instances[part] > 1:
-        what = "moves its part" if lines else f"is another of part {options.get('PART')}"
-        raise deck.error(
-            f"*INSTANCE {options.get('NAME', '')} {what}, which is not followed; "
-            "export one flat mesh with element sets instead of parts"
-        )
-
-
 _READ: dict[str, Callable[[_Deck, dict[str, str], Lines], None]] = {
     "NODE": _read_nodes,
     "ELEMENT": _read_elements,
     "ELSET": lambda deck, options, lines: _read_set(deck, options, lines, "ELSET"),
     "NSET": lambda deck, options, lines: _read_set(deck, options, lines, "NSET"),
     "SURFACE": _read_surface,
-    "INSTANCE": _read_instance,
 }
 
 
@@ -281,7 +276,7 @@ def _finish(deck: _Deck) -> MeshFile:
     tags = np.array(deck.tags, dtype=np.int64)
     tables = [(cell, np.array(rows, dtype=np.int64)) for cell, rows in deck.blocks if rows]
     cells = [Cells(c.name, c.in_vtk_order(table[:, 1:], "abaqus"), table[:, 0]) for c, table in tables]
-    remarks = (*deck.remarks, *_left_out(deck), *missing_ids(cells))
+    remarks = (*deck.remarks, *_left_out(deck))
     ids = np.sort(np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]))
     known = {"ELSET": ids, "NSET": np.sort(tags)}
     if not deck.others:  # else sets may name elements that are left out

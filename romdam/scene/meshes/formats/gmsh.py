@@ -19,7 +19,7 @@ from romdam.core.scene import Floats, Ints
 from romdam.scene.elements import CELLS
 from romdam.scene.facets import row_numbers
 from romdam.scene.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
-from romdam.scene.meshes.gmsh_numbers import Bytes, Layout, Numbers, Words, counts, whole
+from romdam.scene.meshes.formats.gmsh_numbers import Bytes, Layout, Numbers, Words, counts, whole
 
 _TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"

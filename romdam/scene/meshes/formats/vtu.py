@@ -31,8 +31,10 @@ from romdam.scene.meshes.data import (
     cannot_be_read,
     checked_mesh,
     numbers_of,
+    turned,
 )
 
+_EITHER_WAY = ("wedge", "wedge15")  # VTK's manual has their first triangle outward, VTK's code inward
 _TYPES = {cell.vtk: cell for cell in CELLS.values() if cell.vtk is not None}
 _NUMBERS = {
     f"{sign}{kind}{bits}": f"{code}{bits // 8}"
@@ -85,7 +87,7 @@ def read_vtu(path: Path, place: str) -> MeshFile:
         ElementTree.ParseError,
     ) as error:
         raise cannot_be_read(place, "vtu", " ".join(str(error).split()) or type(error).__name__) from None
-    mesh = checked_mesh(np.arange(len(points)), points, cells, place)
+    mesh = turned(checked_mesh(np.arange(len(points)), points, cells, place), _EITHER_WAY)
     return replace(mesh, groups=by_value([values[r] for r in rows]) if len(values) else {})
 
 
