@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.joints import build_joint
+from romdam.scene.matrices.block import held_by, refuse_unreached, with_matrices
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
 from romdam.scene.plausible import say_odd
@@ -64,11 +66,12 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
     dam = _dam(config, materials, source)
     files = MeshFiles(folder)
-    blocks = dam.blocks | _blocks(config, materials, files, source)
+    blocks = dam.blocks | _blocks(config, materials, (files, dam.blocks), source)
     rock = rock_of(config.ground, dam.viscous)
     blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
     waves = config.ground.input == "free_field"
-    fixed = _fixed(config, blocks, dam.held, source)
+    supported = _fixed(config, blocks, dam.held, source)
+    fixed = held_by(blocks, supported)
     _refuse_joined_twice(config, source)
     ties = (*dam.ties, *_ties(config, blocks, source))
     rigid = merged_parts(fixed, ties)
@@ -101,6 +104,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         ),
         moving=moving_supports(config.supports, blocks, tuple(rigid.values()), source),
     )
+    refuse_unreached(scene, supported, source)
     files.say_unused(source)
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
@@ -123,16 +127,21 @@ def _dam(config: Config, materials: dict[str, Material], source: str) -> Dam:
 
 
 def _blocks(
-    config: Config, materials: dict[str, Material], files: MeshFiles, source: str
+    config: Config, materials: dict[str, Material], shapes: tuple[MeshFiles, dict[str, Block]], source: str
 ) -> dict[str, Block]:
-    blocks: dict[str, Block] = {}
+    (files, made_by_dam), blocks = shapes, dict[str, Block]()
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
             made = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
-        else:
-            assert block.mesh is not None
+        elif block.mesh is not None:
             made = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
+        else:
+            made = replace(made_by_dam[name], material=constants)
+        if block.matrices is not None:
+            numbered = None if block.mesh is None else files.numbered(block.mesh)
+            place = f"{source}: blocks.{name}.matrices"
+            made = with_matrices(made, block.matrices, files.folder, numbered, place)
         blocks |= cut_block(made, config.cut, files.folder, source) if name in config.cut else {name: made}
     return blocks
 

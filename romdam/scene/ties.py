@@ -110,7 +110,8 @@ class Part:
             for name in self.blocks
             for face in blocks[name].absorbing
         )
-        return Block(self.name, first.element, points, cells, first.material, {}, absorbing)
+        matrices = first.matrices if len(self.blocks) == 1 else None  # which no tie takes
+        return Block(self.name, first.element, points, cells, first.material, {}, absorbing, matrices)
 
 
 def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -> Tie:
@@ -128,6 +129,12 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -
         when node_to_node is asked for and the two meshes do not conform.
     """
     I, J = (blocks[b] for b in tie.between)
+    for block in (I, J):
+        if block.matrices is not None:
+            raise ConfigError(
+                f"{place}: block {block.name!r} has matrices of its own, which no tie can have, limit 0 such "
+                "blocks; give it a joint, or tie the meshes before the matrices are made"
+            )
     if tie.discretization == "mortar":
         return _mortar(name, tie, (I, J), place)
     try:
