@@ -83,7 +83,7 @@ class Block:
 
 @dataclass(frozen=True)
 class JointFace:
-    """Linear facets (nf, corners), of a kind in each array, of a block at whose corners a joint's gaps are."""
+    """Linear facets (nf, corners), a kind in each array, of a block at whose corners a joint's gaps are."""
 
     block: str
     facets: tuple[Ints, ...]

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
+from romdam.core.system import BlockMatrices
 from romdam.scene.elements import Floats
 
 _RANK = 1e-8  # relative singular value; the motions are scaled to be of order one
@@ -135,12 +136,23 @@ def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
     held = (held if own is None else held & ~own.absent) | sprung(block)
     nodes = np.flatnonzero(held.any(axis=1))
     rows = _placed(block, nodes, first, width)[held[nodes]]
-    if own is not None:  # where supports have been applied to it, no rigid motion is free of force
-        force = own.K @ _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
-        unknown = ~own.absent.ravel()
-        force = force[unknown] / own.K.diagonal()[unknown, None]
-        rows = np.vstack([rows, np.where(np.abs(force) > _STRAINS, force, 0.0)])
-    return _triangle(rows)
+    return _triangle(rows if own is None else np.vstack([rows, _of_stiffness(own, block, first, width)]))
+
+
+def _of_stiffness(own: BlockMatrices, block: Block, first: Ints, width: int) -> Floats:
+    """Rows that see rigid motions that meet a block's own stiffness, or in which no unknown of it moves."""
+    motions = _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
+    unknown, body = ~own.absent.ravel(), slice(first[0], first[0] + 6)
+    force = (own.K @ motions)[unknown] / own.K.diagonal()[unknown, None]
+    unseen = np.zeros((width, width))
+    unseen[body, body] = _unseen(motions[unknown, body])
+    return np.vstack([np.where(np.abs(force) > _STRAINS, force, 0.0), unseen])
+
+
+def _unseen(motions: Floats) -> Floats:
+    """(6, 6) projector on the motions in which no row of (n, 6) moves."""
+    free = _null_space(_triangle(motions))
+    return np.asarray(free @ free.T)
 
 
 def _triangle(rows: Floats) -> Floats:

@@ -13,13 +13,15 @@ from scipy.spatial import cKDTree
 from romdam.config.sections.geometry.matrices import MatricesConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError, MeshError
-from romdam.core.scene import Block, Scene
+from romdam.core.scene import Block, Joint, Scene
 from romdam.core.system import BlockMatrices
 from romdam.scene.matrices.checks import check_matrices
 from romdam.scene.matrices.data import Unknowns
 from romdam.scene.matrices.files import GivenMatrices, Numbered, read_matrices
 
 log = logging.getLogger(__name__)
+
+_NOTHING = 1e-12  # weights and cosines below it are rounding
 
 
 def with_matrices(
@@ -148,9 +150,9 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
                 "elements, "
                 "limit 0 such blocks; name the other blocks, displacements are written for all"
             )
-        lost = np.asarray((block.matrices.absent & ~supported[name]).any(axis=1))
-        for key, nodes in _acted_on(scene, name):
-            bad = np.unique(nodes[lost[nodes]])
+        lost = block.matrices.absent & ~supported[name]
+        for key, nodes, components in _acted_on(scene, name):
+            bad = np.unique(nodes[(lost[nodes] & components).any(axis=1)])
             if len(bad):
                 at = ", ".join(f"{x:.6g}" for x in block.points[bad[0]])
                 raise ConfigError(
@@ -162,17 +164,26 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
                 )
 
 
-def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints]]:
-    """What acts on nodes of a block: key and nodes."""
-    pairs = [
-        (f"joints.{joint.name}", nodes)
-        for joint in scene.joints.values()
-        for side, nodes in zip(joint.blocks, joint.nodes, strict=True)
-        if side == name
-    ]
-    pairs += [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
+def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
+    """What acts on nodes of a block: key, nodes, and (k, 3) which of their components."""
+    shear = any(j.mu.any() or any(rows.shear for rows in j.laws) for j in scene.joints.values())
+    pairs = [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
     pairs += [("loads.hydrostatic", water.facets.ravel()) for water in scene.water if water.block == name]
     pairs += [("loads.force", np.array([force.node])) for force in scene.forces if force.block == name]
     if scene.reservoir is not None:
         pairs += [("water", face.facets.ravel()) for face in scene.reservoir.faces if face.block == name]
-    return pairs
+    whole = [(key, nodes, np.ones((len(nodes), 3), dtype=bool)) for key, nodes in pairs]
+    return whole + [
+        (f"joints.{joint.name}", joint.nodes[side], _seen(joint, side, shear))
+        for joint in scene.joints.values()
+        for side in (0, 1)
+        if joint.blocks[side] == name
+    ]
+
+
+def _seen(joint: Joint, side: int, shear: bool) -> Bools:
+    """(nodes, 3) components of a side's nodes that its gaps see."""
+    weights = abs(joint.weights[side])
+    if joint.at_point is not None:
+        weights = weights + abs(joint.at_point[side])
+    return np.asarray(weights.T @ np.abs(joint.axes[:, : 3 if shear else 1]).sum(axis=1) > _NOTHING)

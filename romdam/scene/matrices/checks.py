@@ -103,8 +103,7 @@ def _refuse_empty(own: GivenMatrices, place: str) -> None:
 def _refuse_wrong_mass(own: GivenMatrices, total: float | None, place: str) -> Floats:
     """Mass along x, y, z (3,); refused where it is not that which is stated."""
     along = np.equal.outer(own.unknowns.motion, np.arange(3)).astype(float)
-    carried = own.M @ along if own.inertia is None else own.inertia
-    mass = np.asarray((along * carried).sum(axis=0))
+    mass = np.asarray((along * (own.M @ along)).sum(axis=0))
     if own.inertia is None and mass.min() <= 0.0:
         raise MeshError(
             f"{place}.mass: is {', '.join(f'{m:.4g}' for m in mass)} kg in all along x, y, z, limit above "

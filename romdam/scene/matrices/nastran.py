@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 _LETTER = {"stiffness": "K", "mass": "M", "damping": "B"}
 _DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
-    ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError, EOFError, OSError, OverflowError,
-    MemoryError, StopIteration, struct.error,
+    ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError, EOFError, OSError,
+    OverflowError, MemoryError, StopIteration, struct.error,
 )  # fmt: skip
 
 
@@ -46,11 +46,8 @@ def read_nastran(path: Path, key: str, place: str) -> Entries:
     except _DAMAGE as error:
         raise MeshError(f"{place}: cannot be read ({shown(str(error))}); write it anew") from error
     name = _chosen(matrices, key, place)
-    return (
-        _of_table(matrices[name], place)
-        if hasattr(matrices[name], "index")
-        else _plain(matrices[name], place)
-    )
+    own = matrices[name]
+    return _of_table(own, place) if hasattr(own, "index") else _plain(own, place)
 
 
 def _chosen(names: Collection[str], key: str, place: str) -> str:
