@@ -4,7 +4,7 @@ Every block is part of M u'' + C u' + K u = force - inertia a_g + G^T p; the jum
 all blocks. At full order its unknowns are the displacements of all its nodes, supports not applied. Reduced,
 they are those that joints and outputs see, u_b, and coordinates z of its own: the basis V over the open-joint
 modes q has rows V_b there, and q = R u_b + N z with V_b R = 1 and V_b N = 0. N^T diag(omega^2) N is made
-diagonal, and R is chosen so that u_b and z have no stiffness in common, which is the form of Craig and Bampton.
+diagonal, and R is such that u_b and z have no stiffness in common: the form of Craig and Bampton.
 """
 
 from __future__ import annotations

@@ -42,18 +42,17 @@ def with_matrices(
         nodes is one of the mesh.
     """
     own = read_matrices(config, folder, mesh, place)
-    log.info("%s: %d unknowns", place, len(own.unknowns))
     check_matrices(own, config.total_mass, place)
     points, dof = _numbered(block, own.unknowns, config.tolerance, place)
     motion = np.full(3 * len(points), -1)
     motion[dof] = own.unknowns.motion
     matrices = _over_nodes(own, dof, motion.reshape(-1, 3))
-    lacking = int(np.count_nonzero(matrices.absent[: len(block.points)].any(axis=1)))
-    if lacking:
-        log.info(
-            "%s: %d of %d nodes of the mesh lack an unknown: they do not move in files and pictures",
-            place, lacking, len(block.points),
-        )  # fmt: skip
+    lacking = matrices.absent[: len(block.points)].sum(axis=1)
+    log.info(
+        "%s: %d unknowns; of %d nodes of the mesh %d have all three displacements and %d none, which do not "
+        "move in files and pictures",
+        place, len(dof), len(lacking), np.count_nonzero(lacking == 0), np.count_nonzero(lacking == 3),
+    )  # fmt: skip
     return replace(block, points=points, matrices=matrices)
 
 

@@ -143,9 +143,9 @@ def _over(entries: Entries, unknowns: Unknowns, first: int, place: str) -> tuple
         fits = high <= n
     else:
         fits = high == n
-    if not fits or both.min(initial=low) < low or both.max(initial=low) >= low + high:
+    if len(both) and (not fits or both.min() < low or both.max() >= low + high):
         raise MeshError(
-            f"{place}: its rows are {both.min(initial=low)} to {both.max(initial=low)} of {high}, and "
+            f"{place}: its rows are {both.min()} to {both.max()} of {high}, and "
             f"there are {n} "
             f"unknowns, numbered from {low}; the file of unknowns must be that of this matrix"
         )
