@@ -117,13 +117,12 @@ def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingCon
 
 def _named(block: Block, dof: Ints, motion: Ints, more: int = 0) -> Unknowns:
     """Unknowns by the number of their node, from 1; rotations and other coordinates have one each."""
-    placed = motion < 3
-    node = np.where(placed, dof // 3, len(block.points) + dof) + 1
-    position = np.where(placed[:, None], block.points[dof // 3], np.nan)
-    behind = len(block.points) + 3 * len(block.points) + 1 + np.arange(more)
+    node = np.where(motion < 3, dof // 3, len(block.points) + dof) + 1
+    position = np.where((motion != INTERNAL)[:, None], block.points[dof // 3], np.nan)
+    behind = 4 * len(block.points) + 1 + np.arange(more)
     return Unknowns(
         np.concatenate([node, behind]),
-        np.concatenate([np.where(placed, motion, INTERNAL), np.full(more, INTERNAL)]),
+        np.concatenate([motion, np.full(more, INTERNAL)]),
         np.concatenate([position, np.full((more, 3), np.nan)]),
     )
 

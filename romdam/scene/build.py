@@ -70,8 +70,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     rock = rock_of(config.ground, dam.viscous)
     blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
     waves = config.ground.input == "free_field"
-    supported = _fixed(config, blocks, dam.held, source)
-    fixed = held_by(blocks, supported)
+    fixed = held_by(blocks, supported := _fixed(config, blocks, dam.held, source))
     _refuse_joined_twice(config, source)
     ties = (*dam.ties, *_ties(config, blocks, source))
     rigid = merged_parts(fixed, ties)

@@ -159,7 +159,7 @@ def _by_label(entries: Entries, labels: Ints, unknowns: Unknowns, place: str) ->
     if len(lost):
         node, motion = labels[lost[0]]
         raise MeshError(
-            f"{place}: {len(lost)} of its {len(labels)} unknowns are unknown elsewhere, the first is node "
+            f"{place}: {len(lost)} of its {len(labels)} rows are none of the unknowns, the first is node "
             f"{node}, "
             f"{DIRECTIONS[motion]}; give matrices and unknowns of the same model"
         )
