@@ -19,6 +19,8 @@ from scipy.sparse import csr_matrix, issparse
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.errors import ConfigError
+from romdam.core.files import replacing
 from romdam.core.scene import Block, Scene
 from romdam.core.sealed import creating
 from romdam.core.system import System
@@ -34,7 +36,7 @@ from romdam.scene.ties import scene_parts
 log = logging.getLogger(__name__)
 
 _RANK = 1e-9  # of the least singular value of V_b, relative to the largest, from which on u_b are independent
-_RIGID = 1e-9  # of omega^2 held at u_b, relative to the largest, up to which a motion is rigid
+_RIGID = 1e-12  # of omega^2 held at u_b, relative to the largest, up to which a motion is rigid
 
 
 @dataclass(frozen=True)
@@ -77,9 +79,17 @@ def write(
 
     Raises
     ------
+    ConfigError
+        where more drives the system than the base's acceleration, which no matrix says.
     WriteError
     """
     system, reduced = model
+    if system.drive is not None or system.pseudo_static is not None:
+        raise ConfigError(
+            "export: waves in rock or water, or supports of their own motion, drive this system besides "
+            "the acceleration of its base, limit 0 such drives; leave out ground.input, water.model: "
+            "compressible and supports[].motion"
+        )
     operators = gap_operators(scene, system.law.directions)
     written = [_write_system(system, folder / "system.h5")]
     for name, block in scene.blocks.items():
@@ -95,22 +105,20 @@ def write(
 
 
 def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingConfig) -> BlockExport:
-    K, M = assembled = assemble(block)
+    K, M = assemble(block)
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     further = further_damping(block, damping.rayleigh)
     C = alpha * M + beta * K if further is None else alpha * M + beta * K + further
-    motion = (
-        np.tile(np.arange(3), len(block.points)) if (own := block.matrices) is None else own.motion.ravel()
-    )
+    own = block.matrices
+    motion = np.tile(np.arange(3), len(block.points)) if own is None else own.motion.ravel()
     some = np.flatnonzero(motion >= 0)
-    K, M, C = (csr_matrix(matrix[some][:, some]) for matrix in (K, M, C))
     return BlockExport(
         unknowns=_named(block, some, motion[some]),
-        stiffness=K,
-        mass=M,
-        damping=C,
+        stiffness=csr_matrix(K[some][:, some]),
+        mass=csr_matrix(M[some][:, some]),
+        damping=csr_matrix(C[some][:, some]),
         gaps=csr_matrix(gaps[:, some]),
-        inertia=inertia(block, assembled[1])[some],
+        inertia=inertia(block, M)[some],
         force=surface_force(scene, block.name).reshape(-1, 1)[some],
     )
 
@@ -146,8 +154,7 @@ def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -
         rank = int(np.count_nonzero(singular >= _RANK * singular.max(initial=0.0)))
         return (
             f"since joints and outputs see {len(V_b)} of its displacements, of which its {V_b.shape[1]} "
-            "coordinates "
-            f"keep {rank} apart: raise model.modes, name fewer nodes, or take model.order: full"
+            f"coordinates keep {rank} apart: raise model.modes, name fewer nodes, or take model.order: full"
         )
     T = _transform(V_b, basis.omega2)
     if T is None:
@@ -155,15 +162,14 @@ def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -
     dof = np.flatnonzero(seen)
     force = basis.vectors.project(surface_force(scene, name).ravel())
     C = reduced.system.C[basis.columns, basis.columns]
-    load = basis.participation
     return BlockExport(
-        _named(block, dof, dof % 3, T.shape[1] - len(dof)),
-        csr_matrix(T.T @ (basis.omega2[:, None] * T)),
-        csr_matrix(T.T @ T),
-        csr_matrix(T.T @ (C @ T)),
-        csr_matrix(basis.vectors.under(gaps) @ T),
-        T.T @ load,
-        (T.T @ force).reshape(-1, 1),
+        unknowns=_named(block, dof, dof % 3, T.shape[1] - len(dof)),
+        stiffness=csr_matrix(T.T @ (basis.omega2[:, None] * T)),
+        mass=csr_matrix(T.T @ T),
+        damping=csr_matrix(T.T @ (C @ T)),
+        gaps=csr_matrix(basis.vectors.under(gaps) @ T),
+        inertia=T.T @ basis.participation,
+        force=(T.T @ force).reshape(-1, 1),
     )
 
 
@@ -204,10 +210,12 @@ def _write_block(own: BlockExport, name: str, folder: Path) -> list[Path]:
                 file[key] = value
     labels = zip(own.unknowns.node, own.unknowns.motion, own.unknowns.position.tolist(), strict=True)
     rows = [f"{n},{DIRECTIONS[m]},{','.join('' if x != x else repr(x) for x in at)}\n" for n, m, at in labels]
-    paths[1].write_text("node,direction,x,y,z\n" + "".join(rows))
+    with replacing(paths[1]) as part:
+        part.write_text("node,direction,x,y,z\n" + "".join(rows))
     for key in keys:
         paths.append(folder / f"{name}_{key}.mtx")
-        mmwrite(paths[-1], getattr(own, key), symmetry="general", precision=17)
+        with replacing(paths[-1]) as part:
+            mmwrite(part, getattr(own, key), symmetry="general", precision=17)
     return paths
 
 

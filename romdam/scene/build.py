@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,7 +41,7 @@ from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
-from romdam.scene.ties import build_tie, merged_parts
+from romdam.scene.ties import Part, build_tie, merged_parts, refuse_tied
 
 _NO_DAM = Dam({}, (), {}, frozenset())
 
@@ -72,7 +72,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     waves = config.ground.input == "free_field"
     fixed = held_by(blocks, supported := _fixed(config, blocks, dam.held, source))
     _refuse_joined_twice(config, source)
-    ties = (*dam.ties, *_ties(config, blocks, source))
+    ties = (*_dam_ties(dam, blocks, source), *_ties(config, blocks, source))
     rigid = merged_parts(fixed, ties)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
@@ -80,8 +80,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     }
     _fill_joints(config, joints, blocks, source)
     refuse_free_blocks(blocks, joints, fixed, source, ties)
-    for part in rigid.values():
-        refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
+    _refuse_massless(rigid.values(), blocks, fixed, source)
     scene = Scene(
         blocks=blocks,
         joints=joints,
@@ -107,6 +106,19 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     files.say_unused(source)
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
+
+
+def _refuse_massless(
+    parts: Iterable[Part], blocks: dict[str, Block], fixed: dict[str, Bools], source: str
+) -> None:
+    for part in parts:
+        refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
+
+
+def _dam_ties(dam: Dam, blocks: dict[str, Block], source: str) -> Iterator[Tie]:
+    for tie in dam.ties:
+        refuse_tied((blocks[tie.blocks[0]], blocks[tie.blocks[1]]), f"{source}: tie {tie.name} of the dam")
+        yield tie
 
 
 def _ties(config: Config, blocks: dict[str, Block], source: str) -> Iterator[Tie]:

@@ -49,8 +49,8 @@ def with_matrices(
     matrices = _over_nodes(own, dof, motion.reshape(-1, 3))
     lacking = matrices.absent[: len(block.points)].sum(axis=1)
     log.info(
-        "%s: %d unknowns; of %d nodes of the mesh %d have all three displacements and %d none, which do not "
-        "move in files and pictures",
+        "%s: %d unknowns; of %d nodes of the mesh %d have all three displacements and %d none, which do "
+        "not move in files and pictures",
         place, len(dof), len(lacking), np.count_nonzero(lacking == 0), np.count_nonzero(lacking == 3),
     )  # fmt: skip
     return replace(block, points=points, matrices=matrices)
@@ -82,18 +82,15 @@ def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float,
         spans = [_span(position), _span(block.points)]
         raise MeshError(
             f"{place}: none of the {len(numbers)} nodes of its matrices ({spans[0]} m) is within "
-            f"{tolerance:g} m of "
-            f"one of the mesh ({spans[1]} m), the nearest is {distance.min():.3g} m off; correct `units`, "
-            "the nodes, "
-            "or `tolerance`"
+            f"{tolerance:g} m of one of the mesh ({spans[1]} m), the nearest is {distance.min():.3g} m off; "
+            "correct `units`, the nodes, or `tolerance`"
         )
     twice = np.flatnonzero(np.bincount(same) > 1)
     if len(twice):
         pair = ", ".join(map(str, numbers[node == twice[0]][:2]))
         raise MeshError(
             f"{place}: {len(twice)} nodes of the mesh are two of the matrices' within {tolerance:g} m "
-            f"(nodes {pair} "
-            "are the first), limit one; lower `tolerance`, or merge nodes"
+            f"(nodes {pair} are the first), limit one; lower `tolerance`, or merge nodes"
         )
     return node
 
@@ -146,8 +143,7 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
             key = "loads.temperature: the change" if name in scene.warmed else "outputs.stress: the stress"
             raise ConfigError(
                 f"{source}: {key} of block {name!r} is not known, which has matrices of its own and no "
-                "elements, "
-                "limit 0 such blocks; name the other blocks, displacements are written for all"
+                "elements, limit 0 such blocks; name the other blocks, displacements are written for all"
             )
         lost = block.matrices.absent & ~supported[name]
         for key, nodes, components in _acted_on(scene, name):
@@ -156,10 +152,9 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
                 at = ", ".join(f"{x:.6g}" for x in block.points[bad[0]])
                 raise ConfigError(
                     f"{source}: {key}: {len(bad)} of its {len(np.unique(nodes))} nodes of block {name!r} "
-                    "are no "
-                    f"unknowns of blocks.{name}.matrices, nor held by a support, limit 0; the first is at "
-                    f"({at}) m; "
-                    "write matrices with these nodes, or name the support that they were made with"
+                    f"are no unknowns of blocks.{name}.matrices, nor held by a support, limit 0; the first "
+                    f"is at ({at}) m; write matrices with these nodes, or name the support that they were "
+                    "made with"
                 )
 
 

@@ -15,9 +15,7 @@ from romdam.scene.matrices.files import GivenMatrices
 
 log = logging.getLogger(__name__)
 
-_LARGEST = (
-    30_000  # unknowns up to which signs of eigenvalues are counted: three factors by SuperLU, some seconds
-)
+_LARGEST = 30_000  # unknowns up to which signs of eigenvalues are counted, by three factors: some seconds
 _NEGATIVE = 1e-7  # eigenvalue of a matrix with unit diagonal that text of 10 digits may make of zero
 _ZERO = 1e-12  # the same of K, up to which a motion has no strain
 _STRAIN = 1e-7  # energy of a rigid motion, relative to that of its unknowns one by one
@@ -39,21 +37,25 @@ def check_matrices(own: GivenMatrices, total: float | None, place: str) -> None:
     _refuse_empty(own, place)
     mass = _refuse_wrong_mass(own, total, place)
     _refuse_negative(own.M, "mass", place)
+    if own.C is not None and own.C.diagonal().min() < 0.0:
+        raise MeshError(
+            f"{place}.damping: {np.count_nonzero(own.C.diagonal() < 0.0)} of {len(own.unknowns)} entries on "
+            f"its diagonal are negative, down to {own.C.diagonal().min():.3g}, limit 0; it would feed "
+            "energy in"
+        )
     rigid = _strainless(own.K, rigid_motions(own.unknowns))
     free = _refuse_negative(own.K, "stiffness", place)
     if free is not None and free > rigid and not (own.unknowns.motion == INTERNAL).any():
         raise MeshError(
             f"{place}.stiffness: {free} motions have no strain, and only {rigid} of the six rigid motions "
-            "of its "
-            "unknowns have none: the unknowns are not those of the matrix, their coordinates are wrong, "
-            "or parts "
-            "hang loose, limit 0 other motions; give the file that was written with the matrix"
+            "of its unknowns have none: the unknowns are not those of the matrix, their coordinates are "
+            "wrong, or parts hang loose, limit 0 other motions; give the file that was written with the "
+            "matrix"
         )
     if rigid < 6:
         log.info(
             "%s: %d of 6 rigid motions are free of force: the others were held when the matrices were "
-            "made, and "
-            "the inertia that hangs on those supports is not in them", place, rigid,
+            "made, and the inertia that hangs on those supports is not in them", place, rigid,
         )  # fmt: skip
     log.info("%s: mass %.6g, %.6g, %.6g kg along x, y, z; %d rigid motions", place, *mass, rigid)
 
@@ -94,9 +96,8 @@ def _refuse_empty(own: GivenMatrices, place: str) -> None:
         bad = np.flatnonzero(matrix.diagonal() <= 0.0)
         if len(bad):
             raise MeshError(
-                f"{place}.{key}: {len(bad)} of {len(own.unknowns)} unknowns have none or less, limit "
-                "above 0; the "
-                f"first is {own.unknowns.name(bad[0])} with {matrix.diagonal()[bad[0]]:.3g}; {remedy}"
+                f"{place}.{key}: {len(bad)} of {len(own.unknowns)} unknowns have none or less, limit above "
+                f"0; the first is {own.unknowns.name(bad[0])} with {matrix.diagonal()[bad[0]]:.3g}; {remedy}"
             )
 
 
@@ -107,14 +108,12 @@ def _refuse_wrong_mass(own: GivenMatrices, total: float | None, place: str) -> F
     if own.inertia is None and mass.min() <= 0.0:
         raise MeshError(
             f"{place}.mass: is {', '.join(f'{m:.4g}' for m in mass)} kg in all along x, y, z, limit above "
-            "0; the "
-            "unknowns must name the displacements along all three"
+            "0; the unknowns must name the displacements along all three"
         )
     if total is not None and np.abs(mass / total - 1.0).max() > _MASS:
         raise MeshError(
             f"{place}.mass: is {', '.join(f'{m:.4g}' for m in mass)} kg in all along x, y, z, and "
-            "total_mass is "
-            f"{total:.4g} kg, limit {_MASS:g} of it apart; is `units` right?"
+            f"total_mass is {total:.4g} kg, limit {_MASS:g} of it apart; is `units` right?"
         )
     return mass
 
@@ -136,9 +135,8 @@ def _refuse_negative(matrix: csr_matrix, key: str, place: str) -> int | None:
     negative = _negative(scaled, _NEGATIVE)
     if negative:
         raise MeshError(
-            f"{place}.{key}: has {negative} negative eigenvalues of {n}, limit 0: no elastic body has "
-            "such a matrix; "
-            "is it another one (geometric stiffness, damping), or one half of it?"
+            f"{place}.{key}: has {negative} negative eigenvalues of {n}, limit 0: no elastic body has such "
+            "a matrix; is it another one (geometric stiffness, damping), or one half of it?"
         )
     return _negative(scaled, -_ZERO) if key == "stiffness" else 0
 

@@ -77,8 +77,8 @@ def motion_of(number: Ints, place: str) -> Ints:
     if len(wrong):
         raise MeshError(
             f"{place}: direction {number[wrong[0]]} of {len(wrong)} unknowns, expected 1 to 6 "
-            "(displacements and "
-            "rotations) or 0 (others); leave pressures and temperatures out of the matrices"
+            "(displacements and rotations) or 0 (others); leave pressures and temperatures out of the "
+            "matrices"
         )
     return np.where(number == 0, INTERNAL, number - 1)
 
@@ -126,8 +126,7 @@ def _symmetric(matrix: csr_matrix, place: str) -> csr_matrix:
     if off > _SYMMETRY:
         raise MeshError(
             f"{place}: is not symmetric, entries across the diagonal differ by {off:.3g} of the largest, "
-            "limit "
-            f"{_SYMMETRY:g}; matrices of friction, flow or follower loads cannot be used"
+            f"limit {_SYMMETRY:g}; matrices of friction, flow or follower loads cannot be used"
         )
     return csr_matrix(0.5 * (matrix + matrix.T))
 
@@ -145,9 +144,8 @@ def _over(entries: Entries, unknowns: Unknowns, first: int, place: str) -> tuple
         fits = high == n
     if len(both) and (not fits or both.min() < low or both.max() >= low + high):
         raise MeshError(
-            f"{place}: its rows are {both.min()} to {both.max()} of {high}, and "
-            f"there are {n} "
-            f"unknowns, numbered from {low}; the file of unknowns must be that of this matrix"
+            f"{place}: its rows are {both.min()} to {both.max()} of {high}, and there are {n} unknowns, "
+            f"numbered from {low}; the file of unknowns must be that of this matrix"
         )
     return entries.row - low, entries.column - low
 
@@ -160,7 +158,6 @@ def _by_label(entries: Entries, labels: Ints, unknowns: Unknowns, place: str) ->
         node, motion = labels[lost[0]]
         raise MeshError(
             f"{place}: {len(lost)} of its {len(labels)} rows are none of the unknowns, the first is node "
-            f"{node}, "
-            f"{DIRECTIONS[motion]}; give matrices and unknowns of the same model"
+            f"{node}, {DIRECTIONS[motion]}; give matrices and unknowns of the same model"
         )
     return own[entries.row], own[entries.column]

@@ -152,8 +152,7 @@ class _Reader:
         else:
             raise MeshError(
                 f"{self.at('stiffness')}: numbers its rows and does not say what they are; give "
-                f"{self.place}.unknowns "
-                "(node and direction of every row), CalculiX's .dof or a .csv"
+                f"{self.place}.unknowns (node and direction of every row), CalculiX's .dof or a .csv"
             )
         _refuse_repeated(own, place)
         own = Unknowns(own.node, own.motion, own.position * UNITS[self.config.units][0])
@@ -175,9 +174,8 @@ class _Reader:
             k = int(np.flatnonzero(lacking)[0])
             raise MeshError(
                 f"{place}: {np.count_nonzero(lacking)} of {len(own)} unknowns have no coordinates, the "
-                "first is "
-                f"{own.name(k)}; give {self.place}.nodes, with these numbers, or call what has no place "
-                "`internal`"
+                f"first is {own.name(k)}; give {self.place}.nodes, with these numbers, or call what has no "
+                "place `internal`"
             )
         return Unknowns(own.node, own.motion, position)
 
@@ -212,7 +210,6 @@ def _refuse_repeated(own: Unknowns, place: str) -> None:
     if (counts > 1).any():
         k = int(moving[first[np.argmax(counts > 1)]])
         raise MeshError(
-            f"{place}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is "
-            f"{own.name(k)}, limit "
-            "once; number nodes and directions anew"
+            f"{place}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is {own.name(k)}, "
+            "limit once; number nodes and directions anew"
         )

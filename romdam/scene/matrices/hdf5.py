@@ -58,8 +58,8 @@ def read_unknowns(path: Path, place: str) -> Unknowns:
     wrong = [word for word in words if word not in DIRECTIONS]
     if wrong or not len(node) == len(words) == len(position) or position.shape[1:] != (3,):
         raise MeshError(
-            f"{place}: unknowns has {len(node)} nodes, {len(words)} directions ({len(wrong)} of them none of "
-            f"{', '.join(DIRECTIONS)}) and positions {position.shape}; they must be as many, three "
+            f"{place}: unknowns has {len(node)} nodes, {len(words)} directions ({len(wrong)} of them none "
+            f"of {', '.join(DIRECTIONS)}) and positions {position.shape}; they must be as many, three "
             "numbers each"
         )
     return Unknowns(node, np.array([DIRECTIONS.index(word) for word in words], dtype=np.int64), position)

@@ -54,9 +54,8 @@ def _chosen(names: Collection[str], key: str, place: str) -> str:
     fitting = [name for name in names if len(names) == 1 or name.upper().startswith(_LETTER[key])]
     if len(fitting) != 1:
         raise MeshError(
-            f"{place}: has the matrices {listed(names)}, of which {len(fitting)} begin with "
-            f"{_LETTER[key]}, expected "
-            "one; write one matrix into a file of its own"
+            f"{place}: has the matrices {listed(names)}, of which {len(fitting)} begin with {_LETTER[key]}, "
+            "expected one; write one matrix into a file of its own"
         )
     return fitting[0]
 

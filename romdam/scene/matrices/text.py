@@ -80,9 +80,9 @@ def _table(path: Path, place: str) -> Floats:
     widths = {len(words) for words in lines}
     if len(widths) != 1 or not widths <= {3, 5}:
         raise MeshError(
-            f"{place}: has lines of {', '.join(map(str, sorted(widths))) or 'no'} numbers, expected 3 "
-            "(row, column, "
-            "value) or 5 (node and direction twice, value) on every line, or %%MatrixMarket in the first"
+            f"{place}: has lines of {', '.join(map(str, sorted(widths))) or 'no'} numbers, expected 3 (row, "
+            "column, value) or 5 (node and direction twice, value) on every line, or %%MatrixMarket in the "
+            "first"
         )
     try:
         table = np.array([word for words in lines for word in words], dtype=float)

@@ -62,8 +62,8 @@ def refuse_wrong_matrices(config: Config, made: Collection[str]) -> None:
     for name, block in config.blocks.items():
         if block.of_dam and name not in made:
             raise ValueError(
-                f"blocks.{name}: give exactly one of `box` and `mesh`, the shape of what has these matrices; "
-                f"without them it must be a dam's block, and those are {listed(made)}"
+                f"blocks.{name}: give exactly one of `box` and `mesh`, the shape of what has these "
+                f"matrices; without them it must be a dam's block, and those are {listed(made)}"
             )
         if block.matrices is not None and name in config.cut:
             raise ValueError(f"cut.{name}: a block with `matrices` cannot be cut; leave one of the two out")
