@@ -143,12 +143,12 @@ def test_a_free_reduced_block_comes_back_with_its_weight(tmp_path):
     exported(scene, tmp_path, model)
     back = read_back(config, "h5", (*EXPORTED, "inertia"))
     del back["blocks"]["right"]["matrices"]["inertia"]
-    given = built(back, tmp_path)
+    reread = built(back, tmp_path)
     first = slice(100)  # each impact of a block that rocks magnifies round-off
-    one, other = history(given, ALL).jump[first], history(scene, model).jump[first]
+    one, other = history(reread, ALL).jump[first], history(scene, model).jump[first]
     assert other[..., 0].max() > 1e-5 and np.abs(one - other).max() < 1e-9 * np.abs(other).max()
-    inertia = given.blocks["right"].matrices.M @ given.blocks["right"].matrices.translations
-    assert given.blocks["right"].matrices.translations.T @ inertia == pytest.approx(
+    inertia = reread.blocks["right"].matrices.M @ reread.blocks["right"].matrices.translations
+    assert reread.blocks["right"].matrices.translations.T @ inertia == pytest.approx(
         3.072e5 * np.eye(3), abs=1e-3
     )
 
@@ -200,10 +200,10 @@ def test_unknowns_without_a_node_go_along(tmp_path):
     """The frequencies of all that is free, against a dense solution of the matrices as they were written."""
     scene = built(raw())
     K, M = with_oscillator(tmp_path, scene)
-    given = built(raw(matrices=dict.fromkeys(EXPORTED, "o.h5")), tmp_path)
+    reread = built(raw(matrices=dict.fromkeys(EXPORTED, "o.h5")), tmp_path)
     free = np.r_[~scene.fixed["right"].ravel(), True, True]
     expected = eigh(K[free][:, free], M[free][:, free], eigvals_only=True)
-    basis = reduce_scene(given, ALL, DAMPING).basis["right"]
+    basis = reduce_scene(reread, ALL, DAMPING).basis["right"]
     assert np.sort(basis.omega2) == pytest.approx(expected, rel=1e-9)
 
 
@@ -212,15 +212,15 @@ def test_a_damping_matrix_stands_in_place_of_rayleighs(order, tmp_path):
     """C = alpha M + beta K from a file is what Rayleigh damping of that block is."""
     exported(built(raw()), tmp_path)
     keys = (*EXPORTED, "damping")
-    given = built(raw(matrices=dict.fromkeys(keys, "right.h5")), tmp_path)
+    reread = built(raw(matrices=dict.fromkeys(keys, "right.h5")), tmp_path)
     other = DampingConfig(rayleigh=RayleighConfig(alpha=0.0, beta=0.0))
-    whole = assemble_full(given, DAMPING) if order == "full" else reduce_scene(given, ALL, DAMPING).system
+    whole = assemble_full(reread, DAMPING) if order == "full" else reduce_scene(reread, ALL, DAMPING).system
     plain = (
         assemble_full(built(raw()), DAMPING)
         if order == "full"
         else reduce_scene(built(raw()), ALL, DAMPING).system
     )
-    lone = assemble_full(given, other) if order == "full" else reduce_scene(given, ALL, other).system
+    lone = assemble_full(reread, other) if order == "full" else reduce_scene(reread, ALL, other).system
     right = plain.parts["right"]
     scale = np.abs(plain.C.toarray()).max()
     assert abs(whole.C - plain.C).max() < 1e-9 * scale
@@ -322,9 +322,9 @@ def test_a_block_of_a_dam_takes_matrices_by_its_name(tmp_path):
     exported(scene, tmp_path)
     own = {"material": "concrete", "matrices": dict.fromkeys(EXPORTED, "monolith_2.h5")}
     system = assemble_full(scene, DAMPING)
-    given = assemble_full(built(config | {"blocks": {"monolith_2": own}}, tmp_path), DAMPING)
+    reread = assemble_full(built(config | {"blocks": {"monolith_2": own}}, tmp_path), DAMPING)
     for name in ("K", "M", "C", "B", "load", "force"):
-        one, other = getattr(given, name), getattr(system, name)
+        one, other = getattr(reread, name), getattr(system, name)
         assert abs(one - other).max() <= 1e-14 * abs(other).max(), name
     tied = {"material": "rock", "matrices": dict.fromkeys(EXPORTED, "rock_1.h5")}
     with pytest.raises(

@@ -17,7 +17,7 @@ from romdam.core.sealed import creating
 from romdam.fem.assembly import assemble
 from romdam.scene.matrices.checks import check_matrices
 from romdam.scene.matrices.data import DIRECTIONS, Unknowns
-from romdam.scene.matrices.files import GivenMatrices, read_matrices
+from romdam.scene.matrices.files import FileMatrices, read_matrices
 from romdam.scene.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.scene.meshes.files import MeshFiles, mesh_file_block
 
@@ -248,7 +248,7 @@ def beam(length=3.0):
     motion = np.tile(np.arange(6), 2)
     position = np.repeat([[1.0, 2.0, 3.0], [1.0 + length, 2.0, 3.0]], 6, axis=0)
     unknowns = Unknowns(np.repeat([1, 2], 6), motion, position)
-    return GivenMatrices(unknowns, csr_matrix(K), csr_matrix(np.eye(12)), None, None, np.zeros(12))
+    return FileMatrices(unknowns, csr_matrix(K), csr_matrix(np.eye(12)), None, None, np.zeros(12))
 
 
 def test_rotations_take_part_in_rigid_motions(caplog):
@@ -259,7 +259,7 @@ def test_rotations_take_part_in_rigid_motions(caplog):
 
 def test_supports_that_were_applied_before_are_told(caplog):
     own = beam()
-    held = GivenMatrices(
+    held = FileMatrices(
         own.unknowns,
         own.K + csr_matrix(np.diag(np.r_[np.ones(6), np.zeros(6)])),
         own.M,

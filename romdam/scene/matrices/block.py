@@ -17,7 +17,7 @@ from romdam.core.scene import Block, Joint, Scene
 from romdam.core.system import BlockMatrices
 from romdam.scene.matrices.checks import check_matrices
 from romdam.scene.matrices.data import Unknowns
-from romdam.scene.matrices.files import GivenMatrices, Numbered, read_matrices
+from romdam.scene.matrices.files import FileMatrices, Numbered, read_matrices
 
 log = logging.getLogger(__name__)
 
@@ -49,9 +49,9 @@ def with_matrices(
     matrices = _over_nodes(own, dof, motion.reshape(-1, 3))
     lacking = matrices.absent[: len(block.points)].sum(axis=1)
     log.info(
-        "%s: %d unknowns; of %d nodes of the mesh %d have all three displacements and %d none, which do "
-        "not move in files and pictures",
-        place, len(dof), len(lacking), np.count_nonzero(lacking == 0), np.count_nonzero(lacking == 3),
+        "%s: %d unknowns, in %s; of %d nodes of the mesh %d have all three displacements and %d none, which "
+        "do not move in files and pictures",
+        place, len(dof), config.units, len(lacking), (lacking == 0).sum(), (lacking == 3).sum(),
     )  # fmt: skip
     return replace(block, points=points, matrices=matrices)
 
@@ -100,7 +100,7 @@ def _span(points: Floats) -> str:
     return ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in ends)
 
 
-def _over_nodes(own: GivenMatrices, dof: Ints, motion: Ints) -> BlockMatrices:
+def _over_nodes(own: FileMatrices, dof: Ints, motion: Ints) -> BlockMatrices:
     size = motion.size
 
     def spread(matrix: csr_matrix) -> csr_matrix:

@@ -11,18 +11,19 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError, ReductionError
 from romdam.linalg.factor import Factor
 from romdam.scene.matrices.data import INTERNAL, Unknowns
-from romdam.scene.matrices.files import GivenMatrices
+from romdam.scene.matrices.files import FileMatrices
 
 log = logging.getLogger(__name__)
 
 _LARGEST = 30_000  # unknowns up to which signs of eigenvalues are counted, by three factors: some seconds
 _NEGATIVE = 1e-7  # eigenvalue of a matrix with unit diagonal that text of 10 digits may make of zero
 _ZERO = 1e-12  # the same of K, up to which a motion has no strain
+_UNSEEN = 1e-9  # displacement of all unknowns in a motion, relative to the largest, up to which it has none
 _STRAIN = 1e-7  # energy of a rigid motion, relative to that of its unknowns one by one
 _MASS = 0.1  # of the stated total, by which that of M may differ: what hangs on supports may be left out
 
 
-def check_matrices(own: GivenMatrices, total: float | None, place: str) -> None:
+def check_matrices(own: FileMatrices, total: float | None, place: str) -> None:
     """Refuse matrices that no elastic body can have, and say what they are of.
 
     Parameters
@@ -79,19 +80,16 @@ def _strainless(K: csr_matrix, motions: Floats) -> int:
     """Number of rigid motions that K has no force for."""
     scale = np.sqrt(K.diagonal())
     U, singular, _ = np.linalg.svd(scale[:, None] * motions, full_matrices=False)
-    seen = U[:, singular > 1e-9 * singular[0]]
+    seen = U[:, singular > _UNSEEN * singular[0]]
     energy = np.linalg.eigvalsh(seen.T @ ((K @ (seen / scale[:, None])) / scale[:, None]))
     return int(np.count_nonzero(energy < _STRAIN))
 
 
-def _refuse_empty(own: GivenMatrices, place: str) -> None:
+def _refuse_empty(own: FileMatrices, place: str) -> None:
+    condense = "condense unknowns without mass out of both, which changes nothing, or give them one"
     for key, matrix, remedy in (
         ("stiffness", own.K, "leave unknowns without stiffness out"),
-        (
-            "mass",
-            own.M,
-            "condense unknowns without mass out of both, which changes nothing, or give them one",
-        ),
+        ("mass", own.M, condense),
     ):
         bad = np.flatnonzero(matrix.diagonal() <= 0.0)
         if len(bad):
@@ -101,7 +99,7 @@ def _refuse_empty(own: GivenMatrices, place: str) -> None:
             )
 
 
-def _refuse_wrong_mass(own: GivenMatrices, total: float | None, place: str) -> Floats:
+def _refuse_wrong_mass(own: FileMatrices, total: float | None, place: str) -> Floats:
     """Mass along x, y, z (3,); refused where it is not that which is stated."""
     along = np.equal.outer(own.unknowns.motion, np.arange(3)).astype(float)
     mass = np.asarray((along * (own.M @ along)).sum(axis=0))
@@ -124,11 +122,8 @@ def _refuse_negative(matrix: csr_matrix, key: str, place: str) -> int | None:
     if n > _LARGEST:
         log.warning(
             "%s.%s: %d unknowns, limit %d for a count of negative eigenvalues; not counted",
-            place,
-            key,
-            n,
-            _LARGEST,
-        )
+            place, key, n, _LARGEST,
+        )  # fmt: skip
         return None
     scale = diags_array(1.0 / np.sqrt(matrix.diagonal()))
     scaled = csr_matrix(scale @ matrix @ scale)

@@ -34,7 +34,7 @@ Numbered = tuple[Ints, Floats]
 _MATRICES: dict[str, Callable[[Path, str, str], Entries]] = {
     **dict.fromkeys((".mtx", ".sti", ".mas", ".dam", ".txt"), text.read_text),
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read_hdf5),
-    **dict.fromkeys((".op2", ".op4", ".pch"), nastran.read_nastran),
+    **dict.fromkeys((".op4", ".pch"), nastran.read_nastran),
 }
 _UNKNOWNS: dict[str, Callable[[Path, str], Unknowns]] = {
     ".dof": text.read_dof,
@@ -44,7 +44,7 @@ _UNKNOWNS: dict[str, Callable[[Path, str], Unknowns]] = {
 
 
 @dataclass(frozen=True)
-class GivenMatrices:
+class FileMatrices:
     """What the files of a block hold, in SI.
 
     Attributes
@@ -63,7 +63,7 @@ class GivenMatrices:
     force: Floats
 
 
-def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, place: str) -> GivenMatrices:
+def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, place: str) -> FileMatrices:
     """Read all files of a block.
 
     Parameters
@@ -94,7 +94,7 @@ def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, p
         return None if own is None else np.asarray(energy * factor * unit[:, None] * own)
 
     force = vectors("force", 1, 1.0)
-    return GivenMatrices(
+    return FileMatrices(
         unknowns,
         matrix("stiffness", stiffness, 1.0),
         matrix("mass", reader.entries("mass"), time**2),

@@ -1,4 +1,4 @@
-"""Nastran's matrices: OUTPUT4 (.op4), and DMIG in punch (.pch) and OUTPUT2 files (.op2), read by pyYeti.
+"""Nastran's matrices: OUTPUT4 (.op4), and DMIG in punch files (.pch), read by pyYeti.
 
 Not by pyNastran 1.4, which needs numpy 1. pyYeti 1.4 holds a DMIG as a dense table.
 """
