@@ -174,6 +174,23 @@ def test_what_is_written_rebuilds_the_reduced_model(friction, tmp_path):
     assert G @ load == pytest.approx(B @ inertia, rel=1e-9, abs=1e-9 * np.abs(B @ inertia).max())
 
 
+def test_matrices_whose_supports_were_applied_before(tmp_path, caplog):
+    """Without the rows that supports hold: exact with M r of the whole, and what hangs on supports is said."""
+    scene = built(raw(0.7))
+    block, free = scene.blocks["right"], ~scene.fixed["right"].ravel()
+    K, M = assemble(block)
+    node, position = np.arange(len(free)) // 3, np.repeat(block.points, 3, axis=0)
+    with creating(tmp_path / "r.h5") as file:
+        write_unknowns(file, Unknowns(node[free], (np.arange(len(free)) % 3)[free], position[free]))
+        write_matrix(file, "stiffness", csr_matrix(K[free][:, free]))
+        write_matrix(file, "mass", csr_matrix(M[free][:, free]))
+        file["inertia"] = (M @ np.tile(np.eye(3), (len(block.points), 1)))[free]
+    caplog.set_level("INFO")
+    keys = dict.fromkeys((*EXPORTED, "inertia"), "r.h5")
+    same(history(built(raw(0.7, matrices=keys), tmp_path)), history(scene))
+    assert "0 of 6 rigid motions are free of force" in caplog.text
+
+
 def with_oscillator(folder, scene):
     """Matrices of the right column, with a mass on a spring at its top and a rotation that nothing joins."""
     block = scene.blocks["right"]
