@@ -13,6 +13,7 @@ import romdam
 from romdam.commands.caches import cache
 from romdam.commands.errors import certify, compare, study, verify
 from romdam.commands.examples import init
+from romdam.commands.export import export
 from romdam.commands.modes import modes
 from romdam.commands.options import BAD_INPUT, EXIT_CODES, FAILED
 from romdam.commands.runs import check, run
@@ -33,8 +34,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    init, run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, records, cache,
-    schema,
+    init, run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, records,
+    export, cache, schema,
 )  # fmt: skip
 for command in _COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 EVERY_ROOM = {
     "config", "records", "scene", "fem", "linalg", "reduction", "contact", "timestepping", "error",
-    "postprocess", "results", "visual",
+    "export", "postprocess", "results", "visual",
 }  # fmt: skip
 ALLOWED = {
     "core": set(),
@@ -23,7 +23,7 @@ ALLOWED = {
     "config": set(),
     "examples": set(),
     "records": set(),
-    "scene": set(),
+    "scene": {"linalg"},
     "linalg": set(),
     "contact": set(),
     "postprocess": {"records"},
@@ -32,6 +32,7 @@ ALLOWED = {
     "reduction": {"fem", "linalg", "scene"},
     "results": {"postprocess"},
     "error": {"contact", "linalg", "results", "timestepping"},
+    "export": {"fem", "reduction", "scene"},
     "visual": {"postprocess", "results"},
     "pipelines": EVERY_ROOM,
     "terminal": {"error", "pipelines", "postprocess"},
@@ -58,7 +59,7 @@ ONLY_IN = {
     "xarray": {"error", "pipelines", "postprocess", "results", "terminal", "visual"},
     "matplotlib": {"visual"},
     "obspy": {"records"},
-    "h5py": {"core", "reduction", "results"},
+    "h5py": {"core", "export", "reduction", "results", "scene"},
     "h5netcdf": {"results"},
     "PIL": {"visual"},
     "dask": {"pipelines"},

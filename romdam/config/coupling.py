@@ -29,6 +29,10 @@ def coupling(config: Config) -> Coupling | None:
         return Coupling(key, "dashpots of viscous faces", remedy)
     if water is not None and water.has_waves:
         return Coupling("water.model", "compressible water", "set water.model: incompressible")
+    for name, block in config.blocks.items():
+        if block.matrices is not None and block.matrices.damping is not None:
+            remedy = "leave it out: damping.rayleigh then damps this block too"
+            return Coupling(f"blocks.{name}.matrices.damping", "a damping matrix", remedy)
     return None
 
 

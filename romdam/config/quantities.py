@@ -32,6 +32,7 @@ _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; 
     "Pa": 1e14,
     "kg/m^3": 1e6,
     "N": 1e15,
+    "kg": 1e14,
     "m/s^2": 1e5,
     "N/m": 1e20,
     "N/m^3": 1e20,
@@ -205,6 +206,7 @@ Frequency = Annotated[float, _si("Hz")]
 AngularFrequency = Annotated[float, _si("1/s")]
 Pressure = Annotated[float, _si("Pa")]
 Density = Annotated[float, _si("kg/m^3")]
+Mass = Annotated[float, _si("kg")]
 Force = Annotated[float, _si("N")]
 Acceleration = Annotated[float, _si("m/s^2")]
 Velocity = Annotated[float, _si("m/s")]

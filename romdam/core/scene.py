@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.motion import MovingSupports
-from romdam.core.system import LawRows
+from romdam.core.system import BlockMatrices, LawRows
 
 MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
 
@@ -68,6 +68,7 @@ class Block:
     material : of every cell
     faces : name -> (nf, nodes per facet) node numbers of facets, VTK order, outward
     absorbing : faces that take waves up, see `romdam.fem.absorbing`
+    matrices : that are used in place of what the cells would have; None where the cells are assembled
     """
 
     name: str
@@ -77,14 +78,12 @@ class Block:
     material: Material
     faces: dict[str, Ints]
     absorbing: tuple[Absorbing, ...] = ()
+    matrices: BlockMatrices | None = None
 
 
 @dataclass(frozen=True)
 class JointFace:
-    """Facets of one of a joint's blocks, at whose corners its gaps stand.
-
-    Of one kind in each array, (nf, corners) node numbers; linear, those of quadratic faces in pieces.
-    """
+    """Linear facets (nf, corners), a kind in each array, of a block at whose corners a joint's gaps are."""
 
     block: str
     facets: tuple[Ints, ...]
@@ -367,7 +366,7 @@ class Scene:
     gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
     probes : nodes to be written
     stress : where stress is written; None if nowhere
-    ties, water, reservoir : merged interfaces; hydrostatic loads; water that moves with the dam, or None
+    ties, water, reservoir : merged interfaces; hydrostatic loads; water that moves, or None
     warmed : block name -> uniform change of temperature [K]
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
     radiating : blocks whose mass only carries away what the others send out: the ground does not shake it

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
-from romdam.core.arrays import Bools, Floats
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.motion import SupportMotion
 
@@ -93,6 +93,41 @@ class GapLaw:
 
     def __len__(self) -> int:
         return len(self.gap)
+
+
+@dataclass(frozen=True)
+class BlockMatrices:
+    """Matrices of a block that come from a file; its DOFs are 3 * node + component, as those of any block.
+
+    Nodes of the block's mesh come first, then nodes of the file's that the mesh has not, then places, three
+    unknowns each, for rotations and for coordinates of other kinds, which no joint sees.
+
+    Attributes
+    ----------
+    K, M : (3 n, 3 n) sparse, symmetric; rows of DOFs that are no unknowns are empty [N/m], [kg]
+    motion : (n, 3) what each DOF is: 0, 1, 2 displacement along x, y, z; 3, 4, 5 rotation about them;
+        6 any other coordinate; -1 no unknown
+    C : (3 n, 3 n) sparse, in place of Rayleigh damping; None without [N s/m]
+    inertia : (3 n, 3) M r for unit translations r along x, y, z, where M does not tell; None where it does
+    force : (3 n,) static force that comes with the matrices [N]
+    """
+
+    K: csr_matrix
+    M: csr_matrix
+    motion: Ints
+    C: csr_matrix | None
+    inertia: Floats | None
+    force: Floats
+
+    @property
+    def absent(self) -> Bools:
+        """(n, 3) True where a DOF is no unknown."""
+        return self.motion < 0
+
+    @property
+    def translations(self) -> Floats:
+        """(3 n, 3) displacement in unit translations along x, y, z."""
+        return np.equal.outer(self.motion.ravel(), np.arange(3)).astype(float)
 
 
 Complex = NDArray[np.complex128]

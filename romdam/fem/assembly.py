@@ -16,9 +16,10 @@ _CHUNK = 512  # cells at a time: element matrices that stay in the cache, 4 MB f
 
 
 def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
-    """Stiffness and consistent mass of a block over dof = 3 * node + component, supports not applied.
+    """Stiffness and mass of a block over dof = 3 * node + component, supports not applied.
 
-    The springs of absorbing faces are part of the stiffness.
+    They are the block's own where it brings them, else of its elements, the mass consistent. The springs of
+    absorbing faces are part of the stiffness.
 
     Element matrices come from the scalar gradients: with G_ab,kl = int dN_a/dx_k dN_b/dx_l,
     K_ab = lambda G + mu G^T + mu tr(G) I (3 by 3 for each pair of nodes a, b). They are added where they
@@ -35,6 +36,22 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     MeshError
         when an element has a zero or negative Jacobian determinant.
     """
+    own = block.matrices
+    stiffness, mass = _of_elements(block) if own is None else (own.K, own.M)
+    if block.absorbing:
+        stiffness = csr_matrix(stiffness + boundary_springs(block))
+    return stiffness, mass
+
+
+def inertia(block: Block, mass: csr_matrix) -> Floats:
+    """M r of a block for unit translations r along x, y, z, (3 n, 3) [kg]."""
+    if block.matrices is None:
+        return np.asarray(mass @ np.tile(np.eye(3), (len(block.points), 1)))
+    own = block.matrices.inertia
+    return np.asarray(mass @ block.matrices.translations) if own is None else own
+
+
+def _of_elements(block: Block) -> tuple[csr_matrix, csr_matrix]:
     pattern = _NodePairs(block.cells, len(block.points))
     K, M = np.zeros(9 * pattern.size), np.zeros(pattern.size)
     for element, rows, cells in chunks_of(block, _CHUNK):
@@ -44,10 +61,7 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
         np.add.at(
             K, pattern.entries(cells, pair).ravel(), _stiffness(gradient, volume, block.material).ravel()
         )
-    stiffness, mass = pattern.matrices(K, M)
-    if block.absorbing:
-        stiffness = csr_matrix(stiffness + boundary_springs(block))
-    return stiffness, mass
+    return pattern.matrices(K, M)
 
 
 class _NodePairs:

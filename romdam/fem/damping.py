@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.arrays import Floats
+from romdam.core.scene import Block
+from romdam.fem.absorbing import boundary_dashpots
 
 
 def rayleigh_coefficients(rayleigh: RayleighConfig | None) -> tuple[float, float]:
@@ -19,6 +22,18 @@ def rayleigh_coefficients(rayleigh: RayleighConfig | None) -> tuple[float, float
         return float(rayleigh.alpha or 0.0), float(rayleigh.beta or 0.0)
     w1, w2 = (2.0 * np.pi * f for f in rayleigh.frequencies)
     return 2.0 * rayleigh.ratio * w1 * w2 / (w1 + w2), 2.0 * rayleigh.ratio / (w1 + w2)
+
+
+def further_damping(block: Block, rayleigh: RayleighConfig | None) -> csr_matrix | None:
+    """What the damping of a block has besides Rayleigh's, (3 n, 3 n) [N s/m]; None where it has nothing.
+
+    Dashpots of absorbing faces, and a damping matrix that the block brings, which stands in Rayleigh's place.
+    """
+    own = block.matrices
+    if own is None or own.C is None:
+        return boundary_dashpots(block) if block.absorbing else None
+    alpha, beta = rayleigh_coefficients(rayleigh)
+    return csr_matrix(own.C - alpha * own.M - beta * own.K + boundary_dashpots(block))
 
 
 def modal_coefficients(damping: DampingConfig, omega2: Floats) -> Floats:

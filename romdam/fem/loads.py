@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Hydrostatic, Ints, Scene
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import assemble, inertia
 from romdam.scene.elements import ELEMENTS, Element, Floats, Rule, facet_element, jacobians, simplex_rule
 from romdam.scene.facets import area_elements, area_vectors, below
 from romdam.scene.meshes.kinds import facets_by_kind, kinds_of
@@ -31,19 +31,18 @@ def weight_acts(scene: Scene, block: str) -> bool:
 
 def weight_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
     """Nodal force of a block's weight, (n, 3) [N]; zero where it has acted before."""
-    points = scene.blocks[block].points
     if block in scene.excluded_from_gravity:
-        return np.zeros_like(points)
-    return np.asarray(M @ np.tile(scene.gravity, len(points))).reshape(-1, 3)
+        return np.zeros_like(scene.blocks[block].points)
+    return np.asarray(inertia(scene.blocks[block], M) @ scene.gravity).reshape(-1, 3)
 
 
 def surface_force(scene: Scene, block: str) -> Floats:
     """Nodal force of everything but weight on a block, (n, 3) [N].
 
-    Pressure, still water, point forces and a change of temperature.
+    Pressure, still water, point forces, a change of temperature, and what comes with the block's matrices.
     """
-    points = scene.blocks[block].points
-    force = np.zeros_like(points)
+    points, own = scene.blocks[block].points, scene.blocks[block].matrices
+    force = np.zeros_like(points) if own is None else own.force.reshape(-1, 3).copy()
     if scene.warmed.get(block):
         force += thermal_force(scene.blocks[block], scene.warmed[block])
     for water in scene.water:

@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Bools, Scene
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import assemble, inertia
 from romdam.scene.elements import Floats
 from romdam.scene.ties import Part, scene_parts
 
@@ -23,13 +23,13 @@ def assemble_part(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr
 def part_matrices(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr_matrix, dict[str, Floats]]:
     """`assemble_part`, and M r of every block for unit translations r, (3 n, 3) over its own DOFs [kg]."""
     size = 3 * part.nodes
-    K, M, inertia = csr_matrix((size, size)), csr_matrix((size, size)), {}
+    K, M, carried = csr_matrix((size, size)), csr_matrix((size, size)), {}
     for name in part.blocks:
         spread = part.spread(name)
         stiffness, mass = assemble(blocks[name])
         K, M = K + spread.T @ stiffness @ spread, M + spread.T @ mass @ spread
-        inertia[name] = np.asarray(mass @ np.tile(np.eye(3), (len(blocks[name].points), 1)))
-    return csr_matrix(K), csr_matrix(M), inertia
+        carried[name] = inertia(blocks[name], mass)
+    return csr_matrix(K), csr_matrix(M), carried
 
 
 def part_inertia(part: Part, scene: Scene, inertia: Mapping[str, Floats]) -> Floats:

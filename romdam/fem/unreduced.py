@@ -10,8 +10,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Scene
 from romdam.core.system import PseudoStatic, System
-from romdam.fem.absorbing import boundary_dashpots
-from romdam.fem.damping import rayleigh_coefficients
+from romdam.fem.damping import further_damping, rayleigh_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import static_force
@@ -68,7 +67,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         driven = csr_matrix(hstack([driven, -_free_field_load(scene, scene.free_field, numbered)]))
     system = System(
         M=mass,
-        C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered)),
+        C=csr_matrix(alpha * mass + beta * stiffness + _dashpots(scene, numbered, damping)),
         K=stiffness,
         B=jumps,
         load=driven,
@@ -86,13 +85,14 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     return system if waves is None else with_waves(system, waves, waves.on(numbered.of_block))
 
 
-def _dashpots(scene: Scene, numbered: Unknowns) -> csr_matrix:
-    """Damping of absorbing faces over the unknowns."""
+def _dashpots(scene: Scene, numbered: Unknowns, damping: DampingConfig) -> csr_matrix:
+    """What blocks are damped by besides Rayleigh damping, over the unknowns."""
     size = next(iter(numbered.of_block.values())).shape[1]
     total = csr_matrix((size, size))
     for name, matrix in numbered.of_block.items():
-        if scene.blocks[name].absorbing:
-            total = total + matrix.T @ boundary_dashpots(scene.blocks[name]) @ matrix
+        own = further_damping(scene.blocks[name], damping.rayleigh)
+        if own is not None:
+            total = total + matrix.T @ own @ matrix
     return csr_matrix(total)
 
 

@@ -14,7 +14,8 @@ from scipy.sparse import csr_matrix, diags_array
 from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Scene
+from romdam.core.scene import Block, Scene
+from romdam.fem.assembly import inertia
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import Unknowns, unknowns
@@ -208,11 +209,18 @@ def _ratios(damping: DampingConfig, omega2: Floats) -> Floats:
 
 def _total_mass(scene: Scene, water: AddedMass | None) -> Floats:
     shaken = [block for name, block in scene.blocks.items() if name not in scene.radiating]
-    total = np.full(3, sum(block.material.rho * sound_volume(block, "the whole mesh") for block in shaken))
+    total = sum((_mass(block) for block in shaken), np.zeros(3))
     if water is None:
         return total
     normal = _rigid(scene, water)
     return np.asarray(total + (normal * water.times(normal)).sum(axis=0))
+
+
+def _mass(block: Block) -> Floats:
+    """Mass of a block along x, y, z (3,) [kg]."""
+    if block.matrices is None:
+        return np.full(3, block.material.rho * sound_volume(block, "the whole mesh"))
+    return np.asarray((block.matrices.translations * inertia(block, block.matrices.M)).sum(axis=0))
 
 
 def _rigid(scene: Scene, water: AddedMass) -> Floats:

@@ -22,9 +22,8 @@ from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Block, Scene
 from romdam.core.system import GapLaw, System
-from romdam.fem.absorbing import boundary_dashpots
-from romdam.fem.assembly import assemble
-from romdam.fem.damping import modal_coefficients
+from romdam.fem.assembly import assemble, inertia
+from romdam.fem.damping import further_damping, modal_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
@@ -132,7 +131,8 @@ def _reduced_scene(
         system = _system(scene, basis, acting, law, damping, columns)
         if water is not None:
             system, basis = with_water(system, basis, water, damping)
-        system = _with_free_field(_with_dashpots(system, scene, basis), scene, basis, damping)
+        system = _with_dashpots(system, scene, basis, damping)
+        system = _with_free_field(system, scene, basis, damping)
         system = with_reservoir(system, scene, basis)
         system = with_supports(system, basis, moving, carried, water)
         report["cpu_seconds"] = time.process_time() - start
@@ -193,17 +193,18 @@ def _over_coordinates(operators: dict[str, csr_matrix], basis: dict[str, BlockBa
     return total
 
 
-def _with_dashpots(system: System, scene: Scene, basis: dict[str, BlockBasis]) -> System:
-    """The system with the dashpots of absorbing faces, which couple the modes: C is not diagonal then."""
-    absorbing = [name for name, block in scene.blocks.items() if block.absorbing]
-    if not absorbing:
+def _with_dashpots(
+    system: System, scene: Scene, basis: dict[str, BlockBasis], damping: DampingConfig
+) -> System:
+    """The system with what blocks are damped by besides; it couples the modes: C is not diagonal then."""
+    further = {name: further_damping(block, damping.rayleigh) for name, block in scene.blocks.items()}
+    if all(own is None for own in further.values()):
         return system
     C = system.C.toarray()
-    for name in absorbing:
-        part = basis[name]
-        C[part.columns, part.columns] += part.vectors.project(
-            part.vectors.under(boundary_dashpots(scene.blocks[name]))
-        )
+    for name, own in further.items():
+        if own is not None:
+            part = basis[name]
+            C[part.columns, part.columns] += part.vectors.project(part.vectors.under(own))
     return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
 
@@ -352,13 +353,13 @@ def _reduce(
     motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
     wet = None if wet is None else wet.over(turn.T[:, free])
     own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}", wet)
-    inertia = mass @ np.tile(np.eye(3), (len(block.points), 1))
+    carried = inertia(block, mass)
     for sub in reduce_block(own, choice):
         whole = np.zeros((len(free), len(sub.omega2)))
         whole[free] = sub.basis
         vectors = Dense(np.asarray(turn.T @ whole))
         report = sub.report() | choice.report()
-        yield BlockBasis(vectors, slice(0, len(sub.omega2)), sub.omega2, vectors.project(inertia), report)
+        yield BlockBasis(vectors, slice(0, len(sub.omega2)), sub.omega2, vectors.project(carried), report)
 
 
 def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.joints import build_joint
+from romdam.scene.matrices.block import held_by, refuse_unreached, with_matrices
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
 from romdam.scene.plausible import say_odd
@@ -39,7 +41,7 @@ from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
-from romdam.scene.ties import build_tie, merged_parts
+from romdam.scene.ties import Part, build_tie, merged_parts, refuse_tied
 
 _NO_DAM = Dam({}, (), {}, frozenset())
 
@@ -64,13 +66,13 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
     dam = _dam(config, materials, source)
     files = MeshFiles(folder)
-    blocks = dam.blocks | _blocks(config, materials, files, source)
+    blocks = dam.blocks | _blocks(config, materials, (files, dam.blocks), source)
     rock = rock_of(config.ground, dam.viscous)
     blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
     waves = config.ground.input == "free_field"
-    fixed = _fixed(config, blocks, dam.held, source)
+    fixed = held_by(blocks, supported := _fixed(config, blocks, dam.held, source))
     _refuse_joined_twice(config, source)
-    ties = (*dam.ties, *_ties(config, blocks, source))
+    ties = (*_dam_ties(dam, blocks, source), *_ties(config, blocks, source))
     rigid = merged_parts(fixed, ties)
     joints = {
         name: build_joint(name, joint, blocks, fixed, folder, source, tuple(rigid.values()))
@@ -78,8 +80,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     }
     _fill_joints(config, joints, blocks, source)
     refuse_free_blocks(blocks, joints, fixed, source, ties)
-    for part in rigid.values():
-        refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
+    _refuse_massless(rigid.values(), blocks, fixed, source)
     scene = Scene(
         blocks=blocks,
         joints=joints,
@@ -101,9 +102,23 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         ),
         moving=moving_supports(config.supports, blocks, tuple(rigid.values()), source),
     )
+    refuse_unreached(scene, supported, source)
     files.say_unused(source)
     say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
     return scene
+
+
+def _refuse_massless(
+    parts: Iterable[Part], blocks: dict[str, Block], fixed: dict[str, Bools], source: str
+) -> None:
+    for part in parts:
+        refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
+
+
+def _dam_ties(dam: Dam, blocks: dict[str, Block], source: str) -> Iterator[Tie]:
+    for tie in dam.ties:
+        refuse_tied((blocks[tie.blocks[0]], blocks[tie.blocks[1]]), f"{source}: tie {tie.name} of the dam")
+        yield tie
 
 
 def _ties(config: Config, blocks: dict[str, Block], source: str) -> Iterator[Tie]:
@@ -123,16 +138,21 @@ def _dam(config: Config, materials: dict[str, Material], source: str) -> Dam:
 
 
 def _blocks(
-    config: Config, materials: dict[str, Material], files: MeshFiles, source: str
+    config: Config, materials: dict[str, Material], shapes: tuple[MeshFiles, dict[str, Block]], source: str
 ) -> dict[str, Block]:
-    blocks: dict[str, Block] = {}
+    (files, made_by_dam), blocks = shapes, dict[str, Block]()
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
             made = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
-        else:
-            assert block.mesh is not None
+        elif block.mesh is not None:
             made = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
+        else:
+            made = replace(made_by_dam[name], material=constants)
+        if block.matrices is not None:
+            numbered = None if block.mesh is None else files.numbered(block.mesh)
+            place = f"{source}: blocks.{name}.matrices"
+            made = with_matrices(made, block.matrices, files.folder, numbered, place)
         blocks |= cut_block(made, config.cut, files.folder, source) if name in config.cut else {name: made}
     return blocks
 

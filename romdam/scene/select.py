@@ -57,6 +57,9 @@ def nearest_node(block: Block, at: tuple[float, float, float], tolerance: float,
         when it is further away than the tolerance [m].
     """
     distance: NDArray[np.float64] = np.linalg.norm(block.points - np.array(at), axis=1)
+    if block.matrices is not None:
+        distance[block.matrices.absent.any(axis=1)] = np.inf
+        distance[(block.matrices.motion > 2).any(axis=1)] = np.inf
     node = int(np.argmin(distance))
     if distance[node] > tolerance:
         nearest, wanted = (", ".join(f"{x:.6g}" for x in p) for p in (block.points[node], at))

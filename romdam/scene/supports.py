@@ -8,9 +8,13 @@ from scipy.sparse.csgraph import connected_components
 
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
+from romdam.core.system import BlockMatrices
 from romdam.scene.elements import Floats
 
 _RANK = 1e-8  # relative singular value; the motions are scaled to be of order one
+_STRAINS = (
+    1e-6  # force of a rigid motion on an unknown, relative to its own stiffness, above round-off of text
+)
 _MOTIONS = tuple(f"{kind} {axis}" for kind in ("translation along", "rotation about") for axis in "xyz")
 
 
@@ -43,9 +47,7 @@ def refuse_free_blocks(
     width = 6 * len(bodies)
     rows = [np.zeros((1, width))]
     for name, supported in fixed.items():
-        held = supported | sprung(blocks[name])
-        nodes = np.flatnonzero(held.any(axis=1))
-        rows.append(_triangle(_placed(blocks[name], nodes, columns[name], width)[held[nodes]]))
+        rows.append(_stopped(blocks[name], supported, columns[name], width))
     pairs: list[Joint | Tie] = [*joints.values(), *ties]
     for joint in pairs:
         I, J = (
@@ -88,6 +90,8 @@ def refuse_massless_on_joints(
 
 def _pieces(block: Block) -> tuple[int, Ints]:
     """Number of parts that hang together, and the part of every node."""
+    if block.matrices is not None:
+        return 1, np.zeros(len(block.points), dtype=np.int64)
     ring = block.cells, np.roll(block.cells, 1, axis=1)
     graph = coo_array(
         (np.ones(block.cells.size), (ring[0].ravel(), ring[1].ravel())), shape=(len(block.points),) * 2
@@ -100,13 +104,21 @@ def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
     """Displacement of nodes (all, if not given) in the six rigid motions of a block, (n, 3, 6).
 
     Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
-    of order one.
+    of order one. Of a block with matrices of its own they are those of its unknowns, rotations among them.
     """
+    which = slice(None) if nodes is None else nodes
     low, high = block.points.min(axis=0), block.points.max(axis=0)
-    points = block.points if nodes is None else block.points[nodes]
-    arm = (points - (low + high) / 2) / (np.linalg.norm(high - low) / 2)
+    radius = np.linalg.norm(high - low) / 2
+    arm = (block.points[which] - (low + high) / 2) / radius
     turns = np.cross(np.eye(3)[None], arm[:, None, :]).transpose(0, 2, 1)
-    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+    motions = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
+    if block.matrices is None:
+        return motions
+    kind = block.matrices.motion[which]
+    motions[(kind < 0) | (kind > 2)] = 0.0
+    node, component = np.nonzero((kind > 2) & (kind < 6))
+    motions[node, component, kind[node, component]] = 1.0 / radius
+    return motions
 
 
 def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
@@ -116,6 +128,31 @@ def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
     placed = np.zeros((len(nodes), 3, width))
     np.put_along_axis(placed, np.broadcast_to(columns, own.shape), own, axis=2)
     return placed
+
+
+def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
+    """Few rows that span what supports, springs and a stiffness of its own stop of a block's motions."""
+    own = block.matrices
+    held = (held if own is None else held & ~own.absent) | sprung(block)
+    nodes = np.flatnonzero(held.any(axis=1))
+    rows = _placed(block, nodes, first, width)[held[nodes]]
+    return _triangle(rows if own is None else np.vstack([rows, _of_stiffness(own, block, first, width)]))
+
+
+def _of_stiffness(own: BlockMatrices, block: Block, first: Ints, width: int) -> Floats:
+    """Rows that see rigid motions that meet a block's own stiffness, or in which no unknown of it moves."""
+    motions = _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
+    unknown, body = ~own.absent.ravel(), slice(first[0], first[0] + 6)
+    force = (own.K @ motions)[unknown] / own.K.diagonal()[unknown, None]
+    unseen = np.zeros((width, width))
+    unseen[body, body] = _unseen(motions[unknown, body])
+    return np.vstack([np.where(np.abs(force) > _STRAINS, force, 0.0), unseen])
+
+
+def _unseen(motions: Floats) -> Floats:
+    """(6, 6) projector on the motions in which no row of (n, 6) moves."""
+    free = _null_space(_triangle(motions))
+    return np.asarray(free @ free.T)
 
 
 def _triangle(rows: Floats) -> Floats:
@@ -170,9 +207,7 @@ def has_no_rigid_body_mode(block: Block, held: Bools, ties: csr_matrix | None = 
     ties : (r, 3 n) sparse, what is at zero displacement besides
     """
     count, piece = _pieces(block)
-    held = held | sprung(block)
-    nodes = np.flatnonzero(held.any(axis=1))
-    seen = _triangle(_placed(block, nodes, 6 * piece, 6 * count)[held[nodes]])
+    seen = _stopped(block, held, 6 * piece, 6 * count)
     if ties is not None:
         tied = np.unique(ties.indices // 3)
         columns = (3 * tied[:, None] + np.arange(3)).ravel()

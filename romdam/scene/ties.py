@@ -112,7 +112,8 @@ class Part:
             for name in self.blocks
             for face in blocks[name].absorbing
         )
-        return Block(self.name, first.element, points, cells, first.material, {}, absorbing)
+        matrices = first.matrices if len(self.blocks) == 1 else None  # which no tie takes
+        return Block(self.name, first.element, points, cells, first.material, {}, absorbing, matrices)
 
 
 def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -> Tie:
@@ -130,6 +131,7 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -
         when node_to_node is asked for and the two meshes do not conform.
     """
     I, J = (blocks[b] for b in tie.between)
+    refuse_tied((I, J), place)
     if tie.discretization == "mortar":
         return _mortar(name, tie, (I, J), place)
     try:
@@ -141,6 +143,21 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -
         return _mortar(name, tie, (I, J), place)
     nodes = np.unique(facets)
     return Tie(name, tie.between, (nodes, partner[nodes]))
+
+
+def refuse_tied(blocks: tuple[Block, Block], place: str) -> None:
+    """Raise where one of two blocks has matrices of its own, whose unknowns no part of several blocks has.
+
+    Raises
+    ------
+    ConfigError
+    """
+    for block in blocks:
+        if block.matrices is not None:
+            raise ConfigError(
+                f"{place}: block {block.name!r} has matrices of its own, which no tie can have, limit 0 such "
+                "blocks; give it a joint, or tie the meshes before the matrices are made"
+            )
 
 
 def tie_joints(scene: Scene, names: Collection[str], joints: Mapping[str, JointConfig], source: str) -> Scene:

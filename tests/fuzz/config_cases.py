@@ -294,6 +294,18 @@ def _waves() -> dict[str, Any]:
     return raw
 
 
+def _matrices() -> dict[str, Any]:
+    """A block from matrices, damped by one of them; nothing asks for its stress."""
+    raw = copy.deepcopy(_TWO)
+    del raw["comparison"]
+    keys = ("stiffness", "mass", "damping", "unknowns", "inertia", "force")
+    files: dict[str, Any] = dict.fromkeys(keys, "right.h5")
+    more = {"nodes": "nodes.csv", "units": "m-kg-s", "total_mass": "2440 t", "tolerance": "1 mm"}
+    raw["blocks"]["right"]["matrices"] = files | more
+    raw["outputs"]["stress"] = {"blocks": ["left"], "strength": "3 MPa"}
+    return raw
+
+
 BASES: dict[str, dict[str, Any]] = {
     "two": _TWO,
     "arch": _arch(),
@@ -301,6 +313,7 @@ BASES: dict[str, dict[str, Any]] = {
     "suite": _suite(),
     "others": _others(),
     "waves": _waves(),
+    "matrices": _matrices(),
 }
 
 
@@ -313,8 +326,21 @@ def write_files(folder: Path) -> None:
     (folder / "samples.csv").write_text("ratio\n0.05\n")
     vertices = "\n".join(f"vertex {x} 15 {z}" for x, z in ((0, -9), (0, 90), (90, -9)))
     (folder / "surface.stl").write_text(f"solid s\nfacet\n{vertices}\nendfacet\nendsolid\n")
+    (folder / "nodes.csv").write_text("node,x,y,z\n1,0,0,0\n")
+    _write_matrices(folder)
     _write_column(folder / "left.msh", "body", (0, 5), (-5, 0))
     _write_column(folder / "reservoir.msh", "water", (-20, 0), (0, 10))
+
+
+def _write_matrices(folder: Path) -> None:
+    """right.h5: the right block of the first base as its own matrices."""
+    from romdam.export.matrices import write
+    from romdam.fem.unreduced import assemble_full
+    from romdam.scene.build import build_scene
+
+    config = parse_config(_TWO, "two.yaml")
+    scene = build_scene(config, folder, "two.yaml")
+    write(scene, (assemble_full(scene, config.damping), None), config.damping, folder)
 
 
 def _write_column(path: Path, group: str, x: tuple[int, int], y: tuple[int, int]) -> None:

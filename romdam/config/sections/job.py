@@ -26,6 +26,7 @@ from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
 from romdam.config.sections.geometry.gravity_dam import GravityDamConfig, joint_between
+from romdam.config.sections.geometry.matrices import MatricesConfig, refuse_wrong_matrices
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.ground import GroundConfig, refuse_wrong_ground
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
@@ -77,7 +78,9 @@ class BoxConfig(Model):
 class BlockConfig(Model):
     """A box or the cells of a mesh file, of one material.
 
-    Without `mass` it is stiff only; without `weight` it has its mass, but gravity leaves it out.
+    Without `mass` it is stiff only; without `weight` it has its mass, but gravity leaves it out. With
+    `matrices` its stiffness and mass come from files, and box or mesh are its shape; without either it is the
+    block of that name which a dam of a few keys has.
     """
 
     material: str
@@ -86,11 +89,21 @@ class BlockConfig(Model):
     weight: bool = True
     box: BoxConfig | None = None
     mesh: MeshFileConfig | None = None
+    matrices: MatricesConfig | None = None
+
+    @property
+    def of_dam(self) -> bool:
+        """Tell whether its shape is that of a dam's block."""
+        return self.matrices is not None and self.box is None and self.mesh is None
 
     @model_validator(mode="after")
     def _one_geometry(self) -> Self:
-        if (self.box is None) == (self.mesh is None):
+        if (self.box is None) == (self.mesh is None) and not self.of_dam:
             raise ValueError("give exactly one of `box` and `mesh`")
+        if self.matrices is not None and not self.mass:
+            raise ValueError(
+                "`mass: false` is for blocks that are assembled, and `matrices` has a mass; leave it out"
+            )
         return self
 
 
@@ -252,7 +265,8 @@ class Config(Model):
     def block_names(self) -> tuple[str, ...]:
         """Every block, those of such a dam first."""
         made = self.dam.block_names if self.dam else ()
-        return (*made, *(piece for name in self.blocks for piece in pieces_of(name, self.cut)))
+        own = (piece for name in self.blocks for piece in pieces_of(name, self.cut))
+        return tuple(dict.fromkeys((*made, *own)))
 
     @property
     def every_joint(self) -> dict[str, JointConfig]:
@@ -332,8 +346,9 @@ class Config(Model):
             raise ValueError("gravity_dam: a scene has one dam, and arch_dam is given too; leave one out")
         dam, key = self.dam, "gravity_dam" if self.gravity_dam else "arch_dam"
         for name in dam.block_names if dam else ():
-            if name in self.blocks:
+            if name in self.blocks and not self.blocks[name].of_dam:
                 raise ValueError(f"blocks.{name}: {key} makes a block of that name; rename this one")
+        refuse_wrong_matrices(self, dam.block_names if dam else ())
         refuse_wrong_cuts(self.cut, self.blocks, dam.block_names if dam else ())
         makers = dict.fromkeys(dam.joint_pairs if dam else (), key)
         makers |= {name: f"cut.{whole}" for whole, cut in self.cut.items() for name in cut.joint_pairs}

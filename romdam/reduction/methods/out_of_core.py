@@ -24,7 +24,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Bools
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import assemble, inertia
 from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, make_solver
@@ -241,7 +241,7 @@ class _Interior:
 def _split(large: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
     turn, free = large.interface.turn, ~large.fixed.ravel()
     stiffness, mass = assemble(large.block)
-    inertia = mass @ np.tile(np.eye(3), (len(large.block.points), 1))
+    carried = inertia(large.block, mass)
     mass = turned(mass, turn)[free][:, free]
     stiffness = turned(stiffness, turn)[free][:, free]
     if shift:
@@ -257,7 +257,7 @@ def _split(large: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
         motions=Motions(np.flatnonzero(free), rigid).of(~retained),
     )
     wet = None if large.wet is None else large.wet.over(turn.T[:, free])
-    return _Outer(retained, K_b, mass, inertia, wet), interior
+    return _Outer(retained, K_b, mass, carried, wet), interior
 
 
 def _constraint_modes(retained: Bools, interior: _Interior, solver: Solver, first: int, last: int) -> Floats:

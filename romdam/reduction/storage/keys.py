@@ -28,7 +28,8 @@ def block_key(
     elastic = (block.material.E, block.material.nu, block.material.rho)
     mesh = (block.element, block.points, block.cells, elastic)
     outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
-    return _key(*outside, interface, choice.stored, *_water(choice, wet))
+    own = () if block.matrices is None else (block.matrices,)
+    return _key(*outside, *own, interface, choice.stored, *_water(choice, wet))
 
 
 def part_keys(
@@ -50,7 +51,8 @@ def part_keys(
     waves = () if scene.free_field is None else (scene.free_field,)
     moved = [] if scene.moving is None else [scene.moving.components[name] for name in part.blocks]
     carried = (moved,) if any((number >= 0).any() for number in moved) else ()
-    outside = (*slaves, *waves, *carried, kinds, operator, static)
+    own = [m for name in part.blocks if (m := scene.blocks[name].matrices) is not None]
+    outside = (*slaves, *waves, *carried, *own, kinds, operator, static)
     whole = _key(of_blocks, *outside, choice.stored, *_water(choice, wet))
     return {name: fingerprint((whole, name)) for name in part.blocks}
 

@@ -13,7 +13,7 @@ from romdam.config.quantities import to_si
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.errors import MeshError
 from romdam.core.files import check_file
-from romdam.core.scene import Block, Bools, Ints, Material
+from romdam.core.scene import Block, Bools, Floats, Ints, Material
 from romdam.scene.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_frame
 from romdam.scene.facets import all_facets, boundary_facets, facet_keys, row_numbers
 from romdam.scene.meshes.data import LARGEST, MeshFile
@@ -71,6 +71,11 @@ class MeshFiles:
         for used, own in zip(self._used[path], members, strict=True):
             used[own] = True
         return _block(name, file, members, (scale, material), (path, place))
+
+    def numbered(self, config: MeshFileConfig) -> tuple[Ints, Floats]:
+        """Numbers of the nodes in the file of a block that has been made, and their positions (n, 3) [m]."""
+        file = self._read[self.folder / config.file]
+        return file.tags, file.points * to_si(f"1 {config.unit}", "m")
 
     def say_unused(self, source: str) -> None:
         """Log which solid elements of the files belong to no block."""

@@ -83,11 +83,15 @@ def _determinants(matrices: Floats) -> Floats:
 def refuse_loose_nodes(block: Block, place: str = "mesh") -> None:
     """Raise if a node belongs to no element: nothing holds it, and no matrix has its row.
 
+    Matrices that a block brings are checked as they are read.
+
     Raises
     ------
     MeshError
         naming the first.
     """
+    if block.matrices is not None:
+        return
     loose = np.flatnonzero(np.bincount(block.cells.ravel(), minlength=len(block.points)) == 0)
     if len(loose):
         raise MeshError(

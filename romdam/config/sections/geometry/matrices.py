@@ -1,0 +1,74 @@
+"""Stiffness and mass of a block from files of other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from romdam.config.base import Model
+from romdam.config.quantities import Mass
+from romdam.config.sections.places import Tolerance
+from romdam.core.errors import listed
+
+if TYPE_CHECKING:
+    from romdam.config.sections.job import Config
+
+UnitSystem = Literal["m-kg-s", "mm-t-s", "mm-kg-ms", "mm-kg-s"]
+
+
+class MatricesConfig(Model):
+    """K and M of a block that are read, not assembled; its mesh is where its faces and nodes are.
+
+    Files are Matrix Market or Abaqus text (.mtx), CalculiX's (.sti, .mas, .dof), Nastran's (.op4, and .pch
+    with DMIG), and HDF5 (.h5), in which every key reads what has its name.
+    """
+
+    stiffness: Path
+    """K, symmetric; without supports it is best, which are then romdam's own."""
+    mass: Path
+    """M, symmetric and positive."""
+    damping: Path | None = None
+    """C, in place of Rayleigh damping of this block; it couples the modes."""
+    unknowns: Path | None = None
+    """Node and direction of every row (.dof, .csv, .h5); not needed where the matrices' text has them."""
+    nodes: Path | None = None
+    """Coordinates of numbered nodes (.csv, or a mesh file); the block's mesh file, if neither gives them."""
+    inertia: Path | None = None
+    """M r for unit accelerations along x, y, z, where M itself does not tell: reduced blocks on supports."""
+    force: Path | None = None
+    """Static force on every unknown, besides the loads of this file."""
+    units: UnitSystem = "m-kg-s"
+    """Of all these files: mm-t-s has N and MPa, mm-kg-ms kN and GPa, mm-kg-s mN and kPa."""
+    total_mass: Annotated[Mass, Field(gt=0.0)] | None = None
+    """What the block should have, in every direction; checked within a tenth."""
+    tolerance: Tolerance = 1e-3
+    """Distance of a node of these files from that of the mesh which is the same."""
+
+
+def refuse_wrong_matrices(config: Config, made: Collection[str]) -> None:
+    """Raise if a block with matrices has no shape, is cut, or has its own damping beside modal ratios.
+
+    Parameters
+    ----------
+    made : names of the blocks that a dam of a few keys makes
+
+    Raises
+    ------
+    ValueError
+    """
+    for name, block in config.blocks.items():
+        if block.of_dam and name not in made:
+            raise ValueError(
+                f"blocks.{name}: give exactly one of `box` and `mesh`, the shape of what has these "
+                f"matrices; without them it must be a dam's block, and those are {listed(made)}"
+            )
+        if block.matrices is not None and name in config.cut:
+            raise ValueError(f"cut.{name}: a block with `matrices` cannot be cut; leave one of the two out")
+        if block.matrices is not None and block.matrices.damping and config.damping.modal is not None:
+            raise ValueError(
+                f"blocks.{name}.matrices.damping: damping.modal gives ratios to modes that a damping matrix "
+                "couples; give damping.rayleigh for the other blocks, or leave one of the two out"
+            )

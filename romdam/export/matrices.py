@@ -1,0 +1,241 @@
+"""Blocks and the whole system as matrices in Matrix Market and HDF5.
+
+Every block is part of M u'' + C u' + K u = force - inertia a_g + G^T p; the jumps w are the sum of G u over
+all blocks. At full order its unknowns are the displacements of all its nodes, supports not applied. Reduced,
+they are those that joints and outputs see, u_b, and coordinates z of its own: the basis V over the open-joint
+modes q has rows V_b there, and q = R u_b + N z with V_b R = 1 and V_b N = 0. N^T diag(omega^2) N is made
+diagonal, and R is such that u_b and z have no stiffness in common: the form of Craig and Bampton.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.io import mmwrite
+from scipy.sparse import csr_matrix, issparse
+
+from romdam.config.sections.job import DampingConfig
+from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.errors import ConfigError
+from romdam.core.files import replacing
+from romdam.core.scene import Block, Scene
+from romdam.core.sealed import creating
+from romdam.core.system import System
+from romdam.fem.assembly import assemble, inertia
+from romdam.fem.damping import further_damping, rayleigh_coefficients
+from romdam.fem.gaps import gap_operators
+from romdam.fem.loads import surface_force
+from romdam.reduction.synthesis import ReducedModel
+from romdam.scene.matrices.data import DIRECTIONS, INTERNAL, Unknowns
+from romdam.scene.matrices.hdf5 import write_matrix, write_unknowns
+from romdam.scene.ties import scene_parts
+
+log = logging.getLogger(__name__)
+
+_RANK = 1e-9  # of the least singular value of V_b, relative to the largest, from which on u_b are independent
+_RIGID = 1e-12  # of omega^2 held at u_b, relative to the largest, up to which a motion is rigid
+
+
+@dataclass(frozen=True)
+class BlockExport:
+    """What is written of a block, in SI.
+
+    Attributes
+    ----------
+    unknowns : of every row
+    stiffness, mass, damping : (n, n), the damping without what modes are given by ratios
+    gaps : (directions * ng, n) jump of all gaps
+    inertia : (n, 3) M r for unit accelerations along x, y, z
+    force : (n, 1) static force of all loads but weight and water in joints
+    """
+
+    unknowns: Unknowns
+    stiffness: csr_matrix
+    mass: csr_matrix
+    damping: csr_matrix
+    gaps: csr_matrix
+    inertia: Floats
+    force: Floats
+
+
+def write(
+    scene: Scene, model: tuple[System, ReducedModel | None], damping: DampingConfig, folder: Path
+) -> list[Path]:
+    """Write every block, reduced where there is a reduced model, and the system that is integrated.
+
+    Blocks that no matrices of their own can say, for ties, water or too small a basis, are named in the log.
+
+    Parameters
+    ----------
+    model : the system with its joints open, and the reduced model that it is of, if any
+    folder : there already
+
+    Returns
+    -------
+    list of files: BLOCK.h5 and BLOCK_stiffness.mtx, ..., for each block, system.h5
+
+    Raises
+    ------
+    ConfigError
+        where more drives the system than the base's acceleration, which no matrix says.
+    WriteError
+    """
+    system, reduced = model
+    if system.drive is not None or system.pseudo_static is not None:
+        raise ConfigError(
+            "export: waves in rock or water, or supports of their own motion, drive this system besides "
+            "the acceleration of its base, limit 0 such drives; leave out ground.input, water.model: "
+            "compressible and supports[].motion"
+        )
+    operators = gap_operators(scene, system.law.directions)
+    written = [_write_system(system, folder / "system.h5")]
+    for name, block in scene.blocks.items():
+        if reduced is None:
+            own: BlockExport | str = _unreduced(scene, block, operators[name], damping)
+        else:
+            own = _why_not(scene, name) or _reduced(scene, reduced, name, operators[name])
+        if isinstance(own, str):
+            log.warning("block %s: no matrices of its own, %s; system.h5 has all of it", name, own)
+        else:
+            written += _write_block(own, name, folder)
+    return written
+
+
+def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingConfig) -> BlockExport:
+    K, M = assemble(block)
+    alpha, beta = rayleigh_coefficients(damping.rayleigh)
+    further = further_damping(block, damping.rayleigh)
+    C = alpha * M + beta * K if further is None else alpha * M + beta * K + further
+    own = block.matrices
+    motion = np.tile(np.arange(3), len(block.points)) if own is None else own.motion.ravel()
+    some = np.flatnonzero(motion >= 0)
+    return BlockExport(
+        unknowns=_named(block, some, motion[some]),
+        stiffness=csr_matrix(K[some][:, some]),
+        mass=csr_matrix(M[some][:, some]),
+        damping=csr_matrix(C[some][:, some]),
+        gaps=csr_matrix(gaps[:, some]),
+        inertia=inertia(block, M)[some],
+        force=surface_force(scene, block.name).reshape(-1, 1)[some],
+    )
+
+
+def _named(block: Block, dof: Ints, motion: Ints, more: int = 0) -> Unknowns:
+    """Unknowns by the number of their node, from 1; rotations and other coordinates have one each."""
+    node = np.where(motion < 3, dof // 3, len(block.points) + dof) + 1
+    position = np.where((motion != INTERNAL)[:, None], block.points[dof // 3], np.nan)
+    behind = 4 * len(block.points) + 1 + np.arange(more)
+    return Unknowns(
+        np.concatenate([node, behind]),
+        np.concatenate([motion, np.full(more, INTERNAL)]),
+        np.concatenate([position, np.full((more, 3), np.nan)]),
+    )
+
+
+def _why_not(scene: Scene, name: str) -> str:
+    """Why a reduced block cannot stand alone; empty where it can."""
+    part = next(part for part in scene_parts(scene).values() if name in part.blocks)
+    if len(part.blocks) > 1:
+        return f"since ties make it one with {', '.join(b for b in part.blocks if b != name)}"
+    if scene.reservoir is not None:
+        return "since water couples it to others"
+    return "since it has no mass" if scene.blocks[name].material.rho == 0.0 else ""
+
+
+def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -> BlockExport | str:
+    block, basis = scene.blocks[name], reduced.basis[name]
+    seen = _seen(scene, name, gaps)
+    V_b = basis.vectors.rows(np.flatnonzero(seen))
+    singular = np.linalg.svd(V_b, compute_uv=False)
+    if len(V_b) > V_b.shape[1] or (len(singular) and singular[-1] < _RANK * singular[0]):
+        rank = int(np.count_nonzero(singular >= _RANK * singular.max(initial=0.0)))
+        return (
+            f"since joints and outputs see {len(V_b)} of its displacements, of which its {V_b.shape[1]} "
+            f"coordinates keep {rank} apart: raise model.modes, name fewer nodes, or take model.order: full"
+        )
+    T = _transform(V_b, basis.omega2)
+    if T is None:
+        return "since it can move with all displacements held that joints see; take model.order: full"
+    dof = np.flatnonzero(seen)
+    force = basis.vectors.project(surface_force(scene, name).ravel())
+    C = reduced.system.C[basis.columns, basis.columns]
+    return BlockExport(
+        unknowns=_named(block, dof, dof % 3, T.shape[1] - len(dof)),
+        stiffness=csr_matrix(T.T @ (basis.omega2[:, None] * T)),
+        mass=csr_matrix(T.T @ T),
+        damping=csr_matrix(T.T @ (C @ T)),
+        gaps=csr_matrix(basis.vectors.under(gaps) @ T),
+        inertia=T.T @ basis.participation,
+        force=(T.T @ force).reshape(-1, 1),
+    )
+
+
+def _seen(scene: Scene, name: str, gaps: csr_matrix) -> Bools:
+    """(3 n,) displacements that joints see, and of nodes that are written, less what supports hold."""
+    seen = np.zeros(gaps.shape[1], dtype=bool)
+    seen[np.unique(gaps.indices[gaps.data != 0.0])] = True
+    for probe in scene.probes:
+        if probe.block == name:
+            seen[3 * probe.node : 3 * probe.node + 3] = True
+    return np.asarray(seen & ~scene.fixed[name].ravel())
+
+
+def _transform(V_b: Floats, omega2: Floats) -> Floats | None:
+    """(m, m) q = T [u_b, z]; None where holding u_b leaves a rigid motion."""
+    left, singular, right = np.linalg.svd(V_b)
+    count = len(singular)
+    R = right[:count].T @ ((left / singular).T)
+    held, turn = np.linalg.eigh((right[count:] * omega2) @ right[count:].T)
+    if len(held) and held[0] < _RIGID * max(held[-1], 1.0):
+        return None
+    N = right[count:].T @ turn
+    R = R - N @ ((N.T @ (omega2[:, None] * R)) / held[:, None])
+    return np.hstack([R, N])
+
+
+def _write_block(own: BlockExport, name: str, folder: Path) -> list[Path]:
+    paths = [folder / f"{name}.h5", folder / f"{name}_unknowns.csv"]
+    keys = ("stiffness", "mass", "damping", "gaps", "inertia", "force")
+    with creating(paths[0]) as file:
+        file.attrs["units"] = "m-kg-s"
+        write_unknowns(file, own.unknowns)
+        for key in keys:
+            value = getattr(own, key)
+            if issparse(value):
+                write_matrix(file, key, value)
+            else:
+                file[key] = value
+    labels = zip(own.unknowns.node, own.unknowns.motion, own.unknowns.position.tolist(), strict=True)
+    rows = [f"{n},{DIRECTIONS[m]},{','.join('' if x != x else repr(x) for x in at)}\n" for n, m, at in labels]
+    with replacing(paths[1]) as part:
+        part.write_text("node,direction,x,y,z\n" + "".join(rows))
+    for key in keys:
+        paths.append(folder / f"{name}_{key}.mtx")
+        with replacing(paths[-1]) as part:
+            mmwrite(part, getattr(own, key), symmetry="general", precision=17)
+    return paths
+
+
+def _write_system(system: System, path: Path) -> Path:
+    """The system that is integrated: M u'' + C u' + K u = force - inertia a_g + G^T p, w = G u."""
+    with creating(path) as file:
+        file.attrs["units"] = "m-kg-s"
+        file.attrs["directions"] = system.law.directions
+        matrices = {"mass": system.M, "damping": system.C, "stiffness": system.K, "gaps": system.B}
+        for key, matrix in matrices.items():
+            write_matrix(file, key, csr_matrix(matrix))
+        write_matrix(file, "observe", csr_matrix(system.observe))
+        file["inertia"] = system.load.toarray() if isinstance(system.load, csr_matrix) else system.load
+        file["force"] = system.force
+        blocks = file.create_group("blocks")
+        for name, columns in system.parts.items():
+            blocks.attrs[name] = (columns.start, columns.stop)
+        law = file.create_group("law")
+        for key in ("K_n", "K_nz", "K_s", "mu", "gap"):
+            law[key] = getattr(system.law, key)
+        for name, gaps in system.law.joints.items():
+            law.attrs[name] = (gaps.start, gaps.stop)
+    return path

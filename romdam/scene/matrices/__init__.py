@@ -1,0 +1,1 @@
+"""Blocks whose stiffness and mass come from files of other programs."""

@@ -1,0 +1,79 @@
+"""Nastran's matrices: OUTPUT4 (.op4), and DMIG in punch files (.pch), read by pyYeti.
+
+Not by pyNastran 1.4, which needs numpy 1. pyYeti 1.4 holds a DMIG as a dense table.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.sparse import coo_array
+
+from romdam.core.errors import MeshError, listed, shown
+from romdam.scene.matrices.data import Entries, motion_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_LETTER = {"stiffness": "K", "mass": "M", "damping": "B"}
+_DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
+    ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError, EOFError, OSError,
+    OverflowError, MemoryError, StopIteration, struct.error,
+)  # fmt: skip
+
+
+def read_nastran(path: Path, key: str, place: str) -> Entries:
+    """Read the matrix of a key: the only one in the file, or the only one named K..., M... or B...
+
+    Raises
+    ------
+    MeshError
+        without pyYeti, where the file is damaged, or which matrix is meant cannot be told.
+    """
+    try:
+        from pyyeti.nastran import bulk, op4
+    except ImportError:
+        raise MeshError(f"{place}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'") from None
+    try:
+        if path.suffix.lower() == ".op4":
+            matrices: dict[str, Any] = op4.read(str(path), sparse=True)
+        else:
+            matrices = bulk.rddmig(str(path), square=True)
+    except _DAMAGE as error:
+        raise MeshError(f"{place}: cannot be read ({shown(str(error))}); write it anew") from error
+    name = _chosen(matrices, key, place)
+    own = matrices[name]
+    return _of_table(own, place) if hasattr(own, "index") else _plain(own, place)
+
+
+def _chosen(names: Collection[str], key: str, place: str) -> str:
+    fitting = [name for name in names if len(names) == 1 or name.upper().startswith(_LETTER[key])]
+    if len(fitting) != 1:
+        raise MeshError(
+            f"{place}: has the matrices {listed(names)}, of which {len(fitting)} begin with {_LETTER[key]}, "
+            "expected one; write one matrix into a file of its own"
+        )
+    return fitting[0]
+
+
+def _plain(matrix: object, place: str) -> Entries:
+    own = coo_array(matrix)
+    if own.shape[0] != own.shape[1]:
+        raise MeshError(f"{place}: is not square, {own.shape[0]} by {own.shape[1]}")
+    return Entries(own.row, own.col, own.data.astype(float), own.shape[0])
+
+
+def _of_table(table: pd.DataFrame, place: str) -> Entries:
+    """A DMIG, whose rows and columns are named by node and direction."""
+    if table.columns.nlevels != 2:
+        raise MeshError(f"{place}: is a rectangular DMIG of {table.shape[1]} columns, expected a square one")
+    ends = [np.array([*side.tolist()], dtype=np.int64) for side in (table.index, table.columns)]
+    labels, number = np.unique(np.concatenate(ends), axis=0, return_inverse=True)
+    row, column = np.split(number.ravel(), [len(ends[0])])
+    own = coo_array(table.to_numpy(dtype=float))
+    labels[:, 1] = motion_of(labels[:, 1], place)
+    return Entries(row[own.row], column[own.col], own.data, labels=labels)
