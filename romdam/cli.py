@@ -12,6 +12,7 @@ import typer
 import romdam
 from romdam.commands.caches import cache
 from romdam.commands.errors import certify, compare, study, verify
+from romdam.commands.export import export
 from romdam.commands.modes import modes
 from romdam.commands.options import BAD_INPUT, EXIT_CODES, FAILED
 from romdam.commands.runs import check, run
@@ -33,8 +34,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, records, cache,
-    schema,
+    run, report, clean, check, modes, export, verify, certify, study, compare, info, show, plot, records,
+    cache, schema,
 )  # fmt: skip
 for command in _COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

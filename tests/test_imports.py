@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 EVERY_ROOM = {
     "config", "records", "scene", "fem", "linalg", "reduction", "contact", "timestepping", "error",
-    "postprocess", "results", "visual",
+    "postprocess", "results", "visual", "export",
 }  # fmt: skip
 ALLOWED = {
     "core": set(),
@@ -32,6 +32,7 @@ ALLOWED = {
     "results": {"postprocess"},
     "error": {"contact", "linalg", "results", "timestepping"},
     "visual": {"postprocess", "results"},
+    "export": {"contact", "fem", "scene"},
     "pipelines": EVERY_ROOM,
     "terminal": {"error", "pipelines", "postprocess"},
     "commands": {"pipelines", "records", "results", "terminal", "visual"},
