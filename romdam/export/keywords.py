@@ -25,7 +25,7 @@ _LEAST_STEP = 1e-5  # of the step asked for
 
 def mesh_text(deck: Deck, names: list[str]) -> str:
     """Points, solids, materials, supports, what follows, added mass; all that has mass is in EALL."""
-    lines = ["*NODE, NSET=NALL", *_points(deck.points, 1)]
+    lines = ["*NODE, NSET=NALL", *_points(deck.points[deck.meshed], np.flatnonzero(deck.meshed) + 1)]
     first = 1
     for k, (solid, name) in enumerate(zip(deck.solids, names, strict=True), 1):
         lines.append(f"*ELEMENT, TYPE={name}, ELSET=B{k}")
@@ -59,7 +59,7 @@ def gaps_text(deck: Deck) -> str:
     sticks = (gaps.friction > 0.0) & (law.K_s > 0.0)
     dofs = np.flatnonzero(np.column_stack([np.ones(count, dtype=bool), sticks, sticks]).ravel())
     nodes = deck.points[gaps.points[:, 0]]
-    lines = ["*NODE, NSET=GAPS", *_points(nodes, first)]
+    lines = ["*NODE, NSET=GAPS", *_points(nodes, first + np.arange(count))]
     lines += _equations(deck.jumps()[dofs], (dofs + 3 * (first - 1)).tolist())
     lines += ["*BOUNDARY", *(f"{first + gap}, 2, 3" for gap in np.flatnonzero(~sticks).tolist())]
     number = sum(len(solid.cells) for solid in deck.solids) + first - len(deck.points)
@@ -89,8 +89,9 @@ def _ones(own: Ints, number: int, first: int) -> Iterator[str]:
     return (f"{number + i}, {first + gap}" for i, gap in enumerate(own.tolist()))
 
 
-def _points(points: Floats, first: int) -> Iterator[str]:
-    return (f"{k}, {', '.join(map(_number, point))}" for k, point in enumerate(points.tolist(), first))
+def _points(points: Floats, numbers: Ints) -> Iterator[str]:
+    rows = zip(numbers.tolist(), points.tolist(), strict=True)
+    return (f"{k}, {', '.join(map(_number, point))}" for k, point in rows)
 
 
 def _number(value: float) -> str:
@@ -123,7 +124,7 @@ def _masses(deck: Deck, element: int) -> list[str]:
         node = first + k
         rows = np.zeros((3, size))
         rows[:, 3 * point : 3 * point + 3] = np.outer(axis, axis)
-        lines += ["*NODE", *_points(deck.points[point][None], node)]
+        lines += ["*NODE", *_points(deck.points[point][None], np.array([node]))]
         kept = [c for c in range(3) if abs(axis[c]) > 1e-9]
         lines += _equations(csr_matrix(rows[kept]), [3 * (node - 1) + c for c in kept])
         lines += [
@@ -140,9 +141,8 @@ def _masses(deck: Deck, element: int) -> list[str]:
 def steps_text(deck: Deck, control: list[str], output: list[str], also: tuple[str, ...] = ()) -> str:
     """The static step, and the record as inertia of what has mass, each with what controls and prints it.
 
-    `also` stands in the static step alone.
-
-    The step is the longest: contact that flickers between two states at one is solved at a shorter one.
+    `also` stands in the static step alone. The step is the longest: contact that flickers between two states
+    at one is solved at a shorter one.
     """
     motion = deck.motion
     loads = [
@@ -152,11 +152,7 @@ def steps_text(deck: Deck, control: list[str], output: list[str], also: tuple[st
     lines = _amplitudes(deck)
     if deck.static and loads:
         lines += ["*STEP, INC=1000", "*STATIC", "0.1, 1.0", *control, "*CLOAD", *loads, *output]
-        lines += [
-            "*EL PRINT, ELSET=EALL, TOTALS=ONLY",
-            "ENER",
-            "*END STEP",
-        ]  # CalculiX wants it from the first
+        lines += [*also, "*END STEP"]
     step, end = _number(motion.dt), _number(motion.steps * motion.dt)
     least = _number(_LEAST_STEP * motion.dt)
     lines += ["*STEP, INC=10000000", "*DYNAMIC, ALPHA=-0.05", f"{step}, {end}, {least}, {step}", *control]
@@ -171,11 +167,8 @@ def steps_text(deck: Deck, control: list[str], output: list[str], also: tuple[st
 
 def probes_text(deck: Deck) -> str:
     """The set of nodes whose displacement is written."""
-    return (
-        "\n".join(["*NSET, NSET=PROBES", *(f"{node + 1}" for node in deck.probes.values())]) + "\n"
-        if deck.probes
-        else ""
-    )
+    nodes = [str(node + 1) for node in deck.probes.values()]
+    return "\n".join(["*NSET, NSET=PROBES", *nodes, ""]) if nodes else ""
 
 
 def frequencies_text() -> str:
