@@ -16,7 +16,6 @@ class Code(StrEnum):
 
     OPENSEES = "opensees"
     CALCULIX = "calculix"
-    CODE_ASTER = "code_aster"
     ABAQUS = "abaqus"
 
 

@@ -36,7 +36,7 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         raise ConfigError(
             f"joints, ties: {rows} points follow several nodes (mortar, gaps on quadratic faces), limit 0: "
             "openseespy has no linear constraints of several nodes; give faces the same nodes and "
-            "discretization: node_to_node, or export to calculix, abaqus or code_aster"
+            "discretization: node_to_node, or export to calculix or abaqus"
         )
     deck = deck.stating(*_stated(deck))
     head = comments("#", deck.title, deck.stated)

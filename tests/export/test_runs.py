@@ -22,17 +22,17 @@ from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
 
-FRICTION = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "shear_stiffness": "8 GPa/m"}
-FRICTION |= {"friction": 0.5}
+BARE = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}
+FRICTION = BARE | {"shear_stiffness": "8 GPa/m", "friction": 0.5}
 opensees = pytest.mark.skipif(OPENSEES is None, reason="openseespy is not installed")
 ccx = pytest.mark.skipif(CCX is None, reason="CalculiX is not installed")
 
 
-def exact(raw, initial_state="undeformed"):
-    """Openings (nt, ng) of romdam's full order at an eighth of the decks' step, at their times."""
+def exact(raw):
+    """Openings (nt, ng) of romdam's full order at a thirty-second of DT, every DT."""
     prepared = Prepared(full_order(raw), GeneralizedAlpha(0.9))
-    settings = Settings(prepared.integrator.steps(DT / 8, DT, DT), initial_state=initial_state)
-    return simulate_one(prepared, pulse(DT / 8), settings).jump[:, :, 0]
+    settings = Settings(prepared.integrator.steps(DT / 32, DT, DT), initial_state="undeformed")
+    return simulate_one(prepared, pulse(DT / 32), settings).jump[:, :, 0]
 
 
 def openings(folder, gaps):
@@ -67,14 +67,13 @@ def test_opensees_has_the_frequencies_to_six_digits(element, tmp_path):
 
 @opensees
 @pytest.mark.slow
-@pytest.mark.parametrize("joint", [{"gap": "0 mm"}, {"gap": "1 mm"}], ids=["closed", "apart"])
-@pytest.mark.parametrize("friction", [False, True])
-def test_opensees_opens_the_joint_as_romdam_does(joint, friction, tmp_path):
-    kind = FRICTION if friction else {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}
-    raw = boxes(joints={"gap": kind | joint})
-    deck = built(raw)[1]
+@pytest.mark.parametrize("joint", [BARE, FRICTION | {"gap": "1 mm"}], ids=["frictionless", "friction"])
+def test_opensees_opens_the_joint_as_romdam_does(joint, tmp_path):
+    """At a step of 0.25 ms 0.3 and 0.4 % from the converged answer, romdam itself 0.4 and 0.1 %."""
+    raw = boxes(joints={"gap": joint})
+    deck = built(raw, dt=DT / 4)[1]
     ran([OPENSEES, "deck.py"], written(write_opensees(deck)[0], tmp_path))
-    assert opening_error(openings(tmp_path, len(deck.gaps))[1], exact(raw)).l2 < 0.01
+    assert opening_error(openings(tmp_path, len(deck.gaps))[1][::4], exact(raw)).l2 < 0.01
 
 
 @ccx
@@ -119,8 +118,7 @@ def frequencies(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("gap", ["0 mm", "1 mm"])
 def test_calculix_opens_the_joint_as_romdam_does(gap, tmp_path):
-    joint = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "gap": gap}
-    raw = boxes(joints={"gap": joint})
+    raw = boxes(joints={"gap": BARE | {"gap": gap}})
     deck = built(raw)[1]
     folder = written(write_calculix(deck)[0], tmp_path)
     for name in ("frequencies", "deck"):
