@@ -1,15 +1,109 @@
-"""The model of a job for other programs."""
+"""A job as a script of another code, or as matrices: `romdam export`."""
 
 from __future__ import annotations
 
+import logging
+from dataclasses import dataclass
 from pathlib import Path
 
 from romdam.config.load import Job
-from romdam.core.files import prepare_folder
+from romdam.core.errors import ConfigError, listed, placed
+from romdam.core.files import prepare_folder, replacing
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
 from romdam.export import matrices
+from romdam.export.build import build_deck
+from romdam.export.codes import CODES
+from romdam.export.deck import Deck, Motion
+from romdam.fem.gaps import gap_law
+from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, build_model, read_motions, silent, with_modes_chosen
+from romdam.pipelines.simulation import ground_at_steps
+from romdam.records.record_set import load_motions
 from romdam.reduction.storage.user_cache import open_store
+from romdam.timestepping.grouting import grouted
+
+log = logging.getLogger(__name__)
+
+_CUTS = 4  # steps to a sample of the record, where no finest step is configured
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What is wanted of a script.
+
+    Attributes
+    ----------
+    code : a key of `romdam.export.codes.CODES`
+    record : its name; the first one if not given
+    dt : step [s]; the finest one, or a quarter of the record's if not given
+    duration : of the record that is kept [s]; that of the configuration or all if not given
+    """
+
+    code: str
+    record: str | None = None
+    dt: float | None = None
+    duration: float | None = None
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files that were written, and what in them differs from romdam's model."""
+
+    paths: tuple[Path, ...]
+    stated: tuple[str, ...]
+    said: str
+
+
+@one_thread()
+def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage = silent) -> Exported:
+    """Write a job and one of its records as a script that runs in another code.
+
+    Raises
+    ------
+    RomdamError
+        for a job that cannot be built, and for what the other code has no words for.
+    """
+    clock = Clock(show)
+    with clock.stage("records", "reading records"):
+        motion = _motion(job, _record(job, options.record), options)
+    with clock.stage("scene", "building the scene"), placed(job.path):
+        scene = scene_of(job)
+        deck = _deck(job, scene, motion)
+        files, stated = CODES[options.code](deck)
+    folder = prepare_folder(Path(out))
+    for name, text in files.items():
+        with replacing(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+    duration = motion.steps * motion.dt
+    said = f"{motion.name}: {motion.steps} steps of {1e3 * motion.dt:g} ms, {duration:g} s"
+    return Exported(tuple(folder / name for name in files), stated, said)
+
+
+def _record(job: Job, name: str | None) -> GroundMotion:
+    motions = {motion.name: motion for motion in load_motions(job.config.records, job.folder)}
+    if name is not None and name not in motions:
+        raise ConfigError(f"{job.path}: records has no {name!r}; it has {listed(motions)}")
+    return next(iter(motions.values())) if name is None else motions[name]
+
+
+def _motion(job: Job, record: GroundMotion, options: ExportOptions) -> Motion:
+    """The record at the steps of the script, rows at the job's interval or the whole step nearest to it."""
+    dt = options.dt or job.config.transient.finest_step or record.dt / _CUTS
+    duration = options.duration or job.config.transient.duration
+    stride = max(1, round((job.config.outputs.output_interval or dt) / dt))
+    return Motion(record.name, ground_at_steps(record, dt, duration), dt, stride)
+
+
+def _deck(job: Job, scene: Scene, motion: Motion) -> Deck:
+    config, gap = job.config, None
+    if gap_law(scene).grout.any():
+        gap = grouted(assemble_full(scene, config.damping), config.transient.tolerance).law.gap
+    title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
+    static = config.loads.initial_state == "static"
+    return build_deck(scene, config.damping, motion, title=title, static=static, gap=gap)
 
 
 @one_thread()

@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 EVERY_ROOM = {
     "config", "records", "scene", "fem", "linalg", "reduction", "contact", "timestepping", "error",
-    "export", "postprocess", "results", "visual",
+    "postprocess", "results", "visual", "export",
 }  # fmt: skip
 ALLOWED = {
     "core": set(),
@@ -32,8 +32,8 @@ ALLOWED = {
     "reduction": {"fem", "linalg", "scene"},
     "results": {"postprocess"},
     "error": {"contact", "linalg", "results", "timestepping"},
-    "export": {"fem", "reduction", "scene"},
     "visual": {"postprocess", "results"},
+    "export": {"contact", "fem", "reduction", "scene"},
     "pipelines": EVERY_ROOM,
     "terminal": {"error", "pipelines", "postprocess"},
     "commands": {"examples", "pipelines", "records", "results", "terminal", "visual"},

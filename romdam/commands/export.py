@@ -1,4 +1,4 @@
-"""`romdam export`: the model of a job for other programs."""
+"""The model of a job for other codes: `romdam export`."""
 
 from __future__ import annotations
 
@@ -8,33 +8,52 @@ from typing import Annotated
 import typer
 
 import romdam
-from romdam.commands.caches import Cache, NoCache, folder_of_blocks
+from romdam.commands.caches import folder_of_blocks
 from romdam.commands.options import Config, Out, Quiet, Verbose
 
 
 class Target(StrEnum):
-    """What a job can be written for."""
+    """What a job is written for."""
 
-    matrices = "matrices"
+    OPENSEES = "opensees"
+    CALCULIX = "calculix"
+    ABAQUS = "abaqus"
+    MATRICES = "matrices"
 
 
 def export(
     config: Config,
-    to: Annotated[Target, typer.Option("--to", help="What the files are for.")],
     out: Out,
-    cache: Cache = None,
-    no_cache: NoCache = False,
+    to: Annotated[Target, typer.Option(help="What it is written for.")],
+    record: Annotated[str | None, typer.Option(help="Name of the record; else the first one.")] = None,
+    dt: Annotated[
+        float | None,
+        typer.Option(min=1e-6, max=1.0, help="Step [s]; else finest_step, or a quarter of the record's."),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=1e-3, help="Seconds of the record; as configured if not given.")
+    ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Write the model of CONFIG for other programs.
+    """Write CONFIG and one record as a script that runs in another code; what that cannot express is said.
 
-    `matrices`: K, M, C, gap operator and loads of each block and of the system, as Matrix Market and HDF5;
-    reduced or of the whole mesh, as `model.order` says.
+    The script writes frequencies.csv and openings.csv, which `romdam compare` reads. `--to matrices`: K, M,
+    C, gap operator and loads of each block and of the system, as Matrix Market and HDF5, reduced or of the
+    whole mesh as `model.order` says; no record is in them.
     """
-    from romdam.pipelines.export import export_matrices
+    from romdam.pipelines.export import ExportOptions, export_deck, export_matrices
     from romdam.terminal import open_terminal
 
     stages, say = open_terminal(quiet, verbose)
-    paths = export_matrices(romdam.load_config(config), out, stages, folder_of_blocks(cache, no_cache))
+    job = romdam.load_config(config)
+    if to is Target.MATRICES:
+        for option, value in (("--record", record), ("--dt", dt), ("--duration", duration)):
+            if value is not None:
+                raise typer.BadParameter("is for scripts; matrices have no record", param_hint=option)
+        paths = export_matrices(job, out, stages, folder_of_blocks(None, False))
+    else:
+        made = export_deck(job, out, ExportOptions(to.value, record, dt, duration), stages)
+        say(made.said, *(f"differs: {sentence}" for sentence in made.stated))
+        paths = list(made.paths)
     say(*(f"written: {path}" for path in paths))

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("contact", "timestepping", "reduction", "linalg", "error")
-STAGES = ("automatic_modes", "error/estimate", "error/certify", "error/verify", "error/study")  # of pipelines
+ROOMS = ("contact", "timestepping", "reduction", "linalg", "error", "export")
+STAGES = (  # of pipelines
+    "automatic_modes", "error/estimate", "error/certify", "error/verify", "error/study", "export",
+)  # fmt: skip
 CODES = {  # indices and states
     "OPEN", "STICK", "SLIP", "_SPENT", "_RESTS", "_CONVERGED", "_SLOW", "_CHANGED", "_ALL", "BASE",
     "DISP", "VEL", "FORCE", "RATE", "_WORK", "_LOSS",

@@ -323,7 +323,7 @@ def test_the_command_writes_and_reads_back(tmp_path):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(raw() | {"model": {"modes": 5}}))
     done = CliRunner().invoke(
         app,
-        ["export", str(tmp_path / "job.yaml"), "--to", "matrices", "-o", str(tmp_path / "out"), "--no-cache"],
+        ["export", str(tmp_path / "job.yaml"), "--to", "matrices", "-o", str(tmp_path / "out")],
     )
     assert done.exit_code == 0, done.output
     names = {path.name for path in (tmp_path / "out").iterdir()}

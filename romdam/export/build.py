@@ -1,0 +1,187 @@
+"""Scene -> Deck.
+
+Nodes that ties make one are one point. Slave nodes of mortar ties follow others, and where a gap sees a mean
+of several nodes it has a point of its own that follows these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import block_diag, csr_matrix, diags_array, eye_array, kron, vstack
+
+from romdam.config.sections.job import DampingConfig
+from romdam.contact.laws.catalogue import further_keys
+from romdam.core.arrays import Floats, Ints
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Scene
+from romdam.core.system import GapLaw
+from romdam.export.deck import Deck, Gaps, Motion, Solid
+from romdam.fem.damping import rayleigh_coefficients
+from romdam.fem.gaps import gap_law, gap_operators, water_force
+from romdam.fem.loads import static_force
+from romdam.fem.water.added_mass import added_mass
+from romdam.scene.meshes.quality import sound_volume
+from romdam.scene.ties import scene_parts
+
+_GIVE = 0.01  # [m] of its blocks' material whose stiffness E / length a rigid gap has, where nothing is rigid
+_ROUNDING = 1e-12  # of a gap's weights, whose sum is 1
+
+
+def build_deck(
+    scene: Scene,
+    damping: DampingConfig,
+    motion: Motion,
+    *,
+    title: str,
+    static: bool,
+    gap: Floats | None = None,
+) -> Deck:
+    """Describe a scene and a record.
+
+    Parameters
+    ----------
+    static : whether equilibrium under the static loads comes first
+    gap : (ng,) initial gaps after the joints' grouting [m]; those of the scene if not given
+
+    Raises
+    ------
+    ConfigError
+        for modal damping, and for what no nodal mass, force or linear constraint stands for.
+    """
+    _refuse(scene, damping)
+    number, follows = _numbered(scene)
+    gaps, position, means = _gaps(scene, number, follows, gap)
+    count = follows.shape[0] // 3
+    shape = (count + len(position), 3)
+    points, fixed = np.zeros(shape), np.zeros(shape, dtype=bool)
+    force, mass = np.zeros(shape), np.zeros((*shape, 3))
+    points[count:] = position
+    water, press, wet = added_mass(scene), gap_operators(scene, 1), water_force(scene)
+    for name, block in scene.blocks.items():
+        at = number[name]
+        points[at] = block.points
+        np.logical_or.at(fixed, at, scene.fixed[name])
+        np.add.at(force, at, static_force(scene, name) + (press[name].T @ wet).reshape(-1, 3))
+        if water is not None and name in water.coupling:
+            np.add.at(mass, at, (water.coupling[name].T @ water.ground).reshape(-1, 3, 3))
+    alpha, beta = rayleigh_coefficients(damping.rayleigh)
+    return Deck(
+        title=title,
+        points=points,
+        solids=tuple(Solid(n, b.element, number[n][b.cells], b.material) for n, b in scene.blocks.items()),
+        fixed=fixed,
+        follows=_square(vstack([follows, means])),
+        mass=sum(b.material.rho * sound_volume(b, title) for b in scene.blocks.values()),
+        added_mass=mass,
+        force=force,
+        gaps=gaps,
+        alpha=alpha,
+        beta=beta,
+        static=static,
+        motion=motion,
+        probes={probe.name: int(number[probe.block][probe.node]) for probe in scene.probes},
+        stated=tuple(_stated(scene)),
+    )
+
+
+def _refuse(scene: Scene, damping: DampingConfig) -> None:
+    """Refuse what other codes have no plain words for."""
+    water = scene.reservoir
+    beyond = {
+        "blocks.<name>.matrices": (
+            any(block.matrices is not None for block in scene.blocks.values()),
+            "mesh the block, or write the job with --to matrices",
+        ),
+        "damping.modal": (damping.modal is not None, "give damping.rayleigh"),
+        "ground.viscous or a viscous rock boundary": (
+            any(block.absorbing for block in scene.blocks.values()),
+            "let the rock be massless (mass: false) and hold its outer faces",
+        ),
+        "ground.input: free_field": (scene.free_field is not None, "leave it out"),
+        "supports[].motion": (scene.moving is not None, "let all supports move as the base does"),
+        "water.model: compressible or incompressible": (
+            water is not None and (water.solved or water.sound is not None),
+            "set water.model: westergaard, whose mass stands at single nodes",
+        ),
+    }
+    for key, (there, remedy) in beyond.items():
+        if there:
+            raise ConfigError(f"{key} is not written for other codes; {remedy}")
+
+
+def _numbered(scene: Scene) -> tuple[dict[str, Ints], csr_matrix]:
+    """Numbers of every block's nodes, and what slave nodes follow, (3 n, 3 n)."""
+    number, follows, first = dict[str, Ints](), [], 0
+    for part in scene_parts(scene).values():
+        number |= {name: first + own for name, own in part.number.items()}
+        first += part.every_node
+        rows = csr_matrix((3 * part.nodes, 3 * part.nodes))
+        follows.append(_square(rows if part.slaves is None else vstack([rows, part.slaves])))
+    return number, csr_matrix(block_diag(follows))
+
+
+def _square(rows: csr_matrix) -> csr_matrix:
+    """The same rows with as many columns, those behind the others empty."""
+    matrix = csr_matrix(rows)
+    matrix.resize(matrix.shape[0], matrix.shape[0])
+    return matrix
+
+
+def _gaps(
+    scene: Scene, number: dict[str, Ints], follows: csr_matrix, gap: Floats | None
+) -> tuple[Gaps, Floats, csr_matrix]:
+    """The gaps, the positions of points of their own (m, 3), and what these follow (3 m, 3 n)."""
+    size = follows.shape[0]
+    leads = csr_matrix(follows + diags_array((np.diff(follows.indptr) == 0).astype(float)))
+    points, position, means = [np.zeros((0, 2), dtype=np.int64)], [np.zeros((0, 3))], [csr_matrix((0, size))]
+    count = size // 3
+    for joint in scene.joints.values():
+        both = np.zeros((len(joint.gap), 2), dtype=np.int64)
+        for side, block in enumerate(joint.blocks):
+            nodes, weights = number[block][joint.nodes[side]], csr_matrix(joint.weights[side], copy=True)
+            weights.data[abs(weights.data) < _ROUNDING] = 0.0
+            weights.eliminate_zeros()
+            several = np.flatnonzero(np.diff(weights.indptr) > 1)
+            both[:, side] = nodes[weights.indices[weights.indptr[:-1]]]
+            both[several, side] = count + np.arange(len(several))
+            seen = (3 * nodes[:, None] + np.arange(3)).ravel()
+            means.append(csr_matrix(kron(weights[several], eye_array(3)) @ leads[seen]))
+            position.append(joint.position[several])
+            count += len(several)
+        points.append(both)
+    names = tuple(name for name, joint in scene.joints.items() for _ in joint.gap)
+    axes = np.concatenate([np.zeros((0, 3, 3)), *(joint.axes for joint in scene.joints.values())])
+    made = Gaps(names, np.concatenate(points), axes, _law(scene, gap))
+    return made, np.concatenate(position), csr_matrix(vstack(means))
+
+
+def _law(scene: Scene, gap: Floats | None) -> GapLaw:
+    """Parameters of all gaps, rigid ones with the stiffness of a layer of their block."""
+    law = gap_law(scene)
+    layer = [scene.blocks[j.blocks[0]].material.E * j.area / _GIVE for j in scene.joints.values()]
+    stiff = np.concatenate([np.zeros(0), *layer])
+    K_n = np.where(np.isinf(law.K_n), stiff, law.K_n)
+    return replace(law, K_n=K_n, gap=law.gap if gap is None else gap)
+
+
+def _stated(scene: Scene) -> Iterator[str]:
+    """What no code has as romdam has it."""
+    law = gap_law(scene)
+    rigid = int(np.isinf(law.K_n).sum())
+    if rigid:
+        yield (
+            f"{rigid} rigid gaps have the normal stiffness of {1e3 * _GIVE:g} mm of their block's material, "
+            "E / length."
+        )
+    keys = further_keys(law)
+    if keys:
+        yield f"Left out of the joints: {', '.join(keys)}."
+    if scene.staged_weight or scene.excluded_from_gravity:
+        yield "Weight that has acted before the joints were closed is no load here, as in romdam."
+    if any(joint.at_point is not None for joint in scene.joints.values()):
+        yield "Openings are means around the gaps, conjugate to forces; romdam writes them at points."
+    if scene.reservoir is not None:
+        yield "The water's added mass is lumped at the wet nodes; romdam's is consistent."

@@ -1,0 +1,259 @@
+"""A deck as an OpenSees script in Python, `python deck.py`, with its model in tables beside it.
+
+Tried with openseespy 3.7.1.2. Frictionless gaps are zeroLength elements of an elastic multilinear material,
+those with friction zeroLengthContactASDimplex elements (implicit; zeroLengthContact3D knows normals along
+global axes only, flatSliderBearing nodes of six degrees of freedom). Rayleigh damping is set, and frequencies
+are solved for, before there are gaps, which have no damping, as in romdam. HHT with 0.9 damps what closing
+contacts send out, which Newmark's average acceleration keeps. TenNodeTetrahedron of this version integrates a
+sixth of its volume and prints its shape functions at every call, so it is not among the elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError
+from romdam.export.deck import Deck
+from romdam.export.tables import assignments, comments, table
+
+_ELEMENTS = {"hex8": "stdBrick", "hex20": "20NodeBrick", "tet4": "FourNodeTetrahedron"}
+
+
+def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Files by name, and what differs from romdam's model.
+
+    Raises
+    ------
+    ConfigError
+        for elements that OpenSees has not got, and for points that follow several others.
+    """
+    names = deck.elements(_ELEMENTS, "OpenSees")
+    if deck.follows.nnz:
+        rows = deck.follows.getnnz(axis=1).astype(bool).sum() // 3
+        raise ConfigError(
+            f"joints, ties: {rows} points follow several nodes (mortar, gaps on quadratic faces), limit 0: "
+            "openseespy has no linear constraints of several nodes; give faces the same nodes and "
+            "discretization: node_to_node, or export to calculix or abaqus"
+        )
+    deck = deck.stating(*_stated(deck))
+    head = comments("#", deck.title, deck.stated)
+    settings = {
+        "DT": deck.motion.dt,
+        "STEPS": deck.motion.steps,
+        "STRIDE": deck.motion.stride,
+        "STATIC": deck.static,
+        "ALPHA": deck.alpha,
+        "BETA": deck.beta,
+        "MODES": 10,
+        "PROBES": {name: node + 1 for name, node in deck.probes.items()},
+        "BLOCKS": {
+            k: (solid.name, name, solid.material.E, solid.material.nu, solid.material.rho)
+            for k, (solid, name) in enumerate(zip(deck.solids, names, strict=True), 1)
+        },
+    }
+    return {
+        "deck.py": f"{head}\n{_IMPORTS}\n{assignments(settings)}\n{_SCRIPT}",
+        "nodes.csv": _nodes(deck),
+        "elements.csv": table(["block", "nodes"], _cells(deck)),
+        "gaps.csv": _gaps(deck),
+        "record.csv": table(["x", "y", "z"], deck.motion.acc.T.tolist()),
+    }, deck.stated
+
+
+def _stated(deck: Deck) -> Iterator[str]:
+    if "tet4" in {solid.element for solid in deck.solids}:
+        yield "FourNodeTetrahedron integrates its mass with one point, romdam exactly: frequencies differ."
+    law, friction = deck.gaps.law, deck.gaps.friction
+    if (law.mu.max(axis=1, initial=0.0) > friction).any():
+        yield "Friction is the smaller of that along j and k."
+    if ((law.K_s > 0.0) & (friction == 0.0)).any():
+        yield "Frictionless gaps carry no shear, as in romdam."
+    coupled = _coupled(deck.added_mass)
+    if coupled > 0.0:
+        yield (
+            "Added mass has no coupling of directions, which on inclined faces is up to "
+            f"{100 * coupled:.0f} % of its largest component: nodes have three masses."
+        )
+
+
+def _coupled(mass: Floats) -> float:
+    """Largest coupling of directions over the largest mass of a point."""
+    diagonal = np.einsum("nii->ni", mass).max(axis=1, initial=0.0)
+    off = np.abs(mass * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
+    return float((off[diagonal > 0.0] / diagonal[diagonal > 0.0]).max(initial=0.0))
+
+
+def _nodes(deck: Deck) -> str:
+    head = [f"{what}{axis}" for what in ("", "fix_", "mass_", "force_") for axis in "xyz"]
+    mass = np.einsum("nii->ni", deck.added_mass)
+    columns = zip(
+        deck.points.tolist(), deck.fixed.astype(int).tolist(), mass.tolist(), deck.force.tolist(), strict=True
+    )
+    return table(["node", *head], ([k, *p, *f, *m, *q] for k, (p, f, m, q) in enumerate(columns, 1)))
+
+
+def _cells(deck: Deck) -> Iterator[list[object]]:
+    for k, solid in enumerate(deck.solids, 1):
+        yield from ([k, " ".join(map(str, cell))] for cell in (solid.cells + 1).tolist())
+
+
+def _gaps(deck: Deck) -> str:
+    gaps, law = deck.gaps, deck.gaps.law
+    head = ["joint", "I", "J", "nx", "ny", "nz", "jx", "jy", "jz", "K_n", "K_nz", "K_s", "friction", "gap"]
+    numbers = np.column_stack([law.K_n, law.K_nz, law.K_s, gaps.friction, law.gap])
+    rows = zip(
+        gaps.joint,
+        (gaps.points + 1).tolist(),
+        gaps.axes[:, :2].reshape(-1, 6).tolist(),
+        numbers.tolist(),
+        strict=True,
+    )
+    return table(head, ([name, *points, *axes, *own] for name, points, axes, own in rows))
+
+
+_IMPORTS = """
+import csv
+import math
+import pathlib
+import sys
+
+import openseespy.opensees as ops
+
+HERE = pathlib.Path(__file__).parent
+"""
+
+_SCRIPT = '''
+
+def rows(name):
+    with open(HERE / name, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def xyz(row, what):
+    return [float(row[what + axis]) for axis in "xyz"]
+
+
+def build():
+    """Nodes, solids, Rayleigh damping on them, frequencies with open joints, then the gaps."""
+    ops.wipe()
+    ops.model("basic", "-ndm", 3, "-ndf", 3)
+    nodes = rows("nodes.csv")
+    for row in nodes:
+        tag = int(row["node"])
+        ops.node(tag, *xyz(row, ""))
+        ops.fix(tag, *(int(row["fix_" + axis]) for axis in "xyz"))
+        if any(xyz(row, "mass_")):
+            ops.mass(tag, *xyz(row, "mass_"))
+    for tag, (_, _, E, nu, rho) in BLOCKS.items():
+        ops.nDMaterial("ElasticIsotropic", tag, E, nu, rho)
+    cells = rows("elements.csv")
+    for tag, row in enumerate(cells, 1):
+        block = int(row["block"])
+        ops.element(BLOCKS[block][1], tag, *map(int, row["nodes"].split()), block)
+    ops.rayleigh(ALPHA, 0.0, BETA, 0.0)  # of the initial stiffness, which bricks keep: half the time
+    with open(HERE / "frequencies.csv", "w") as file:
+        file.write("mode,frequency [Hz]\\n")
+        for mode, value in enumerate(ops.eigen(MODES), 1):
+            file.write(f"{mode},{math.sqrt(max(value, 0.0)) / (2.0 * math.pi)!r}\\n")
+    gaps = rows("gaps.csv")
+    for number, row in enumerate(gaps):
+        add_gap(row, len(nodes) + number + 1, len(cells) + 2 * number + 1, len(BLOCKS) + 2 * number + 1)
+    return nodes, gaps
+
+
+def add_gap(row, spare, element, material):
+    """One gap: compression K_n beyond the initial gap, K_nz in both signs; friction where it has some."""
+    I, J, normal, along = int(row["I"]), int(row["J"]), xyz(row, "n"), xyz(row, "j")
+    K_n, K_nz, K_s, friction, gap = (float(row[key]) for key in ("K_n", "K_nz", "K_s", "friction", "gap"))
+    if friction == 0.0:
+        strain, stress = [-gap - 1.0, -gap, 1.0 - gap], [-K_n, 0.0, K_nz]
+        ops.uniaxialMaterial("ElasticMultiLinear", material, "-strain", *strain, "-stress", *stress)
+        ops.element("zeroLength", element, I, J, "-mat", material, "-dir", 1, "-orient", *normal, *along)
+        return
+    if gap != 0.0:  # the contact element takes its initial gap from where its nodes stand
+        ops.node(spare, *(x + gap * n for x, n in zip(ops.nodeCoord(I), normal)))
+        ops.equalDOF(J, spare, 1, 2, 3)
+        J = spare
+    ends = (I, J, K_n - K_nz, K_s, friction)
+    ops.element("zeroLengthContactASDimplex", element, *ends, "-orient", *normal, "-intType", 0)
+    if K_nz:
+        ops.uniaxialMaterial("Elastic", material + 1, K_nz)
+        frame = ("-orient", *normal, *along)
+        ops.element("zeroLength", element + 1, I, J, "-mat", material + 1, "-dir", 1, *frame)
+
+
+def loads(nodes, series):
+    ops.timeSeries(series, 1)
+    ops.pattern("Plain", 1, 1)
+    for row in nodes:
+        if any(xyz(row, "force_")):
+            ops.load(int(row["node"]), *xyz(row, "force_"))
+
+
+def analysis(kind, *integrator):
+    ops.wipeAnalysis()
+    ops.constraints("Transformation")
+    ops.numberer("RCM")
+    ops.system("UmfPack")  # SparseSYM takes two thirds of its time, and crashes where blocks hang apart
+    ops.test("NormDispIncr", 1e-10, 30, 0)
+    ops.algorithm("Newton")
+    ops.integrator(*integrator)
+    ops.analysis(kind)
+
+
+def advance(dt, depth=0):
+    """One step; where Newton's method fails another one, then two steps of half the size."""
+    if ops.analyze(1, dt) == 0:
+        return
+    for method in (("NewtonLineSearch",), ("KrylovNewton",)):
+        ops.algorithm(*method)
+        done = ops.analyze(1, dt) == 0
+        ops.algorithm("Newton")
+        if done:
+            return
+    if depth == 6:
+        sys.exit(f"no convergence at {ops.getTime():.6f} s; what was computed stands in openings.csv")
+    advance(dt / 2.0, depth + 1)
+    advance(dt / 2.0, depth + 1)
+
+
+def opening(row):
+    I, J = (ops.nodeDisp(int(row[end])) for end in "IJ")
+    return float(row["gap"]) + sum(n * (q - p) for n, p, q in zip(xyz(row, "n"), I, J))
+
+
+def main():
+    nodes, gaps = build()
+    if STATIC:
+        loads(nodes, "Linear")
+        analysis("Static", "LoadControl", 0.1)
+        if ops.analyze(10) != 0:
+            sys.exit("no static equilibrium")
+        ops.loadConst("-time", 0.0)
+    else:
+        loads(nodes, "Constant")
+    record = rows("record.csv")
+    for direction, axis in enumerate("xyz", 1):
+        values = [float(row[axis]) for row in record]
+        if any(values):
+            ops.timeSeries("Path", 1 + direction, "-dt", DT, "-values", *values)
+            ops.pattern("UniformExcitation", 1 + direction, direction, "-accel", 1 + direction)
+    analysis("Transient", "HHT", 0.9)
+    with open(HERE / "openings.csv", "w", buffering=1) as file:
+        names = [f"displacement:{name}:{axis}" for name in PROBES for axis in "xyz"]
+        file.write(",".join(["time", *(f"opening:{number}" for number in range(len(gaps))), *names]) + "\\n")
+        for step in range(STEPS + 1):
+            if step:
+                advance(DT)
+            if step % STRIDE == 0:
+                moved = [value for node in PROBES.values() for value in ops.nodeDisp(node)]
+                numbers = [step * DT, *(opening(row) for row in gaps), *moved]
+                file.write(",".join(map(repr, numbers)) + "\\n")
+
+
+if __name__ == "__main__":
+    main()
+'''

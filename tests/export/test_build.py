@@ -1,0 +1,107 @@
+"""The neutral description against romdam's own operators, totals and closed forms."""
+
+import numpy as np
+import pytest
+from decks import boxes, built
+
+from romdam.core.errors import ConfigError
+from romdam.export.opensees import write_opensees
+from romdam.fem.gaps import gap_operators
+
+WATER = [{"block": "left", "face": "ymin"}]
+
+
+def test_totals_are_those_of_volume_weight_and_pressure():
+    loads = {"gravity": [0, 0, -9.81], "pressure": [{"block": "left", "face": "ymin", "value": "1 kPa"}]}
+    deck = built(boxes(loads=loads))[1]
+    mass = 2440.0 * (5 * 5 * 20 + 5 * 10 * 20)
+    assert deck.mass == pytest.approx(mass, rel=1e-12)
+    assert deck.force.sum(axis=0) == pytest.approx([0.0, 1e3 * 5 * 20, -9.81 * mass], rel=1e-12, abs=1e-6)
+    assert deck.fixed.sum() == 3 * (4 + 6)
+    assert deck.gaps.law.K_n.sum() == pytest.approx(16e9 * (5 * 20 - 5 * 2.5))  # without what the feet hold
+
+
+@pytest.mark.parametrize("element", ["hex8", "hex20"])
+@pytest.mark.parametrize("other", [5.0, 4.0])
+def test_jumps_are_those_of_the_gap_operators(element, other):
+    """Node to node, and by mortar with points of the gaps' own: any displacement gives the same jumps."""
+    joint = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}
+    joint["discretization"] = "node_to_node" if other == 5.0 else "mortar"
+    if element == "hex20" and other == 5.0:
+        joint["gaps"] = "corners"
+    scene, deck = built(boxes(element, other, joints={"gap": joint}))
+    moved = np.random.default_rng(1).normal(size=(len(deck.points), 3))
+    first = len(scene.blocks["left"].points)
+    own = {"left": moved[:first], "right": moved[first : first + len(scene.blocks["right"].points)]}
+    jumps = sum(operator @ own[name].ravel() for name, operator in gap_operators(scene, 3).items())
+    assert deck.jumps() @ moved.ravel() == pytest.approx(jumps, abs=1e-12)
+    assert (deck.follows.nnz > 0) == (other == 4.0 or element == "hex20")
+    assert deck.meshed.sum() == sum(len(block.points) for block in scene.blocks.values())
+
+
+def test_tied_blocks_share_points():
+    tied = built(boxes(joints={}, ties={"t": {"between": ["left", "right"]}}))[1]
+    apart = built(boxes())[1]
+    assert len(apart.points) - len(tied.points) == 10  # nodes of the common face
+    assert tied.mass == apart.mass
+
+
+def test_mortar_tie_carries_a_linear_field():
+    deck = built(boxes(other=4.0, joints={}, ties={"t": {"between": ["left", "right"]}}))[1]
+    follows = np.flatnonzero(np.diff(deck.follows.indptr))
+    field = np.outer(deck.points[:, 2], [1.0, 2.0, 0.5]).ravel()  # zero on the ground
+    assert len(follows) == 3 * 10  # of the finer face, above its foot
+    assert (deck.follows @ field)[follows] == pytest.approx(field[follows], abs=1e-9)
+
+
+def test_added_mass_is_westergaards():
+    """7/12 rho H^2 per width, normal to a vertical face, nothing across."""
+    deck = built(boxes(water={"level": "20 m", "faces": WATER, "model": "westergaard"}))[1]
+    total = deck.added_mass.sum(axis=0)
+    assert total[1, 1] == pytest.approx(7.0 / 12.0 * 1000.0 * 20.0**2 * 5.0, rel=0.02)
+    assert np.abs(total - np.diag([0.0, total[1, 1], 0.0])).max() < 1e-9
+    assert sum(mass for _, mass, _ in deck.wet()) == pytest.approx(total[1, 1])
+
+
+def test_joint_water_is_a_force_on_both_sides():
+    joint_water = [{"joints": ["gap"], "level": "20 m"}]
+    deck = built(boxes(loads={"joint_water": joint_water}))[1]
+    right = deck.points[deck.solids[1].cells].min(axis=(0, 1))
+    assert right[1] == 0.0
+    push = np.zeros(len(deck.points), dtype=bool)
+    push[deck.solids[1].cells] = True
+    gaps_hold = 9810.0 * 5.0 * (20.0**2 / 2.0 - 20.0 * 2.5 + 2.5**2 / 2.0)  # above half a foot's element
+    assert deck.force.sum(axis=0) == pytest.approx(0.0, abs=1e-6)
+    assert deck.force[push, 1].sum() == pytest.approx(gaps_hold, rel=0.02)
+
+
+def test_rigid_gaps_and_laws_are_stated():
+    joint = {"between": ["left", "right"], "normal_stiffness": "rigid"}
+    deck = built(boxes(joints={"gap": joint}))[1]
+    assert np.isfinite(deck.gaps.law.K_n).all() and "8 rigid gaps" in deck.stated[0]
+    bonded = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "tensile_strength": "1 MPa"}
+    bonded |= {"cohesion": "1 MPa", "shear_stiffness": "8 GPa/m"}
+    assert "cohesion, tensile_strength" in built(boxes(joints={"gap": bonded}))[1].stated[0]
+
+
+@pytest.mark.parametrize(
+    ("sections", "message"),
+    [
+        ({"damping": {"modal": "5 %"}}, "damping.modal"),
+        (
+            {"water": {"level": "20 m", "faces": WATER, "model": "incompressible", "length": "40 m"}},
+            "westergaard",
+        ),
+    ],
+)
+def test_what_no_mass_or_force_stands_for_is_refused(sections, message):
+    with pytest.raises(ConfigError, match=message):
+        built(boxes(**sections))
+
+
+def test_opensees_refuses_points_that_follow_several():
+    mortar = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "discretization": "mortar"}
+    with pytest.raises(ConfigError, match=r"several nodes.*calculix"):
+        write_opensees(built(boxes(other=4.0, joints={"gap": mortar}))[1])
+    with pytest.raises(ConfigError, match=r"blocks\.left: element hex27"):
+        write_opensees(built(boxes("hex27"))[1])
