@@ -21,7 +21,6 @@ from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.files import replacing
-from romdam.core.files import replacing
 from romdam.core.scene import Block, Scene
 from romdam.core.sealed import creating
 from romdam.core.system import System
