@@ -175,7 +175,7 @@ def test_what_is_written_rebuilds_the_reduced_model(friction, tmp_path):
 
 
 def test_matrices_whose_supports_were_applied_before(tmp_path, caplog):
-    """Without the rows that supports hold: exact with M r of the whole, and what hangs on supports is said."""
+    """Without the rows that supports hold: exact with M r of the whole; what hangs on supports is said."""
     scene = built(raw(0.7))
     block, free = scene.blocks["right"], ~scene.fixed["right"].ravel()
     K, M = assemble(block)
