@@ -52,11 +52,10 @@ def boundary_dashpots(block: Block) -> csr_matrix:
 
 def _face_matrix(block: Block, face: Absorbing, along: float, across: float) -> csr_matrix:
     """int N_a N_b (along n n^T + across (I - n n^T)) dA over a face."""
-    size = 3 * len(block.points)
-    total = csr_matrix((size, size))
-    for _, facets, _ in facets_by_kind(face.facets):
-        total = total + _facet_matrices(block, facets, along, across)
-    return csr_matrix(total)
+    first, *others = (
+        _facet_matrices(block, facets, along, across) for _, facets, _ in facets_by_kind(face.facets)
+    )
+    return csr_matrix(sum(others, first))
 
 
 def _facet_matrices(block: Block, facets: Ints, along: float, across: float) -> csr_matrix:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], None]
 
+_CORNERS_ONLY = {"wedge15", "pyramid13"}  # which meshio 5.3 cannot write: their cells have straight edges
+
 
 def write_series(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
     """Write `folder`/`stem`-0000.vtu and so on, and at last `stem`.pvd, which ParaView opens.
@@ -46,9 +48,6 @@ def write_series(result: Result, folder: Path, stem: str, frames: Frames, progre
     with replacing(path) as part:
         part.write_text(_collection(names, times), encoding="utf-8")
     return path
-
-
-_CORNERS_ONLY = {"wedge15", "pyramid13"}  # which meshio 5.3 cannot write: their cells have straight edges
 
 
 def _collection(names: list[str], times: Floats) -> str:

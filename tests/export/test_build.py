@@ -1,10 +1,14 @@
 """The neutral description against romdam's own operators, totals and closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from decks import boxes, built
 
+from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
+from romdam.export.build import build_deck
 from romdam.export.opensees import write_opensees
 from romdam.fem.gaps import gap_operators
 
@@ -97,6 +101,13 @@ def test_rigid_gaps_and_laws_are_stated():
 def test_what_no_mass_or_force_stands_for_is_refused(sections, message):
     with pytest.raises(ConfigError, match=message):
         built(boxes(**sections))
+
+
+def test_a_block_of_matrices_is_refused():
+    scene, deck = built(boxes())[:2]
+    blocks = {name: replace(block, matrices=object()) for name, block in scene.blocks.items()}
+    with pytest.raises(ConfigError, match="matrices is not written for other codes; mesh the block"):
+        build_deck(replace(scene, blocks=blocks), DampingConfig(), deck.motion, title="", static=False)
 
 
 def test_opensees_refuses_points_that_follow_several():

@@ -1,13 +1,11 @@
 """MED, the mesh files of SALOME and code_aster, versions 3 and 4.
 
 Read here and not by meshlane 5.5, which opens any HDF5 file in its caller's process, where damaged bytes may
-kill it, takes several meshes for one, and passes over what it does not know.
+kill it.
 
-References
-----------
-MED 4.1 reference manual, chapter on numbering: solids are numbered the other way round from VTK's
-(`Cell.orders` has what Gmsh 4.15 writes). Files in VTK's order are in use, so elements that are inside out
-are turned.
+Solids are numbered the other way round from VTK's: `Cell.orders` has what Gmsh 4.15 writes, which is what
+meshlane has from MEDCoupling's faces. Files in VTK's order are in use, so elements that are inside out are
+turned.
 """
 
 from __future__ import annotations
