@@ -53,7 +53,7 @@ def write_abaqus(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
 
 def _stated(deck: Deck) -> Iterator[str]:
     kinds = {solid.element for solid in deck.solids}
-    yield "This deck was not run in Abaqus, but in CalculiX, which reads the same keywords."
+    yield "Such decks were never run in Abaqus; CalculiX solves models of the same keywords."
     if "hex8" in kinds:
         yield "C3D8 of Abaqus has one volumetric strain at all points, romdam integrates fully: it is softer."
     if deck.added_mass.any():

@@ -179,8 +179,8 @@ def _stated(scene: Scene) -> Iterator[str]:
     keys = further_keys(law)
     if keys:
         yield f"Left out of the joints: {', '.join(keys)}."
-    if scene.staged_weight or scene.excluded_from_gravity:
-        yield "Weight that has acted before the joints were closed is no load here, as in romdam."
+    if (law.mu[:, 0] != law.mu[:, 1]).any():
+        yield "Friction is the smaller of that along j and k."
     if any(joint.at_point is not None for joint in scene.joints.values()):
         yield "Openings are means around the gaps, conjugate to forces; romdam writes them at points."
     if scene.reservoir is not None:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from romdam.core.errors import ConfigError
 from romdam.export.deck import Deck
 from romdam.export.keywords import (
     MODEL,
@@ -33,8 +34,14 @@ def write_calculix(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     Raises
     ------
     ConfigError
-        for elements that CalculiX has not got.
+        for elements that CalculiX has not got, and for equilibrium of gaps under static loads.
     """
+    if deck.static and len(deck.gaps) and deck.force.any():
+        raise ConfigError(
+            "loads.initial_state: static has gaps under static loads, where the static step of CalculiX "
+            "takes their springs as linear, and does not converge otherwise; set undeformed, or export to "
+            "opensees"
+        )
     names = deck.elements(_ELEMENTS, "CalculiX")
     deck = deck.stating(*shared_statements(deck), *_stated(deck))
     head = comments("**", deck.title, deck.stated) + "\n"

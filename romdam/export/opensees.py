@@ -66,11 +66,6 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
 def _stated(deck: Deck) -> Iterator[str]:
     if "tet4" in {solid.element for solid in deck.solids}:
         yield "FourNodeTetrahedron integrates its mass with one point, romdam exactly: frequencies differ."
-    law, friction = deck.gaps.law, deck.gaps.friction
-    if (law.mu.max(axis=1, initial=0.0) > friction).any():
-        yield "Friction is the smaller of that along j and k."
-    if ((law.K_s > 0.0) & (friction == 0.0)).any():
-        yield "Frictionless gaps carry no shear, as in romdam."
     coupled = _coupled(deck.added_mass)
     if coupled > 0.0:
         yield (

@@ -10,6 +10,7 @@ import numpy as np
 
 from romdam.config.load import parse_config
 from romdam.core.scene import Scene
+from romdam.core.system import System
 from romdam.export.build import build_deck
 from romdam.export.deck import Deck, Motion
 from romdam.fem.unreduced import assemble_full
@@ -66,7 +67,7 @@ def built(raw: dict[str, object], dt: float = DT, static: bool = False) -> tuple
     return scene, build_deck(scene, config.damping, motion, title="a job", static=static)
 
 
-def full_order(raw: dict[str, object]):
+def full_order(raw: dict[str, object]) -> System:
     config = parse_config(raw, "job.yaml")
     return assemble_full(build_scene(config, ROOT, "job.yaml"), config.damping)
 

@@ -85,6 +85,8 @@ def test_rigid_gaps_and_laws_are_stated():
     assert np.isfinite(deck.gaps.law.K_n).all() and "8 rigid gaps" in deck.stated[0]
     bonded = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "tensile_strength": "1 MPa"}
     bonded |= {"cohesion": "1 MPa", "shear_stiffness": "8 GPa/m"}
+    one_way = bonded | {"tensile_strength": "0 MPa", "cohesion": "0 MPa", "friction": [0.5, 0.2]}
+    assert "smaller" in built(boxes(joints={"gap": one_way}))[1].stated[0]
     assert "cohesion, tensile_strength" in built(boxes(joints={"gap": bonded}))[1].stated[0]
 
 

@@ -10,6 +10,7 @@ from scipy.sparse import block_diag
 
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.job import DampingConfig
+from romdam.core.errors import ConfigError
 from romdam.core.scene import Material
 from romdam.error.metrics import opening_error
 from romdam.export.abaqus import write_abaqus
@@ -83,6 +84,13 @@ def test_calculix_has_the_frequencies_to_six_digits(write, element, tmp_path):
     scene, deck = built(boxes(element, joints={}))
     ran([CCX, "frequencies"], written(write(deck)[0], tmp_path))
     assert frequencies(tmp_path) == pytest.approx(natural_modes(scene, DampingConfig(), 10).freq, rel=1e-6)
+
+
+def test_calculix_refuses_equilibrium_of_gaps():
+    raw = boxes(loads={"gravity": [0, 0, -9.81]})
+    with pytest.raises(ConfigError, match="initial_state: static"):
+        write_calculix(built(raw, static=True)[1])
+    assert "*STATIC" in write_abaqus(built(raw, static=True)[1])[0]["deck.inp"]
 
 
 @ccx
