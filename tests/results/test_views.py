@@ -30,13 +30,16 @@ from .conftest import make_basis, make_case
 pytest.importorskip("pyvista")
 
 
+VOLUMES = {"hex8": 8.0, "tet4": 1 / 6, "wedge6": 1 / 2, "pyramid5": 4 / 3}
+
+
 @pytest.mark.parametrize("element", SOLIDS.values(), ids=lambda element: element.name)
 def test_every_element_is_a_cell_of_vtk(element):
     cells = np.arange(len(element.nodes))[None]
     for straight, own in ((False, element), (True, SOLIDS[element.linear])):
         grid = rendering.grid(element.name, element.nodes, cells, straight)
         assert grid.celltypes.tolist() == [own.cell.vtk] and grid.cells[0] == len(own.nodes)
-        assert grid.compute_cell_sizes()["Volume"][0] == pytest.approx(8.0 if element.box else 1 / 6)
+        assert grid.compute_cell_sizes()["Volume"][0] == pytest.approx(VOLUMES[element.linear])
 
 
 @pytest.fixture(scope="module")

@@ -1,16 +1,17 @@
 """The parametric arch dam: a conforming mesh of the shape asked for, and refusals with numbers."""
 
 from itertools import permutations
+from typing import get_args
 
 import numpy as np
 import pytest
 from arch_dams import DIVISIONS, JOINTS, PERIMETER, ROCK, arch_dam
 
 from romdam.config import parse_config
+from romdam.config.sections.places import GridElement
 from romdam.core.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import weight_force
-from romdam.scene.elements import SOLIDS
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas
 from romdam.scene.ties import scene_parts
 
@@ -27,7 +28,7 @@ def volume(points, facets):
     return np.einsum("fjk,fjk->", points[facets], area_vectors(points, facets)) / 3.0
 
 
-@pytest.mark.parametrize("element", SOLIDS)
+@pytest.mark.parametrize("element", get_args(GridElement))
 def test_blocks_conform_wherever_they_meet(make, element):
     scene = make(arch_dam(element=element))
     part, points, facets = merged(scene)
@@ -45,7 +46,7 @@ def test_blocks_conform_wherever_they_meet(make, element):
     assert {tuple(f) for f in np.sort(facets, axis=1)} == seen
 
 
-@pytest.mark.parametrize("element", SOLIDS)
+@pytest.mark.parametrize("element", get_args(GridElement))
 def test_mass_and_weight_are_those_of_the_volume(make, element):
     scene = make(arch_dam(element=element) | {"loads": {"gravity": [0, 0, -9.81]}})
     for name, block in scene.blocks.items():

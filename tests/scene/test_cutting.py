@@ -1,6 +1,7 @@
 """One mesh cut into blocks: volumes, areas, nodes, faces, against closed forms and meshes made in parts."""
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,11 +10,12 @@ from scene_builders import box
 
 from romdam.config.sections.geometry.cut import CutConfig
 from romdam.config.sections.job import BoxConfig
+from romdam.config.sections.places import GridElement
 from romdam.core.scene import Material
 from romdam.scene.boxes import box_block
 from romdam.scene.cutting.pieces import cut_block
 from romdam.scene.cutting.shapes import SLIVER, quality
-from romdam.scene.elements import ELEMENTS, SOLIDS, jacobians
+from romdam.scene.elements import ELEMENTS, jacobians
 from romdam.scene.facets import boundary_facets, facet_areas
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.ties import scene_parts
@@ -61,7 +63,7 @@ def off(block, facets, height):
     return float(np.abs(height(at.reshape(-1, 3))).max())
 
 
-@pytest.mark.parametrize("element", SOLIDS)
+@pytest.mark.parametrize("element", get_args(GridElement))
 def test_along_faces_the_pieces_are_the_boxes_meshed_apart(element):
     pieces = cut(a_box(element), plane((0, 2, 0), (0, 3, 0)))
     for name, (origin, size) in {"A": ((0, 0, 0), (4, 2, 4)), "B": ((0, 2, 0), (4, 4, 4))}.items():
@@ -214,7 +216,7 @@ def test_mass_weight_and_material_are_those_of_the_block(make):
     assert {b.material.rho for b in scene.blocks.values()} == {0.0}
 
 
-@pytest.mark.parametrize("element", SOLIDS)
+@pytest.mark.parametrize("element", get_args(GridElement))
 def test_groups_that_share_nodes_are_what_a_cut_makes(element, make):
     """Two volume groups of a conforming file, no node twice, against the whole file cut along their plane."""
     file = {"file": f"{element}.msh"}
