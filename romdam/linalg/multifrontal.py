@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +25,10 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ReductionError
+from romdam.core.threads import side_by_side
 from romdam.linalg.dissection import dissected
+
+_TOGETHER = 64  # columns of a product
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,14 @@ class Triangles:
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides; fronts without load cost half."""
-        x = np.asarray(right, dtype=float).reshape(self.size, -1)[self.order]
+        columns = np.asarray(right, dtype=float).reshape(self.size, -1)
+        pieces = [columns[:, k : k + _TOGETHER] for k in range(0, columns.shape[1], _TOGETHER)]
+        if len(pieces) < 2:
+            return self._solved(columns).reshape(np.shape(right))
+        return np.hstack(list(side_by_side(partial(self._solved, piece) for piece in pieces)))
+
+    def _solved(self, right: Floats) -> Floats:
+        x = right[self.order]
         for front in self.fronts:
             if x[front.rows].any():
                 x[front.rows] = dtrsm(1.0, front.own, x[front.rows].T, side=1, lower=1, trans_a=1).T
@@ -78,7 +89,7 @@ class Triangles:
             x[front.rows] = dtrsm(1.0, front.own, left.T, side=1, lower=1).T
         found = np.empty_like(x)
         found[self.order] = x
-        return found.reshape(np.shape(right))
+        return found
 
     def last(self, count: int) -> Triangles:
         """Those of the matrix that is left on the last rows once all before them are eliminated."""
@@ -108,7 +119,7 @@ class Multifrontal:
         where the matrix is not positive definite.
     """
 
-    width = 64  # columns that it is best asked for at a time
+    width = 2 * _TOGETHER  # columns that it is best asked for at a time
 
     def __init__(self, matrix: csr_matrix, node: Ints, inner: Bools | None = None) -> None:
         self.size = matrix.shape[0]

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -241,16 +242,13 @@ def _reduced(
         static = whole.shape[1] - counts[-1]
         some = [whole.narrowed(static + count) for count in counts[: len(keys)]]
         pencil = Pencil(merged.K, merged.M, merged.shift, merged.first)
-        levels = [
-            _Level(T, count, *diagonalised(T, count, pencil, _work(merged, T), count - counts[0]))
-            for T, count in zip(some, counts, strict=False)
-        ]
+
+        numbered = zip(some, counts, strict=False)
+        levels = whole.each(partial(_level, merged, pencil, *one, counts[0]) for one in numbered)
     residual = _residual(merged, levels[0])  # the finer basis has the same modes
     reports = [_report(merged, level, residual) | choice.report() for level in levels]
-    kept = [
-        _stored(merged, scene, level, (store, own, report))
-        for level, own, report in zip(levels, keys, reports, strict=True)
-    ]
+    to = [(store, own, report) for own, report in zip(keys, reports, strict=True)]
+    kept = whole.each(partial(_stored, merged, scene, *one) for one in zip(levels, to, strict=True))
     whole.remove()
     return kept
 
@@ -262,6 +260,11 @@ class _Level(NamedTuple):
     modes: int
     omega2: Floats
     V: Floats
+
+
+def _level(merged: _MergedPart, pencil: Pencil, T: OutOfCoreMatrix, modes: int, low: int) -> _Level:
+    """The basis of Ritz vectors of which the last `modes` span modes, the first `low` of these themselves."""
+    return _Level(T, modes, *diagonalised(T, modes, pencil, _work(merged, T), modes - low))
 
 
 def _stored(
