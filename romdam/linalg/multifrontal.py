@@ -16,7 +16,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
+from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
@@ -29,6 +31,7 @@ from romdam.core.threads import side_by_side
 from romdam.linalg.dissection import dissected
 
 _TOGETHER = 64  # columns of a product
+_SHARES = 8  # of the work, one of which at most is eliminated beside others in one piece
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,14 @@ class _Front:
     def rows(self) -> slice:
         """The eliminated rows."""
         return slice(self.first, self.first + len(self.own))
+
+
+class _Rest(NamedTuple):
+    """What the elimination of a group leaves on its border: its rows, and the lower triangle of values."""
+
+    group: int
+    rows: Ints
+    values: Floats
 
 
 @dataclass(frozen=True)
@@ -171,22 +182,59 @@ def _factorised(matrix: csr_matrix, number: Ints, groups: list[Ints], borders: l
     starts = np.concatenate([[0], np.cumsum([len(rows_of[node]) for node in nodes])])
     ends = starts[np.cumsum([len(group) for group in groups])]
     lower = csc_matrix(matrix[order][:, order])
-    place = np.empty(len(order), dtype=np.int64)  # of the rows of a front within it
-    left: list[list[tuple[Ints, Floats]]] = [[] for _ in groups]
-    fronts, first = list[_Front](), 0
-    for border, end, others in zip(borders, ends, left, strict=True):
-        rows = np.concatenate([np.arange(first, end), *(np.arange(starts[k], starts[k + 1]) for k in border)])
-        place[rows] = np.arange(len(rows))
-        F = _assembled(lower, first, end, place, len(rows))
-        while others:
-            at, rest = others.pop()
-            _add(F, place[at], rest)
-        front, rest = _eliminated(F, first, rows[end - first :], end - first)
-        if len(border):
-            left[np.searchsorted(ends, front.border[0], side="right")].append((front.border, rest))
-        fronts.append(front)
-        first = end
-    return Triangles(order, fronts)
+    after = [
+        int(np.searchsorted(ends, starts[border[0]], side="right")) if len(border) else len(groups)
+        for border in borders
+    ]
+    left: list[list[_Rest]] = [[] for _ in range(len(groups) + 1)]
+
+    def eliminated(own: list[int]) -> list[_Front]:
+        """Fronts of some groups in their order; what they leave goes to the groups after them."""
+        place, fronts = np.empty(len(order), dtype=np.int64), list[_Front]()
+        for k in own:
+            first, end = ends[k - 1] if k else 0, ends[k]
+            later = (np.arange(starts[node], starts[node + 1]) for node in borders[k])
+            rows = np.concatenate([np.arange(first, end), *later])
+            place[rows] = np.arange(len(rows))
+            F = _assembled(lower, first, end, place, len(rows))
+            left[k].sort(key=attrgetter("group"))  # whoever has come first
+            while left[k]:
+                rest = left[k].pop()
+                _add(F, place[rest.rows], rest.values)
+            front, values = _eliminated(F, first, rows[end - first :], end - first)
+            left[after[k]].append(_Rest(k, front.border, values))
+            fronts.append(front)
+        return fronts
+
+    size = np.array([end - first for first, end in pairwise([0, *ends])])
+    together = size + [sum(starts[node + 1] - starts[node] for node in border) for border in borders]
+    *apart, last = _independent(after, (together**3 - (together - size) ** 3).astype(float))
+    made = [*side_by_side(partial(eliminated, own) for own in apart), eliminated(last)]
+    return Triangles(order, sorted(chain.from_iterable(made), key=attrgetter("first")))
+
+
+def _independent(after: list[int], work: Floats) -> list[list[int]]:
+    """Groups that can be eliminated side by side, list by list; in the last list those that come after.
+
+    Parameters
+    ----------
+    after : the group that each one's border begins in, a later one; the number of groups for none
+    work : of each group
+    """
+    count, below = len(after), work.copy()
+    for k in range(count):
+        if after[k] < count:
+            below[after[k]] += below[k]
+    tops = [k for k in range(count) if after[k] == count]
+    while tops and below[tops].max() > work.sum() / _SHARES:
+        largest = tops[int(below[tops].argmax())]
+        tops.remove(largest)
+        tops += [k for k in range(count) if after[k] == largest]
+    tops = sorted((k for k in tops if below[k] > work.sum() / _SHARES**2), key=lambda k: -below[k])
+    of = np.full(count + 1, len(tops))
+    for k in reversed(range(count)):
+        of[k] = tops.index(k) if k in tops else of[after[k]]
+    return [np.flatnonzero(of[:-1] == number).tolist() for number in range(len(tops) + 1)]
 
 
 def _assembled(matrix: csc_matrix, first: int, end: int, place: Ints, size: int) -> Floats:
