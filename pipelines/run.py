@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import xarray as xr
@@ -17,10 +19,10 @@ from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.system import System
-from romdam.core.threads import one_thread
+from romdam.core.system import History, System
+from romdam.core.threads import beside, cpu_time, one_thread
 from romdam.error.estimate import FinerModel
-from romdam.error.statement import read_verification
+from romdam.error.statement import ErrorStatement, read_verification
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
@@ -47,6 +49,7 @@ log = logging.getLogger(__name__)
 
 Progress = Callable[[int, int], None]
 Stage = Callable[[str], AbstractContextManager[Progress]]
+_PLOTS = "romdam.visual.plots"
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,10 @@ class Model:
 
 @dataclass
 class Clock:
-    """Wall and CPU seconds of named stages; `show` tells a watcher which stage is on."""
+    """Wall and CPU seconds of named stages; `show` tells a watcher which stage is on.
+
+    CPU is that of a stage's thread and of those that work for it: some stages run beside others.
+    """
 
     show: Stage
     wall: dict[str, float] = field(default_factory=dict)
@@ -95,11 +101,11 @@ class Clock:
     @contextmanager
     def stage(self, name: str, text: str) -> Iterator[Progress]:
         """Time the body under `name`; it gets a callable for (steps done, steps in all)."""
-        wall, cpu = time.perf_counter(), time.process_time()
+        wall, cpu = time.perf_counter(), cpu_time()
         with self.show(text) as progress:
             yield progress
         self.wall[name] = time.perf_counter() - wall
-        self.cpu[name] = time.process_time() - cpu
+        self.cpu[name] = cpu_time() - cpu
         log.info("%s: %.2f s wall, %.2f s CPU", text, self.wall[name], self.cpu[name])
 
 
@@ -135,19 +141,31 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
-    with clock.stage("stress_fields", "stress of the modes"):
-        model = replace(model, stress=stress_fields(model.scene, model.reduced))
-    files = write_shared(folder, model)
     paths = []
-    for motion in motions:
-        try:
-            paths.append(run_motion(job, model, motion, (folder, files), clock))
-        except RomdamError as error:
-            if len(motions) + len(failures) == 1:
-                raise
-            failures[motion.name] = str(error)
+    with beside(partial(_shared, job, model, folder, clock)) as shared:
+        for motion in motions:
+            try:
+                paths.append(run_motion(job, model, motion, (folder, shared), clock))
+            except RomdamError as error:
+                shared()  # an error of its own is one of all records
+                if len(motions) + len(failures) == 1:
+                    raise
+                failures[motion.name] = str(error)
     others = tuple(path for path in sorted(folder.glob("*.nc")) if path not in paths)
     return Outcome(tuple(paths), failures, others)
+
+
+def _shared(job: Job, model: Model, folder: Path, clock: Clock) -> tuple[Model, dict[str, str]]:
+    """The model with the stress of its modes, and the files beside all results; what draws is loaded, too.
+
+    None of it is asked for before the first record is integrated.
+    """
+    with replace(clock, show=silent).stage("stress_fields", "stress of the modes"):
+        model = replace(model, stress=stress_fields(model.scene, model.reduced))
+    files = write_shared(folder, model)
+    if job.config.outputs.plots:
+        import_module(_PLOTS)
+    return model, files
 
 
 def write_shared(folder: Path, model: Model) -> dict[str, str]:
@@ -229,18 +247,21 @@ def reduced_model(job: Job, scene: Scene, store: BlockStore | None, *, estimated
 
 
 def run_motion(
-    job: Job, model: Model, motion: GroundMotion, target: tuple[Path, dict[str, str]], clock: Clock
+    job: Job,
+    model: Model,
+    motion: GroundMotion,
+    target: tuple[Path, Callable[[], tuple[Model, dict[str, str]]]],
+    clock: Clock,
 ) -> Path:
-    """Integrate one ground motion and write its result; `target` is the folder and the files beside it."""
-    folder, files = target
+    """Integrate one ground motion and write its result; `target` is the folder, and what gives `_shared`."""
+    folder, shared = target
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
-    estimate = None
-    if model.finer is not None:
-        with clock.stage("estimate", "estimating the error"):
-            estimate = estimate_run(job, model.finer, motion, history)
-    with clock.stage("stress", "summing up the stress"):
-        history, stress = stress_of(model.scene, model.stress, history)
+    model, files = shared()
+    with beside(partial(_estimated, job, model, motion, history, clock)) as estimated:
+        with clock.stage("stress", "summing up the stress"):
+            history, stress = stress_of(model.scene, model.stress, history)
+        estimate = estimated()
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         dataset = build_dataset(
@@ -261,8 +282,16 @@ def run_motion(
     return path
 
 
+def _estimated(
+    job: Job, model: Model, motion: GroundMotion, history: History, clock: Clock
+) -> ErrorStatement | None:
+    """The estimate of a run's error, None where the model has no finer one."""
+    if model.finer is None:
+        return None
+    with replace(clock, show=silent).stage("estimate", "estimating the error"):
+        return estimate_run(job, model.finer, motion, history)
+
+
 def draw(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
     """Draw every figure of a result."""
-    from romdam.visual.plots import write_plots  # here: a run without figures need not load matplotlib
-
-    return write_plots(dataset, folder, stem)
+    return list(import_module(_PLOTS).write_plots(dataset, folder, stem))  # it loads matplotlib

@@ -1,19 +1,37 @@
 """Libraries keep to one thread but where more pay; no bit of a job depends on what they may start."""
 
 import os
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from threading import Barrier
 
 import numpy as np
 import pytest
+import yaml
 from scipy import linalg
+from scipy.sparse import csr_matrix, diags_array
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import romdam
+from romdam.config.load import Job, parse_config
 from romdam.core import threads
-from romdam.core.threads import DENSE_EIGENPROBLEM, one_thread, threads_for
+from romdam.core.errors import ConvergenceError, WriteError
+from romdam.core.threads import (
+    DENSE_EIGENPROBLEM,
+    beside,
+    cpu_time,
+    helpers,
+    one_thread,
+    side_by_side,
+    threads_for,
+)
 from romdam.linalg.dense import eigh
+from romdam.linalg.multifrontal import Multifrontal
+from romdam.pipelines import run as pipeline
+from romdam.timestepping.modal.loop import integrate
 
 ROOT = Path(__file__).parents[1]
 
@@ -115,6 +133,138 @@ def test_a_run_has_the_same_bits_whatever_the_libraries_may_start(tmp_path, quic
     for other in made[1:]:
         for name in ("opening", "reduced_coordinates"):
             assert np.array_equal(made[0][name], other[name])
+
+
+def test_tasks_keep_their_order_and_two_are_worked_on_at_once():
+    both = Barrier(2, timeout=60.0)
+
+    def task(number: int) -> int:
+        both.wait()  # a task alone would wait for ever
+        assert helpers() == 1, "a task has no helpers of its own"
+        return number
+
+    with one_thread():
+        assert helpers() == 2
+        assert list(side_by_side(partial(task, k) for k in range(6))) == list(range(6))
+
+
+def test_an_error_of_a_task_comes_in_its_turn():
+    def task(number: int) -> float:
+        return 1 / (number - 3)
+
+    with one_thread():
+        made = side_by_side(partial(task, k) for k in range(6))
+        assert [next(made) for _ in range(3)] == [-1 / 3, -0.5, -1.0]
+        with pytest.raises(ZeroDivisionError):
+            next(made)
+
+
+def test_a_task_beside_the_body_goes_on_with_it_and_ends_before():
+    body, ended = threading.Event(), []
+
+    def task() -> str:
+        assert body.wait(60.0)
+        ended.append(1)
+        return "made"
+
+    with one_thread():
+        with beside(task) as made:
+            body.set()
+            assert made() == made() == "made"
+        with pytest.raises(KeyError), beside(partial(ended.append, 2)):
+            raise KeyError
+        assert ended == [1, 2]
+        with beside(partial(divmod, 1, 0)) as failing:
+            for _ in range(2):
+                with pytest.raises(ZeroDivisionError):
+                    failing()
+
+
+def test_one_thread_that_the_user_allows_does_everything_itself():
+    with threadpool_limits(1, user_api="blas"), one_thread():
+        assert set(side_by_side([threading.get_ident] * 4)) == {threading.get_ident()}
+        with beside(threading.get_ident) as made:
+            assert made() == threading.get_ident()
+
+
+def test_cpu_of_what_worked_for_a_thread_is_its_own():
+    def task() -> None:
+        start = time.thread_time()
+        while time.thread_time() < start + 0.05:
+            pass
+
+    with one_thread():
+        start, alone = cpu_time(), time.thread_time()
+        list(side_by_side([task] * 4))
+        assert cpu_time() - start >= 0.2 > time.thread_time() - alone
+        start = cpu_time()
+        with beside(task):
+            pass
+        assert cpu_time() - start < 0.05, "what goes on beside it has a clock of its own"
+
+
+def test_columns_have_the_same_bits_on_one_thread_and_two():
+    n = 400
+    A = csr_matrix(diags_array([-np.ones(n - 1), 2.1 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1]))
+    right = np.random.default_rng(0).standard_normal((n, 150))
+    solver = Multifrontal(A, np.arange(n))
+    with one_thread():
+        two = solver.solve(right)
+    assert np.array_equal(two, solver.solve(right))
+    assert np.abs(A @ two - right).max() < 1e-12
+
+
+def test_the_time_loop_lets_other_threads_go_on():
+    assert integrate.targetoptions["nogil"]
+
+
+@pytest.fixture
+def arch_job():
+    """A small arch dam on light rock, above the size from which fronts factor it, for two seconds."""
+    path = ROOT / "configs" / "arch_dam.yaml"
+    raw = yaml.safe_load(path.read_text())
+    dam = raw["arch_dam"]
+    dam["divisions"] |= {"up": 3, "rock": 2, "upstream": 2, "downstream": 2, "through": 1}
+    raw["outputs"]["plots"] = False
+    raw["transient"]["duration"] = "2 s"
+    return Job(parse_config(raw, path.name), path)
+
+
+def test_an_arch_dam_has_the_same_bits_on_one_thread_and_two(tmp_path, arch_job):
+    """Its reduction, stress and estimate work on two cores; files beside it are named by content."""
+    made = []
+    for count in (1, 2):
+        with threadpool_limits(count, user_api="blas"):
+            (path,) = romdam.run(arch_job, tmp_path / str(count)).paths
+        made.append(romdam.open_result(path).dataset)
+    one, two = made
+    assert one.attrs["model_file"] == two.attrs["model_file"]
+    assert one.attrs["stress_file"] == two.attrs["stress_file"]
+    for name in one.data_vars:
+        assert np.array_equal(one[name], two[name], equal_nan=one[name].dtype.kind == "f"), name
+    assert one.attrs["error_estimate"] == two.attrs["error_estimate"]
+
+
+def test_what_is_written_beside_the_march_fails_as_before_it(tmp_path, quick_job, monkeypatch):
+    """The error is that of the whole job, not of one record, also where the march has failed meanwhile."""
+
+    def full(*_: object) -> None:
+        raise WriteError("the disk is full")
+
+    monkeypatch.setattr(pipeline, "write_shared", full)
+    with pytest.raises(WriteError, match="the disk is full"):
+        romdam.run(quick_job, tmp_path)
+
+    def stuck(*_: object) -> None:
+        raise ConvergenceError("step 3 did not converge")
+
+    monkeypatch.setattr(pipeline, "simulate_motion", stuck)
+    with pytest.raises(WriteError, match="the disk is full"):
+        romdam.run(quick_job, tmp_path)
+    monkeypatch.setattr(pipeline, "write_shared", lambda *_: {})
+    with pytest.raises(ConvergenceError):
+        romdam.run(quick_job, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == []
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 from romdam.config.coupling import coupling
@@ -10,6 +9,7 @@ from romdam.config.load import Job
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
+from romdam.core.threads import cpu_time
 from romdam.error.estimate import FinerModel, estimate_error
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
@@ -48,9 +48,9 @@ def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: His
     ConvergenceError
         where a step of the finer model does not converge.
     """
-    start = time.process_time()
+    start = cpu_time()
     settings = settings_for(job, finer.prepared, motion, history.stats["finest_step"])
     system, duration = finer.prepared.system, job.config.transient.duration
     ground = ground_at_steps(motion, settings.steps.base, duration, system)
     statement = estimate_error(finer, history, ground, settings)
-    return replace(statement, details={"cpu_seconds": time.process_time() - start})
+    return replace(statement, details={"cpu_seconds": cpu_time() - start})

@@ -44,7 +44,7 @@ def replacing(path: Path, size: int = 0) -> Iterator[Path]:
     if size:
         _refuse_full_disk(path, size + _SPARE)
     try:
-        with _own_folder(path.parent) as own:
+        with own_folder(path.parent) as own:
             part = own / path.name
             yield part
             _sync(part)
@@ -56,7 +56,7 @@ def replacing(path: Path, size: int = 0) -> Iterator[Path]:
 
 
 @contextmanager
-def _own_folder(beside: Path) -> Iterator[Path]:
+def own_folder(beside: Path) -> Iterator[Path]:
     """A folder that only this writer knows, locked while it lives; removed at the end."""
     own, lock = locked_folder(beside)
     try:
@@ -148,7 +148,7 @@ def prepare_folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         sweep_parts(folder)
-        with _own_folder(folder):
+        with own_folder(folder):
             pass
     except OSError as error:
         kind = WriteError if error.errno in (errno.ENOSPC, errno.EDQUOT) else ResultError

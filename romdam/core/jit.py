@@ -6,7 +6,7 @@ from Python.
 
 Every view (a row of a run's state) takes an atomic increment and a decrement, dozens per step. The time loop
 itself makes no arrays, so it needs none; what it calls says so where it does make some, for the option is
-handed down to the functions that are called.
+handed down to the functions that are called. Both let Python's other threads go on.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ _KERNELS = ("contact", "timestepping")  # rooms whose compiled functions call ea
 _TOLD = 1.0  # seconds of compiling that are worth a line
 _TRIED = (0, 68)  # the numba that `_Linked` and `_Lowered` were tried with
 
-VIEWS: dict[str, Any] = {"cache": True, "_nrt": False}  # no arrays are made here, nor by what is called
-ARRAYS: dict[str, Any] = {"cache": True, "_nrt": True}  # arrays may be made, by what is called too
+# no arrays are made there, nor by what is called; or some may be
+VIEWS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+ARRAYS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": True}
 
 
 class _Linked(JITCodeLibrary):

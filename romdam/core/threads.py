@@ -15,6 +15,10 @@ SuperLU has one thread, and the products within it are small. Products with a ba
 rows at a time, a twentieth of a large reduction: they stay at one thread, so that below both sizes no bit
 depends on the number of cores. Nothing of numba's is compiled to run in parallel.
 
+A second core works on what is independent instead: on tasks that are cut alike whatever does them, their
+results taken in their order (`side_by_side`), and on what nobody waits for yet (`beside`). Products, hashes
+and compiled functions let other Python threads go on.
+
 What a user has set (OPENBLAS_NUM_THREADS, OMP_NUM_THREADS, MKL_NUM_THREADS, or threadpoolctl around a call)
 is what a library says when it is first asked, and is never exceeded.
 """
@@ -23,14 +27,19 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import RLock, get_ident
-from typing import TYPE_CHECKING
+from threading import RLock, get_ident, local
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from threadpoolctl import LibController
+
+T = TypeVar("T")
 
 VARIABLES = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "NUMEXPR"))
 
@@ -38,9 +47,12 @@ VARIABLES = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "
 DENSE_EIGENPROBLEM = 2_000
 PARDISO = 30_000
 
+_MOST = 2  # Python threads of a job: they take turns at the interpreter, and each has memory of its own
+
 _lock = RLock()
 _jobs: list[int] = []  # a Python thread for each `one_thread` that it is in
 _ceilings: dict[str, int] = {}  # library -> its threads before the first of them
+_own = local()  # `helped`: CPU seconds that other threads have spent for this one
 
 
 @contextmanager
@@ -73,12 +85,69 @@ def threads_for(unknowns: int, each: int) -> Iterator[None]:
     with _lock:
         if _jobs:
             _set_threads(count)
+    others = time.process_time() - time.thread_time()
     try:
         yield
     finally:
         if count > 1:
+            _add_help(time.process_time() - time.thread_time() - others)
             with _lock:
                 _set_threads(1)
+
+
+def helpers() -> int:
+    """Python threads that may work for this one; one where jobs share the process or the user allows one."""
+    alone = set(_jobs) == {get_ident()}
+    return min(_MOST, cores(), max(_ceilings.values(), default=1)) if alone else 1
+
+
+def side_by_side(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
+    """Results of tasks in their order; `helpers` threads work on them, a few ahead of what is asked for."""
+    count, due = helpers(), deque[Future[tuple[T, float]]]()
+    if count == 1:
+        yield from (task() for task in tasks)
+        return
+    with ThreadPoolExecutor(count) as threads:
+        for task in tasks:
+            due.append(threads.submit(_timed, task))
+            if len(due) > count:
+                yield _taken(due.popleft())
+        while due:
+            yield _taken(due.popleft())
+
+
+@contextmanager
+def beside(task: Callable[[], T]) -> Iterator[Callable[[], T]]:
+    """Give the body what waits for a task's result, or raises its error; another thread works on it.
+
+    The task has ended when the body has. Without a second thread it is done first.
+    """
+    if helpers() == 1:
+        made = task()
+        yield lambda: made
+        return
+    with ThreadPoolExecutor(1) as thread:
+        yield thread.submit(task).result
+
+
+def cpu_time() -> float:
+    """CPU seconds of this thread, and of what has worked for it: `side_by_side` and threads of libraries."""
+    return time.thread_time() + float(getattr(_own, "helped", 0.0))
+
+
+def _timed(task: Callable[[], T]) -> tuple[T, float]:
+    start = cpu_time()
+    return task(), cpu_time() - start
+
+
+def _taken(done: Future[tuple[T, float]]) -> T:
+    result, seconds = done.result()
+    _add_help(seconds)
+    return result
+
+
+def _add_help(seconds: float) -> None:
+    _own.helped = getattr(_own, "helped", 0.0) + seconds
 
 
 def _set_threads(count: int) -> None:

@@ -15,7 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import partial
+from itertools import chain, pairwise
+from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
@@ -24,7 +27,11 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ReductionError
+from romdam.core.threads import side_by_side
 from romdam.linalg.dissection import dissected
+
+_TOGETHER = 64  # columns of a product
+_SHARES = 8  # of the work, one of which at most is eliminated beside others in one piece
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,14 @@ class _Front:
         return slice(self.first, self.first + len(self.own))
 
 
+class _Rest(NamedTuple):
+    """What the elimination of a group leaves on its border: its rows, and the lower triangle of values."""
+
+    group: int
+    rows: Ints
+    values: Floats
+
+
 @dataclass(frozen=True)
 class Triangles:
     """L L^T of a matrix, front by front.
@@ -68,7 +83,14 @@ class Triangles:
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides; fronts without load cost half."""
-        x = np.asarray(right, dtype=float).reshape(self.size, -1)[self.order]
+        columns = np.asarray(right, dtype=float).reshape(self.size, -1)
+        pieces = [columns[:, k : k + _TOGETHER] for k in range(0, columns.shape[1], _TOGETHER)]
+        if len(pieces) < 2:
+            return self._solved(columns).reshape(np.shape(right))
+        return np.hstack(list(side_by_side(partial(self._solved, piece) for piece in pieces)))
+
+    def _solved(self, right: Floats) -> Floats:
+        x = right[self.order]
         for front in self.fronts:
             if x[front.rows].any():
                 x[front.rows] = dtrsm(1.0, front.own, x[front.rows].T, side=1, lower=1, trans_a=1).T
@@ -78,7 +100,7 @@ class Triangles:
             x[front.rows] = dtrsm(1.0, front.own, left.T, side=1, lower=1).T
         found = np.empty_like(x)
         found[self.order] = x
-        return found.reshape(np.shape(right))
+        return found
 
     def last(self, count: int) -> Triangles:
         """Those of the matrix that is left on the last rows once all before them are eliminated."""
@@ -108,7 +130,7 @@ class Multifrontal:
         where the matrix is not positive definite.
     """
 
-    width = 64  # columns that it is best asked for at a time
+    width = 2 * _TOGETHER  # columns that it is best asked for at a time
 
     def __init__(self, matrix: csr_matrix, node: Ints, inner: Bools | None = None) -> None:
         self.size = matrix.shape[0]
@@ -160,22 +182,59 @@ def _factorised(matrix: csr_matrix, number: Ints, groups: list[Ints], borders: l
     starts = np.concatenate([[0], np.cumsum([len(rows_of[node]) for node in nodes])])
     ends = starts[np.cumsum([len(group) for group in groups])]
     lower = csc_matrix(matrix[order][:, order])
-    place = np.empty(len(order), dtype=np.int64)  # of the rows of a front within it
-    left: list[list[tuple[Ints, Floats]]] = [[] for _ in groups]
-    fronts, first = list[_Front](), 0
-    for border, end, others in zip(borders, ends, left, strict=True):
-        rows = np.concatenate([np.arange(first, end), *(np.arange(starts[k], starts[k + 1]) for k in border)])
-        place[rows] = np.arange(len(rows))
-        F = _assembled(lower, first, end, place, len(rows))
-        while others:
-            at, rest = others.pop()
-            _add(F, place[at], rest)
-        front, rest = _eliminated(F, first, rows[end - first :], end - first)
-        if len(border):
-            left[np.searchsorted(ends, front.border[0], side="right")].append((front.border, rest))
-        fronts.append(front)
-        first = end
-    return Triangles(order, fronts)
+    after = [
+        int(np.searchsorted(ends, starts[border[0]], side="right")) if len(border) else len(groups)
+        for border in borders
+    ]
+    left: list[list[_Rest]] = [[] for _ in range(len(groups) + 1)]
+
+    def eliminated(own: list[int]) -> list[_Front]:
+        """Fronts of some groups in their order; what they leave goes to the groups after them."""
+        place, fronts = np.empty(len(order), dtype=np.int64), list[_Front]()
+        for k in own:
+            first, end = ends[k - 1] if k else 0, ends[k]
+            later = (np.arange(starts[node], starts[node + 1]) for node in borders[k])
+            rows = np.concatenate([np.arange(first, end), *later])
+            place[rows] = np.arange(len(rows))
+            F = _assembled(lower, first, end, place, len(rows))
+            left[k].sort(key=attrgetter("group"))  # whoever has come first
+            while left[k]:
+                rest = left[k].pop()
+                _add(F, place[rest.rows], rest.values)
+            front, values = _eliminated(F, first, rows[end - first :], end - first)
+            left[after[k]].append(_Rest(k, front.border, values))
+            fronts.append(front)
+        return fronts
+
+    size = np.array([end - first for first, end in pairwise([0, *ends])])
+    together = size + [sum(starts[node + 1] - starts[node] for node in border) for border in borders]
+    *apart, last = _independent(after, (together**3 - (together - size) ** 3).astype(float))
+    made = [*side_by_side(partial(eliminated, own) for own in apart), eliminated(last)]
+    return Triangles(order, sorted(chain.from_iterable(made), key=attrgetter("first")))
+
+
+def _independent(after: list[int], work: Floats) -> list[list[int]]:
+    """Groups that can be eliminated side by side, list by list; in the last list those that come after.
+
+    Parameters
+    ----------
+    after : the group that each one's border begins in, a later one; the number of groups for none
+    work : of each group
+    """
+    count, below = len(after), work.copy()
+    for k in range(count):
+        if after[k] < count:
+            below[after[k]] += below[k]
+    tops = [k for k in range(count) if after[k] == count]
+    while tops and below[tops].max() > work.sum() / _SHARES:
+        largest = tops[int(below[tops].argmax())]
+        tops.remove(largest)
+        tops += [k for k in range(count) if after[k] == largest]
+    tops = sorted((k for k in tops if below[k] > work.sum() / _SHARES**2), key=lambda k: -below[k])
+    of = np.full(count + 1, len(tops))
+    for k in reversed(range(count)):
+        of[k] = tops.index(k) if k in tops else of[after[k]]
+    return [np.flatnonzero(of[:-1] == number).tolist() for number in range(len(tops) + 1)]
 
 
 def _assembled(matrix: csc_matrix, first: int, end: int, place: Ints, size: int) -> Floats:

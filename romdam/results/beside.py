@@ -6,6 +6,7 @@ name is refused, and so is one without a digest of its bytes whose content is an
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -13,22 +14,21 @@ from pathlib import Path
 import h5py
 
 import romdam
-from romdam.core.errors import ResultError, shown
+from romdam.core.errors import ResultError, WriteError, shown
+from romdam.core.files import own_folder
 from romdam.core.sealed import FAILURES, creating, examine, reading, text_of
 
 _DIGITS = 12
 
 
-def write_beside(
-    folder: Path, kind: str, about: tuple[str, str], fill: Callable[[h5py.File], None], size: int
-) -> str:
-    """Write a file unless it is there and whole; its name.
+def write_beside(folder: Path, kind: str, layout: str, fill: Callable[[h5py.File], str], size: int) -> str:
+    """Write a file, unless it is there and whole; its name.
 
     Parameters
     ----------
     kind : the name's first part
-    about : what the file's attributes say: format, and the SHA-256 of its content
-    fill : puts the content into the open file
+    layout : the format that the file's attributes say
+    fill : puts the content into the open file, and gives its SHA-256
     size : bytes that it takes
 
     Raises
@@ -36,12 +36,17 @@ def write_beside(
     WriteError
         where the folder or the disk refuses it.
     """
-    layout, digest = about
-    path = folder / f"{kind}-{digest[:_DIGITS]}.h5"
-    if not _is_written(path, digest):
-        with creating(path, size) as file:
-            file.attrs.update(format=layout, content_sha256=digest, source=f"romdam {romdam.__version__}")
-            fill(file)
+    try:
+        with own_folder(folder) as own:
+            unnamed = own / f"{kind}.h5"
+            with creating(unnamed, size) as file:
+                digest = fill(file)
+                file.attrs.update(format=layout, content_sha256=digest, source=f"romdam {romdam.__version__}")
+            path = folder / f"{kind}-{digest[:_DIGITS]}.h5"
+            if not _is_written(path, digest):
+                os.replace(unnamed, path)
+    except OSError as error:
+        raise WriteError(f"{folder}: cannot be written ({error}); choose another folder") from error
     return path.name
 
 

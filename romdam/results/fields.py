@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
-from romdam.core.scene import Scene
+from romdam.core.scene import Block, Scene
 from romdam.postprocess.stress.summary import COMPONENTS
-from romdam.reduction.storage.model_file import write_block
+from romdam.reduction.storage.model_file import rows_written
 from romdam.results.beside import in_order, open_beside, write_beside
 from romdam.results.dataset import open_run
 from romdam.results.stress.file import read_stress
@@ -50,27 +50,25 @@ def write_model(
         where the folder or the disk refuses it.
     """
 
-    def fill(file: h5py.File) -> None:
-        for name, block in scene.blocks.items():
-            group = file.create_group(f"blocks/{name}")
-            write_block(group, block, basis[name])
-            if carried is not None:
-                group["carried"] = carried[name].reshape(len(block.points), 3, -1)
+    def written(file: h5py.File, name: str, block: Block) -> Iterator[NDArray[Any]]:
+        group = file.create_group(f"blocks/{name}")
+        yield from rows_written(group, block, basis[name])
+        if carried is not None:
+            group["carried"] = carried[name].reshape(len(block.points), 3, -1)
+            yield carried[name]
 
-    blocks = ((name, block, basis[name]) for name, block in scene.blocks.items())
-    digest = _digest(
-        (
-            f"{name} {block.element} {own.columns.start} {own.vectors.shape}",
-            chain(_pieces(block.points), _pieces(block.cells)),
-            chain(
-                (own.vectors.rows(rows) for rows in _slices(own.vectors.shape[0])),
-                () if carried is None else (carried[name],),
-            ),
+    def fill(file: h5py.File) -> str:
+        return _digest(
+            (
+                f"{name} {block.element} {basis[name].columns.start} {basis[name].vectors.shape}",
+                chain(_pieces(block.points), _pieces(block.cells)),
+                written(file, name, block),
+            )
+            for name, block in scene.blocks.items()
         )
-        for name, block, own in blocks
-    )
+
     size = sum(own.vectors.nbytes for own in basis.values())
-    return write_beside(folder, "model", (FORMAT, digest), fill, size)
+    return write_beside(folder, "model", FORMAT, fill, size)
 
 
 def _digest(blocks: Iterable[tuple[str, Iterable[NDArray[Any]], Iterable[NDArray[Any]]]]) -> str:

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -234,34 +235,38 @@ def _reduced(
         omega2, Phi = dense_modes(merged.K.whole(), merged.M)
         whole = OutOfCoreMatrix(path, key, (len(merged.row), size))
         whole.fill(size, lambda first, last: _over_blocks(merged, Phi[:, first:last]))
-        levels = [_Level(whole, size, without_roundoff(omega2), np.eye(size))] * len(keys)
+        complete = _Level(whole, size, without_roundoff(omega2), np.eye(size))
+        levels = [complete._replace(residual=_residual(merged, complete))] * len(keys)
     else:
         choice, beyond = replace(choice, count=size if every else choice.count), BEYOND if keys[1:] else 1.0
         whole, counts = _ritz_vectors(merged, choice, beyond, path, key)
         static = whole.shape[1] - counts[-1]
         some = [whole.narrowed(static + count) for count in counts[: len(keys)]]
         pencil = Pencil(merged.K, merged.M, merged.shift, merged.first)
-        levels = [
-            _Level(T, count, *diagonalised(T, count, pencil, _work(merged, T), count - counts[0]))
-            for T, count in zip(some, counts, strict=False)
-        ]
-    residual = _residual(merged, levels[0])  # the finer basis has the same modes
-    reports = [_report(merged, level, residual) | choice.report() for level in levels]
-    kept = [
-        _stored(merged, scene, level, (store, own, report))
-        for level, own, report in zip(levels, keys, reports, strict=True)
-    ]
+        numbered = zip(some, counts, strict=False)
+        levels = whole.each(partial(_level, merged, pencil, *one, counts[0]) for one in numbered)
+    # the finer basis has the same modes
+    reports = [_report(merged, level, levels[0].residual) | choice.report() for level in levels]
+    to = [(store, own, report) for own, report in zip(keys, reports, strict=True)]
+    kept = whole.each(partial(_stored, merged, scene, *one) for one in zip(levels, to, strict=True))
     whole.remove()
     return kept
 
 
 class _Level(NamedTuple):
-    """Ritz vectors T, of which the last `modes` span modes; omega^2 and V of the basis T V."""
+    """Ritz vectors T, of which the last `modes` span modes; omega^2 and V of the basis T V, `_residual`."""
 
     T: OutOfCoreMatrix
     modes: int
     omega2: Floats
     V: Floats
+    residual: float = 0.0
+
+
+def _level(merged: _MergedPart, pencil: Pencil, T: OutOfCoreMatrix, modes: int, low: int) -> _Level:
+    """The basis of Ritz vectors of which the last `modes` span modes, the first `low` of these themselves."""
+    made = _Level(T, modes, *diagonalised(T, modes, pencil, _work(merged, T), modes - low))
+    return made if modes > low else made._replace(residual=_residual(merged, made))
 
 
 def _stored(
@@ -271,7 +276,7 @@ def _stored(
     to: tuple[BlockStore, dict[str, str], dict[str, object]],
 ) -> dict[str, BlockBasis]:
     """Keep the blocks' rows of a basis under their keys."""
-    (T, modes, omega2, V), (store, keys, report) = level, to
+    (T, modes, omega2, V, _), (store, keys, report) = level, to
     log.info("%s: %d modes, %d attachment modes", merged.place, modes, len(omega2) - modes)
     kept, first = {}, 0
     for name, key in keys.items():

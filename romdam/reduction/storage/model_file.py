@@ -46,6 +46,12 @@ _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file."""
+    for _ in rows_written(group, block, basis):
+        pass
+
+
+def rows_written(group: h5py.Group, block: Block, basis: BlockBasis) -> Iterator[Floats]:
+    """The rows of a block's basis, some at a time, as the block is written; see `write_block`."""
     nodes, columns = len(block.points), basis.vectors.shape[1]
     step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * 8 * columns)))
     small = basis.vectors.nbytes < _MAPPED
@@ -54,6 +60,7 @@ def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     for first in range(0, nodes if columns else 0, step):
         some = basis.vectors.rows(slice(3 * first, 3 * (first + step)))
         data[first : first + step] = some.reshape(-1, 3, columns)
+        yield some
     group.file.flush()
     _write_beside(group, block, basis)
 

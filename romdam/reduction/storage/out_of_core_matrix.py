@@ -10,12 +10,12 @@ import hashlib
 import logging
 import os
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from itertools import pairwise
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -23,10 +23,11 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import WriteError
 from romdam.core.files import hold, locked_folder
+from romdam.core.threads import side_by_side
 from romdam.linalg.symmetric import Symmetric
 
 log = logging.getLogger(__name__)
-
+T = TypeVar("T")
 
 WIDTH = 32  # columns made at a time
 _HELD = 1e9  # bytes of some rows that are kept between products
@@ -207,6 +208,11 @@ class OutOfCoreMatrix:
         """T @ V, rows ends[k] to ends[k + 1] at a time."""
         for first, last in pairwise(ends):
             yield self._columns(slice(0, self.shape[1]), slice(first, last)) @ V
+
+    def each(self, tasks: Iterable[Callable[[], T]]) -> list[T]:
+        """Results of tasks that read it, side by side where what a second one holds is little."""
+        small = 8 * self.shape[0] * self.shape[1] <= _HELD
+        return list(side_by_side(tasks)) if small else [task() for task in tasks]
 
     def _blocks(self, first: int = 0) -> list[slice]:
         width = self.shape[1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,6 +16,7 @@ from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
+from romdam.core.threads import cpu_time
 from romdam.timestepping.energy import ENERGIES, ledger
 from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over, with_water
 from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
@@ -96,18 +96,18 @@ def _integrate(
     starts: Sequence[Initial],
 ) -> list[Outcome]:
     """Integrate a batch from its initial states to its ends."""
-    begun = time.process_time()
+    begun = cpu_time()
     split = integrator.split(batch[0].prepared, settings.steps.base)
     arrays = _arrays(batch, integrator, split, settings, starts)
     # no step: a first start compiles here, not in the timed loop
     integrate(*arrays, (settings.tolerance, 0))
-    setup, loop = time.process_time() - begun, time.process_time()
+    setup, loop = cpu_time() - begun, cpu_time()
     runs, active = arrays.runs, 1
     total = int(runs.last.sum())
     while active:
         active = integrate(*arrays, (settings.tolerance, _STEPS))
         progress(int(np.where(runs.failed, runs.last, runs.clock["base_steps"]).sum()), total)
-    return _outcomes(batch, split, arrays, settings, (setup, time.process_time() - loop))
+    return _outcomes(batch, split, arrays, settings, (setup, cpu_time() - loop))
 
 
 def _initial(prepared: Prepared, settings: Settings) -> Initial | ConvergenceError:
