@@ -136,8 +136,8 @@ def sensitivity(case: Case, share: float) -> str:
     system = reduce_scene(case.scene, config.model, config.damping).system
     louder = replace(case, motion=replace(case.motion, acc=(1.0 + share) * case.motion.acc))
     step = config.transient.finest_step or case.motion.dt / 4
-    runs = (one.simulated(system, step).jump[..., 0] for one in (louder, case))
-    error = opening_error(*runs, system.law.joints)
+    moved, opening = (one.simulated(system, step).jump[..., 0] for one in (louder, case))
+    error = opening_error(moved, opening, system.law.joints)
     each = ", ".join(f"{name} {100 * error.joints[name].l2:.2g}" for name in joints)
     whole = f"L2 {100 * error.l2:.2g} %, peak {100 * error.peak:.2g} %"
     return f"{case.name}: ground times 1 + {share:g}: {whole}; L2 of {each}\n"
