@@ -44,8 +44,8 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
             matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble(block)[1]))
     for part in scene_parts(scene).values():
         if has_no_mass(part, scene):
-            a, b = (model.basis[part.blocks[0]].columns for model in (fine, coarse))
-            matrix[a, b] = np.eye(a.stop - a.start)
+            rows, columns = (model.basis[part.blocks[0]].columns for model in (fine, coarse))
+            matrix[rows, columns] = np.eye(rows.stop - rows.start)
     if fine.water is not None:
         onto, of = (on_unknowns(m.system.size, m.basis, fine.water.coupling) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)
