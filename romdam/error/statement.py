@@ -3,7 +3,7 @@
 Three kinds state how far a reduced run is from the mesh it was reduced from. They share their words and their
 measures (`romdam.error.metrics`) and differ in what they compare with:
 
-    estimate      a slightly finer reduced model, in the seconds before the peak; made with every run
+    estimate      a slightly finer reduced model, in the seconds in which joints move; made with every run
     certificate   the run corrected by the full order's own answer to its joint forces; `romdam certify`
     verification  a run of the full order; `romdam verify`
 """

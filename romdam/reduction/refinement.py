@@ -14,8 +14,10 @@ from scipy.sparse import csr_matrix
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble
 from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.methods.massless import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
 from romdam.reduction.water import on_unknowns
+from romdam.scene.ties import scene_parts
 
 _RESIDUAL_VECTORS = 10
 _ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
@@ -33,13 +35,17 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     """(fine, coarse) matrix that writes a motion of the coarse model in the fine one's coordinates.
 
     T_fine^T M T_coarse, M with the water's; exact where the fine basis contains the coarse one, the M-nearest
-    motion elsewhere.
+    motion elsewhere. A part without mass has the same basis in both.
     """
     matrix = np.zeros((fine.system.size, coarse.system.size))
     for name, block in scene.blocks.items():
         a, b = fine.basis[name], coarse.basis[name]
         if block.material.rho > 0.0:
             matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble(block)[1]))
+    for part in scene_parts(scene).values():
+        if has_no_mass(part, scene):
+            rows, columns = (model.basis[part.blocks[0]].columns for model in (fine, coarse))
+            matrix[rows, columns] = np.eye(rows.stop - rows.start)
     if fine.water is not None:
         onto, of = (on_unknowns(m.system.size, m.basis, fine.water.coupling) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)

@@ -12,6 +12,9 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.fem.unreduced import assemble_full
+from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.refinement import embedding
+from romdam.reduction.synthesis import reduce_scene_twice
 from romdam.timestepping.energy import imbalance
 from romdam.timestepping.modal.mode_split import split_by_damping
 
@@ -187,3 +190,14 @@ def test_water_on_massless_rock_is_refused():
     raw["water"] = {"level": -0.5, "faces": [{"block": "rock", "face": "xmin"}], "model": "westergaard"}
     with pytest.raises(ConfigError, match=r"water.faces: block 'rock' has no mass.*model.order: full"):
         reduced(scene(raw), DAMPING, modes=4)
+
+
+def test_a_finer_basis_has_the_motion_of_rock_without_mass():
+    """By which a finer model starts from a run's own state: q of one is q of the other, jump by jump."""
+    built = block_on_rock(stiff=1.0)
+    coarse, fine = reduce_scene_twice(built, ModeChoice(count=4), DAMPING)
+    assert fine.system.size > coarse.system.size
+    same, into = embedding(built, coarse, coarse).toarray(), embedding(built, coarse, fine)
+    assert same == pytest.approx(np.eye(coarse.system.size), abs=1e-9)
+    jumps = coarse.system.B.toarray()
+    assert (fine.system.B @ into).toarray() == pytest.approx(jumps, abs=1e-9 * np.abs(jumps).max())

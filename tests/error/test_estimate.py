@@ -1,0 +1,70 @@
+"""The estimate sees every joint's motion, and what slip leaves after it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from romdam.error.estimate import continued, moving_rows
+from romdam.error.metrics import opening_error
+
+INTERVAL, SECONDS = 0.01, 30.0
+TIME = np.arange(0.0, SECONDS, INTERVAL)
+
+
+def history_of(*openings):
+    """Of gaps that open so (nt,) [m]."""
+    jump = np.stack(openings, axis=1)[..., None]
+    return SimpleNamespace(time=TIME, jump=jump)
+
+
+def burst(at, size, seconds=0.5):
+    """A gap that opens and shuts a few times around a second."""
+    return size * np.sin(20.0 * TIME) * np.exp(-(((TIME - at) / seconds) ** 2))
+
+
+def first_and_last(joints, *openings):
+    """Seconds of the moving rows, each joint of one gap if none are named."""
+    joints = joints or {str(k): slice(k, k + 1) for k in range(len(openings))}
+    rows = moving_rows(history_of(*openings), joints, INTERVAL)
+    return TIME[rows.start], TIME[rows.stop - 1]
+
+
+def test_one_joint_that_opens_once_is_seen_from_five_and_a_half_seconds_before():
+    peak = TIME[burst(15.0, 1.0).argmax()]
+    assert first_and_last(None, burst(15.0, 1.0)) == pytest.approx((peak - 5.5, peak + 0.5), abs=0.6)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.05])
+def test_joints_that_move_before_and_after_the_largest_opening_are_seen(size):
+    first, last = first_and_last(None, burst(15.0, 1.0), burst(3.0, size), burst(24.0, size))
+    assert 2.0 < first < 3.0 and 24.0 < last < 25.0
+
+
+def test_joints_that_hardly_move_or_never_do_count_for_nothing():
+    alone = first_and_last(None, burst(15.0, 1.0))
+    still, hardly = 0.02 * np.ones_like(TIME), burst(25.0, 1e-4)
+    assert first_and_last(None, burst(15.0, 1.0), still, hardly) == alone
+
+
+def test_a_gap_that_stays_open_moves_only_while_it_opens():
+    slid = 0.5 / (1.0 + np.exp(-8.0 * (TIME - 18.0)))
+    first, last = first_and_last({"J": slice(0, 2)}, burst(15.0, 1.0), slid)
+    assert first > 8.0 and last < 19.0
+
+
+def test_rows_of_a_short_record_are_all_rows():
+    run = SimpleNamespace(time=TIME[:300], jump=burst(2.0, 1.0)[:300, None, None])
+    assert moving_rows(run, {"J": slice(0, 1)}, INTERVAL) == slice(0, 300)
+
+
+def test_what_slip_has_left_apart_counts_to_the_end_of_the_record():
+    """A gap that is 0.01 of 0.5 m off from second 18 on: seen over a window, and stated for the record."""
+    slid = 0.5 / (1.0 + np.exp(-8.0 * (TIME - 18.0)))
+    truth, run = 1.01 * slid[:, None], slid[:, None]
+    rows = slice(1200, 2000)
+    better = continued(run, truth[rows] + 1e-4 * np.sin(40.0 * np.pi * TIME[rows, None]), rows, 100)
+    assert np.array_equal(better[:1200], run[:1200])
+    assert better[2000:] == pytest.approx(truth[2000:], rel=1e-5)
+    true = opening_error(run, truth)
+    assert opening_error(run, better).l2 == pytest.approx(true.l2, rel=1e-2)
