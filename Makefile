@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow test-kernels fuzz bench campaign docs lint clean
+.PHONY: run test test-slow test-kernels fuzz bench peers campaign docs lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -35,6 +35,16 @@ bench: $(VENV)/.installed-dev
 	@mkdir -p $(OUT)
 	@for bench in tests/benchmarks/bench_*.py; do \
 	  $(BIN)/python $$bench --out $(OUT)/$$(basename $$bench .py).json || exit 1; done
+
+# OpenSees and Exudyn in an environment of their own, CalculiX where Debian's calculix-ccx is, beside romdam: half an hour.
+peers: $(VENV)/.installed-dev $(VENV)-peers/.installed
+	@command -v ccx > /dev/null || echo "CalculiX is not here and gets no row: apt-get install calculix-ccx"
+	$(BIN)/python tests/benchmarks/peers.py --out $(OUT)/peers --peers $(VENV)-peers/bin/python
+
+$(VENV)-peers/.installed: | $(VENV)/bin/python
+	$(PYTHON) -m venv $(VENV)-peers
+	$(VENV)-peers/bin/python -m pip install -q --disable-pip-version-check openseespy exudyn
+	@touch $@
 
 # All 100 FEMA P-695 components x friction x stiffness, 400 runs: half an hour on two cores.
 campaign: $(VENV)/.installed-dev
