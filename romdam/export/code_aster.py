@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.arrays import Floats, Ints
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.export.aster_mesh import Groups, block_group, mail_text, single_group
 from romdam.export.deck import Deck
 from romdam.export.tables import assignments, comments
@@ -79,11 +79,13 @@ def _analysis(deck: Deck) -> dict[str, object]:
 
 def _stated(deck: Deck) -> Iterator[str]:
     yield "Such decks were never run in code_aster; they are written for version 17."
+    if any(solid.material.rho == 0.0 for solid in deck.solids):
+        yield "With massless blocks the first acceleration is zero, whatever acts at the start."
     if ((deck.gaps.law.K_nz > 0.0) & _sticks(deck)).any():
         yield "The limit of friction is of the normal force without the part of the tension stiffness."
 
 
-def _sticks(deck: Deck) -> np.ndarray:
+def _sticks(deck: Deck) -> Bools:
     """(ng,) True for gaps that carry shear."""
     return np.asarray((deck.gaps.friction > 0.0) & (deck.gaps.law.K_s > 0.0))
 
@@ -106,7 +108,7 @@ def _gap_kinds(deck: Deck) -> tuple[dict[str, dict[str, float]], dict[str, Ints]
     kinds, kind = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     laws, points = {}, {}
     for k, (stiffness, gap, shear, friction) in enumerate(kinds.tolist()):
-        own = {"RIGI_NOR": stiffness, "JEU": max(gap, 0.0), "DIST_1": max(-gap, 0.0)}
+        own = {"RIGI_NOR": stiffness, "JEU": max(0.0, gap), "DIST_1": max(0.0, -gap)}
         laws[f"G{k}"] = own | ({"RIGI_TAN": shear, "COULOMB": friction} if shear else {})
         points[f"G{k}"] = _jump_points(deck)[kind.ravel() == k]
     return laws, points

@@ -1,7 +1,8 @@
-"""Decks of code_aster, which is not here: the mesh by romdam's reader, the commands against their catalogue."""
+"""Decks of code_aster, which is not here: the mesh by romdam's reader, commands against their catalogue."""
 
 import os
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ from romdam.core.scene import Material
 from romdam.export.code_aster import write_code_aster
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.formats.aster import read_aster
+from romdam.scene.meshes.kinds import mixed_cells
 from romdam.scene.meshes.quality import sound_volume
 
 FRICTION = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"} | {
@@ -21,7 +23,7 @@ FRICTION = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"} | {
 WET = {"level": "20 m", "faces": [{"block": "left", "face": "ymin"}], "model": "westergaard"}
 WEIGHT = {"gravity": [0, 0, -9.81], "initial_state": "static"}
 
-# Required and further keywords that the decks use, after code_aster 17, code_aster/Cata/Commands/<command>.py:
+# Required and further keywords that decks use, after code_aster 17, code_aster/Cata/Commands/<command>.py:
 # statut="o" and "f"; below a dot those of a keyword factor (FACT), with what its rules (UN_PARMI) want.
 CATALOGUE = {
     "DEBUT": ("", ""),
@@ -132,8 +134,8 @@ def ran(raw, folder, static=False):
     return deck, stand, names
 
 
-def rich(**sections):
-    return boxes(joints={"gap": FRICTION}, water=WET, loads=WEIGHT) | sections
+def rich(other=5.0, **sections):
+    return boxes(other=other, joints={"gap": FRICTION}, water=WET, loads=WEIGHT) | sections
 
 
 def test_script_calls_what_the_catalogue_knows(tmp_path):
@@ -183,32 +185,58 @@ def test_mesh_is_read_again(element, tmp_path):
     assert max(map(len, (tmp_path / "deck.mail").read_text().splitlines())) <= 80
 
 
+def test_mixed_blocks_are_written_kind_by_kind(tmp_path):
+    deck = built(boxes("wedge6", joints={}))[1]
+    left, right = deck.solids
+    name, cells = mixed_cells({"wedge": left.cells})
+    deck = replace(deck, solids=(replace(left, element=name, cells=cells), right))
+    written(write_code_aster(deck)[0], tmp_path)
+    config = MeshFileConfig(file="deck.mail", group="B1")
+    block = MeshFiles(tmp_path).block("left", config, Material(1.0, 0.0, 1.0), "job.yaml")
+    assert block.element == "wedge6"
+    assert np.allclose(block.points[block.cells], deck.points[left.cells], rtol=0.0, atol=1e-11)
+
+
 def test_supports_and_probes_are_the_deck_s(tmp_path):
     deck, _, names = ran(rich(), tmp_path)
     sets = read_aster(tmp_path / "deck.mail", "job.yaml").node_sets
     for axis, held in zip("XYZ", deck.fixed.T, strict=True):
-        assert sorted(sets[f"FIX_{axis}"] - 1) == np.flatnonzero(held).tolist()
+        assert sorted(sets[f"FIX_{axis}"]) == np.flatnonzero(held).tolist()
     assert [int(names["PROBES"]["top"][1:]) - 1] == [deck.probes["top"]]
 
 
 @pytest.mark.parametrize("other", [5.0, 4.0])
 def test_relations_make_jumps_of_displacements(other, tmp_path):
-    """Solved for the jumps, they are the gap operators' of any displacement, behind ties too."""
+    """Solved for the jumps, they are those of the gap operators for any displacement."""
     joint = FRICTION | {"discretization": "node_to_node" if other == 5.0 else "mortar"}
     deck, stand, names = ran(boxes(other=other, joints={"gap": joint}), tmp_path)
     moved = np.random.default_rng(1).normal(size=3 * len(deck.points))
-    jumps = {}
+    jumps = solved(stand, moved)
+    expected = dict(enumerate(deck.jumps() @ moved, len(moved)))
+    assert jumps == pytest.approx(expected, rel=1e-12)
+    first = len(deck.points) + 1
+    assert [name for name, _ in names["OPENINGS"]] == [f"P{first + k}" for k in range(len(deck.gaps))]
+
+
+def test_relations_hold_ties(tmp_path):
+    """Slave nodes of a mortar tie move with their master's as the deck says."""
+    deck, stand, _ = ran(boxes(other=4.0, joints={}, ties={"t": {"between": ["left", "right"]}}), tmp_path)
+    moved = np.random.default_rng(1).normal(size=3 * len(deck.points))
+    slaves = np.flatnonzero(np.diff(deck.follows.indptr)).tolist()
+    assert slaves
+    followed = deck.follows @ moved
+    assert solved(stand, moved) == pytest.approx({dof: followed[dof] for dof in slaves}, rel=1e-12)
+
+
+def solved(stand, moved):
+    """The first DOF of every relation, from the others."""
+    found = {}
     for relation in stand.factors("AFFE_CHAR_MECA", "LIAISON_DDL"):
-        dofs = [
-            3 * (int(group[1:]) - 1) + "XYZ".index(component[1])
-            for group, component in zip(relation["GROUP_NO"], relation["DDL"], strict=True)
-        ]
-        assert relation["COEF_MULT"][0] == -1.0
-        jumps[dofs[0] - len(moved)] = moved[dofs[1:]] @ relation["COEF_MULT"][1:]
-    assert [jumps[k] for k in range(3 * len(deck.gaps))] == pytest.approx(deck.jumps() @ moved, rel=1e-12)
-    assert [name for name, _ in names["OPENINGS"]] == [
-        f"P{len(deck.points) + k + 1}" for k in range(len(deck.gaps))
-    ]
+        named = zip(relation["GROUP_NO"], relation["DDL"], strict=True)
+        first, *others = [3 * (int(group[1:]) - 1) + "XYZ".index(component[1]) for group, component in named]
+        factor, *factors = relation["COEF_MULT"]
+        found[first] = -(moved[others] @ factors) / factor
+    return found
 
 
 @pytest.mark.parametrize("friction", [True, False])
@@ -290,3 +318,6 @@ def test_what_was_never_run_is_said():
     assert "never run" in stated[0]
     assert "never run" in files["deck.comm"].partition("DEBUT()")[0]
     assert "tension stiffness" in stated[1]
+    light = boxes(joints={})
+    light["blocks"]["left"]["mass"] = False
+    assert "massless" in write_code_aster(built(light)[1])[1][1]
