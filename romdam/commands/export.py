@@ -17,6 +17,7 @@ class Target(StrEnum):
 
     OPENSEES = "opensees"
     CALCULIX = "calculix"
+    CODE_ASTER = "code_aster"
     ABAQUS = "abaqus"
     MATRICES = "matrices"
 

@@ -1,0 +1,100 @@
+"""The points and cells of a deck as a mesh of code_aster (.mail), with a group for all that a command names.
+
+A gap is a point of its own whose displacement is the jump, as in `romdam.export.keywords`.
+
+References
+----------
+code_aster, U3.01.00, Description du fichier de maillage au format ASTER: names of 8 characters, lines of 80.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from romdam.core.arrays import Floats, Ints
+from romdam.export.deck import Deck
+from romdam.scene.elements import Element
+from romdam.scene.meshes.kinds import kinds_of
+
+_WORDS = 8  # of 8 characters on a line
+
+
+@dataclass(frozen=True)
+class Groups:
+    """What the commands name.
+
+    Attributes
+    ----------
+    single : points (numbers of the deck's, gaps' behind them) that have a group P<number> of their own
+    nodes : name -> points of a group of several
+    discrete : name -> points that carry a discrete element of that group
+    """
+
+    single: Ints
+    nodes: Mapping[str, Ints]
+    discrete: Mapping[str, Ints]
+
+
+def block_group(number: int) -> str:
+    """Name of a block's group of elements, its number from 0 on."""
+    return f"B{number + 1}"
+
+
+def single_group(point: int) -> str:
+    """Name of a point's own group."""
+    return f"P{point + 1}"
+
+
+def mail_text(deck: Deck, groups: Groups) -> str:
+    """The mesh: points of solids and gaps, solids by blocks, one-node elements, groups."""
+    there = np.flatnonzero(deck.meshed)
+    numbers = np.concatenate([there, len(deck.points) + np.arange(len(deck.gaps))])
+    points = np.concatenate([deck.points[there], deck.points[deck.gaps.points[:, 0]]])
+    lines = ["TITRE", "mesh of romdam", "FINSF", "COOR_3D", *_points(numbers, points), "FINSF"]
+    first = 1
+    for number, solid in enumerate(deck.solids):
+        members = first + np.arange(len(solid.cells))
+        for element, rows, cells in kinds_of(solid.element, solid.cells):
+            lines += _cells(element.cell.aster, members[rows], _in_own_order(element, cells))
+        lines += _group("GROUP_MA", block_group(number), "M", members)
+        first += len(members)
+    for name, own in groups.discrete.items():
+        members = first + np.arange(len(own))
+        lines += [*_cells("POI1", members, own[:, None]), *_group("GROUP_MA", name, "M", members)]
+        first += len(members)
+    for name, own in groups.nodes.items():
+        lines += _group("GROUP_NO", name, "N", own + 1)
+    for point in groups.single.tolist():
+        lines += _group("GROUP_NO", single_group(point), "N", np.array([point + 1]))
+    return "\n".join([*lines, "FIN", ""])
+
+
+def _points(numbers: Ints, points: Floats) -> Iterator[str]:
+    for number, (x, y, z) in zip((numbers + 1).tolist(), points.tolist(), strict=True):
+        yield f"N{number} {x:.14E} {y:.14E} {z:.14E}"
+
+
+def _in_own_order(element: Element, cells: Ints) -> Ints:
+    """Nodes in code_aster's order, from VTK's."""
+    place = element.cell.orders.get("aster")
+    return cells if place is None else cells[:, np.argsort(place)]
+
+
+def _cells(kind: str, members: Ints, cells: Ints) -> Iterator[str]:
+    yield kind
+    for member, cell in zip(members.tolist(), (cells + 1).tolist(), strict=True):
+        yield from _lines([f"M{member}", *(f"N{node}" for node in cell)])
+    yield "FINSF"
+
+
+def _group(keyword: str, name: str, letter: str, members: Ints) -> Iterator[str]:
+    yield f"{keyword} NOM = {name}"
+    yield from _lines([f"{letter}{member}" for member in members.tolist()])
+    yield "FINSF"
+
+
+def _lines(words: list[str]) -> Iterator[str]:
+    return (" ".join(words[k : k + _WORDS]) for k in range(0, len(words), _WORDS))
