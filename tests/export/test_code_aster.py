@@ -24,9 +24,9 @@ WET = {"level": "20 m", "faces": [{"block": "left", "face": "ymin"}], "model": "
 WEIGHT = {"gravity": [0, 0, -9.81], "initial_state": "static"}
 
 # Required and further keywords that decks use, after code_aster 17, code_aster/Cata/Commands/<command>.py:
-# statut="o" and "f"; below a dot those of a keyword factor (FACT), with what its rules (UN_PARMI) want. Of factors
-# that commands share ("*."), LIRE_MAILLAGE, ASSE_MATRICE, DEFI_LIST_REEL and DEFI_MATERIAU's ELAS and
-# DIS_CONTACT, uses in public scripts and in code_aster's source were read, not the definitions.
+# statut="o" and "f"; below a dot those of a keyword factor (FACT), with what its rules (UN_PARMI) want.
+# Of factors that commands share ("*."), LIRE_MAILLAGE, ASSE_MATRICE, DEFI_LIST_REEL and DEFI_MATERIAU's
+# ELAS and DIS_CONTACT, uses in public scripts and in code_aster's source were read, not the definitions.
 CATALOGUE = {
     "DEBUT": ("", ""),
     "FIN": ("", ""),
