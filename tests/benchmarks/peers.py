@@ -42,7 +42,7 @@ ROOT = Path(__file__).parents[2]
 RECORDS = ROOT / "data" / "records"
 ROW, RECORD = 0.005, 30.0  # [s] written rows, and a whole record
 STEPS = {"opensees": 0.001, "calculix": 0.001, "exudyn": 0.001}  # [s]
-_STOPPED = 900  # [s] of wall after which a peer is stopped
+_STOPPED = 3600  # [s] of wall after which a peer is stopped
 
 
 @dataclass(frozen=True)
