@@ -138,6 +138,8 @@ def deck(code: str, path: Path, folder: Path, python: Path) -> tuple[Run, np.nda
     table = np.loadtxt(folder / "frequencies.csv", delimiter=",", skiprows=1)
     times, gaps = openings(folder / "openings.csv")
     steps = round(times[-1] / STEPS[code])
+    if code == "calculix":  # which may take smaller ones
+        steps = int((folder / "deck.sta").read_text().split("\n")[-2].split()[1])
     return Run(times, gaps, cpu, steps, said), table[:, 1]
 
 
