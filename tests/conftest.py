@@ -1,5 +1,6 @@
-"""Every test has a cache of reduced blocks of its own, and leaves the user's alone."""
+"""Every test has a cache of reduced blocks of its own and leaves the user's alone; signals are heard."""
 
+import signal
 from itertools import count
 
 import pytest
@@ -19,3 +20,12 @@ def cache_of_the_session(tmp_path_factory):
 def own_cache(cache_of_the_session, tmp_path_factory, monkeypatch):
     """A folder that is not there yet: what one test has reduced, another one must not find."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / f"cache{next(_numbers)}"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def signals_are_heard():
+    """Commands that tests start hear signals, also where this run was told to ignore them (nohup, `&`)."""
+    for name, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
