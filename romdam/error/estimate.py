@@ -1,8 +1,8 @@
 """The cheap estimate of the reduction error that every reduced run makes of itself.
 
-A finer reduced model, made with the same factors, is started from the run's own state and integrated through
-the rows in which the joints move. How far the two part there is about what the run is off. Before, they are
-one; after, joints hardly move any more, and how far they are apart is what slip has left.
+A finer reduced model, made with the same factors, is started from the run's own state and integrated around
+the largest opening. How far the two part there is about what the run is off. Where joints slide it goes on
+through all rows in which they move: before, the two are one; after, how far they are apart is what slip left.
 """
 
 from __future__ import annotations
@@ -52,11 +52,13 @@ def estimate_error(finer: FinerModel, history: History, ground: Floats, settings
     ConvergenceError
         where a step of the finer model does not converge.
     """
-    joints, interval = finer.prepared.system.law.joints, settings.steps.interval
-    rows, opening = moving_rows(history, joints, interval), history.jump[..., 0]
-    fine = run_window(finer, history, ground, settings, rows)
-    better = continued(opening, fine.jump[..., 0], rows, max(1, round(_REST / interval)))
-    error = opening_error(opening, better, joints)
+    law, interval, opening = finer.prepared.system.law, settings.steps.interval, history.jump[..., 0]
+    slides = law.directions > 1
+    rows = moving_rows(history, law.joints if slides else {}, interval)
+    better = run_window(finer, history, ground, settings, rows).jump[..., 0]
+    if slides:
+        better = continued(opening, better, rows, max(1, round(_REST / interval)))
+    error = opening_error(opening if slides else opening[rows], better, law.joints)
     first, last = (float(history.time[row]) for row in (rows.start, rows.stop - 1))
     return ErrorStatement("estimate", _sentence(error.l2, error.peak, (first, last)), {"opening": error})
 
@@ -98,7 +100,7 @@ def moving_rows(history: History, joints: Mapping[str, slice], interval: float) 
 
     Parameters
     ----------
-    joints : name -> slice of its gaps
+    joints : name -> slice of its gaps; none for the window at the peak alone
     interval : of the rows [s]
     """
     rows, opening = len(history.time), history.jump[..., 0]

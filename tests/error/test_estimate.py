@@ -53,6 +53,12 @@ def test_a_gap_that_stays_open_moves_only_while_it_opens():
     assert first > 8.0 and last < 19.0
 
 
+def test_without_joints_that_slide_the_window_is_that_of_the_peak():
+    peak = TIME[burst(15.0, 1.0).argmax()]
+    rows = moving_rows(history_of(burst(15.0, 1.0), burst(3.0, 0.5)), {}, INTERVAL)
+    assert (TIME[rows.start], TIME[rows.stop - 1]) == pytest.approx((peak - 5.5, peak + 0.5), abs=0.02)
+
+
 def test_rows_of_a_short_record_are_all_rows():
     run = SimpleNamespace(time=TIME[:300], jump=burst(2.0, 1.0)[:300, None, None])
     assert moving_rows(run, {"J": slice(0, 1)}, INTERVAL) == slice(0, 300)
