@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from romdam.error.estimate import continued, moving_rows
+from romdam.error import estimate
+from romdam.error.estimate import continued, estimate_error, moving_rows
 from romdam.error.metrics import opening_error
 
 INTERVAL, SECONDS = 0.01, 30.0
@@ -57,6 +58,25 @@ def test_without_joints_that_slide_the_window_is_that_of_the_peak():
     peak = TIME[burst(15.0, 1.0).argmax()]
     rows = moving_rows(history_of(burst(15.0, 1.0), burst(3.0, 0.5)), {}, INTERVAL)
     assert (TIME[rows.start], TIME[rows.stop - 1]) == pytest.approx((peak - 5.5, peak + 0.5), abs=0.02)
+
+
+@pytest.mark.parametrize(("directions", "seconds"), [(1, (9.4, 15.4)), (3, (2.7, 24.3))])
+def test_only_joints_that_slide_are_followed_for_as_long_as_they_move(monkeypatch, directions, seconds):
+    """The finer model is 1 % larger wherever it runs: what it was asked to run over is what is stated."""
+    run, asked = history_of(burst(15.0, 1.0), burst(3.0, 0.5), burst(24.0, 0.5)), []
+
+    def larger(finer, history, ground, settings, rows):
+        asked.append((TIME[rows.start], TIME[rows.stop - 1]))
+        return SimpleNamespace(jump=1.01 * history.jump[rows])
+
+    monkeypatch.setattr(estimate, "run_window", larger)
+    law = SimpleNamespace(directions=directions, joints={"J": slice(0, 3)})
+    finer = SimpleNamespace(prepared=SimpleNamespace(system=SimpleNamespace(law=law)))
+    settings = SimpleNamespace(steps=SimpleNamespace(interval=INTERVAL))
+    statement = estimate_error(finer, run, None, settings)
+    assert asked[0] == pytest.approx(seconds, abs=0.2)
+    assert f"from {asked[0][0]:g} to {asked[0][1]:g} s" in statement.sentence
+    assert statement.errors["opening"].l2 == pytest.approx(0.01 / 1.01, rel=0.03)
 
 
 def test_rows_of_a_short_record_are_all_rows():
