@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Ints, Material
@@ -43,6 +46,20 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     return stiffness, mass
 
 
+def assemble_mass(block: Block) -> csr_matrix:
+    """The mass of `assemble` to the bit, in a third of the time."""
+    if block.matrices is not None:
+        return block.matrices.M
+    pattern = _NodePairs(block.cells, len(block.points))
+    M = np.zeros(pattern.size)
+    for element, rows, cells in chunks_of(block, _CHUNK):
+        xi, weight = element.rule
+        volume = _inverses(block, element, cells, rows)[1] * weight
+        mass = _mass(element.shape(xi), volume, block.material.rho)
+        np.add.at(M, pattern.pairs(cells).ravel(), mass.ravel())
+    return pattern.mass(M)
+
+
 def inertia(block: Block, mass: csr_matrix) -> Floats:
     """M r of a block for unit translations r along x, y, z, (3 n, 3) [kg]."""
     if block.matrices is None:
@@ -61,7 +78,7 @@ def _of_elements(block: Block) -> tuple[csr_matrix, csr_matrix]:
         np.add.at(
             K, pattern.entries(cells, pair).ravel(), _stiffness(gradient, volume, block.material).ravel()
         )
-    return pattern.matrices(K, M)
+    return pattern.stiffness(K), pattern.mass(M)
 
 
 class _NodePairs:
@@ -89,19 +106,26 @@ class _NodePairs:
         column = 3 * (pair - first[..., None])[..., None] + np.arange(3)
         return row[..., None, None] + column[:, :, None]
 
-    def matrices(self, K: Floats, M: Floats) -> tuple[csr_matrix, csr_matrix]:
-        """The sparse matrices of the entries of K and, of one component each, of M."""
-        index = np.int32 if 9 * self.size < np.iinfo(np.int32).max else np.int64
+    def mass(self, M: Floats) -> csr_matrix:
+        """The sparse matrix of entries of one component each."""
+        start, pair = self._rows()
+        component = np.repeat(np.tile(np.arange(3, dtype=start.dtype), self.nodes), np.repeat(self.degree, 3))
+        column = 3 * self.columns[pair].astype(start.dtype) + component
+        return csr_matrix((M[pair], column, start), shape=(3 * self.nodes, 3 * self.nodes))
+
+    def stiffness(self, K: Floats) -> csr_matrix:
+        """The sparse matrix of the entries of every 3 by 3."""
+        start, pair = self._rows()
+        column = 3 * self.columns[pair].astype(start.dtype)
+        columns = (column[:, None] + np.arange(3, dtype=start.dtype)).ravel()
+        return csr_matrix((K, columns, 3 * start), shape=(3 * self.nodes, 3 * self.nodes))
+
+    def _rows(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
+        """Where each row of M begins, and the pair of every entry."""
+        index: Any = np.int32 if 9 * self.size < np.iinfo(np.int32).max else np.int64
         start = np.concatenate([[0], np.cumsum(np.repeat(self.degree, 3), dtype=index)]).astype(index)
         back = start[:-1] - np.repeat(self.start[:-1], 3).astype(index)
-        pair = np.arange(start[-1], dtype=index) - np.repeat(back, np.repeat(self.degree, 3))
-        column = 3 * self.columns[pair].astype(index)
-        component = np.repeat(np.tile(np.arange(3, dtype=index), self.nodes), np.repeat(self.degree, 3))
-        shape = (3 * self.nodes, 3 * self.nodes)
-        mass = csr_matrix((M[pair], column + component, start), shape=shape)
-        del pair, component
-        columns = (column[:, None] + np.arange(3, dtype=index)).ravel()
-        return csr_matrix((K, columns, 3 * start), shape=shape), mass
+        return start, np.arange(start[-1], dtype=index) - np.repeat(back, np.repeat(self.degree, 3))
 
 
 def cell_geometry(block: Block, element: Element, cells: Ints, rows: Ints) -> tuple[Floats, Floats, Floats]:
@@ -113,12 +137,18 @@ def cell_geometry(block: Block, element: Element, cells: Ints, rows: Ints) -> tu
     rows : (nc,) their numbers in the block, for messages
     """
     xi, weight = element.rule
-    jacobian = jacobians(block.points, cells, element, xi)
+    adjugate, determinant = _inverses(block, element, cells, rows)
+    gradient = adjugate.swapaxes(-1, -2) @ element.gradient(xi)[None] / determinant[..., None, None]
+    return gradient, element.shape(xi), determinant * weight
+
+
+def _inverses(block: Block, element: Element, cells: Ints, rows: Ints) -> tuple[Floats, Floats]:
+    """Adjugates of the Jacobians (nc, nq, 3, 3) [m2] and their determinants (nc, nq) [m3]."""
+    jacobian = jacobians(block.points, cells, element, element.rule[0])
     adjugate = np.cross(jacobian[..., [1, 2, 0], :], jacobian[..., [2, 0, 1], :])
     determinant = (jacobian[..., 0, :] * adjugate[..., 0, :]).sum(axis=-1)
     refuse_inverted(block, determinant, rows)
-    gradient = adjugate.swapaxes(-1, -2) @ element.gradient(xi)[None] / determinant[..., None, None]
-    return gradient, element.shape(xi), determinant * weight
+    return adjugate, determinant
 
 
 def _stiffness(gradient: Floats, volume: Floats, material: Material) -> Floats:

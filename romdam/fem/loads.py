@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Hydrostatic, Ints, Scene
-from romdam.fem.assembly import assemble, inertia
+from romdam.fem.assembly import assemble_mass, inertia
 from romdam.scene.elements import ELEMENTS, Element, Floats, Rule, facet_element, jacobians, simplex_rule
 from romdam.scene.facets import area_elements, area_vectors, below
 from romdam.scene.meshes.kinds import facets_by_kind, kinds_of
@@ -20,7 +20,7 @@ def static_force(scene: Scene, block: str) -> Floats:
     """Nodal force on a block of the static loads that act with the joints as they are, (n, 3) [N]."""
     force = surface_force(scene, block)
     if scene.gravity.any() and weight_acts(scene, block):
-        force = force + weight_force(scene, block, assemble(scene.blocks[block])[1])
+        force = force + weight_force(scene, block, assemble_mass(scene.blocks[block]))
     return force
 
 

@@ -21,7 +21,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.core.system import PseudoStatic
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import assemble, assemble_mass
 from romdam.fem.gaps import gap_operators, point_operators
 from romdam.fem.parts import assemble_part, gather
 from romdam.linalg.multigrid import Motions
@@ -70,7 +70,7 @@ def support_inertia(scene: Scene, moving: PseudoStatic | None) -> dict[str, Floa
     """M u_s of every block, (3 nodes, m) [kg]; without columns where no support moves by itself."""
     if moving is None:
         return {name: np.zeros((3 * len(block.points), 0)) for name, block in scene.blocks.items()}
-    return {name: np.asarray(assemble(scene.blocks[name])[1] @ u) for name, u in moving.shapes.items()}
+    return {name: np.asarray(assemble_mass(scene.blocks[name]) @ u) for name, u in moving.shapes.items()}
 
 
 def _shapes(part: Part, scene: Scene, solving: Solving) -> dict[str, Floats]:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Scene
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import assemble_mass
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.methods.massless import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
@@ -41,7 +41,7 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     for name, block in scene.blocks.items():
         a, b = fine.basis[name], coarse.basis[name]
         if block.material.rho > 0.0:
-            matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble(block)[1]))
+            matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble_mass(block)))
     for part in scene_parts(scene).values():
         if has_no_mass(part, scene):
             rows, columns = (model.basis[part.blocks[0]].columns for model in (fine, coarse))

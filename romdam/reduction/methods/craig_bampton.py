@@ -302,9 +302,18 @@ def _with_residual_vectors(
         unbalanced -= wet.inertia(low * lowest)
     D = over_interior(retained, solver.solve(unbalanced[~retained]))
     D = independent(D - X @ (X.T @ (M @ D)), M)
-    Y = np.hstack([X, D - X @ (X.T @ (M @ D))])
-    omega2, V = diagonalise(Y.T @ (K @ Y), Y.T @ (M @ Y), block.place)
-    return replace(sub, omega2=omega2, basis=Y @ V, residual_vectors=sub.residual_vectors + D.shape[1])
+    D -= X @ (X.T @ (M @ D))
+    stiffness, mass = _bordered(np.diag(sub.omega2), X, D, K), _bordered(np.eye(X.shape[1]), X, D, M)
+    omega2, V = diagonalise(stiffness, mass, block.place)
+    basis = np.hstack([X, D]) @ V
+    return replace(sub, omega2=omega2, basis=basis, residual_vectors=sub.residual_vectors + D.shape[1])
+
+
+def _bordered(inner: Floats, X: Floats, D: Floats, A: csr_matrix) -> Floats:
+    """[X D]^T A [X D] of a symmetric A, of which X^T A X is known."""
+    AD = A @ D
+    edge = X.T @ AD
+    return np.block([[inner, edge], [edge.T, D.T @ AD]])
 
 
 def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> tuple[Floats, Floats]:

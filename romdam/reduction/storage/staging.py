@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Bools, Scene
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import assemble_mass
 from romdam.fem.loads import weight_force
 from romdam.fem.parts import assemble_part, gather
 from romdam.fem.sections import initial_section_forces
@@ -48,7 +48,7 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
                 f"loads.weight: staged needs parts that stand free, but {part.name!r} is held by joints "
                 "only; add a support, or set loads.weight: monolithic"
             )
-        weight = {n: weight_force(scene, n, assemble(scene.blocks[n])[1]).ravel() for n in part.blocks}
+        weight = {n: weight_force(scene, n, assemble_mass(scene.blocks[n])).ravel() for n in part.blocks}
         if basis is not None and len(part.blocks) > 1:
             found |= _from_basis({name: basis[name] for name in part.blocks}, weight)
         else:
