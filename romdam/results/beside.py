@@ -21,33 +21,57 @@ from romdam.core.sealed import FAILURES, creating, examine, reading, text_of
 _DIGITS = 12
 
 
-def write_beside(folder: Path, kind: str, layout: str, fill: Callable[[h5py.File], str], size: int) -> str:
+def write_beside(
+    folder: Path,
+    about: tuple[str, str],
+    fill: Callable[[h5py.File], str],
+    size: int,
+    made_of: str | None = None,
+) -> str:
     """Write a file, unless it is there and whole; its name.
 
     Parameters
     ----------
-    kind : the name's first part
-    layout : the format that the file's attributes say
+    about : kind, the name's first part, and the format that the file's attributes say
     fill : puts the content into the open file, and gives its SHA-256
     size : bytes that it takes
+    made_of : digest that differs where contents do, cheap to make: a whole file of it is taken as it is
 
     Raises
     ------
     WriteError
         where the folder or the disk refuses it.
     """
+    kind, layout = about
+    if made_of is not None and (there := _made_before(folder, kind, made_of)) is not None:
+        return there.name
     try:
         with own_folder(folder) as own:
             unnamed = own / f"{kind}.h5"
             with creating(unnamed, size) as file:
                 digest = fill(file)
                 file.attrs.update(format=layout, content_sha256=digest, source=f"romdam {romdam.__version__}")
+                if made_of is not None:
+                    file.attrs["made_of"] = made_of
             path = folder / f"{kind}-{digest[:_DIGITS]}.h5"
             if not _is_written(path, digest):
                 os.replace(unnamed, path)
     except OSError as error:
         raise WriteError(f"{folder}: cannot be written ({error}); choose another folder") from error
     return path.name
+
+
+def _made_before(folder: Path, kind: str, made_of: str) -> Path | None:
+    """The whole file of a content under its own name, where there is one."""
+    for path in sorted(folder.glob(f"{kind}-{'?' * _DIGITS}.h5")):
+        try:
+            with reading(path, only_sealed=True) as file:
+                named = text_of(file, "content_sha256")[:_DIGITS] == path.stem.rpartition("-")[2]
+                if named and "made_of" in file.attrs and text_of(file, "made_of") == made_of:
+                    return path
+        except ResultError:
+            continue
+    return None
 
 
 def _is_written(path: Path, digest: str) -> bool:

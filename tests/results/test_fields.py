@@ -1,11 +1,14 @@
 """Displacements rebuilt from the basis file equal basis times coordinates, at any node and time."""
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
 
 from romdam import open_result
 from romdam.core.errors import ResultError
+from romdam.results import fields
 from romdam.results.dataset import build_dataset, write_dataset
 from romdam.results.fields import write_model
 
@@ -69,6 +72,38 @@ def test_basis_is_written_once_and_rewritten_when_broken(case, tmp_path):
     write_model(tmp_path, case.scene, make_basis())
     with h5py.File(tmp_path / name) as file:
         assert set(file["blocks"]) == {"left", "right"}
+
+
+def test_a_file_of_the_same_model_is_taken_without_its_rows(case, tmp_path, monkeypatch):
+    name = write_model(tmp_path, case.scene, make_basis())
+    monkeypatch.setattr(fields, "rows_written", lambda *of: pytest.fail("asked for all rows"))
+    assert write_model(tmp_path, case.scene, make_basis()) == name
+    monkeypatch.undo()
+    other = "model-0123456789ab.h5"
+    (tmp_path / name).rename(tmp_path / other)
+    assert write_model(tmp_path, case.scene, make_basis()) == name  # not the one that is named otherwise
+
+
+@pytest.mark.parametrize("changed", ["points", "cells", "omega2", "participation", "carried"])
+def test_a_model_that_differs_in_anything_is_written(case, tmp_path, changed):
+    basis, scene = make_basis(), case.scene
+    carried = {name: np.zeros((3 * len(block.points), 2)) for name, block in scene.blocks.items()}
+    names = {write_model(tmp_path, scene, basis, carried)}
+    if changed == "carried":
+        carried["left"][4, 1] = 1e-9
+    elif changed in ("points", "cells"):
+        array = getattr(scene.blocks["left"], changed).copy()
+        array[0, 0] += 1
+        block = replace(scene.blocks["left"], **{changed: array})
+        scene = replace(scene, blocks=scene.blocks | {"left": block})
+    else:
+        array = getattr(basis["left"], changed) * (1.0 + 1e-15) + 1e-9
+        basis["left"] = replace(basis["left"], **{changed: array})
+    assert fields._made_of(scene, basis, carried) != fields._made_of(
+        case.scene, make_basis(), {n: np.zeros_like(c) for n, c in carried.items()}
+    )
+    names.add(write_model(tmp_path, scene, basis, carried))
+    assert len(names) == (1 if changed in ("omega2", "participation") else 2)  # the name is of what is read
 
 
 def test_another_basis_has_another_name(case, tmp_path):

@@ -85,7 +85,7 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
         )
 
     size = sum(part.fields.nbytes + part.offset.nbytes for part in blocks.values())
-    return write_beside(folder, "stress", FORMAT, fill, size)
+    return write_beside(folder, ("stress", FORMAT), fill, size)
 
 
 def _digest(blocks: Iterable[tuple[str, int, tuple[NDArray[Any], Floats, Floats]]]) -> str:
