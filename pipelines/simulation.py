@@ -23,16 +23,22 @@ from romdam.timestepping.step_control import simulate_to
 from romdam.timestepping.steps import Steps, whole_steps
 
 
-def prepare(job: Job, system: System, integrator: str | None = None) -> Prepared:
+def prepare(
+    job: Job, system: System, integrator: str | None = None, like: Prepared | None = None
+) -> Prepared:
     """Make a system ready for the configured integrator, or for the one that suits it, its joints grouted.
 
     Parameters
     ----------
     integrator : name of the one to take instead
+    like : a system that differs in damping and in its joints' parameters at most: what is found out about one is
+        not sought again
     """
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
-    return Prepared(grouted(system, transient.tolerance), integrator_class(name).configured(transient))
+    found = {} if like is None else like.found
+    ready = grouted(system, transient.tolerance)
+    return Prepared(ready, integrator_class(name).configured(transient), found=found)
 
 
 def simulate_motions(

@@ -54,9 +54,10 @@ def sample_model(suite: Suite, number: int) -> Model:
     assert model.reduced is not None
     system, finer = _with_sample(model.system, scene, varied), model.finer
     if finer is not None:
-        finer = replace(finer, prepared=prepare(job, _with_sample(finer.prepared.system, scene, varied)))
-    reduced = replace(model.reduced, system=system)
-    return replace(model, scene=scene, prepared=prepare(job, system), reduced=reduced, finer=finer)
+        other = _with_sample(finer.prepared.system, scene, varied)
+        finer = replace(finer, prepared=prepare(job, other, like=finer.prepared))
+    reduced, prepared = replace(model.reduced, system=system), prepare(job, system, like=model.prepared)
+    return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
 
 
 def _with_sample(system: System, scene: Scene, varied: Varied) -> System:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,6 +26,8 @@ class Prepared:
     cache : factors, mode splits, propagators and flexibilities, by what they depend on beside the system
     merged : the same with equivalent contacts merged, by the components that are shaken; None where they
         differ
+    found : which contacts are equivalent, see `merge_equivalent_contacts`; shared with systems that differ in
+        damping and in their joints' parameters at most
     symmetry, whole : how this system with merged contacts stands for a whole one, and that one
     """
 
@@ -32,6 +35,7 @@ class Prepared:
     integrator: Integrator
     cache: OperatorCache = field(default_factory=OperatorCache)
     merged: dict[bytes, Prepared | None] = field(default_factory=dict)
+    found: dict[Hashable, Symmetry | None] = field(default_factory=dict)
     symmetry: Symmetry | None = None
     whole: Prepared | None = None
 

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 from hand_systems import assert_ledger, gap_law, modal_twin, sparse_system
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, issparse
 from simulating import simulated
 
-from romdam.core.system import GapLaw
+from romdam.core.system import GapLaw, with_parameters
+from romdam.timestepping.modal import symmetry
 from romdam.timestepping.modal.symmetry import merge_equivalent_contacts
 
 
@@ -106,6 +107,35 @@ def test_what_moves_differently_is_not_merged():
     twisted = dataclasses.replace(system, load=np.tile(system.B.toarray()[0][:, None], (1, 3)))
     assert merge_equivalent_contacts(twisted, x) is None
     assert merge_equivalent_contacts(dataclasses.replace(system, diagonal=False), x) is None
+
+
+def test_what_was_found_serves_other_parameters_and_another_damping_to_the_bit(monkeypatch):
+    x, found, system = np.array([0]), {}, in_modes(mirrored())
+    merge_equivalent_contacts(system, x, found)
+    softer = dataclasses.replace(system.law, K_n=np.full(8, 1.7e4), gap=np.full(8, 3e-4))
+    other = with_parameters(system, softer, 0.13 * np.sqrt(system.K.diagonal()))
+    fresh = merge_equivalent_contacts(other, x)
+    with monkeypatch.context() as patched:
+        patched.setattr(symmetry, "_equivalence", lambda *of: pytest.fail("sought again"))
+        shared = merge_equivalent_contacts(other, x, found)
+    for one, same in ((shared, fresh), (shared.system, fresh.system), (shared.system.law, fresh.system.law)):
+        for name in [field.name for field in dataclasses.fields(one)]:
+            a, b = getattr(one, name), getattr(same, name)
+            if isinstance(a, np.ndarray):
+                assert np.array_equal(a, b), name
+            elif issparse(a):
+                assert np.array_equal(a.toarray(), b.toarray()), name
+    assert shared.system.law.K_n[0] == 2 * 1.7e4 and shared.system.C.diagonal().max() > 0.0
+
+
+def test_what_was_found_serves_nothing_else():
+    x, found, system = np.array([0]), {}, in_modes(mirrored())
+    assert merge_equivalent_contacts(system, x, found) is not None
+    uneven = dataclasses.replace(system.law, gap=np.where(np.arange(8) == 1, 1.001e-3, 1e-3))
+    assert merge_equivalent_contacts(dataclasses.replace(system, law=uneven), x, found) is None
+    assert merge_equivalent_contacts(dataclasses.replace(system, diagonal=False), x, found) is None
+    merge_equivalent_contacts(system, np.array([0, 1]), found)
+    assert len(found) == 3
 
 
 def test_a_law_uneven_in_one_joint_leaves_what_mirrors_it():

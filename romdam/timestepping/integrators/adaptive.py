@@ -75,6 +75,7 @@ class Adaptive(ModalIntegrator):
         shaken = ground.any(axis=1)
         key = shaken.tobytes()
         if key not in prepared.merged:
-            symmetry = merge_equivalent_contacts(prepared.system, np.flatnonzero(shaken))
+            active = np.flatnonzero(shaken)
+            symmetry = merge_equivalent_contacts(prepared.system, active, prepared.found)
             prepared.merged[key] = None if symmetry is None else prepared.smaller(symmetry)
         return prepared.merged[key] or prepared

@@ -17,7 +17,7 @@ from romdam.core.arrays import Floats, Ints, at, stacked
 from romdam.core.system import System
 from romdam.timestepping.equilibrium import system_gap_problem
 from romdam.timestepping.modal.arrays import BASE, HistoryBuffer, ModalModel, StepHierarchy
-from romdam.timestepping.modal.propagator import Propagator, modal_propagator
+from romdam.timestepping.modal.propagator import Propagator, modal_propagator, response_to_force
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.steps import Steps
 
@@ -222,7 +222,7 @@ def _single(
     k, c = whole.K.diagonal(), whole.C.diagonal()
     d = symmetry.signs.shape[1]
     rows = (d * np.unique(symmetry.gaps, return_index=True)[1][:, None] + np.arange(d)).ravel()
-    q_p = np.stack([modal_propagator(k[split.dynamic], c[split.dynamic], dt).q_p for dt in sizes])
+    q_p = np.stack([response_to_force(k[split.dynamic], c[split.dynamic], dt) for dt in sizes])
     relaxed = split.G_quasi[rows] ** 2 @ (1.0 / k[split.quasi_static])
     own = q_p @ split.G[rows].T ** 2 + (1.0 - decay)[:, None] * relaxed
     return np.asarray(own / np.repeat(symmetry.count, d))

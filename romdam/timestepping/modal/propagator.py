@@ -11,6 +11,7 @@ both from Gramians int_0^h e^(A^T s) Q e^(A s) ds, so the energy ledger carries 
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,15 +85,19 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
     )
 
 
-def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
-    """(m, 4, 4) exponential and the two Gramians, by Taylor series and doubling.
+def response_to_force(k: Floats, c: Floats, dt: float) -> Floats:
+    """`Propagator.q_p` to the bit, without the rest; see `modal_propagator`."""
+    A, _, doublings = _generator(k, c, dt)
+    *_, E = _exponentials(A, _gauss()[0])  # all of them: a product of fewer rows has other bits
+    for _ in range(doublings):
+        E = E @ E
+    return E[:, DISP, FORCE].copy()
 
-    Doubling X(2 tau) = X(tau) + E^T X E adds positive terms only; the usual block exponential would
-    overflow for strongly damped modes.
-    """
-    m = len(k)
+
+def _generator(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, int]:
+    """Generator (m, 4, 4) times a step that takes so many doublings, and the scale (m,) of velocities."""
     scale = np.maximum(np.sqrt(k), 1.0 / dt)  # v is carried as v / scale, which balances A
-    A = np.zeros((m, 4, 4))
+    A = np.zeros((len(k), 4, 4))
     A[:, DISP, VEL] = scale
     A[:, VEL, DISP] = -k / scale
     A[:, VEL, VEL] = -c
@@ -100,15 +105,24 @@ def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Flo
     A[:, FORCE, RATE] = 1.0
     norm = np.abs(A).sum(axis=2).max(initial=1.0) * dt
     doublings = max(0, int(np.ceil(np.log2(norm / _NORM))))
-    tau = dt / 2.0**doublings
+    return A * (dt / 2.0**doublings), scale, doublings
+
+
+def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
+    """(m, 4, 4) exponential and the two Gramians, by Taylor series and doubling.
+
+    Doubling X(2 tau) = X(tau) + E^T X E adds positive terms only; the usual block exponential would
+    overflow for strongly damped modes.
+    """
+    m, (A, scale, doublings) = len(k), _generator(k, c, dt)
     forms = np.zeros((2, m, 4, 4))
     forms[_WORK, :, VEL, FORCE] = forms[_WORK, :, FORCE, VEL] = 0.5 * scale
     forms[_LOSS, :, VEL, VEL] = c * scale**2
     X = np.zeros((2, m, 4, 4))
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    *steps, E = _exponentials(A * tau, np.append(0.5 * (nodes + 1.0), 1.0))
+    shares, weights = _gauss()
+    *steps, E = _exponentials(A, shares)
     for e, weight in zip(steps, weights, strict=True):
-        X += 0.5 * tau * weight * (e.transpose(0, 2, 1) @ forms @ e)
+        X += 0.5 * (dt / 2.0**doublings) * weight * (e.transpose(0, 2, 1) @ forms @ e)
     for _ in range(doublings):
         X = X + E.transpose(0, 2, 1) @ X @ E
         E = E @ E
@@ -117,6 +131,15 @@ def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Flo
     E = E * unscale[:, None, :] / unscale[:, :, None]
     X = X * unscale[:, None, :] * unscale[:, :, None]
     return E, X[_WORK], X[_LOSS]
+
+
+@cache
+def _gauss() -> tuple[Floats, Floats]:
+    """Shares of the step, its end the last, and weights of the quadrature; to find these takes a quarter of a
+    propagator's time.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    return np.append(0.5 * (nodes + 1.0), 1.0), weights
 
 
 def _exponentials(A: Floats, shares: Floats) -> Floats:

@@ -23,6 +23,7 @@ Godsil, Royle, Algebraic Graph Theory (Springer, 2001), 9.3: equitable partition
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +31,7 @@ from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
-from romdam.core.system import History, System
+from romdam.core.system import GapLaw, History, System
 
 _SAME = 1e-5  # relative, of frequencies squared
 _TOLD = 1e-5  # of the largest, by which values differ
@@ -59,18 +60,40 @@ class Symmetry:
     modes: csr_matrix
 
 
-def merge_equivalent_contacts(system: System, active: Ints) -> Symmetry | None:
+def merge_equivalent_contacts(
+    system: System, active: Ints, found: dict[Hashable, Symmetry | None] | None = None
+) -> Symmetry | None:
     """Give the system one gap for each group; None where all gaps are different.
 
     Parameters
     ----------
     active : the shaken components
+    found : what was found for systems that differ in damping and in their joints' parameters at most, by what
+        it depends on of these; gains what is found here
     """
-    law = system.law
+    law, found = system.law, {} if found is None else found
     if len(law) < 2 or not system.diagonal or law.has_memory or law.K_nz.any():
         return None
-    gaps, signs = _partition(system, active)
-    if gaps.max() + 1 == len(law) or (np.isinf(law.K_s) & (signs == 0.0).any(axis=1)).any():
+    classes = _equal_laws(system)
+    key = (active.tobytes(), law.directions, classes.tobytes())
+    if key not in found:
+        found[key] = _equivalence(system, active, classes)
+    same = found[key]
+    if same is None or (np.isinf(law.K_s) & (same.signs == 0.0).any(axis=1)).any():
+        return None
+    C = _diagonal(same.modes, system.C)
+    return replace(same, system=replace(same.system, C=C, law=_of_groups(law, same.gaps)))
+
+
+def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None:
+    """Merge what forces and loads do not tell apart; None where that is nothing, or not exact.
+
+    Parameters
+    ----------
+    classes : (ng,) equal where gaps have one law
+    """
+    gaps, signs = _partition(system, active, classes)
+    if gaps.max() + 1 == len(gaps):
         return None
     spread = _spread(gaps, signs)
     mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
@@ -151,15 +174,20 @@ def _clusters(system: System) -> Ints:
     return number
 
 
-def _partition(system: System, active: Ints) -> tuple[Ints, Floats]:
+def _equal_laws(system: System) -> Ints:
+    """The same number for gaps of one law, (ng,)."""
+    law = system.law
+    rigid = [np.isinf(law.K_n), np.isinf(law.K_s)]
+    springs = [np.where(*each) for each in zip(rigid, (0.0, 0.0), (law.K_n, law.K_s), strict=True)]
+    values = np.column_stack([*rigid, *springs, law.mu, law.gap])
+    return _told_apart(np.zeros(len(law), dtype=np.int64), values)
+
+
+def _partition(system: System, active: Ints, gaps: Ints) -> tuple[Ints, Floats]:
     """The group of every gap, numbered as they come, and the signs of its directions, (ng, d)."""
     law, random, before = system.law, np.random.default_rng(0), (0, 0.0)
     signs = np.zeros((len(law), law.directions))
     signs[:, NORMAL] = 1.0
-    rigid = [np.isinf(law.K_n), np.isinf(law.K_s)]
-    springs = [np.where(*each) for each in zip(rigid, (0.0, 0.0), (law.K_n, law.K_s), strict=True)]
-    values = np.column_stack([*rigid, *springs, law.mu, law.gap])
-    gaps = _told_apart(np.zeros(len(law), dtype=np.int64), values)
     while before < (groups := gaps.max() + 1, np.abs(signs).sum()) and groups < len(law):
         before = (groups, np.abs(signs).sum())
         force = signs * random.uniform(0.5, 1.5, (groups, law.directions))[gaps]
@@ -201,32 +229,40 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
 
 
 def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr_matrix) -> Symmetry:
-    """The system of the groups; a group's stiffness is that of all its gaps."""
-    (gaps, signs), law = groups, system.law
-    count = np.bincount(gaps)
-    first = np.unique(gaps, return_index=True)[1]
-    ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
+    """The system of the groups."""
+    gaps, signs = groups
     smaller = replace(
         system,
         M=csr_matrix(diags_array((Q.T @ system.M @ Q).diagonal().round())),
-        C=csr_matrix(diags_array((Q.T @ system.C @ Q).diagonal())),
-        K=csr_matrix(diags_array((Q.T @ system.K @ Q).diagonal())),
+        C=_diagonal(Q, system.C),
+        K=_diagonal(Q, system.K),
         B=csr_matrix(jumps @ Q),
         load=Q.T @ system.load,
         force=Q.T @ system.force,
         observe=csr_matrix(system.observe @ Q),
-        law=replace(
-            law,
-            K_n=law.K_n[first] * count,
-            K_nz=law.K_nz[first],
-            K_s=law.K_s[first] * count,
-            mu=law.mu[first],
-            gap=law.gap[first],
-            joints={name: slice(int(a), int(b)) for name, (a, b) in ends.items()},
-        ),
+        law=_of_groups(system.law, gaps),
         parts=_parts(system, Q),
     )
-    return Symmetry(smaller, gaps, count, signs, Q)
+    return Symmetry(smaller, gaps, np.bincount(gaps), signs, Q)
+
+
+def _diagonal(Q: csr_matrix, A: csr_matrix) -> csr_matrix:
+    return csr_matrix(diags_array((Q.T @ A @ Q).diagonal()))
+
+
+def _of_groups(law: GapLaw, gaps: Ints) -> GapLaw:
+    """The law of the groups: a group's stiffness is that of all its gaps."""
+    count, first = np.bincount(gaps), np.unique(gaps, return_index=True)[1]
+    ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
+    return replace(
+        law,
+        K_n=law.K_n[first] * count,
+        K_nz=law.K_nz[first],
+        K_s=law.K_s[first] * count,
+        mu=law.mu[first],
+        gap=law.gap[first],
+        joints={name: slice(int(a), int(b)) for name, (a, b) in ends.items()},
+    )
 
 
 def _parts(system: System, Q: csr_matrix) -> dict[str, slice]:
