@@ -1,6 +1,7 @@
 """romdam from Python: whatever a job is given as and wherever its results go, the numbers are the same."""
 
 import json
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -306,7 +307,18 @@ def test_what_a_notebook_shows_is_escaped_and_says_what_was_run(config, raw, acc
     peak = 1e3 * float(outcome.results[0].dataset.peak_opening.max())
     for part in ("record pulse", f"gap {peak:.3g} mm", str(outcome.paths[0]), "0.59 s", "reduced order"):
         assert part in told
-    assert "color:" not in outcome._repr_html_(), "colours are the notebook's, light or dark"
+    colours = re.findall(r"(?:color|background):([^;\"]*)", outcome.results[0]._repr_html_())
+    assert set(colours) == {"inherit", "none"}, "they are the notebook's, light or dark"
+
+
+def test_jobs_of_every_kind_are_shown(config, raw):
+    for model, shown in {
+        "reduced, 10 modes": ({"modes": 10}, "10 modes a block"),
+        "cut off": ({"cutoff": "50 Hz"}, "cut off at 50 Hz"),
+        "full": ({"order": "full"}, "full order"),
+    }.values():
+        job = romdam.load_config(raw | {"model": model})
+        assert shown in job._repr_html_() and "2 blocks, 1 joints" in repr(job)
 
 
 def test_a_result_without_joints_is_shown(config, raw):

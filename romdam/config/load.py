@@ -65,17 +65,22 @@ class Job:
         """`to_dict` as the text of a YAML file; relative paths in it start from `folder`."""
         return write_yaml(self.to_dict())
 
+    def __repr__(self) -> str:
+        blocks, joints = len(self.config.block_names), len(self.config.every_joint)
+        return f"Job({str(self.path)!r}): {blocks} blocks, {joints} joints, SHA-256 {self.digest[:12]}"
+
     def _repr_html_(self) -> str:
         config = self.config
-        model = config.model
-        modes = f"{model.modes} modes a block" if model.modes is not None else f"cut off at {model.cutoff} Hz"
+        model, what = config.model, "full order"
+        if model.order == "reduced":
+            what = f"cut off at {model.cutoff:g} Hz" if model.cutoff else f"{model.modes} modes a block"
         rows = {
             "blocks": ", ".join(config.block_names),
             "joints": ", ".join(config.every_joint) or "none",
             "records": ", ".join(
                 str(one.name or one.file or one.files or one.suite) for one in config.records
             ),
-            "model": f"{model.order}, {modes}" if model.order == "reduced" else model.order,
+            "model": what,
             "paths start from": str(self.folder.absolute()),
         }
         return card(config.title or self.stem, f"Job, {self.path}, SHA-256 {self.digest[:12]}", rows)

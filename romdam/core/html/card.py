@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from html import escape
 
 _FRAME = "display:inline-block;max-width:60em;padding:.5em .8em;border:1px solid;border-radius:4px;opacity:.9"
-_CELL = "text-align:left;vertical-align:top;padding:.1em .8em .1em 0;background:none;white-space:normal"
+_PLAIN = "color:inherit;font:inherit;background:none"  # whatever the notebook gives to tables
+_CELL = f"{_PLAIN};text-align:left;vertical-align:top;padding:.1em .8em .1em 0;white-space:normal"
 
 
 def card(title: str, kind: str, rows: Mapping[str, str]) -> str:
@@ -19,7 +20,7 @@ def card(title: str, kind: str, rows: Mapping[str, str]) -> str:
     rows : name -> text; a row without text is left out
     """
     body = "".join(
-        f'<tr style="background:none"><th scope="row" style="{_CELL};font-weight:normal;opacity:.75">'
+        f'<tr style="{_PLAIN}"><th scope="row" style="{_CELL};white-space:nowrap;opacity:.75">'
         f'{escape(name)}</th><td style="{_CELL};overflow-wrap:anywhere">{escape(text)}</td></tr>'
         for name, text in rows.items()
         if text
@@ -27,5 +28,5 @@ def card(title: str, kind: str, rows: Mapping[str, str]) -> str:
     return (
         f'<div style="{_FRAME}"><strong>{escape(title)}</strong>'
         f'<div style="opacity:.75">{escape(kind)}</div>'
-        f'<table style="border:0;margin:.3em 0 0;border-collapse:collapse">{body}</table></div>'
+        f'<table style="{_PLAIN};border:0;margin:.3em 0 0;border-collapse:collapse">{body}</table></div>'
     )
