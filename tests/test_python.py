@@ -175,6 +175,15 @@ def test_gal_taken_for_metres_are_doubted(raw, acc, caplog):
     assert any("more than any record" in line for line in caplog.messages)
 
 
+def test_components_go_to_their_axes():
+    rows = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]])
+    by_name = romdam.GroundMotion.from_arrays("a", {"z": rows[2], "x": rows[0], "y": rows[1]}, 0.01)
+    whole = romdam.GroundMotion.from_arrays("a", rows, 0.01)
+    assert by_name.acc.tolist() == whole.acc.tolist() == rows.tolist()
+    assert romdam.GroundMotion.from_arrays("a", {"z": rows[2]}, 0.01).acc.tolist()[:2] == [[0.0] * 3] * 2
+    assert whole.to_xarray().sel(component="z").values.tolist() == rows[2].tolist()
+
+
 def test_a_motion_is_copied_and_turns_into_xarray(acc):
     motion = romdam.GroundMotion.from_arrays("a", {"y": acc}, 0.01)
     largest = float(acc.max())

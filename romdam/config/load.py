@@ -78,7 +78,7 @@ class Job:
             "blocks": ", ".join(config.block_names),
             "joints": ", ".join(config.every_joint) or "none",
             "records": ", ".join(
-                str(one.name or one.file or one.files or one.suite) for one in config.records
+                str(one.name or one.file or one.files or one.suite or "components") for one in config.records
             ),
             "model": what,
             "paths start from": str(self.folder.absolute()),

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 TUTORIALS = ROOT / "docs" / "tutorials"
 NOTEBOOKS = sorted(path.stem for path in TUTORIALS.glob("*.md") if path.stem != "index")
 EXTRAS = "[notebooks,cluster]"  # as docs/tutorials/index.md says
-NOT_BUILT = (".*", "build", "*.egg-info", "results*", "docs", "tests", "__pycache__")
+BUILT = ("romdam", "pipelines", "configs", "data")  # folders that the wheel is made of
 SAYS = {  # of what must be among the outputs of each
     "records": ("is an HTML or XML page", "largest one by about", "in memory", "channel: 1"),
     "runs": (
@@ -39,9 +39,14 @@ def environment(tmp_path_factory):
     """The `bin` of a new environment with the wheel; nothing of the repository's own is seen from there."""
     folder = tmp_path_factory.mktemp("wheel")
     pip = ["-m", "pip", "--disable-pip-version-check", "-q"]
-    source = shutil.copytree(
-        ROOT, folder / "source", symlinks=True, ignore=shutil.ignore_patterns(*NOT_BUILT)
-    )
+    source = folder / "source"
+    for name in BUILT:
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=ignored)
+    for file in ROOT.glob("*.*"):
+        if file.is_file():
+            shutil.copy(file, source)
+    shutil.copy(ROOT / "LICENSE", source)
     done(sys.executable, *pip, "wheel", "--no-deps", "--wheel-dir", folder, source)
     (wheel,) = folder.glob("romdam-*.whl")
     venv.create(folder / "env", with_pip=True)
