@@ -60,7 +60,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/mypy romdam $$(find tests -name '*.py' ! -name 'test_*' ! -name conftest.py ! -name __init__.py)
 
 clean:
-	rm -rf $(VENV) $(OUT) build dist docs/_build docs/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OUT) build dist docs/_build docs/generated docs/jupyter_execute *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 11) else 0)'

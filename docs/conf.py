@@ -1,5 +1,6 @@
 """Sphinx settings of the manual; `make docs` builds it, and a warning is an error."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,17 @@ import romdam
 project = "romdam"
 author = copyright = "the romdam authors"
 version = release = romdam.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx-mathjax-offline"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx-mathjax-offline"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build", "generated"]
+nb_execution_mode = "force"  # of docs/tutorials, which hold no outputs
+nb_execution_in_temp = True
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_execution_show_tb = True
+nb_merge_streams = True
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+exclude_patterns = ["_build", "generated", "jupyter_execute"]
 html_theme = "furo"
 html_title = f"romdam {version}"
 html_static_path = ["_static"]

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.config.load import Job
+from romdam.config.load import Source, load_config
 from romdam.config.variants import variant_jobs
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
@@ -54,11 +54,12 @@ class Check:
 
 
 @one_thread()
-def check(job: Job, show: Stage = silent, cache: Path | None = None) -> Check:
+def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check:
     """Validate a job as far as can be without integrating it.
 
     Parameters
     ----------
+    job : as `romdam.load_config` takes one
     cache : folder of reduced blocks, as of `romdam.run`, which then finds them
 
     Raises
@@ -66,7 +67,7 @@ def check(job: Job, show: Stage = silent, cache: Path | None = None) -> Check:
     RomdamError
         for everything `romdam.run` would refuse before its first step.
     """
-    clock = Clock(show)
+    job, clock = load_config(job), Clock(show)
     if job.config.pipeline == "comparison":
         variant_jobs(job)
     with clock.stage("records", "reading records"):

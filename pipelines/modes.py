@@ -9,7 +9,7 @@ from typing import Literal
 
 import xarray as xr
 
-from romdam.config.load import Job
+from romdam.config.load import Job, Source, load_config
 from romdam.core.errors import ConfigError, ResultError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.scene import Scene
@@ -56,7 +56,7 @@ class ModesOutcome:
 
 @one_thread()
 def modes(
-    job: Job, out: str | Path, options: ModesOptions = ModesOptions(), show: Stage = silent
+    job: Source, out: str | Path, options: ModesOptions = ModesOptions(), show: Stage = silent
 ) -> ModesOutcome:
     """Find a job's natural modes on the unreduced mesh; they land as `out`/<configuration>-modes-<joints>.nc.
 
@@ -65,6 +65,7 @@ def modes(
     RomdamError
         for a scene that cannot be built or solved, and a wrong file of measured modes.
     """
+    job = load_config(job)
     if job.config.water is not None and job.config.water.has_waves:
         raise ConfigError(
             f"{job.path}: water.model: compressible has waves of its own that couple with the dam's motion, "
@@ -82,7 +83,7 @@ def modes(
         numbers = match_modes(measured, dataset.frequency.values, dataset.motion_share.values)
         dataset = add_measured(dataset, measured, numbers)
     dataset.attrs |= {f"cpu_seconds_{name}": seconds for name, seconds in clock.cpu.items()}
-    stem = f"{job.path.stem}-modes-{options.joints}"
+    stem = f"{job.stem}-modes-{options.joints}"
     write_dataset(dataset, folder / f"{stem}.nc")
     paths = [folder / f"{stem}.nc"]
     if options.vtu:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import logging
-import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job
+from romdam.config.load import Job, Source
 from romdam.core.errors import RecordError, RomdamError, placed
-from romdam.core.files import prepare_folder
+from romdam.core.files import Unkept, prepare_folder
+from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
@@ -28,6 +28,7 @@ from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
+from romdam.pipelines.given import job_and_motions
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
@@ -39,8 +40,8 @@ from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.results.dataset import Timing, build_dataset, write_dataset
-from romdam.results.fields import write_model
-from romdam.results.stored_run import FOLDER
+from romdam.results.fields import Result, open_result, write_model
+from romdam.results.stored_run import FOLDER, folder_from
 from romdam.results.stress.file import StressFields, write_stress
 from romdam.results.variables import Case
 from romdam.timestepping.prepared import Prepared
@@ -61,11 +62,24 @@ class Outcome:
     paths : result files, in the order of the records
     failures : record name -> message
     others : result files in the folder that this run did not write
+    unkept : results of a run without a folder
     """
 
     paths: tuple[Path, ...]
     failures: dict[str, str]
     others: tuple[Path, ...] = ()
+    unkept: tuple[Result, ...] = field(default=(), repr=False)
+
+    @cached_property
+    def results(self) -> tuple[Result, ...]:
+        """The results in the order of the records, opened when they are first asked for."""
+        return self.unkept or tuple(open_result(path) for path in self.paths)
+
+    def _repr_html_(self) -> str:
+        records = {result.record: result.peaks for result in self.results}
+        kind = f"Outcome, {len(self.results)} results, {len(self.failures)} records failed"
+        title = self.results[0].dataset.attrs["title"] if self.results else "nothing was run"
+        return card(str(title), kind, records | self.failures)
 
 
 @dataclass(frozen=True)
@@ -115,26 +129,53 @@ def silent(text: str) -> AbstractContextManager[Progress]:
 
 
 @one_thread()
-def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Outcome:
-    """Run every ground motion of a job; each lands as `out`/<record>.nc.
+def run(
+    job: Source,
+    out: str | Path | None = None,
+    show: Stage = silent,
+    cache: Path | None = None,
+    motions: GroundMotion | Sequence[GroundMotion] | None = None,
+) -> Outcome:
+    """Run every ground motion of a job; each lands as `out`/<record>.nc, and stands among `results`.
 
     Parameters
     ----------
-    job : from `romdam.load_config`
-    out : folder, made if needed
+    job : as `romdam.load_config` takes one; with `motions` a mapping needs no `records`
+    out : folder, made if needed; without one nothing is kept but the results in memory, without figures
     show : told of every stage and its progress
     cache : folder of reduced blocks, to find them in and to keep them in, `romdam.cache_folder()` for that of
         the command; none is used if not given
+    motions : in place of the job's records
 
     Raises
     ------
     RomdamError
         for bad input, and for a lone record that fails; of several records the others go on.
     """
-    folder = prepare_folder(Path(out))
+    job, given = job_and_motions(job, motions)
     clock = Clock(show)
-    with clock.stage("records", "reading records"):
-        motions, failures = read_motions(job, folder)
+    if out is not None:
+        return _run(job, given, (prepare_folder(Path(out)), job.config.outputs.plots), clock, cache)
+    folder = Unkept()
+    done = _run(job, given, (folder.path, False), clock, cache)
+    results = tuple(Result(path, folder) for path in done.paths)
+    for result in results:
+        result.dataset.attrs[FOLDER] = str(job.folder.absolute())
+    return Outcome((), done.failures, unkept=results)
+
+
+def _run(
+    job: Job,
+    motions: list[GroundMotion] | None,
+    target: tuple[Path, bool],
+    clock: Clock,
+    cache: Path | None,
+) -> Outcome:
+    """Run given motions, or those of a job; `target` is the folder, and whether figures are drawn there."""
+    (folder, figures), failures = target, dict[str, str]()
+    if motions is None:
+        with clock.stage("records", "reading records"):
+            motions, failures = read_motions(job, folder)
     refuse_lengths(job, motions)
     refuse_drifting(job, motions)
     tell_doubts(job, motions)
@@ -142,10 +183,10 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
     paths = []
-    with beside(partial(_shared, job, model, folder, clock)) as shared:
+    with beside(partial(_shared, model, target, clock)) as shared:
         for motion in motions:
             try:
-                paths.append(run_motion(job, model, motion, (folder, shared), clock))
+                paths.append(run_motion(job, model, motion, (folder, figures, shared), clock))
             except RomdamError as error:
                 shared()  # an error of its own is one of all records
                 if len(motions) + len(failures) == 1:
@@ -155,15 +196,16 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     return Outcome(tuple(paths), failures, others)
 
 
-def _shared(job: Job, model: Model, folder: Path, clock: Clock) -> tuple[Model, dict[str, str]]:
+def _shared(model: Model, target: tuple[Path, bool], clock: Clock) -> tuple[Model, dict[str, str]]:
     """The model with the stress of its modes, and the files beside all results; what draws is loaded, too.
 
     None of it is asked for before the first record is integrated.
     """
     with replace(clock, show=silent).stage("stress_fields", "stress of the modes"):
         model = replace(model, stress=stress_fields(model.scene, model.reduced))
+    folder, figures = target
     files = write_shared(folder, model)
-    if job.config.outputs.plots:
+    if figures:
         import_module(_PLOTS)
     return model, files
 
@@ -250,11 +292,16 @@ def run_motion(
     job: Job,
     model: Model,
     motion: GroundMotion,
-    target: tuple[Path, Callable[[], tuple[Model, dict[str, str]]]],
+    target: tuple[Path, bool, Callable[[], tuple[Model, dict[str, str]]]],
     clock: Clock,
 ) -> Path:
-    """Integrate one ground motion and write its result; `target` is the folder, and what gives `_shared`."""
-    folder, shared = target
+    """Integrate one ground motion and write its result.
+
+    Parameters
+    ----------
+    target : the folder, whether figures are drawn there, and what gives `_shared`
+    """
+    folder, figures, shared = target
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
@@ -272,11 +319,11 @@ def run_motion(
         dataset.attrs.update(read_verification(folder, job.digest))
         if estimate is not None:
             estimate.write_to(dataset)
-        dataset.attrs[FOLDER] = os.path.relpath(job.folder, folder)
+        dataset.attrs[FOLDER] = folder_from(folder, job.folder)
         write_dataset(dataset, path)
     for concern in concerns(history.stats):
         log.warning("%s: %s", motion.name, concern)
-    if job.config.outputs.plots:
+    if figures:
         with clock.stage("plots", "drawing figures"):
             draw(dataset, folder, motion.name)
     return path

@@ -46,7 +46,7 @@ def show_scene(job: Job, out: str | Path, show: Stage = silent) -> Path:
     with clock.stage("scene", "building the scene"):
         scene = build_scene(job.config, job.folder, str(job.path))
     with clock.stage("picture", "drawing the scene"):
-        return draw_scene(scene, folder / f"{job.path.stem}-scene.png", job.config.title or job.path.stem)
+        return draw_scene(scene, folder / f"{job.stem}-scene.png", job.config.title or job.path.stem)
 
 
 def plot_result(result: Result, out: str | Path, pictures: PlotOptions, show: Stage = silent) -> list[Path]:

@@ -3,44 +3,78 @@
 import romdam
 
 job = romdam.load_config("configs/two_cantilevers.yaml")
-outcome = romdam.run(job, out="results")
-result = romdam.open_result(outcome.paths[0])
-print(result.dataset.peak_opening)
+outcome = romdam.run(job, out="results")  # without `out` the results are in memory only
+print(outcome.results[0].dataset.peak_opening)
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from romdam.config.load import load_config
+    from romdam.config.load import Job, load_config
+    from romdam.config.sections.job import Config
+    from romdam.core.errors import (
+        ConfigError,
+        ConvergenceError,
+        MeshError,
+        RecordError,
+        ReductionError,
+        ResultError,
+        RomdamError,
+        WorkerError,
+        WriteError,
+    )
+    from romdam.core.motion import GroundMotion
+    from romdam.pipelines.check import check
+    from romdam.pipelines.error.certify import certify
     from romdam.pipelines.error.comparison import compare
+    from romdam.pipelines.error.study import study
     from romdam.pipelines.error.two_results import compare_results
-    from romdam.pipelines.modes import modes
-    from romdam.pipelines.run import run
-    from romdam.pipelines.suites.run import run_suite
+    from romdam.pipelines.error.verify import verify
+    from romdam.pipelines.given import read_motions
+    from romdam.pipelines.modes import ModesOptions, modes
+    from romdam.pipelines.run import Outcome, run
+    from romdam.pipelines.suites.run import SuiteOptions, SuiteOutcome, run_suite
     from romdam.reduction.storage.user_cache import cache_folder
     from romdam.results.fields import Result, open_result
     from romdam.results.suite.summary import open_suite
 
 __version__ = "0.2.0.dev0"
 __all__ = [
-    "Result", "__version__", "cache_folder", "compare", "compare_results", "load_config", "modes",
-    "open_result", "open_suite", "run", "run_suite",
+    "Config", "ConfigError", "ConvergenceError", "GroundMotion", "Job", "MeshError", "ModesOptions",
+    "Outcome", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError", "SuiteOptions",
+    "SuiteOutcome", "WorkerError", "WriteError", "__version__", "cache_folder", "certify", "check", "compare",
+    "compare_results", "load_config", "modes", "open_result", "open_suite", "read_motions", "run",
+    "run_suite", "study", "verify",
 ]  # fmt: skip
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
 _LAZY = {
-    "compare": "romdam.pipelines.error.comparison",
-    "compare_results": "romdam.pipelines.error.two_results",
-    "load_config": "romdam.config.load",
-    "modes": "romdam.pipelines.modes",
-    "open_result": "romdam.results.fields",
-    "open_suite": "romdam.results.suite.summary",
-    "Result": "romdam.results.fields",
-    "cache_folder": "romdam.reduction.storage.user_cache",
-    "run": "romdam.pipelines.run",
-    "run_suite": "romdam.pipelines.suites.run",
-}
+    name: module
+    for module, names in {
+        "romdam.config.load": ("Job", "load_config"),
+        "romdam.config.sections.job": ("Config",),
+        "romdam.core.errors": (
+            "ConfigError", "ConvergenceError", "MeshError", "RecordError", "ReductionError", "ResultError",
+            "RomdamError", "WorkerError", "WriteError",
+        ),
+        "romdam.core.motion": ("GroundMotion",),
+        "romdam.pipelines.check": ("check",),
+        "romdam.pipelines.error.certify": ("certify",),
+        "romdam.pipelines.error.comparison": ("compare",),
+        "romdam.pipelines.error.study": ("study",),
+        "romdam.pipelines.error.two_results": ("compare_results",),
+        "romdam.pipelines.error.verify": ("verify",),
+        "romdam.pipelines.given": ("read_motions",),
+        "romdam.pipelines.modes": ("ModesOptions", "modes"),
+        "romdam.pipelines.run": ("Outcome", "run"),
+        "romdam.pipelines.suites.run": ("SuiteOptions", "SuiteOutcome", "run_suite"),
+        "romdam.reduction.storage.user_cache": ("cache_folder",),
+        "romdam.results.fields": ("Result", "open_result"),
+        "romdam.results.suite.summary": ("open_suite",),
+    }.items()
+    for name in names
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> object:

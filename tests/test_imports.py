@@ -56,7 +56,7 @@ TYPES = {
 }
 ANYWHERE = {"core", "config"}
 ONLY_IN = {
-    "xarray": {"error", "pipelines", "postprocess", "results", "terminal", "visual"},
+    "xarray": {"core", "error", "pipelines", "postprocess", "results", "terminal", "visual"},
     "matplotlib": {"visual"},
     "obspy": {"records"},
     "h5py": {"core", "export", "reduction", "results", "scene"},

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[1]
 UNCHECKED = ("test_", "conftest", "__init__")
 WRONG = {
     "from romdam.pipelines.run import run\nrun(1, 2, 3)\n": 'Argument 1 to "run"',
-    "from romdam.pipelines.error.verify import verify\nverify('a.yaml', 'out')\n": 'Argument 1 to "verify"',
+    "from romdam.pipelines.error.verify import verify\nverify(3, 'out')\n": 'Argument 1 to "verify"',
     "from romdam.pipelines.suites.run import run_suite\nrun_suite().path\n": "Missing positional arguments",
     "import romdam\nromdam.run(romdam.load_config('a.yaml'), 3)\n": 'Argument 2 to "run"',
 }

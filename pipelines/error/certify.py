@@ -180,7 +180,13 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     ConfigError
         where the named configuration is another one.
     """
-    stored = parse_config(json.loads(str(run.attributes["configuration"])), f"{run.path}: configuration")
+    raw = json.loads(str(run.attributes["configuration"]))
+    if isinstance(raw, dict) and not raw.get("records"):
+        raise ResultError(
+            f"{run.path}: its record was given as arrays in Python, and a certificate reads records again; "
+            "write it to a file, name that under `records`, and run it"
+        )
+    stored = parse_config(raw, f"{run.path}: configuration")
     folder = run.path.parent / str(run.attributes.get(FOLDER, "."))
     job = Job(stored, folder / str(run.attributes["configuration_file"]))
     ours = (

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job
+from romdam.config.load import Job, Source, load_config
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.variants import comparison_of, variant_jobs
 from romdam.core.errors import ConfigError, ResultError, RomdamError, listed
@@ -34,12 +34,12 @@ class Comparison:
     failures: dict[str, str]
 
 
-def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Comparison:
+def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Comparison:
     """Run every variant of `comparison:` into `out`/<variant> and set them side by side.
 
     Parameters
     ----------
-    job : a configuration with `comparison:`
+    job : a configuration with `comparison:`, as `romdam.load_config` takes one
     out : folder for the variants' folders, comparison.nc, .md and .html, tables (CSV) and figures (PNG)
     show : told of every stage and its progress
     cache : folder of reduced blocks, as `romdam.pipelines.run.run` takes it
@@ -49,6 +49,7 @@ def compare(job: Job, out: str | Path, show: Stage = silent, cache: Path | None 
     RomdamError
         for bad input of any variant, before the first is run; and where the reference fails.
     """
+    job = load_config(job)
     asked, jobs = comparison_of(job), variant_jobs(job)
     for name, one in jobs.items():
         _refuse(name, one, asked)

@@ -10,7 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.config.coupling import coupling
-from romdam.config.load import Job
+from romdam.config.load import Job, Source, load_config
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.motion import GroundMotion
@@ -71,12 +71,12 @@ class _Setup:
 
 
 @one_thread()
-def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage = silent) -> Study:
+def study(job: Source, out: str | Path, reference: Path | None = None, show: Stage = silent) -> Study:
     """Run every setting of `study:` on the first record, and set cost against error.
 
     Parameters
     ----------
-    job : a configuration with model.order reduced
+    job : a configuration with model.order reduced, as `romdam.load_config` takes one
     out : folder for study.nc, study.md and study.png
     reference : an .npz to compare with instead of a run, see `romdam.error.comparison.read_reference`
     show : told of every stage and its progress
@@ -86,6 +86,7 @@ def study(job: Job, out: str | Path, reference: Path | None = None, show: Stage 
     RomdamError
         for bad input, a scene without joints, and a reference that does not converge.
     """
+    job = load_config(job)
     _refuse(job)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None

@@ -29,7 +29,7 @@ class TwoResults:
         return [str(name) for name in self.dataset["quantity"].values[worse.values]]
 
 
-def compare_results(first: Path, second: Path, out: Path | None = None) -> TwoResults:
+def compare_results(first: str | Path, second: str | Path, out: str | Path | None = None) -> TwoResults:
     """Compare a result with another, romdam's own or another code's.
 
     Parameters
@@ -42,12 +42,13 @@ def compare_results(first: Path, second: Path, out: Path | None = None) -> TwoRe
     ResultError
         where one of them cannot be read, or they have nothing in common.
     """
+    first, second = Path(first), Path(second)
     if first.resolve() == second.resolve():
         raise ResultError(f"{first}: is compared with itself; name two results")
     names = (str(first), str(second))
     dataset = side_by_side(read_histories(first), read_histories(second), names)
     table = _table(dataset)
-    return TwoResults(dataset, table, _write(dataset, table, prepare_folder(out)) if out else ())
+    return TwoResults(dataset, table, _write(dataset, table, prepare_folder(Path(out))) if out else ())
 
 
 def _table(dataset: xr.Dataset) -> Table:

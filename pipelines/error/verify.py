@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from romdam.config.load import Job
+from romdam.config.load import Job, Source, load_config
 from romdam.core.errors import ConfigError
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
@@ -56,7 +56,7 @@ class Verified:
 
 @one_thread()
 def verify(
-    job: Job,
+    job: Source,
     out: str | Path,
     duration: float | None = None,
     reference: Path | None = None,
@@ -69,7 +69,7 @@ def verify(
 
     Parameters
     ----------
-    job : a configuration with model.order reduced
+    job : a configuration with model.order reduced, as `romdam.load_config` takes one
     out : folder for verification.json and the figure; results there get the statement too
     duration : seconds of the record from its start, inf for all of it [s]; its strongest `WINDOW` if None, or
         its first ones where there is a reference, whose times are the record's
@@ -82,6 +82,7 @@ def verify(
     RomdamError
         for bad input, a scene without joints, and steps that do not converge.
     """
+    job = load_config(job)
     _refuse_what_cannot_be_verified(job)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None

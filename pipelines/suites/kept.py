@@ -8,7 +8,6 @@ are those that its row says. Of two runs of one content the first in the design 
 from __future__ import annotations
 
 import logging
-import os
 from dataclasses import replace
 from multiprocessing import parent_process
 
@@ -29,7 +28,7 @@ from romdam.results.dataset import (
     single_precision,
     write_dataset,
 )
-from romdam.results.stored_run import FOLDER
+from romdam.results.stored_run import FOLDER, folder_from
 from romdam.results.suite.rows import Kept, Row
 from romdam.results.variables import Case
 
@@ -79,7 +78,7 @@ def _labels(suite: Suite, of_job: Labels, run: Run, motion: GroundMotion) -> Lab
         of_job
         | record_labels(motion)
         | {PARAMETER + name: value for name, value in values.items()}
-        | {FOLDER: os.path.relpath(suite.job.folder, suite.folder)}
+        | {FOLDER: folder_from(suite.folder, suite.job.folder)}
     )
 
 

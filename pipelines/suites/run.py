@@ -9,10 +9,11 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job
+from romdam.config.load import Source, load_config
 from romdam.config.sections.suite import KeepConfig
 from romdam.core.errors import ResultError, placed
 from romdam.core.files import prepare_folder, sweep_parts
+from romdam.core.html.card import card
 from romdam.core.threads import one_thread
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent, write_shared
 from romdam.pipelines.stresses import stress_fields
@@ -76,10 +77,21 @@ class SuiteOutcome:
     failures: dict[str, str]
     leftovers: tuple[Path, ...] = ()
 
+    def _repr_html_(self) -> str:
+        sizes = ", ".join(f"{self.summary.sizes[name]} {name}s" for name in ("record", "scale", "sample"))
+        worst = self.summary.peak_opening.max().item() if "peak_opening" in self.summary else None
+        rows = {
+            "runs": f"{self.runs} ({sizes}), {self.made} of them made by this call",
+            "largest opening": "" if worst is None else f"{1e3 * worst:.3g} mm",
+            "failed": "; ".join(f"{name}: {message}" for name, message in self.failures.items()),
+            "file": str(self.path),
+        }
+        return card(str(self.summary.attrs["title"]), "SuiteOutcome", rows)
+
 
 @one_thread()
 def run_suite(
-    job: Job,
+    job: Source,
     out: str | Path,
     options: SuiteOptions | None = None,
     show: Stage = silent,
@@ -89,7 +101,7 @@ def run_suite(
 
     Parameters
     ----------
-    job : a configuration with `pipeline: suite`
+    job : a configuration with `pipeline: suite`, as `romdam.load_config` takes one
     out : folder, made if needed; what is finished there is kept
     show : told of every stage and its progress
     tell : told what is going to be made, and its size, before it is; then what is odd about the records, and
@@ -101,7 +113,7 @@ def run_suite(
         for bad input, where another suite works in the folder, and where the disk refuses a file; a run or
         record that fails becomes a failed row.
     """
-    options, clock = options or SuiteOptions(), Clock(show)
+    job, options, clock = load_config(job), options or SuiteOptions(), Clock(show)
     folder = prepare_folder(Path(out).absolute())
     _refuse_folders(folder)
     workers = open_pool(options.workers, options.scheduler, run_task.__module__, folder)
@@ -141,7 +153,8 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         model = reduced_model(job, scene, store, estimated=True)
     model = replace(model, stress=stress_fields(scene, model.reduced))
-    job = replace(job, path=job.path.absolute())  # a worker of a cluster has a working folder of its own
+    # a worker of a cluster has a working folder of its own
+    job = replace(job, path=job.path.absolute(), base=job.folder.absolute())
     suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
     if suite.keeps_results:
         suite = replace(suite, files=write_shared(prepare_folder(suite.folder), model))

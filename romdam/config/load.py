@@ -1,42 +1,55 @@
-"""YAML file -> Config, with errors that name the file and the key."""
+"""A YAML file, a mapping or a Config -> Job, with errors that name the place and the key."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
 from romdam.config.explain import Location, explain
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
-from romdam.config.yaml_text import line_of, read_yaml
-from romdam.core.errors import ConfigError
+from romdam.config.yaml_text import line_of, plain, read_yaml, write_yaml
+from romdam.core.errors import ConfigError, shown
+from romdam.core.html.card import card
+
+MADE = "the configuration"  # names in messages what comes from no file
 
 
 @dataclass(frozen=True)
 class Job:
-    """A configuration and where it came from; relative paths in it start at `path`'s folder.
+    """A configuration and where it came from.
 
     Attributes
     ----------
     config : the validated configuration
-    path : the YAML file
+    path : the YAML file, or what messages call a configuration that was made in Python
     renamed : a warning for each key or word that stands in it by a name of before
+    given : the mapping that it was made of; None where `path` is a file
+    base : folder that relative paths start from, where it is not that of `path`
     """
 
     config: Config
     path: Path
     renamed: tuple[str, ...] = ()
+    given: Mapping[str, Any] | None = field(default=None, repr=False)
+    base: Path | None = None
 
     @property
     def folder(self) -> Path:
         """The folder that relative paths in the configuration start from."""
-        return self.path.parent
+        return self.path.parent if self.base is None else self.base
+
+    @property
+    def stem(self) -> str:
+        """What files of this job are called by, where they have no other name."""
+        return self.path.stem if self.given is None else "configuration"
 
     @property
     def digest(self) -> str:
@@ -44,27 +57,92 @@ class Job:
         canonical = json.dumps(self.config.model_dump(mode="json"), sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()
 
+    def to_dict(self) -> dict[str, Any]:
+        """The given keys in SI, as plain values; `romdam.load_config` makes the same job of them."""
+        return self.config.model_dump(mode="json", exclude_unset=True)
 
-def load_config(path: str | Path) -> Job:
-    """Read and validate a YAML configuration.
+    def to_yaml(self) -> str:
+        """`to_dict` as the text of a YAML file; relative paths in it start from `folder`."""
+        return write_yaml(self.to_dict())
+
+    def __repr__(self) -> str:
+        blocks, joints = len(self.config.block_names), len(self.config.every_joint)
+        return f"Job({str(self.path)!r}): {blocks} blocks, {joints} joints, SHA-256 {self.digest[:12]}"
+
+    def _repr_html_(self) -> str:
+        config = self.config
+        model, what = config.model, "full order"
+        if model.order == "reduced":
+            what = f"cut off at {model.cutoff:g} Hz" if model.cutoff else f"{model.modes} modes a block"
+        rows = {
+            "blocks": ", ".join(config.block_names),
+            "joints": ", ".join(config.every_joint) or "none",
+            "records": ", ".join(
+                str(one.name or one.file or one.files or one.suite or "components") for one in config.records
+            ),
+            "model": what,
+            "paths start from": str(self.folder.absolute()),
+        }
+        return card(config.title or self.stem, f"Job, {self.path}, SHA-256 {self.digest[:12]}", rows)
+
+
+Source = str | Path | Mapping[str, Any] | Config | Job
+
+
+def load_config(source: Source, folder: str | Path | None = None) -> Job:
+    """Read and validate a configuration.
+
+    Parameters
+    ----------
+    source : a YAML file; a mapping with the keys of one, numbers and texts as there; a `Config`; a `Job`
+        stays as it is
+    folder : that relative paths in a mapping or a `Config` start from, the current one if not given; those
+        in a file start from the file's own
 
     Raises
     ------
     ConfigError
         for a file that cannot be read or is not YAML, and for unknown, missing or wrong keys.
     """
-    path = Path(path)
+    if isinstance(source, Mapping | Config):
+        return _made(source, Path(folder or "."))
+    if folder is not None:
+        raise ConfigError(
+            f"folder: is for a mapping or a Config; paths in {_named(source)} start where it is"
+        )
+    if isinstance(source, Job):
+        return source
+    if not isinstance(source, str | Path):
+        raise ConfigError(f"a job is a path, a mapping of keys, a Config or a Job, got {shown(source)}")
+    path = Path(source)
     raw, renamed = with_present_names(read_yaml(path), str(path))
     return Job(parse_config(raw, str(path), partial(line_of, path)), path, renamed)
 
 
-def parse_config(raw: object, source: str, line: Callable[[Location], int] | None = None) -> Config:
+def _made(source: Mapping[str, Any] | Config, folder: Path) -> Job:
+    given = source.model_dump(mode="json", exclude_unset=True) if isinstance(source, Config) else source
+    raw, renamed = with_present_names(plain(given, MADE), MADE)
+    assert isinstance(raw, dict)
+    return Job(parse_config(raw, MADE, folder=folder), Path(MADE), renamed, raw, folder)
+
+
+def _named(source: Job | str | Path) -> str:
+    return str(source.path if isinstance(source, Job) else source)
+
+
+def parse_config(
+    raw: object,
+    source: str,
+    line: Callable[[Location], int] | None = None,
+    folder: Path | None = None,
+) -> Config:
     """Validate a mapping, keys by their names of before too.
 
     Parameters
     ----------
     source : names it in errors
     line : number of the line of a key, where `source` is a file
+    folder : of laws that the configuration names, that of `source` if not given
 
     Raises
     ------
@@ -75,6 +153,6 @@ def parse_config(raw: object, source: str, line: Callable[[Location], int] | Non
         raise ConfigError(f"{source}: expected a mapping of keys at the top level, got {type(raw).__name__}")
     raw, _ = with_present_names(raw, source)
     try:
-        return Config.model_validate(raw, context={"folder": Path(source).parent})
+        return Config.model_validate(raw, context={"folder": folder or Path(source).parent})
     except ValidationError as error:
         raise ConfigError(explain(error, source, Config, line)) from None

@@ -34,13 +34,16 @@ def variant_jobs(job: Job) -> dict[str, Job]:
     ConfigError
         for a path that leads nowhere, and for what makes no valid job.
     """
-    raw, _ = with_present_names(read_yaml(job.path), str(job.path))
+    given = read_yaml(job.path) if job.given is None else job.given
+    raw, _ = with_present_names(given, str(job.path))
     assert isinstance(raw, dict)  # it was loaded before
     whole = {key: value for key, value in raw.items() if key not in ("comparison", "pipeline")}
     jobs = {}
     for name, changes in comparison_of(job).variants.items():
         source = f"{job.path}: comparison.variants.{name}"
-        jobs[name] = Job(parse_config(_changed(whole, changes, source), source), job.path)
+        changed = _changed(whole, changes, source)
+        given = None if job.given is None else changed
+        jobs[name] = Job(parse_config(changed, source, folder=job.folder), job.path, (), given, job.base)
     return jobs
 
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path, PurePath
+from typing import Any, TypeVar
 
 import yaml
 
@@ -58,6 +58,12 @@ for _name, (_pattern, _first) in _SCALARS.items():
     _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"^(?:{_pattern})$"), list(_first))
 
 
+class _Dumper(yaml.SafeDumper):
+    """Puts text in quotes that the loader would take for something else."""
+
+    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+
+
 def read_yaml(path: Path) -> object:
     """Read a YAML file.
 
@@ -98,6 +104,41 @@ def parse_yaml(text: str, source: str) -> object:
                 "meant? An anchor (&name) counts wherever it is used (*name)"
             )
     return _foreign(lambda: loader.construct_document(node), source)
+
+
+def plain(value: Any, source: str, levels: int = MOST_LEVELS) -> object:
+    """Turn what Python has into what YAML has: mappings, lists, text and numbers.
+
+    Tuples and arrays become lists, NumPy's numbers Python's, paths text.
+
+    Parameters
+    ----------
+    source : names it in errors
+    levels : that may be nested
+
+    Raises
+    ------
+    ConfigError
+        for what is too deep, and for keys that are no text.
+    """
+    if levels == 0:
+        raise ConfigError(f"{source}: nested deeper than {MOST_LEVELS} levels; is this the mapping?")
+    if isinstance(value, Mapping):
+        wrong = next((key for key in value if not isinstance(key, str)), None)
+        if wrong is not None:
+            raise ConfigError(f"{source}: a key must be text, got {shown(wrong)}; put it in quotes")
+        return {key: plain(part, source, levels - 1) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part, source, levels - 1) for part in value]
+    if isinstance(value, PurePath):
+        return str(value)
+    numbers = getattr(value, "tolist", None)  # of NumPy, which is not imported for a configuration
+    return numbers() if callable(numbers) else value
+
+
+def write_yaml(value: object) -> str:
+    """Write plain values as YAML text that `parse_yaml` reads as the same ones."""
+    return yaml.dump(value, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
 def line_of(path: Path, key: Sequence[int | str]) -> int:

@@ -8,6 +8,7 @@ import re
 import shutil
 import stat
 import tempfile
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -53,6 +54,19 @@ def replacing(path: Path, size: int = 0) -> Iterator[Path]:
         raise WriteError(
             f"{path}: cannot be written ({error}); free the disk or choose another folder"
         ) from error
+
+
+class Unkept:
+    """A folder among the temporary files that is removed when nothing refers to this any more.
+
+    Attributes
+    ----------
+    path : of the folder
+    """
+
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="romdam-"))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
 @contextmanager

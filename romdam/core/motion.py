@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from romdam.core.arrays import Ints
+from romdam.core.arrays import Floats, Ints
+from romdam.core.errors import RecordError, shown
+from romdam.core.fingerprint import fingerprint
+from romdam.core.html.card import card
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+AXES = ("x", "y", "z")
 MOST_SAMPLES = 20_000_000  # of a motion: 5 hours at 1 ms, 500 MB for its three components
 
 
 @dataclass(frozen=True)
 class GroundMotion:
     """Ground acceleration in the model's axes, SI.
+
+    `from_arrays` makes one from your own arrays and checks them; `romdam.read_motions` reads those of a job.
 
     Attributes
     ----------
@@ -31,6 +42,79 @@ class GroundMotion:
     provenance: dict[str, object] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
+    @classmethod
+    def from_arrays(
+        cls, name: str, acc: ArrayLike | Mapping[str, ArrayLike], dt: float, *, place: str = "arrays"
+    ) -> Self:
+        """Make a ground motion from arrays.
+
+        Parameters
+        ----------
+        name : of the motion; the result's
+        acc : (3, nt) ground acceleration along x, y, z; or name of the axis -> (nt,), those not named are
+            zero [m/s2]
+        dt : sampling interval [s]
+        place : names it in errors, and in the results' account of where their record is from
+
+        Raises
+        ------
+        RecordError
+            for another shape, values that are not finite, fewer than two samples or too many, and a step that
+            is not above zero.
+        """
+        if not isinstance(name, str) or not name:
+            raise RecordError(f"{place}: a motion's name is text, got {shown(name)}")
+        where = f"{place}, {name}"
+        values = _components(acc, where) if isinstance(acc, Mapping) else _numbers(acc, where)
+        if values.ndim != 2 or len(values) != len(AXES):
+            raise RecordError(
+                f"{where}: acc has shape {values.shape}, wanted (3, nt) of x, y and z; one component alone "
+                'is {"x": acc}'
+            )
+        count, step = values.shape[1], _numbers(dt, f"{where}, dt")
+        if not 2 <= count <= MOST_SAMPLES:
+            raise RecordError(f"{where}: has {count} samples, must have 2 to {MOST_SAMPLES}")
+        if step.ndim or not step > 0.0 or not np.isfinite(step):
+            raise RecordError(f"{where}: dt must be a time above 0 in seconds, got {shown(dt)}")
+        if not np.all(np.isfinite(values)):
+            axis, sample = np.argwhere(~np.isfinite(values))[0]
+            raise RecordError(
+                f"{where}: component {AXES[axis]} is {values[axis, sample]} at sample {sample}; fill it"
+            )
+        motion = cls(name, values, float(step))
+        motion.provenance.update({"place": place} | motion.provenance_of_arrays)
+        return motion
+
+    @property
+    def provenance_of_arrays(self) -> dict[str, object]:
+        """Account of samples that were arrays in Python, whatever they had been before."""
+        return {"given": "as arrays in Python, m/s2", "acceleration_sha256": fingerprint((self.acc, self.dt))}
+
+    def to_xarray(self) -> xr.DataArray:
+        """The acceleration as a DataArray over component (x, y, z) and time [m/s2]."""
+        import xarray as xr
+
+        about = {"units": "m s-2", "long_name": "ground acceleration"}
+        seconds = ("time", self.time, {"units": "s", "long_name": "time"})
+        coordinates = {"component": list(AXES), "time": seconds}
+        return xr.DataArray(self.acc, coordinates, ("component", "time"), self.name, about)
+
+    def __repr__(self) -> str:
+        return (
+            f"GroundMotion({self.name!r}, {self.acc.shape[1]} samples of {self.dt:g} s, "
+            f"peak {self.peak:.3g} m/s2)"
+        )
+
+    def _repr_html_(self) -> str:
+        peaks = np.abs(self.acc).max(axis=1)
+        rows = {
+            "duration": f"{self.duration:.4g} s, {self.acc.shape[1]} samples of {self.dt:g} s",
+            "peaks": ", ".join(f"{axis} {peak:.3g} m/s²" for axis, peak in zip(AXES, peaks, strict=True)),
+            "from": str(self.provenance.get("place", "")),
+            "warnings": "; ".join(self.warnings),
+        }
+        return card(self.name, "GroundMotion", rows)
+
     @property
     def time(self) -> NDArray[np.float64]:
         """(nt,) sample times [s]."""
@@ -45,6 +129,30 @@ class GroundMotion:
     def peak(self) -> float:
         """Largest acceleration of a component [m/s2]."""
         return float(np.abs(self.acc).max())
+
+
+def _components(acc: Mapping[str, ArrayLike], where: str) -> Floats:
+    """(3, nt) of components by name."""
+    wrong = [name for name in acc if name not in AXES]
+    if wrong or not acc:
+        raise RecordError(f"{where}: acc has components {shown(list(acc))}, known are x, y and z")
+    given = {name: _numbers(one, f"{where}, component {name}") for name, one in acc.items()}
+    shapes = {name: one.shape for name, one in given.items()}
+    first = next(iter(shapes.values()))
+    if len(first) != 1 or any(shape != first for shape in shapes.values()):
+        raise RecordError(f"{where}: components must be (nt,) and equally long, got {shown(shapes)}")
+    return np.array([given.get(axis, np.zeros(first)) for axis in AXES])
+
+
+def _numbers(values: ArrayLike, where: str) -> Floats:
+    """A copy as float64; what is no real number is refused."""
+    try:
+        plain = np.asarray(values)
+        if plain.dtype.kind not in "fiu":
+            raise TypeError
+    except (TypeError, ValueError):
+        raise RecordError(f"{where}: wanted real numbers, got {shown(values)}") from None
+    return np.array(plain, dtype=np.float64, order="C")
 
 
 @dataclass(frozen=True)

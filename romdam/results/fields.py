@@ -10,6 +10,7 @@ The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per mo
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -24,6 +25,8 @@ from numpy.typing import NDArray
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
+from romdam.core.files import Unkept
+from romdam.core.html.card import card
 from romdam.core.scene import Block, Scene
 from romdam.postprocess.stress.summary import COMPONENTS
 from romdam.reduction.storage.model_file import rows_written
@@ -32,6 +35,8 @@ from romdam.results.dataset import open_run
 from romdam.results.stress.file import read_stress
 
 FORMAT = "romdam-model-1"
+_STATED = ("error_statement", "certificate_statement", "error_estimate")  # of the error, best first
+_PEAKS = 8  # joints whose opening a notebook shows
 _ROWS = 4096  # of an array at a time
 
 
@@ -126,14 +131,18 @@ class Result:
 
     Attributes
     ----------
-    path : the NetCDF file
-    dataset : xarray.Dataset, lazy
+    path : the NetCDF file; one that goes with this object where the run had no folder
+    dataset : xarray.Dataset, lazy; in memory where the run had no folder
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, unkept: Unkept | None = None) -> None:
         self.path = Path(path)
         self.dataset: xr.Dataset = open_run(self.path)
         self._model: h5py.File | None = None
+        self._unkept = unkept
+        if unkept is not None:
+            self.dataset = self.dataset.load()
+            self.dataset.close()
 
     def __enter__(self) -> Self:
         return self
@@ -145,7 +154,38 @@ class Result:
 
     def __repr__(self) -> str:
         attrs = self.dataset.attrs
-        return f"Result({str(self.path)!r}): {attrs['title']}, record {attrs['record']}"
+        return f"Result({self._place!r}): {attrs['title']}, record {attrs['record']}"
+
+    def _repr_html_(self) -> str:
+        attrs = self.dataset.attrs
+        seconds = float(self.dataset.time[-1]) if self.dataset.time.size else 0.0
+        rows = {
+            "record": f"dt {attrs['record_dt']:g} s, peak {attrs['record_peak_acceleration']:.3g} m/s²",
+            "run": f"{seconds:.4g} s, {attrs['model_order']} order, {attrs['integrator']}",
+            "peak opening": self.peaks,
+            "error": "; ".join(str(attrs[name]) for name in _STATED if name in attrs),
+            "warnings": "; ".join(json.loads(str(attrs.get("run_warnings", "[]")))),
+            "file": self._place,
+        }
+        return card(str(attrs["title"]), f"Result, record {self.record}", rows)
+
+    @property
+    def record(self) -> str:
+        """Name of the ground motion."""
+        return str(self.dataset.attrs["record"])
+
+    @property
+    def peaks(self) -> str:
+        """Peak opening of every joint, the largest first, not of all of many."""
+        if "peak_opening" not in self.dataset:
+            return "no joints"
+        named = self.dataset.peak_opening.to_series().sort_values(ascending=False)
+        some = [f"{name} {1e3 * value:.3g} mm" for name, value in named.head(_PEAKS).items()]
+        return ", ".join(some) + (f" and {len(named) - _PEAKS} more" if len(named) > _PEAKS else "")
+
+    @property
+    def _place(self) -> str:
+        return str(self.path) if self._unkept is None else "in memory"
 
     def close(self) -> None:
         """Close both files."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,14 @@ from romdam.core.errors import ResultError
 from romdam.results.dataset import open_run
 
 FOLDER = "configuration_folder"  # attribute: from the result's folder to the configuration's
+
+
+def folder_from(results: Path, configuration: Path) -> str:
+    """The way from the folder of results to that of the configuration; its whole path on another drive."""
+    try:
+        return os.path.relpath(configuration, results)
+    except ValueError:
+        return str(configuration.absolute())
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ FENCES = {
     "literalinclude",
     "image",
     "figure",
+    "code-cell",  # of a notebook, which test_tutorials.py runs
 }
 BASE = ROOT / "configs" / "two_cantilevers.yaml"
 
