@@ -9,7 +9,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.colors import Colormap, ListedColormap, Normalize
+from matplotlib.colors import Colormap, Normalize
 
 from romdam.core.arrays import Floats
 from romdam.core.files import replacing
@@ -17,7 +17,7 @@ from romdam.results.fields import Result
 from romdam.results.series import Frames, dam_blocks, frame_times, worst_displacement_time
 from romdam.visual.plots import save_figure
 from romdam.visual.rendering import EDGES, Bounds, Image, Picture, fitting_size, grid, surface
-from romdam.visual.style import STYLE, image_grid, image_panels, scaled, side_name
+from romdam.visual.style import STYLE, image_grid, image_panels, range_colours, scaled, side_name
 
 Progress = Callable[[int, int], None]
 
@@ -28,7 +28,7 @@ _EDGED = 20_000  # cells of a block, above which only its sharp edges are drawn
 _FRAME_SIZE = (800, 640)
 _PANEL = 640  # pixels of the longer side of one of several pictures
 _MISSING = "#D9D9D9"
-_SIGNED = "RdBu_r"  # of values whose sign matters: white at zero
+_SIGNED = "signed"  # of values whose sign matters, see `range_colours`
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def write_animation(result: Result, folder: Path, stem: str, frames: Frames, pro
     times = frame_times(result, frames)
     fields = [_displacement(result, t) for t in times]
     top = max(float(v.max()) for field in fields for v in field.values.values())
-    scale, norm = _magnification(result, top), Normalize(0.0, top)
+    scale, norm = magnification(result, top), Normalize(0.0, top)
     bounds = _bounds(result, list(fields[0].values))
     images = []
     for k, (field, time) in enumerate(zip(fields, times, strict=True)):
@@ -168,7 +168,7 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
     shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), field.unit)
     norm, beyond = _norm(shown, field)
     largest = max(float(np.linalg.norm(u, axis=1).max()) for u in field.moved.values())
-    scale = _magnification(result, largest)
+    scale = magnification(result, largest)
     field_scaled = _Field(
         {k: v * factor for k, v in field.values.items()}, field.moved, unit, "", field.colours
     )
@@ -197,7 +197,7 @@ def _draw_each(
     shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), first.unit)
     norm, beyond = _norm(shown, first)
     largest = max(np.linalg.norm(u, axis=1).max() for field in fields.values() for u in field.moved.values())
-    scale = _magnification(result, float(largest))
+    scale = magnification(result, float(largest))
     camera = _across_the_narrow_side(_moved_bounds(result, first, scale))
     panels: dict[str, Image] = {}
     for name, result in results.items():
@@ -228,12 +228,9 @@ def _sides(result: Result) -> dict[str, Floats]:
 
 def _colours(field: _Field, norm: Normalize) -> Colormap:
     """Colours of a range; those of signed values are as far from white as the value is from zero."""
-    whole = mpl.colormaps[field.colours]
     if field.colours != _SIGNED or norm.vmin is None or norm.vmax is None:
-        return whole
-    most = max(-norm.vmin, norm.vmax)
-    first, last = ((0.5 + 0.5 * end / most if most > 0.0 else 0.5) for end in (norm.vmin, norm.vmax))
-    return ListedColormap(whole(np.linspace(first, last, 256)))
+        return mpl.colormaps[field.colours]
+    return range_colours(norm.vmin, norm.vmax)
 
 
 def _moved_bounds(result: Result, field: _Field, scale: float) -> Bounds:
@@ -292,7 +289,7 @@ def _bounds(result: Result, names: list[str]) -> Bounds:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _magnification(result: Result, largest: float) -> float:
+def magnification(result: Result, largest: float) -> float:
     """A round factor that draws the largest displacement as a small part of the model."""
     if largest <= 0.0:
         return 0.0

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
 
 from romdam.core.arrays import Floats
@@ -99,6 +101,13 @@ def directions(dataset: xr.Dataset) -> dict[str, Floats]:
         return {f"along {axis}": row for axis, row in zip("xyz", np.eye(3), strict=True)}
     down = -np.asarray(dataset.attrs["upstream"], dtype=float)
     return {"downstream": down, "to the right bank": np.cross(down, up), "up": up}
+
+
+def range_colours(low: float, high: float) -> Colormap:
+    """Colours of values whose sign matters: white at zero, from there on as far as the value is."""
+    most = max(-low, high)
+    first, last = ((0.5 + 0.5 * end / most if most > 0.0 else 0.5) for end in (low, high))
+    return ListedColormap(mpl.colormaps["RdBu_r"](np.linspace(first, last, 256)))
 
 
 def axis_name(direction: Floats, otherwise: str) -> str:
