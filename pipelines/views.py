@@ -83,3 +83,39 @@ def plot_result(result: Result, out: str | Path, pictures: PlotOptions, show: St
         with clock.stage("animation", "drawing the animation") as progress:
             paths.append(write_animation(result, folder, stem, (pictures.frames, pictures.window), progress))
     return paths
+
+
+def view_result(
+    result: Result, page: Path | None, frames: tuple[int, tuple[float, float] | None], show: Stage = silent
+) -> Path | None:
+    """Show the motion of a result in a window, or write it as a page for the browser; the page's path.
+
+    Parameters
+    ----------
+    page : the file; None for a window
+    frames : how many, and the first and last second, or None for those around the largest displacement
+
+    Raises
+    ------
+    RomdamError
+        for a result without fields, for a window without written times, and where no window can be opened
+        or the page not be written.
+    """
+    from romdam.visual.view.moving import moving
+
+    if page is None:
+        from romdam.visual.view.window import Window, refuse_without_display
+
+        refuse_without_display(result.path)
+    else:
+        prepare_folder(page.parent)
+    clock = Clock(show)
+    with clock.stage("fields", "rebuilding the motion"):
+        shown = moving(result, frames)
+    if page is None:
+        Window(shown).open(result.path)
+        return None
+    from romdam.visual.view.page import write_page
+
+    with clock.stage("page", "writing the page"):
+        return write_page(shown, page)

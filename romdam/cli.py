@@ -19,7 +19,7 @@ from romdam.commands.options import BAD_INPUT, EXIT_CODES, FAILED
 from romdam.commands.runs import check, run
 from romdam.commands.schema import schema
 from romdam.commands.suites import clean, report
-from romdam.commands.views import info, plot, records, show
+from romdam.commands.views import info, plot, records, show, view
 from romdam.core.errors import ConvergenceError, OutputError, RomdamError, WorkerError, WriteError
 from romdam.core.files import keep_standard_files
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals
@@ -34,7 +34,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    init, run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, records,
+    init, run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, view, records,
     export, cache, schema,
 )  # fmt: skip
 for command in _COMMANDS:

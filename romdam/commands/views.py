@@ -1,4 +1,4 @@
-"""Results, scenes and records told and drawn: `romdam info`, `show`, `plot` and `records`."""
+"""Results, scenes and records told and drawn: `romdam info`, `show`, `plot`, `view` and `records`."""
 
 from __future__ import annotations
 
@@ -95,6 +95,37 @@ def plot(
     with romdam.open_result(result) as opened:
         paths = plot_result(opened, out or result.parent, pictures, stages)
         say(maxima_table(opened.dataset), *(f"written: {path}" for path in paths))
+
+
+def view(
+    result: ResultFile,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            "--html",
+            metavar="FILE",
+            help="Write a page for the browser instead, one file that works offline.",
+        ),
+    ] = None,
+    frames: Annotated[int, typer.Option(min=1, max=10_000, help="Frames of the motion.")] = 40,
+    window: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="First and last second; 2 s around the largest displacement if not given."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Show the motion of a result in 3-D, with displacement and stress, in a window or as a page."""
+    from romdam.pipelines.views import view_result
+    from romdam.terminal import open_terminal
+
+    if window is not None and not 0.0 <= window[0] < window[1] < float("inf"):
+        raise typer.BadParameter(
+            f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
+        )
+    stages, say = open_terminal(quiet, verbose=False)
+    with romdam.open_result(result) as opened:
+        if page := view_result(opened, html, (frames, window), stages):
+            say(f"written: {page}")
 
 
 def records(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import xarray as xr
 
@@ -9,18 +11,53 @@ from romdam.core.arrays import Bools
 from romdam.core.scene import MOST_RING
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
-Row = tuple[str, float, str, str, str]  # quantity, value, unit, where, when [s]
-HEAD = ("quantity", "value", "unit", "where", "time [s]")
+ROUND_OFF = 1e-8  # of the largest value of its unit, below which a value is round-off
+INSTANT = "one instant"
+IN_RING = "all of it is in the ring"
+NOTES = {
+    INSTANT: "of an impact: depends on the step; a mean over the writing interval does not",
+    "below": f"round-off, shown as 0: less than {ROUND_OFF:.0e} of the largest value of the unit",
+}
+
+
+class Row(NamedTuple):
+    """A largest value: `when` [s] and `where` as texts; the note is one of NOTES, IN_RING, or empty."""
+
+    quantity: str
+    value: float
+    unit: str
+    where: str
+    when: str = ""
+    note: str = ""
+
+
+HEAD = ("quantity", "value", "unit", "where", "time [s]", "note")
 
 
 def maxima(dataset: xr.Dataset) -> list[Row]:
-    """Rows of quantity, value, unit, where, when: motion, joints, stress, what the result has of each."""
-    return [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
+    """Motion, joints, stress, what the result has of each; round-off as 0, with a note that says what is."""
+    rows = [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
+    return [_without_round_off(row, rows) for row in rows]
+
+
+def explained(rows: list[Row]) -> list[str]:
+    """Sentences on the notes that stand in a table."""
+    return [f"{note}: {words}" for note, words in NOTES.items() if any(r.note.startswith(note) for r in rows)]
+
+
+def _without_round_off(row: Row, rows: list[Row]) -> Row:
+    values = [abs(r.value) for r in rows if r.unit == row.unit and r.value == r.value]
+    least = ROUND_OFF * max(values, default=0.0)
+    if 0.0 < abs(row.value) < least:
+        return row._replace(value=0.0, when="", note=f"below {least:.1g} {row.unit}")
+    return row._replace(value=row.value + 0.0)  # no -0
 
 
 def _motion(dataset: xr.Dataset) -> list[Row]:
-    rows: list[Row] = []
+    """Of a dam with joints the largest accelerations are those of impacts."""
+    rows = []
     for name in ("displacement", "acceleration"):
+        note = INSTANT if name == "acceleration" and "joint" in dataset else ""
         for axis in dataset.component.values if name in dataset else ():
             values = dataset[name].sel(component=axis)
             step, node = np.unravel_index(int(np.abs(values.values).argmax()), values.shape)
@@ -28,25 +65,30 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
             if value != 0.0:
                 unit = str(dataset[name].attrs["units"])
                 where, when = str(values.node.values[node]), f"{float(values.time[step]):.3f}"
-                rows.append((f"{name} {axis}", value, unit, where, when))
+                rows.append(Row(f"{name} {axis}", value, unit, where, when, note))
     return rows
 
 
 def _joints(dataset: xr.Dataset) -> list[Row]:
-    rows: list[Row] = []
+    rows = []
     for joint in dataset.joint.values if "joint" in dataset else ():
-        own = dataset.sel(joint=joint)
+        own, where = dataset.sel(joint=joint), str(joint)
         when = f"{float(own.peak_opening_time):.3f}"
-        rows.append(("joint opening", float(own.peak_opening), "m", str(joint), when))
-        rows.append(("joint compression", float(own.peak_compressive_stress), "Pa", str(joint), ""))
+        rows.append(Row("joint opening", float(own.peak_opening), "m", where, when))
+        stress = float(own.peak_compressive_stress)
+        rows.append(Row("joint compression", stress, "Pa", where, note=INSTANT))
+        if "peak_mean_compressive_stress" in own:
+            interval = float(dataset.time[-1] - dataset.time[0]) / max(dataset.time.size - 1, 1)
+            name = f"joint compression, mean of {interval:.3g} s"
+            rows.append(Row(name, float(own.peak_mean_compressive_stress), "Pa", where))
         if "peak_slip" in own:
-            rows.append(("joint slip", float(own.peak_slip), "m", str(joint), ""))
+            rows.append(Row("joint slip", float(own.peak_slip), "m", where))
     return rows
 
 
 def _sections(dataset: xr.Dataset) -> list[Row]:
     """Extremes over time of forces, moments and linearised stress on sections, tension positive."""
-    rows: list[Row] = []
+    rows = []
     for name, dim in (("force", "axis"), ("moment", "axis"), ("stress", "side")):
         for section in dataset.section.values if f"section_{name}" in dataset else ():
             own = dataset[f"section_{name}"].sel(section=section)
@@ -54,7 +96,8 @@ def _sections(dataset: xr.Dataset) -> list[Row]:
                 values = own.sel({f"section_{dim}": along}).values
                 for side, k in (("largest", int(values.argmax())), ("smallest", int(values.argmin()))):
                     label, when = f"{side} section {name}, {along}", f"{float(own.time[k]):.3f}"
-                    rows.append((label, float(values[k]), str(own.attrs["units"]), str(section), when))
+                    row = Row(label, float(values[k]), str(own.attrs["units"]), str(section), when)
+                    rows.append(row)
     return rows
 
 
@@ -68,22 +111,25 @@ def _stress(dataset: xr.Dataset) -> list[Row]:
             label = f"{'largest' if side == 'max' else 'smallest'} {name} stress"
             values = dataset[variable].values
             k = int(find(values))
-            rows.append((label, float(values[k]), "Pa", _place(dataset, k), _when(dataset, variable, k)))
+            row = Row(label, float(values[k]), "Pa", _place(dataset, k), _when(dataset, variable, k))
+            rows.append(row)
             outside = np.where(_ring(dataset), np.nan, values)
             if side == "max" and _ring(dataset)[k] and np.isfinite(outside).any():
                 k = int(find(outside))
-                row = (float(values[k]), "Pa", _place(dataset, k), _when(dataset, variable, k))
-                rows.append((f"{label} outside the ring", *row))
+                here = _place(dataset, k), _when(dataset, variable, k)
+                rows.append(Row(f"{label} outside the ring", float(values[k]), "Pa", *here))
     return rows + _damage(dataset)
 
 
 def _face_stress(dataset: xr.Dataset) -> list[Row]:
     """Stress that most of each face does not exceed: what a face is judged by."""
-    rows: list[Row] = []
+    rows = []
     for name in ("principal", "vertical", "arch"):
         for face in dataset.stress_face.values if f"face_{name}_stress" in dataset else ():
             value = dataset[f"face_{name}_stress"].sel(stress_face=face, area_percentile=HEADLINE)
-            rows.append((f"{name} stress, {HEADLINE:g} % of the area", float(value), "Pa", str(face), ""))
+            note = "" if value.notnull() else IN_RING
+            label = f"{name} stress, {HEADLINE:g} % of the area"
+            rows.append(Row(label, float(value), "Pa", str(face), note=note))
     return rows
 
 
@@ -103,21 +149,21 @@ def _damage(dataset: xr.Dataset) -> list[Row]:
         return []
     ratio, time = dataset.demand_capacity_ratio.values, dataset.cumulative_inelastic_duration.values[:, 0]
     k, j = int(ratio.argmax()), int(time.argmax())
-    rows: list[Row] = [
-        ("demand-capacity ratio", float(ratio[k]), "1", _place(dataset, k), ""),
-        ("cumulative inelastic duration", float(time[j]), "s", _place(dataset, j), ""),
+    rows = [
+        Row("demand-capacity ratio", float(ratio[k]), "1", _place(dataset, k)),
+        Row("cumulative inelastic duration", float(time[j]), "s", _place(dataset, j)),
     ]
     if "change_demand_capacity_ratio" in dataset:
         change, time = (
             dataset[f"change_{n}"].values for n in ("demand_capacity_ratio", "inelastic_duration")
         )
         k, j = int(change.argmax()), int(time[:, 0].argmax())
-        rows.append(("demand-capacity ratio of the change", float(change[k]), "1", _place(dataset, k), ""))
-        rows.append(("inelastic duration of the change", float(time[j, 0]), "s", _place(dataset, j), ""))
+        rows.append(Row("demand-capacity ratio of the change", float(change[k]), "1", _place(dataset, k)))
+        rows.append(Row("inelastic duration of the change", float(time[j, 0]), "s", _place(dataset, j)))
     for face in dataset.stress_face.values if "overstressed_area" in dataset else ():
         own = dataset.sel(stress_face=face)
         share = 100.0 * float(own.overstressed_area[0]) / float(own.stress_face_area)
-        rows.append(("overstressed part of the face, with the ring", share, "%", str(face), ""))
+        rows.append(Row("overstressed part of the face, with the ring", share, "%", str(face)))
     return rows
 
 

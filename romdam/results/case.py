@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.config.sections.job import Config
+from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Joint, Scene
 from romdam.core.system import History
@@ -16,6 +18,22 @@ from romdam.postprocess.stress.summary import StressSummary
 
 Array = NDArray[Any]
 Attributes = dict[str, object]
+
+_OF_DAMS = np.array([0.0, -1.0, 0.0])  # `arch_dam` and `gravity_dam` have y downstream
+
+
+def rock_blocks(scene: Scene) -> list[str]:
+    """Blocks that no joint touches, that have no mass or whose weight has acted before, beside others."""
+    dam = {name for joint in scene.joints.values() for name in joint.blocks} - scene.excluded_from_gravity
+    dam -= {name for name, block in scene.blocks.items() if block.material.rho == 0.0}
+    return [name for name in scene.blocks if name not in dam] if dam else []
+
+
+def upstream_of(config: Config, scene: Scene) -> Floats | None:
+    """Horizontal unit vector to the water's side, (3,); None where neither water nor a dam's keys tell it."""
+    if scene.reservoir is not None:
+        return scene.reservoir.upstream
+    return None if config.dam is None else _OF_DAMS
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,8 @@ _OPTIONAL_TEXTS = (
 )  # fmt: skip
 _TIMINGS = ("solver_", "wall_seconds_", "cpu_seconds_")
 _WHOLE = ("gap", "joint_state", "stress_node_number", "stress_ring", "acceptance", "status", "sample")
-_LATER = ("normal_force", "shear_force", "mean_")  # only a certificate needs them, and says so
+# what files of before lack: forces, which a certificate needs, and says so, and a mean that only tables tell
+_LATER = ("normal_force", "shear_force", "mean_", "peak_mean_")
 _PACKING = ("scale_factor", "add_offset", "missing_value")
 _RUN = ("record", "scale", "sample")
 _PLACE: dict[str, tuple[tuple[str, ...], str | None]] = {

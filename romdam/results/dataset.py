@@ -26,6 +26,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.sealed import Opened, examine, sealing
 from romdam.postprocess.concerns import concerns
 from romdam.postprocess.maxima import stress_statement
+from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
 from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
@@ -106,11 +107,13 @@ def record_labels(motion: GroundMotion) -> dict[str, object]:
 
 
 def _attributes(case: Case, job: Job) -> dict[str, object]:
-    motion = case.motion
+    motion, upstream = case.motion, upstream_of(job.config, case.scene)
     return (
         job_labels(job)
         | record_labels(motion)
+        | ({} if upstream is None else {"upstream": upstream})
         | {
+            "rock_blocks": json.dumps(rock_blocks(case.scene)),
             "Conventions": "CF-1.11",
             "source": f"romdam {romdam.__version__}",
             "date_created": datetime.now(UTC).isoformat(timespec="seconds"),

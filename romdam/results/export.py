@@ -1,7 +1,8 @@
 """Fields of a result for ParaView: one .vtu a frame and a .pvd that lists them.
 
 The meshes of all blocks stand in one file: point data `displacement` and, where the result has them, the six
-components `stress` (NaN elsewhere) and the envelope `max_principal_stress`; cell data `block`, its number.
+components `stress` (NaN elsewhere) and the envelope `max_principal_stress`; cell data `block`, its number;
+field data under the name of every block, that number: ParaView, PyVista and meshio tell by it which is which.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -41,12 +43,27 @@ def write_series(result: Result, folder: Path, stem: str, frames: Frames, progre
     for k, time in enumerate(times):
         mesh.point_data |= _fields(result, float(time))
         names.append(f"{stem}-{k:04d}.vtu")
-        with replacing(folder / names[-1]) as part:
-            mesh.write(part, file_format="vtu")
+        write_vtu(mesh, result.blocks, folder / names[-1])
         progress(k + 1, len(times))
     path = folder / f"{stem}.pvd"
     with replacing(path) as part:
         part.write_text(_collection(names, times), encoding="utf-8")
+    return path
+
+
+def write_vtu(mesh: meshio.Mesh, blocks: Iterable[str], path: Path) -> Path:
+    """Write a mesh of `mesh_of` with the names of its blocks, which meshio reads but does not write.
+
+    They are numbers under the blocks' names: texts in field data meshio refuses to read.
+    """
+    rows = "".join(
+        f'<DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{k}</DataArray>\n'
+        for k, name in enumerate(blocks)
+    )
+    with replacing(path) as part:
+        mesh.write(part, file_format="vtu")
+        head, found, rest = part.read_bytes().partition(b"<UnstructuredGrid>")
+        part.write_bytes(head + found + f"\n<FieldData>\n{rows}</FieldData>".encode() + rest)
     return path
 
 

@@ -15,11 +15,10 @@ import romdam
 from romdam.config.load import Job
 from romdam.core.arrays import Ints
 from romdam.core.errors import ResultError
-from romdam.core.files import replacing
 from romdam.core.scene import Scene
 from romdam.postprocess.measured_modes import MeasuredMode
 from romdam.results.dataset import job_labels, library_versions
-from romdam.results.export import mesh_of
+from romdam.results.export import mesh_of, write_vtu
 
 AXES = ("x", "y", "z")
 _COLUMNS = ("frequency", "name", "mode", "damping", "direction")
@@ -75,9 +74,7 @@ def write_shapes(scene: Scene, dataset: xr.Dataset, path: Path) -> Path:
     mesh = mesh_of([(block.points, block.element, block.cells) for block in scene.blocks.values()])
     for mode in dataset.mode.values:
         mesh.point_data[f"mode_{mode:02d}"] = dataset["shape"].sel(mode=mode).values
-    with replacing(path) as part:
-        mesh.write(part, file_format="vtu")
-    return path
+    return write_vtu(mesh, scene.blocks, path)
 
 
 def read_measured(path: Path, modes: int) -> list[MeasuredMode]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +17,11 @@ _AROUND = 2.0  # [s] before and after it
 
 
 def dam_blocks(result: Result) -> list[str]:
-    """Blocks that some joint touches, or all where there is none: rock is left out."""
+    """All blocks but rock; of results that do not name their rock, those that some joint touches, or all."""
     dataset = result.dataset
+    if "rock_blocks" in dataset.attrs:
+        rock = json.loads(dataset.attrs["rock_blocks"])
+        return [name for name in result.blocks if name not in rock]
     jointed = set(dataset.joint_blocks.values.ravel().tolist()) if "joint_blocks" in dataset else set()
     return [name for name in result.blocks if not jointed or name in jointed]
 

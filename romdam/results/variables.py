@@ -79,6 +79,11 @@ def _peak_stress(case: Case) -> Array:
     return case.per_joint(-case.history.peaks["compression"] / case.of_gaps("area"), np.min)
 
 
+def _mean_peak_stress(case: Case) -> Array:
+    means = case.history.mean_traction[:, :, 0] / case.of_gaps("area")
+    return case.per_joint(-means.max(axis=0), np.min)
+
+
 def _energy(term: str, long_name: str) -> Variable:
     return Variable(("time",), "J", long_name, lambda case: case.history.energy[term])
 
@@ -321,6 +326,14 @@ VARIABLES: dict[str, Variable] = {
         "Pa",
         "largest compressive force of one gap over its area, compression negative",
         _peak_stress,
+        _has_joints,
+    ),
+    "peak_mean_compressive_stress": Variable(
+        ("joint",),
+        "Pa",
+        "largest mean compressive force of one gap over a writing interval, over its area, "
+        "compression negative",
+        _mean_peak_stress,
         _has_joints,
     ),
     "peak_slip": Variable(

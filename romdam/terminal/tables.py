@@ -45,11 +45,14 @@ def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
 
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
-    from romdam.postprocess.maxima import HEAD, maxima
+    from romdam.postprocess.maxima import HEAD, explained, maxima
 
-    table = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4]))
-    for name, value, unit, where, when in maxima(dataset):
-        table.add_row(name, where, f"{value:.4g}", unit, when or "-")
+    table, rows = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4], HEAD[5])), maxima(dataset)
+    for row in rows:
+        value = f"{row.value:.4g}" if row.value == row.value else "-"
+        table.add_row(row.quantity, row.where, value, row.unit, row.when or "-", row.note)
+    table.caption = "\n".join(explained(rows))
+    table.caption_justify = "left"
     return table
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.colors import Normalize
+from matplotlib.colors import Colormap, Normalize
 
 from romdam.core.arrays import Floats
 from romdam.core.files import replacing
@@ -17,7 +17,7 @@ from romdam.results.fields import Result
 from romdam.results.series import Frames, dam_blocks, frame_times, worst_displacement_time
 from romdam.visual.plots import save_figure
 from romdam.visual.rendering import EDGES, Bounds, Image, Picture, fitting_size, grid, surface
-from romdam.visual.style import STYLE, image_grid, image_panels, scaled
+from romdam.visual.style import STYLE, image_grid, image_panels, range_colours, scaled, side_name
 
 Progress = Callable[[int, int], None]
 
@@ -28,6 +28,7 @@ _EDGED = 20_000  # cells of a block, above which only its sharp edges are drawn
 _FRAME_SIZE = (800, 640)
 _PANEL = 640  # pixels of the longer side of one of several pictures
 _MISSING = "#D9D9D9"
+_SIGNED = "signed"  # of values whose sign matters, see `range_colours`
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def write_animation(result: Result, folder: Path, stem: str, frames: Frames, pro
     times = frame_times(result, frames)
     fields = [_displacement(result, t) for t in times]
     top = max(float(v.max()) for field in fields for v in field.values.values())
-    scale, norm = _magnification(result, top), Normalize(0.0, top)
+    scale, norm = magnification(result, top), Normalize(0.0, top)
     bounds = _bounds(result, list(fields[0].values))
     images = []
     for k, (field, time) in enumerate(zip(fields, times, strict=True)):
@@ -158,7 +159,7 @@ def _stress(result: Result, variable: str, time: float | None) -> _Field:
         moved[name] = np.zeros((len(values), 3)) if at is None else at
     label = str(dataset[variable].attrs["long_name"]).split(" at worst")[0].split(" (")[0]
     unit = str(dataset[variable].attrs["units"])
-    return _Field(found, moved, "" if unit == "1" else unit, label, "viridis" if time is None else "RdBu_r")
+    return _Field(found, moved, "" if unit == "1" else unit, label, "viridis" if time is None else _SIGNED)
 
 
 def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path:
@@ -167,19 +168,20 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
     shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), field.unit)
     norm, beyond = _norm(shown, field)
     largest = max(float(np.linalg.norm(u, axis=1).max()) for u in field.moved.values())
-    scale = _magnification(result, largest)
+    scale = magnification(result, largest)
     field_scaled = _Field(
         {k: v * factor for k, v in field.values.items()}, field.moved, unit, "", field.colours
     )
     bounds = _bounds(result, list(field.values))
-    images: list[Image] = [
-        _view(result, field_scaled, (bounds, direction), scale, norm).image() for direction in _DIRECTIONS
-    ]
+    images = {
+        name: _view(result, field_scaled, (bounds, direction), scale, norm).image()
+        for name, direction in _sides(result).items()
+    }
     when = f", largest {float(shown.max()):.3g} {unit}".rstrip()
     when += "" if time is None else f", at {time:.2f} s, shape x {scale:g}"
     with mpl.rc_context(STYLE):
         figure, axes = image_panels(images, f"{field.label}{when}  ·  {result.dataset.attrs['record']}")
-        bar = mpl.cm.ScalarMappable(norm, field.colours)
+        bar = mpl.cm.ScalarMappable(norm, _colours(field, norm))
         label = f"{field.label}{f' [{unit}]' if unit else ''}"
         figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
     return save_figure(figure, path)
@@ -195,7 +197,7 @@ def _draw_each(
     shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), first.unit)
     norm, beyond = _norm(shown, first)
     largest = max(np.linalg.norm(u, axis=1).max() for field in fields.values() for u in field.moved.values())
-    scale = _magnification(result, float(largest))
+    scale = magnification(result, float(largest))
     camera = _across_the_narrow_side(_moved_bounds(result, first, scale))
     panels: dict[str, Image] = {}
     for name, result in results.items():
@@ -208,10 +210,27 @@ def _draw_each(
     with mpl.rc_context(STYLE):
         title = f"{first.label}, shape x {scale:g}  ·  {record}"
         figure, axes = image_grid(panels, title)
-        bar = mpl.cm.ScalarMappable(norm, first.colours)
+        bar = mpl.cm.ScalarMappable(norm, _colours(first, norm))
         label = f"{first.label} [{unit}]"
         figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
     return save_figure(figure, path)
+
+
+def _sides(result: Result) -> dict[str, Floats]:
+    """Name -> direction to the eye, of both sides: upstream first where the result says which that is."""
+    upstream = result.dataset.attrs.get("upstream")
+    if upstream is None:
+        return {side_name(towards, None): towards for towards in _DIRECTIONS}
+    along, up = np.asarray(upstream, dtype=float), np.array([0.0, 0.0, 0.45])
+    aside = 0.5 * np.cross(along, [0.0, 0.0, 1.0])
+    return {side_name(s * (along + aside), along): s * (along + aside) + up for s in (1.0, -1.0)}
+
+
+def _colours(field: _Field, norm: Normalize) -> Colormap:
+    """Colours of a range; those of signed values are as far from white as the value is from zero."""
+    if field.colours != _SIGNED or norm.vmin is None or norm.vmax is None:
+        return mpl.colormaps[field.colours]
+    return range_colours(norm.vmin, norm.vmax)
 
 
 def _moved_bounds(result: Result, field: _Field, scale: float) -> Bounds:
@@ -230,17 +249,16 @@ def _across_the_narrow_side(bounds: Bounds) -> tuple[Bounds, Floats]:
 def _norm(shown: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
     """Range of the colours, and at which ends values go beyond it.
 
-    Stress grows without limit at re-entrant corners as the mesh is refined: its highest percent is cut off,
-    so that the rest can be seen; the title says how far it goes. Diverging colours are centred at zero.
+    Stress grows without limit at re-entrant corners as the mesh is refined: the highest percent at each end
+    is cut off, so that the rest can be seen; the title says how far it goes. Zero is always within.
     """
     low, high = float(shown.min()), float(shown.max())
     if field.unit == "m" or not field.label:
         return Normalize(min(0.0, low), high), "neither"
-    limit = float(np.quantile(np.abs(shown.values), _SHARE))
-    if field.colours == "RdBu_r":
-        ends = {(True, True): "both", (True, False): "min", (False, True): "max"}
-        return Normalize(-limit, limit), ends.get((low < -limit, high > limit), "neither")
-    return Normalize(0.0, limit), "max" if high > limit else "neither"
+    first, last = (float(x) for x in np.quantile(shown.values, (1.0 - _SHARE, _SHARE)))
+    norm = Normalize(min(0.0, first), max(0.0, last))
+    ends = {(True, True): "both", (True, False): "min", (False, True): "max"}
+    return norm, ends.get((low < min(0.0, first), high > max(0.0, last)), "neither")
 
 
 def _view(
@@ -257,7 +275,7 @@ def _view(
         points = result.points(name) + scale * field.moved[name]
         mesh, straight = grid(element, points, cells), surface(grid(element, points, cells, straight=True))
         mesh.point_data["values"] = values
-        bar = {"scalars": "values", "cmap": field.colours, "clim": (norm.vmin, norm.vmax)}
+        bar = {"scalars": "values", "cmap": _colours(field, norm), "clim": (norm.vmin, norm.vmax)}
         flat = {"lighting": False, "ambient": 0.0, "diffuse": 1.0}  # the colours of the bar, unshaded
         picture.add(surface(mesh), **bar, **flat, nan_color=_MISSING)
         all_of_them = len(cells) < _EDGED
@@ -271,7 +289,7 @@ def _bounds(result: Result, names: list[str]) -> Bounds:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _magnification(result: Result, largest: float) -> float:
+def magnification(result: Result, largest: float) -> float:
     """A round factor that draws the largest displacement as a small part of the model."""
     if largest <= 0.0:
         return 0.0

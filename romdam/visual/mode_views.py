@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from romdam.core.arrays import Floats
 from romdam.core.scene import Scene
+from romdam.results.case import rock_blocks
 from romdam.visual.plots import save_figure
 from romdam.visual.rendering import EDGES, Bounds, Image, Picture, fitting_size, grid, surface
-from romdam.visual.scene_view import rock_blocks
 from romdam.visual.style import COLOURS, GREY, STYLE, image_grid
 
 _DRAWN = 6  # modes

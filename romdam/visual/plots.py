@@ -6,6 +6,7 @@ A figure is drawn without pyplot, so that no global state, backend or style is t
 from __future__ import annotations
 
 from collections.abc import Callable
+from heapq import heapify, heappop, heappush
 from pathlib import Path
 
 import matplotlib as mpl
@@ -18,15 +19,28 @@ from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
-from romdam.visual.sliding_plots import sliding_histories
+from romdam.visual.joint_plots import component_panels, joint_displacements, joint_slip, sliding_histories
 from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
-from romdam.visual.style import COLOURS, GREY, STYLE, new_figure, scaled
+from romdam.visual.style import (
+    COLOURS,
+    GREY,
+    STYLE,
+    axis_name,
+    finish,
+    legend_below,
+    mark_peak,
+    new_figure,
+    scaled,
+)
 
 Array = np.ndarray
 
 _DPI = 160
 _COMPRESSION = 3  # of zlib: level 6 takes 0.03 s longer for the figures of a run, to make them 10 % smaller
+_BROADEST = 10.4  # inches of all maps of a row
+_AT_REST = 1e-6  # of the largest energy, below which none is said to rest at the start
 _FLAT = 0.08  # inscribed over circumscribed circle of a triangle on the rim, below which it is left out
+_WHOLE = 0.995  # of areas that count as equal: a joint's and its map's
 
 
 def ground_motion(dataset: xr.Dataset) -> Figure:
@@ -37,31 +51,17 @@ def ground_motion(dataset: xr.Dataset) -> Figure:
     for ax, component in zip(axes, shaken, strict=True):
         row = acc.sel(component=component)
         ax.plot(acc.time, row, color=COLOURS[0], lw=0.7)
-        _mark_peak(ax, row, "{:.2f} m/s²")
+        mark_peak(ax, row, "{:.2f} m/s²")
         ax.set_ylabel(f"ground acc. {component}\n[m/s²]")
-    return _finish(figure, axes, dataset, "Ground motion")
+    return finish(figure, axes, dataset, "Ground motion")
 
 
 def top_displacements(dataset: xr.Dataset) -> Figure | None:
-    """Displacement of the output nodes, one panel for each component that moves."""
+    """Displacement of the output nodes along the stream, across it and up; a panel for each that moves."""
     if "displacement" not in dataset:
         return None
-    disp = dataset.displacement
-    largest = abs(disp).max(("time", "node"))
-    moving = [
-        c for c in disp.component.values if float(largest.sel(component=c)) > 0.02 * float(largest.max())
-    ]
-    figure, axes = new_figure(rows=max(1, len(moving)), height=2.3)
-    for ax, component in zip(axes, moving, strict=False):
-        values, _, unit = scaled(disp.sel(component=component), "m")
-        for k, node in enumerate(disp.node.values):
-            ax.plot(
-                disp.time, values.sel(node=node), color=COLOURS[k % len(COLOURS)], lw=0.9, label=str(node)
-            )
-        ax.set_ylabel(f"displacement {component}\n[{unit}]")
-        ax.axhline(0.0, color=GREY, lw=0.5, zorder=0)
-    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=6)
-    return _finish(figure, axes, dataset, "Displacement of the output nodes, relative to the base")
+    figure, axes = component_panels(dataset, dataset.displacement, "node", "displacement")
+    return finish(figure, axes, dataset, "Displacement of the output nodes, relative to the base")
 
 
 def joint_opening(dataset: xr.Dataset) -> Figure | None:
@@ -77,26 +77,29 @@ def joint_opening(dataset: xr.Dataset) -> Figure | None:
         )
         ax.plot(dataset.time, values.max("gap"), color=COLOURS[0], lw=0.9, label="widest gap")
         ax.axhline(0.0, color=GREY, lw=0.5, zorder=0)
-        _mark_peak(ax, values.max("gap"), "{:.3g} " + unit)
+        mark_peak(ax, values.max("gap"), "{:.3g} " + unit)
         ax.set_ylabel(f"{name}\nopening [{unit}]")
-    return _finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
+    return finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
 
 
 def opening_envelope(dataset: xr.Dataset) -> Figure | None:
-    """Largest opening of every gap over the joint's face, one map a joint."""
+    """Largest opening of every gap over the joint's face, one map a joint, with its largest named."""
     if "gap_peak_opening" not in dataset:
         return None
-    names = list(dataset.joint.values)
+    names = [str(name) for name in dataset.joint.values]
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
-    face = max(_width_over_height(dataset, name) for name in names)
-    figure = Figure(figsize=(columns * (4.0 * face + 0.8) + 1.2, 4.8 * rows), layout="constrained")
+    faces = [_width_over_height(dataset, name) for name in names]
+    wide = min(4.0 * max(faces) + 0.8, _BROADEST / columns)
+    high = min(4.8, (wide - 0.8) / min(faces) + 0.8)
+    figure = Figure(figsize=(columns * wide + 1.2, high * rows + 0.4), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     peaks, _, unit = scaled(dataset.gap_peak_opening, "m")
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
     for ax, name in zip(axes, names, strict=False):
-        _face_map(ax, dataset, dataset.gap_joint.values == name, peaks, norm)
-        ax.set_title(str(name))
+        chosen = dataset.gap_joint.values == name
+        _face_map(ax, dataset, chosen, peaks, norm)
+        ax.set_title(f"{name}: {float(peaks.values[chosen].max()):.3g} {unit}", fontsize=8)
     for ax in axes[len(names) :]:
         ax.set_visible(False)
     bar = mpl.cm.ScalarMappable(norm, "viridis")
@@ -106,28 +109,35 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
 
 
 def energy_ledger(dataset: xr.Dataset) -> Figure:
-    """Draw where the input energy is: stacked parts against the input, and the imbalance.
+    """Draw where the energy is: stacked parts against input and what rested at the start, and the imbalance.
 
-    What the time stepping takes is one part: of its two terms only the sum is never negative.
+    What the time stepping takes is one part: of its two terms only the sum is never negative. A dam with
+    weight and water has strain energy before it is shaken: the stack starts at it, and so does the line.
     """
     parts = ["kinetic", "strain", "joint_stored", "damping", "friction", "contact"]
     values = {p: dataset[f"energy_{p}"].values for p in parts}
     if "energy_numerical" in dataset:
         values["contact"] = values["contact"] + dataset.energy_numerical.values
     shown = [p for p in parts if values[p].any()]
+    at_rest = float(sum(row[0] for row in values.values())) - float(dataset.energy_input[0])
     figure, axes = new_figure(rows=2, height=2.6, ratios=(3, 1))
-    supplied, factor, unit = scaled(dataset.energy_input, "J")
+    supplied, factor, unit = scaled(dataset.energy_input + at_rest, "J")
     stack = [values[p] * factor for p in shown]
     labels = [_ENERGY_LABELS.get(p, p) for p in shown]
     colours = [COLOURS[parts.index(p)] for p in shown]  # the same part has the same colour in every figure
     axes[0].stackplot(dataset.time.values, stack, labels=labels, colors=colours, lw=0, alpha=0.85)
-    axes[0].plot(dataset.time, supplied, color="black", lw=1.0, label="input")
+    rests = abs(at_rest) > _AT_REST * float(abs(supplied).max()) / factor
+    label = "initial strain energy + input" if rests else "input"
+    axes[0].plot(dataset.time, supplied, color="black", lw=1.0, label=label)
+    if rests:
+        label = f"initial strain energy, {at_rest * factor:.3g} {unit}"
+        axes[0].axhline(at_rest * factor, color="black", lw=0.9, ls="--", label=label)
     axes[0].set_ylabel(f"energy [{unit}]")
-    axes[0].legend(loc="upper left")
     imbalance, _, unit = scaled(dataset.energy_residual, "J")
     axes[1].plot(dataset.time, imbalance, color=COLOURS[0], lw=0.8)
     axes[1].set_ylabel(f"imbalance\n[{unit}]")
-    return _finish(figure, axes, dataset, "Energy ledger")
+    legend_below(figure, axes[:1])
+    return finish(figure, axes, dataset, "Energy ledger")
 
 
 _ENERGY_LABELS = {"joint_stored": "joint springs", "contact": "time stepping"}
@@ -137,6 +147,8 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "top_displacements": top_displacements,
     "joint_opening": joint_opening,
     "opening_envelope": opening_envelope,
+    "joint_displacement": joint_displacements,
+    "joint_slip": joint_slip,
     "sliding": sliding_histories,
     "energy": energy_ledger,
     "stress": stress_histories,
@@ -179,7 +191,7 @@ def opening_comparison(histories: dict[str, tuple[Array, Array]], title: str) ->
         axes[0].set_ylabel("widest opening [mm]")
         axes[0].set_xlabel("time [s]")
         axes[0].set_title(title, loc="left")
-        axes[0].legend(loc="upper left")
+        legend_below(figure, axes)
     return figure
 
 
@@ -192,37 +204,56 @@ def save_figure(figure: Figure, path: Path) -> Path:
     return path
 
 
-def _finish(figure: Figure, axes: list[Axes], dataset: xr.Dataset, title: str) -> Figure:
-    axes[-1].set_xlabel("time [s]")
-    axes[-1].set_xlim(float(dataset.time[0]), float(dataset.time[-1]))
-    axes[0].set_title(f"{title}  ·  {dataset.attrs['record']}", loc="left")
-    figure.align_ylabels()
-    return figure
-
-
-def _mark_peak(ax: Axes, row: xr.DataArray, text: str) -> None:
-    """A dot and a number at the largest absolute value."""
-    k = int(np.abs(row.values).argmax())
-    x, y = float(row.time[k]), float(row[k])
-    ax.plot([x], [y], "o", ms=3, color=COLOURS[1], zorder=5)
-    label = f"{text.format(y)} at {x:.2f} s"
-    ax.annotate(label, (x, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize=7.5)
-
-
 def _face_map(ax: Axes, dataset: xr.Dataset, chosen: Array, peaks: xr.DataArray, norm: Normalize) -> None:
     """One joint's gaps in its own plane: the local axis nearest to vertical up, the other across."""
     x, y = _face_coordinates(dataset, chosen)
     if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
-        mesh = Triangulation(x, y)
-        mesh.set_mask(TriAnalyzer(mesh).get_flat_tri_mask(_FLAT))  # those across a hollow edge
+        mesh = within_outline(x, y, float(dataset.gap_area.values[chosen].sum()))
         ax.tripcolor(mesh, peaks.values[chosen], norm=norm, cmap="viridis", shading="gouraud")
         ax.scatter(x, y, s=2, color="white", lw=0)
     else:  # gaps in a row have no face
         ax.scatter(x, y, c=peaks.values[chosen], s=24, norm=norm, cmap="viridis", lw=0)
+    across, up = _plane_axes(dataset.gap_tangent.values[chosen].mean(axis=0))
     ax.grid(visible=False)
     ax.set_aspect("equal")
-    ax.set_xlabel("across [m]")
-    ax.set_ylabel("up [m]")
+    ax.set_xlabel(f"{axis_name(across, 'across')} [m]")
+    ax.set_ylabel(f"{axis_name(up, 'up')} [m]")
+
+
+def within_outline(x: Array, y: Array, area: float) -> Triangulation:
+    """Triangles between gaps, less those in the joint's hollows and those flat on its rim.
+
+    Where the hull of the gaps is larger than the joint's area, triangles go from the rim inwards, the longest
+    edge first, until the area is the joint's; each that goes lays bare a gap that was inside.
+
+    References
+    ----------
+    Duckham, Kulik, Worboys, Galton (2008), Efficient generation of simple polygons for characterizing the
+    shape of a set of points in the plane, Pattern Recognition 41, 3224-3236: the chi-shape.
+    """
+    mesh = Triangulation(x, y)
+    corners, beside = np.stack([x, y], axis=1)[mesh.triangles], mesh.neighbors
+    edges = np.roll(corners, -1, axis=1) - corners
+    length = np.linalg.norm(edges, axis=2)
+    size = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2.0
+    rim = [(-length[t, k], t, k) for t, k in np.argwhere(beside < 0)]
+    bare = {int(mesh.triangles[t, j % 3]) for _, t, k in rim for j in (k, k + 1)}
+    gone, left = np.zeros(len(size), dtype=bool), float(size.sum())
+    heapify(rim)
+    while rim and _WHOLE * left > area:
+        _, t, k = heappop(rim)
+        far = int(mesh.triangles[t, (k + 2) % 3])
+        if gone[t] or far in bare or left - size[t] < _WHOLE * area:
+            continue
+        gone[t], left = True, left - float(size[t])
+        bare.add(far)
+        for other in (beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]):
+            if other >= 0 and not gone[other]:
+                j = int(np.flatnonzero(beside[other] == t)[0])
+                heappush(rim, (-length[other, j], other, j))
+    mesh.set_mask(gone)
+    mesh.set_mask(TriAnalyzer(mesh).get_flat_tri_mask(_FLAT))
+    return mesh
 
 
 def _face_coordinates(dataset: xr.Dataset, chosen: Array) -> tuple[Array, Array]:

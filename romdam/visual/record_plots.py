@@ -14,7 +14,7 @@ from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_curves import RecordCurves, record_curves, target_of
 from romdam.postprocess.record_measures import PERIODS
-from romdam.visual.style import COLOURS, GREY, STYLE
+from romdam.visual.style import COLOURS, GREY, STYLE, legend_below
 
 Array = np.ndarray
 AXES = ("x", "y", "z")
@@ -45,6 +45,8 @@ def plot_record(motion: GroundMotion, recorded: GroundMotion | None = None) -> F
             for ax in row[1:]:
                 ax.set_ylabel("")
         _share_limits(panels)
+        if recorded is not None:
+            legend_below(figure, panels[0])
         figure.suptitle(_title(motion), fontsize=10)
     return figure
 
@@ -90,7 +92,6 @@ def _recorded(panels: Array, recorded: GroundMotion, curves: Curves, label: str)
         values = getattr(before, quantity)
         ax.plot(before.time - start, values, color=GREY, lw=0.7, label=label, zorder=1)
         _keep_in_view(ax, getattr(after, quantity), values)
-    panels[0].legend(loc="lower right", ncols=2, frameon=True, framealpha=0.85, edgecolor="none")
 
 
 def _words(motion: GroundMotion) -> tuple[str, str]:
@@ -154,8 +155,6 @@ def _fourier(ax: Axes, motion: GroundMotion, curves: Curves) -> None:
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("Fourier amplitude [m/s]")
     ax.set_ylim(bottom=1e-6 * ax.get_ylim()[1])
-    if before is not None:
-        ax.legend(loc="lower center")
 
 
 def _corners(motion: GroundMotion) -> list[float]:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
 from romdam.core.scene import Block, Scene
+from romdam.results.case import rock_blocks
 from romdam.visual.plots import save_figure
 from romdam.visual.rendering import EDGES, Image, Picture, grid, surface
-from romdam.visual.style import STYLE, image_panels
+from romdam.visual.style import STYLE, image_panels, side_name
 
 if TYPE_CHECKING:
     import pyvista
@@ -43,7 +44,14 @@ def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
     colours = _colours(scene)
     before, behind = _directions(scene)
     dam = [name for name in scene.blocks if name not in rock_blocks(scene)]
-    images = [_view(scene, colours, list(scene.blocks), before), _view(scene, colours, dam, behind)]
+    upstream = scene.reservoir.upstream if scene.reservoir else None
+    names = side_name(before, upstream), side_name(behind, upstream)
+    images = {
+        names[0]: _view(scene, colours, list(scene.blocks), before),
+        names[1] + ("" if len(dam) == len(scene.blocks) else ", the dam alone"): _view(
+            scene, colours, dam, behind
+        ),
+    }
     with mpl.rc_context(STYLE):
         figure, _ = image_panels(images, title)
         handles: list[Artist] = [
@@ -77,13 +85,6 @@ def _directions(scene: Scene) -> tuple[Floats, Floats]:
     aside = np.cross([0.0, 0.0, 1.0], along)
     up = np.array([0.0, 0.0, 0.6])
     return along + 0.5 * aside + up, -along + 0.5 * aside + up
-
-
-def rock_blocks(scene: Scene) -> list[str]:
-    """Blocks that no joint touches, that have no mass or whose weight has acted before, beside others."""
-    dam = {name for joint in scene.joints.values() for name in joint.blocks} - scene.excluded_from_gravity
-    dam -= {name for name, block in scene.blocks.items() if block.material.rho == 0.0}
-    return [name for name in scene.blocks if name not in dam] if dam else []
 
 
 def _colours(scene: Scene) -> dict[str, str]:

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter
 from romdam.core.arrays import Floats
 from romdam.postprocess.stress.faces import LARGEST_RATIO, LIMITS
 from romdam.postprocess.stress.summary import duration_above
-from romdam.visual.style import COLOURS, GREY, new_figure, scaled
+from romdam.visual.style import COLOURS, GREY, finish, legend_below, new_figure, scaled
 
 
 def stress_histories(dataset: xr.Dataset) -> Figure | None:
@@ -36,12 +36,8 @@ def stress_histories(dataset: xr.Dataset) -> Figure | None:
                 float(dataset.tensile_strength) * factor, color=GREY, lw=1.0, ls="--", label="strength"
             )
         ax.set_ylabel(f"{name}\nstress [{unit}]")
-    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4)
-    axes[0].set_title(f"Stress, tension positive  ·  {dataset.attrs['record']}", loc="left", y=1.08)
-    axes[-1].set_xlabel("time [s]")
-    axes[-1].set_xlim(float(dataset.time[0]), float(dataset.time[-1]))
-    figure.align_ylabels()
-    return figure
+    legend_below(figure, axes)
+    return finish(figure, axes, dataset, "Stress, tension positive")
 
 
 def stress_sections(dataset: xr.Dataset) -> Figure | None:
@@ -96,8 +92,9 @@ def stress_damage(dataset: xr.Dataset) -> Figure | None:
     _limits(axes)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3 if faces else 2)
     figure.suptitle(
-        f"Stress above the tensile strength of {float(dataset.tensile_strength) / 1e6:.3g} MPa, outside the "
-        f"ring; dashed: of the change  ·  {dataset.attrs['record']}", fontsize=9, x=0.02, ha="left",
+        f"Stress above the tensile strength of {float(dataset.tensile_strength) / 1e6:.3g} MPa\n"
+        f"outside the ring; dashed: of the change  ·  {dataset.attrs['record']}",
+        fontsize=9, x=0.02, ha="left",
     )  # fmt: skip
     return figure
 

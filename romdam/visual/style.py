@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
+import matplotlib as mpl
+import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
+
+from romdam.core.arrays import Floats
 
 # Okabe and Ito's palette, told apart with any colour vision
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -27,6 +33,8 @@ STYLE: dict[Any, Any] = {
     "ytick.major.width": 0.7,
     "savefig.facecolor": "white",
 }
+LINES = ("-", "--", ":")  # of what shares a colour
+_NEAR = 0.99  # cosine of the angle below which a direction has an axis' name
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
@@ -51,13 +59,80 @@ def scaled(values: xr.DataArray, unit: str) -> tuple[xr.DataArray, float, str]:
     return values / size, 1.0 / size, prefix + unit
 
 
-def image_panels(images: list[Any], title: str) -> tuple[Figure, list[Axes]]:
-    """Images (rows, columns, 3) of equal size side by side, without axes."""
-    rows, columns = images[0].shape[:2]
+def legend_below(figure: Figure, axes: Iterable[Axes], columns: int = 4) -> None:
+    """A legend under the panels, where it covers neither titles nor data; each label once."""
+    found: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    figure.legend(
+        found.values(), found.keys(), loc="outside lower center", ncols=min(columns, max(1, len(found)))
+    )
+
+
+def mark_peak(ax: Axes, row: xr.DataArray, text: str) -> None:
+    """A dot and a number at the largest absolute value, to its left where it comes late."""
+    k = int(np.abs(row.values).argmax())
+    x, y = float(row.time[k]), float(row[k])
+    ax.plot([x], [y], "o", ms=3, color=COLOURS[1], zorder=5)
+    late = x > float(row.time[0]) + 0.75 * float(row.time[-1] - row.time[0])
+    ax.annotate(
+        f"{text.format(y)} at {x:.2f} s", (x, y), xytext=(-6 if late else 6, 0), textcoords="offset points",
+        va="center", ha="right" if late else "left", fontsize=7.5,
+    )  # fmt: skip
+
+
+def finish(figure: Figure, axes: list[Axes], dataset: xr.Dataset, title: str) -> Figure:
+    """Panels over time in the end: their common axis, and the title with the record."""
+    axes[-1].set_xlabel("time [s]")
+    axes[-1].set_xlim(float(dataset.time[0]), float(dataset.time[-1]))
+    axes[0].set_title(f"{title}  ·  {dataset.attrs['record']}", loc="left")
+    figure.align_ylabels()
+    return figure
+
+
+def directions(dataset: xr.Dataset) -> dict[str, Floats]:
+    """Name -> unit vector of the three directions that components are shown along.
+
+    They are those of the stream where the result says which way is upstream, else the global axes.
+    """
+    up = np.array([0.0, 0.0, 1.0])
+    if "upstream" not in dataset.attrs:
+        return {f"along {axis}": row for axis, row in zip("xyz", np.eye(3), strict=True)}
+    down = -np.asarray(dataset.attrs["upstream"], dtype=float)
+    return {"downstream": down, "to the right bank": np.cross(down, up), "up": up}
+
+
+def range_colours(low: float, high: float) -> Colormap:
+    """Colours of values whose sign matters: white at zero, from there on as far as the value is."""
+    most = max(-low, high)
+    first, last = ((0.5 + 0.5 * end / most if most > 0.0 else 0.5) for end in (low, high))
+    return ListedColormap(mpl.colormaps["RdBu_r"](np.linspace(first, last, 256)))
+
+
+def axis_name(direction: Floats, otherwise: str) -> str:
+    """Name of the global axis along which a direction points, or nearly."""
+    k = int(np.abs(direction).argmax())
+    return "xyz"[k] if abs(direction[k]) > _NEAR else otherwise
+
+
+def side_name(towards: Floats, upstream: Floats | None) -> str:
+    """From which side something is seen whose eye lies in a direction."""
+    if upstream is not None and abs(share := float(towards @ upstream)) > 0.5 * np.linalg.norm(towards):
+        return f"from {'upstream' if share > 0.0 else 'downstream'}"
+    long, short = np.argsort(-np.abs(towards[:2]))
+    names = [f"{'-' if towards[k] < 0.0 else '+'}{'xy'[k]}" for k in (long, short)]
+    return f"from {names[0]}, and {names[1]}"
+
+
+def image_panels(images: dict[str, Any], title: str) -> tuple[Figure, list[Axes]]:
+    """Images (rows, columns, 3) of equal size side by side under their names, without axes."""
+    rows, columns = next(iter(images.values())).shape[:2]
     figure = Figure(figsize=(4.6 * len(images), 4.6 * rows / columns + 0.9), layout="constrained")
     axes = list(figure.subplots(1, len(images), squeeze=False)[0])
-    for ax, image in zip(axes, images, strict=True):
+    for ax, (name, image) in zip(axes, images.items(), strict=True):
         ax.imshow(image)
+        ax.set_title(name, fontsize=8)
         ax.set_axis_off()
     figure.suptitle(title, fontsize=9, x=0.02, ha="left")
     return figure, axes

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from romdam.results.dataset import build_dataset
-from romdam.visual.plots import FIGURES, opening_comparison, save_figure, write_plots
-from romdam.visual.style import STYLE, scaled
+from romdam.visual.plots import FIGURES, opening_comparison, save_figure, within_outline, write_plots
+from romdam.visual.style import STYLE, scaled, side_name
 
 from .conftest import make_case
 
@@ -24,7 +24,8 @@ CASES = {
 def test_figures_are_written_for_what_there_is(kind, job, timing, tmp_path):
     ds = build_dataset(make_case(**CASES[kind]), job, timing, None)
     paths = write_plots(ds, tmp_path, "quake")
-    without = {"no joints": {"joint_opening", "opening_envelope", "sliding"}, "frictionless": {"sliding"}}
+    shear = {"joint_displacement", "joint_slip", "sliding"}
+    without = {"no joints": {"joint_opening", "opening_envelope", *shear}, "frictionless": shear}
     assert {p.name for p in paths} == {f"quake-{n}.png" for n in FIGURES if n not in without.get(kind, set())}
     for path in paths:
         pixels = np.asarray(Image.open(path).convert("L"))
@@ -69,3 +70,99 @@ def test_figure_is_drawn_once_and_is_that_of_savefig(case, job, timing, tmp_path
         assert len(drawn) == 3
     once, twice = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("once", "twice"))
     np.testing.assert_array_equal(once, twice)
+
+
+def labelled(ax):
+    """Label -> what is drawn over time, of lines."""
+    return {line.get_label(): np.asarray(line.get_ydata(), dtype=float) for line in ax.lines}
+
+
+def test_energy_stack_ends_at_the_input_and_what_rested_at_the_start(case, job, timing):
+    """The parts of a dam with weight, whose strain energy is there before it is shaken."""
+    ds = build_dataset(case, job, timing, None)
+    parts = [f"energy_{p}" for p in ("kinetic", "strain", "joint_stored", "damping", "friction", "contact")]
+    ds["energy_strain"] = ds.energy_strain + 5.0
+    ds["energy_input"] = sum(ds[p] for p in (*parts, "energy_numerical")) - 7.0
+    ax = FIGURES["energy"](ds).axes[0]
+    lines = labelled(ax)
+    top = np.max([poly.get_paths()[0].vertices[:, 1].max() for poly in ax.collections])
+    np.testing.assert_allclose(lines["initial strain energy + input"], ds.energy_input + 7.0)
+    np.testing.assert_allclose(lines["initial strain energy, 7 J"], 7.0)
+    assert top == pytest.approx(float((ds.energy_input + 7.0).max()))
+    assert ax.get_legend() is None and len(ax.figure.legends) == 1, "below the panels, not over them"
+
+
+def test_energy_of_what_starts_at_rest_names_the_input_alone(case, job, timing):
+    ds = build_dataset(case, job, timing, None)
+    parts = [n for n in ds if n.startswith("energy_") and n not in ("energy_input", "energy_residual")]
+    for name in parts:
+        ds[name] = ds[name] - ds[name][0]
+    ds["energy_input"] = sum(ds[name] for name in parts)
+    lines = labelled(FIGURES["energy"](ds).axes[0])
+    np.testing.assert_allclose(lines["input"], ds.energy_input, atol=1e-12)
+    assert not any("initial" in str(label) for label in lines)
+
+
+def test_components_are_along_the_stream_where_it_is_known(case, job, timing):
+    """Upstream is -x: downstream is x, and the right bank, to the right of who looks downstream, is -y."""
+    ds = build_dataset(case, job, timing, None)
+    names = [ax.get_ylabel().split("\n")[1] for ax in FIGURES["top_displacements"](ds).axes]
+    assert [name.split(" [")[0] for name in names] == ["along x", "along y", "along z"]
+    ds.attrs["upstream"] = np.array([-1.0, 0.0, 0.0])
+    for figure, values, dim in (
+        ("top_displacements", ds.displacement, "node"),
+        ("joint_displacement", ds.joint_displacement, "joint"),
+    ):
+        axes = FIGURES[figure](ds).axes
+        for ax, (name, sign, axis) in zip(
+            axes, (("downstream", 1, "x"), ("to the right bank", -1, "y"), ("up", 1, "z")), strict=True
+        ):
+            assert name in ax.get_ylabel()
+            shown, _, unit = scaled(sign * values.sel(component=axis), "m")
+            assert f"[{unit}]" in ax.get_ylabel()
+            for place in values[dim].values:
+                np.testing.assert_allclose(labelled(ax)[place], shown.sel({dim: place}), atol=1e-12)
+
+
+def test_slip_is_drawn_of_joints_that_slide(case, job, timing):
+    ds = build_dataset(case, job, timing, None)
+    state = ds.joint_state.copy()
+    state[:, ds.gap_joint.values == "J1"] = 1
+    axes = FIGURES["joint_slip"](ds.assign(joint_state=state)).axes
+    assert len(axes) == 1 and axes[0].get_ylabel() == "J2\nslip [mm]"
+    slip = 1e3 * np.hypot(ds.slip[:, 2:, 0], ds.slip[:, 2:, 1]).max("gap")
+    np.testing.assert_allclose(labelled(axes[0])["largest slip"], slip, rtol=1e-12)
+    assert FIGURES["joint_slip"](ds.assign(joint_state=0 * state)) is None, "sticking is no slip"
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_no_legend_lies_over_a_panel_or_its_title(name, case, job, timing):
+    with mpl.rc_context(STYLE):
+        figure = FIGURES[name](build_dataset(case, job, timing, None))
+        figure.draw_without_rendering()
+    covered = [ax.get_tightbbox() for ax in figure.axes]
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        assert not any(box.overlaps(other) for other in covered), name
+        assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1, f"{name}: cut off"
+
+
+def test_map_of_openings_keeps_to_a_hollow_joint():
+    """A wall with a crest: the hull of its gaps closes the hollow at the knee, which is no joint."""
+    width = {0.0: 8.0, 2.0: 5.0, 4.0: 2.0, 6.0: 2.0, 8.0: 2.0}
+    x, y = (np.array(v) for v in zip(*((s * w, z) for z, w in width.items() for s in (0, 0.25, 0.5, 0.75, 1)),
+                                     strict=True))  # fmt: skip
+    area = 0.5 * (8 + 2) * 4 + 2.0 * 4
+    for given, expected in ((area, area), (1.001 * area, area), (2 * area, None)):
+        mesh = within_outline(x, y, given)
+        kept = mesh.triangles if mesh.mask is None else mesh.triangles[~mesh.mask]
+        a, b, c = (np.stack([x, y], axis=1)[kept[:, k]] for k in range(3))
+        total = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum()
+        assert total == pytest.approx(expected, rel=1e-3) if expected else total > 1.05 * area
+
+
+def test_sides_are_named_by_the_stream_or_by_axes():
+    upstream = np.array([0.0, -1.0, 0.0])
+    assert side_name(np.array([-0.5, -1.0, 0.4]), upstream) == "from upstream"
+    assert side_name(np.array([-0.5, 1.0, 0.4]), upstream) == "from downstream"
+    assert side_name(np.array([-0.5, -1.0, 0.4]), None) == "from -y, and -x"

@@ -5,9 +5,11 @@ import subprocess
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import matplotlib as mpl
 import meshio
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.image import imread
 from PIL import Image
 
@@ -16,11 +18,11 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
 from romdam.pipelines.views import PlotOptions, plot_result, show_scene
-from romdam.postprocess.maxima import HEAD, maxima
+from romdam.postprocess.maxima import HEAD, INSTANT, explained, maxima
 from romdam.results.dataset import build_dataset, write_dataset
-from romdam.results.export import write_series
+from romdam.results.export import mesh_of, write_series, write_vtu
 from romdam.results.fields import write_model
-from romdam.results.series import frame_times, worst_displacement_time
+from romdam.results.series import dam_blocks, frame_times, worst_displacement_time
 from romdam.results.table import write_maxima
 from romdam.scene.elements import SOLIDS
 from romdam.visual import field_views, rendering
@@ -139,6 +141,70 @@ def test_series_holds_the_displacement_of_every_node_at_every_frame(result, tmp_
     assert [len(c.data) for c in mesh.cells] == [2] or [len(c.data) for c in mesh.cells] == [1, 1]
 
 
+def test_series_names_its_blocks_where_readers_find_them(result, tmp_path):
+    """By meshio and by VTK; a name may have what XML must not."""
+    import pyvista
+
+    path = tmp_path / "quake.vtu"
+    numbers = [np.full(1, k) for k in range(2)]
+    mesh = mesh_of((result.points(name), *result.cells(name)) for name in result.blocks)
+    write_vtu(mesh, ['left & "first"', "right"], path)
+    for fields in (meshio.read(path).field_data, pyvista.read(path).field_data):
+        found = {name: int(np.ravel(values)[0]) for name, values in fields.items()}
+        assert found == {'left & "first"': 0, "right": 1}
+    np.testing.assert_array_equal(pyvista.read(path).cell_data["block"], np.concatenate(numbers))
+    write_series(result, tmp_path, "quake", (1, None), lambda done, total: None)
+    assert list(meshio.read(tmp_path / "quake-0000.vtu").field_data) == result.blocks
+
+
+def test_maxima_tell_round_off_and_instants(result):
+    """Displacement along x is round-off of that along y; impacts are beside their means."""
+    dataset = result.dataset.load().copy(deep=True)
+    largest = float(abs(dataset.displacement.sel(component="y")).max())
+    dataset.displacement.loc[{"component": "x"}] = -1e-17
+    dataset.displacement.loc[{"component": "z"}] = 2e-8 * largest
+    dataset["peak_compressive_stress"] = -0.0 * dataset.peak_compressive_stress
+    rows = {(row.quantity, row.where): row for row in maxima(dataset)}
+    tiny = next(row for (name, _), row in rows.items() if name == "displacement x")
+    assert repr(tiny.value) == "0.0" and tiny.note.startswith("below ") and tiny.note.endswith(" m")
+    limit = float(tiny.note.split()[1])
+    assert limit > 1e-17 and limit == pytest.approx(1e-8 * max(largest, dataset.peak_slip.max()), rel=0.5)
+    small = next(row for (name, _), row in rows.items() if name == "displacement z")
+    assert small.value == pytest.approx(2e-8 * largest) and not small.note
+    instant = rows["joint compression", "J1"]
+    assert instant.note == INSTANT and repr(instant.value) == "0.0", "no -0"
+    mean = rows["joint compression, mean of 0.05 s", "J1"]
+    forces = dataset.mean_normal_force[:, dataset.gap_joint.values == "J1"]
+    assert mean.value == pytest.approx(float(forces.min()) / 0.5) and not mean.note
+    told = explained(list(rows.values()))
+    assert any("depends on the step" in line for line in told) and any("1e-08" in line for line in told)
+
+
+def test_views_are_named_and_colours_end_where_values_do(result):
+    """White stays at zero: the colour of a value depends on the larger end alone."""
+    from matplotlib.colors import Normalize
+
+    assert list(field_views._sides(result)) == ["from -y, and -x", "from +y, and +x"]
+    result.dataset.attrs["upstream"] = np.array([1.0, 0.0, 0.0])
+    sides = field_views._sides(result)
+    assert list(sides) == ["from upstream", "from downstream"] and sides["from upstream"][0] > 0.0
+    field = field_views._stress(result, "worst_principal_stress", 0.5)
+    values = xr.DataArray(np.linspace(-1.0, 4.0, 1001))
+    norm, beyond = field_views._norm(values, field)
+    assert (norm.vmin, norm.vmax, beyond) == (pytest.approx(-0.95), pytest.approx(3.95), "both")
+    whole, cut = mpl.colormaps["RdBu_r"], field_views._colours(field, Normalize(-1.0, 4.0))
+    np.testing.assert_allclose(cut(1.0), whole(1.0))
+    np.testing.assert_allclose(cut(0.2), whole(0.5), atol=0.02)
+    np.testing.assert_allclose(cut(0.0), whole(0.375), atol=0.02)
+    assert field_views._norm(values + 2.0, field)[0].vmin == 0.0, "zero is within"
+
+
+def test_rock_is_no_part_of_the_dam_even_where_a_joint_touches_it(result):
+    assert dam_blocks(result) == ["left", "right"]
+    result.dataset.attrs["rock_blocks"] = '["right"]'
+    assert dam_blocks(result) == ["left"]
+
+
 def test_worst_time_is_that_of_the_largest_displacement(result):
     size = [np.linalg.norm(result.displacement(b).values, axis=2).max(axis=1) for b in result.blocks]
     step = int(np.max(size, axis=0).argmax())
@@ -152,7 +218,7 @@ def test_window_without_times_is_refused(result):
 
 def test_maxima_are_those_of_the_dataset(result, tmp_path):
     dataset = result.dataset
-    table = {(name, where): value for name, value, _, where, _ in maxima(dataset)}
+    table = {(row.quantity, row.where): row.value for row in maxima(dataset)}
     assert table["joint opening", "J2"] == float(dataset.peak_opening.sel(joint="J2"))
     largest = float(dataset.max_principal_stress.max())
     assert any(name == "largest principal stress" and value == largest for (name, _), value in table.items())

@@ -1,0 +1,189 @@
+"""What a viewer shows of a result: the surface of the dam and its fields, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.colors import Colormap
+
+from romdam.core.arrays import Floats, Ints
+from romdam.postprocess.stress.summary import principal_stresses
+from romdam.results.fields import Result
+from romdam.results.series import Frames, dam_blocks, frame_times
+from romdam.scene.elements import ELEMENTS
+from romdam.scene.meshes.kinds import kinds_of
+from romdam.visual.field_views import magnification
+from romdam.visual.style import directions, range_colours
+
+_SHARE = 0.99  # of the stresses, that the colours reach at either end
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Outer facets of one block, straight between its corners.
+
+    Attributes
+    ----------
+    name : of the block
+    points : (n, 3) [m]
+    triangles, edges : (nt, 3) and (ne, 2) numbers of points
+    """
+
+    name: str
+    points: Floats
+    triangles: Ints
+    edges: Ints
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of all surfaces, one after another.
+
+    Attributes
+    ----------
+    name, unit : as the colour bar is labelled
+    factor : from SI to the unit
+    low, high : ends of the colours, in SI; zero is between
+    signed : whether the colours are told apart by sign
+    axis : (3,) that the displacement is taken along; None for its size
+    values : (frames, n) in SI, NaN where not known; None for what follows from the displacement
+    """
+
+    name: str
+    unit: str
+    factor: float
+    low: float
+    high: float
+    signed: bool
+    axis: Floats | None = None
+    values: Floats | None = None
+
+    @property
+    def colours(self) -> Colormap:
+        """Of the range: white at zero where the sign matters."""
+        return range_colours(self.low, self.high) if self.signed else mpl.colormaps["viridis"]
+
+    def of(self, moved: Floats, frame: int) -> Floats:
+        """Values (n,) at a frame, from its displacement (n, 3), in the unit."""
+        if self.values is not None:
+            return self.factor * self.values[frame]
+        return self.factor * (np.linalg.norm(moved, axis=1) if self.axis is None else moved @ self.axis)
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A dam in motion.
+
+    Attributes
+    ----------
+    title, record : of the result
+    surfaces : of its blocks
+    times : (frames,) [s]
+    moved : (frames, n, 3) displacement of all surfaces' points [m]
+    fields : that can be shown, displacement first
+    scale : that the shape is drawn with at first
+    upstream : (3,) unit vector, or None where it is not known
+    """
+
+    title: str
+    record: str
+    surfaces: list[Surface]
+    times: Floats
+    moved: Floats
+    fields: list[Field]
+    scale: float
+    upstream: Floats | None = field(default=None)
+
+    @property
+    def points(self) -> Floats:
+        """Points of all surfaces, (n, 3) [m]."""
+        return np.concatenate([one.points for one in self.surfaces])
+
+    def numbered(self) -> Iterator[tuple[Surface, Ints, Ints]]:
+        """Surfaces with their triangles and edges in the numbers of `points`."""
+        first = 0
+        for one in self.surfaces:
+            yield one, one.triangles + first, one.edges + first
+            first += len(one.points)
+
+
+def moving(result: Result, frames: Frames) -> Moving:
+    """Rebuild the motion of the dam's surface, rock left out.
+
+    Raises
+    ------
+    ResultError
+        for a full-order result, and for a window without written times.
+    """
+    times = frame_times(result, frames)
+    surfaces, moved, stress = [], [], []
+    for name in dam_blocks(result):
+        surface, nodes = _surface(result, name)
+        surfaces.append(surface)
+        moved.append(result.displacement(name, nodes=nodes, times=list(times)).values)
+        stress.append(_major_stress(result, name, nodes, times))
+    whole = np.concatenate(moved, axis=1)
+    attrs, principal = result.dataset.attrs, np.concatenate(stress, axis=1)
+    upstream = np.asarray(attrs["upstream"], dtype=float) if "upstream" in attrs else None
+    fields = _displacements(directions(result.dataset), whole) + _stresses(principal)
+    scale = magnification(result, float(np.linalg.norm(whole, axis=2).max(initial=0.0)))
+    return Moving(str(attrs["title"]), str(attrs["record"]), surfaces, times, whole, fields, scale, upstream)
+
+
+def _surface(result: Result, name: str) -> tuple[Surface, Ints]:
+    """A block's outer facets by the corners of its cells, and the nodes that they are."""
+    facets = np.concatenate(
+        [_corner_facets(kind.name, own) for kind, _, own in kinds_of(*result.cells(name))]
+    )
+    keys = np.sort(facets, axis=1)
+    twice = keys[:, 1:] == keys[:, :-1]  # triangles have a corner that stands twice, whichever it is
+    keys[:, 1:] = np.where(twice, keys[:, -1:], keys[:, 1:])
+    keys.sort(axis=1)
+    _, back, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    outer = facets[counts[back.ravel()] == 1]
+    nodes, numbered = np.unique(outer, return_inverse=True)
+    own = numbered.reshape(outer.shape)
+    triangles = np.concatenate([own[:, [0, 1, 2]], own[own[:, 2] != own[:, 3]][:, [0, 2, 3]]])
+    edges = np.sort(np.stack([own, np.roll(own, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0)
+    return Surface(name, result.points(name)[nodes], triangles, edges), nodes
+
+
+def _corner_facets(element: str, cells: Ints) -> Ints:
+    """Corners (nf, 4) of every facet of cells; of a triangle the last stands twice."""
+    linear = ELEMENTS[ELEMENTS[element].linear]
+    table = np.array([(*facet, facet[-1])[:4] for facet in linear.facets])
+    return cells[:, : linear.corners][:, table].reshape(-1, 4)
+
+
+def _major_stress(result: Result, name: str, nodes: Ints, times: Floats) -> Floats:
+    """Major principal stress (frames, n) of a block's nodes [Pa], NaN where the result has none."""
+    found = np.full((len(times), len(nodes)), np.nan)
+    dataset = result.dataset
+    if "stress_file" in dataset.attrs and name in dataset.stress_block.values:
+        known = np.intersect1d(nodes, dataset.stress_node_number.values[dataset.stress_block.values == name])
+        stress = result.stress(name, nodes=known, times=list(times)).values
+        found[:, np.searchsorted(nodes, known)] = principal_stresses(stress)[..., 0]
+    return found
+
+
+def _displacements(axes: dict[str, Floats], moved: Floats) -> list[Field]:
+    size = float(np.linalg.norm(moved, axis=2).max(initial=0.0))
+    fields = [Field("displacement relative to the base", "mm", 1e3, 0.0, size, signed=False)]
+    for name, axis in axes.items():
+        along = moved @ axis
+        low, high = min(0.0, float(along.min())), max(0.0, float(along.max()))
+        fields.append(Field(f"displacement {name}", "mm", 1e3, low, high, signed=True, axis=axis))
+    return fields
+
+
+def _stresses(principal: Floats) -> list[Field]:
+    known = principal[np.isfinite(principal)]
+    if not known.size:
+        return []
+    low, high = (float(x) for x in np.quantile(known, (1.0 - _SHARE, _SHARE)))
+    ends = min(0.0, low), max(0.0, high)
+    return [Field("major principal stress", "MPa", 1e-6, *ends, signed=True, values=principal)]

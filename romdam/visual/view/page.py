@@ -1,0 +1,83 @@
+"""A page that shows the motion of a dam in 3-D: one file, which needs neither a network nor a library."""
+
+from __future__ import annotations
+
+import json
+from base64 import b64encode
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from romdam.core.arrays import Floats, Ints
+from romdam.core.files import replacing
+from romdam.visual.view.moving import Field, Moving
+
+MOST = 32_000  # of 16 bits, that the largest number of a field is
+MISSING = -32_767
+_COLOURS = 256
+
+
+def write_page(shown: Moving, path: Path) -> Path:
+    """Write the page; numbers of fields are kept to 1/32000 of their largest.
+
+    Raises
+    ------
+    WriteError
+        where the folder or the disk refuses it.
+    """
+    text = files("romdam.visual.view").joinpath("page.html").read_text(encoding="utf-8")
+    data = json.dumps(_data(shown), separators=(",", ":")).replace("<", "\\u003c")
+    text = text.replace("{{title}}", escape(f"{shown.title} · {shown.record}")).replace("{{data}}", data)
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
+    return path
+
+
+def _data(shown: Moving) -> dict[str, object]:
+    """What `page.html` reads: texts and numbers as they are, arrays as base64 of little-endian numbers."""
+    moved, most = _short(shown.moved)
+    blocks = [
+        {"name": one.name, "triangles": _packed(triangles, "<u4"), "edges": _packed(edges, "<u4")}
+        for one, triangles, edges in shown.numbered()
+    ]
+    return {
+        "title": shown.title,
+        "record": shown.record,
+        "times": [round(float(t), 6) for t in shown.times],
+        "points": _packed(shown.points, "<f4"),
+        "moved": _packed(moved, "<i2"),
+        "most": most,
+        "scale": shown.scale,
+        "upstream": None if shown.upstream is None else [float(x) for x in shown.upstream],
+        "blocks": blocks,
+        "fields": [_field(one) for one in shown.fields],
+    }
+
+
+def _field(one: Field) -> dict[str, object]:
+    colours = np.round(255.0 * one.colours(np.linspace(0.0, 1.0, _COLOURS))[:, :3])
+    found: dict[str, object] = {
+        "name": one.name,
+        "unit": one.unit,
+        "factor": one.factor,
+        "low": one.low,
+        "high": one.high,
+        "colours": _packed(colours, "<u1"),
+        "axis": None if one.axis is None else [float(x) for x in one.axis],
+    }
+    if one.values is not None:
+        values, most = _short(one.values)
+        found |= {"values": _packed(values, "<i2"), "most": most}
+    return found
+
+
+def _short(values: Floats) -> tuple[Floats, float]:
+    """Values as whole numbers up to `MOST`, `MISSING` for NaN, and what `MOST` stands for."""
+    most = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+    return np.where(np.isnan(values), MISSING, np.round(values * (MOST / most))), most
+
+
+def _packed(values: Floats | Ints, kind: str) -> str:
+    return b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")
