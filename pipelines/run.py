@@ -17,6 +17,7 @@ import xarray as xr
 from romdam.config.load import Job
 from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.files import prepare_folder
+from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
@@ -32,6 +33,12 @@ from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
+from romdam.pipelines.summary import (
+    records_summary,
+    refuse_summary,
+    refuse_unmeasured,
+    write_summary_files,
+)
 from romdam.postprocess.concerns import concerns
 from romdam.records.design.account import write_choice
 from romdam.records.record_set import Loaded, check_names, load_records
@@ -42,6 +49,8 @@ from romdam.results.dataset import Timing, build_dataset, write_dataset
 from romdam.results.fields import write_model
 from romdam.results.stored_run import FOLDER
 from romdam.results.stress.file import StressFields, write_stress
+from romdam.results.suite.report_data import DATA
+from romdam.results.suite.rows import Kept, Row, row_values
 from romdam.results.variables import Case
 from romdam.timestepping.prepared import Prepared
 
@@ -61,11 +70,32 @@ class Outcome:
     paths : result files, in the order of the records
     failures : record name -> message
     others : result files in the folder that this run did not write
+    summary : of several records, the files of all in one: summary.nc, then its tables; nothing of a lone one
     """
 
     paths: tuple[Path, ...]
     failures: dict[str, str]
     others: tuple[Path, ...] = ()
+    summary: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Made:
+    """A run that is done: its result file, what that was made from, and its wall and CPU seconds."""
+
+    path: Path
+    case: Case
+    estimate: ErrorStatement | None
+    seconds: tuple[float, float]
+
+    def row(self, job: Job) -> Row:
+        """The run as a row of a summary."""
+        motion = self.case.motion
+        key = fingerprint((job.digest, motion.acc, motion.dt))
+        stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
+        if self.estimate is not None:
+            stated["estimated_reduction_error"] = self.estimate.errors["opening"].l2
+        return Row(key, "", row_values(self.case, stated), Kept(self.path.name, "", "", {}))
 
 
 @dataclass(frozen=True)
@@ -85,6 +115,9 @@ class Model:
     def system(self) -> System:
         """The open-joint system."""
         return self.prepared.system
+
+
+Target = tuple[Path, Callable[[], tuple[Model, dict[str, str]]]]
 
 
 @dataclass
@@ -116,7 +149,7 @@ def silent(text: str) -> AbstractContextManager[Progress]:
 
 @one_thread()
 def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Outcome:
-    """Run every ground motion of a job; each lands as `out`/<record>.nc.
+    """Run every ground motion of a job; each lands as `out`/<record>.nc, several in `out`/summary.nc too.
 
     Parameters
     ----------
@@ -134,25 +167,50 @@ def run(job: Job, out: str | Path, show: Stage = silent, cache: Path | None = No
     folder = prepare_folder(Path(out))
     clock = Clock(show)
     with clock.stage("records", "reading records"):
-        motions, failures = read_motions(job, folder)
+        read = _read(job, folder)
+    motions = [one for one in read.values() if isinstance(one, GroundMotion)]
+    if len(read) > 1:
+        refuse_summary(job, folder)
+        refuse_unmeasured(job, read)
     refuse_lengths(job, motions)
     refuse_drifting(job, motions)
     tell_doubts(job, motions)
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
-    paths = []
     with beside(partial(_shared, job, model, folder, clock)) as shared:
-        for motion in motions:
-            try:
-                paths.append(run_motion(job, model, motion, (folder, shared), clock))
-            except RomdamError as error:
-                shared()  # an error of its own is one of all records
-                if len(motions) + len(failures) == 1:
-                    raise
-                failures[motion.name] = str(error)
-    others = tuple(path for path in sorted(folder.glob("*.nc")) if path not in paths)
-    return Outcome(tuple(paths), failures, others)
+        rows = {
+            motion.name: _run_one(job, model, motion, (folder, shared), clock, len(read) == 1)
+            for motion in motions
+        }
+    failures = {name: one for name, one in read.items() if isinstance(one, str)}
+    failures |= {name: row.message for name, row in rows.items() if row.message}
+    paths = tuple(folder / row.kept.file for row in rows.values() if row.kept is not None)
+    files: tuple[Path, ...] = ()
+    if len(read) > 1:
+        with clock.stage("summary", "writing the summary"):
+            files = write_summary_files(records_summary(job, model.scene, read, rows), job, folder)
+    own = {*paths, *files, *([folder / DATA] if files else [])}
+    others = tuple(path for path in sorted(folder.glob("*.nc")) if path not in own)
+    return Outcome(paths, failures, others, files)
+
+
+def _run_one(job: Job, model: Model, motion: GroundMotion, target: Target, clock: Clock, lone: bool) -> Row:
+    """Run one record of a job; of several, one that fails is a row that says why.
+
+    Raises
+    ------
+    RomdamError
+        for a lone record that fails, and where what all records share cannot be made.
+    """
+    try:
+        made = run_motion(job, model, motion, target, clock)
+    except RomdamError as error:
+        target[1]()  # an error of its own is one of all records
+        if lone:
+            raise
+        return Row("", str(error))
+    return made.row(job) if not lone else Row("", kept=Kept(made.path.name, "", "", {}))
 
 
 def _shared(job: Job, model: Model, folder: Path, clock: Clock) -> tuple[Model, dict[str, str]]:
@@ -202,21 +260,29 @@ def read_motions(job: Job, folder: Path | None = None) -> tuple[list[GroundMotio
     RecordError
         where no record can be read, or two share a name.
     """
-    motions: list[GroundMotion] = []
-    failures: dict[str, str] = {}
+    read = _read(job, folder)
+    motions = [one for one in read.values() if isinstance(one, GroundMotion)]
+    return motions, {name: one for name, one in read.items() if isinstance(one, str)}
+
+
+def _read(job: Job, folder: Path | None) -> dict[str, GroundMotion | str]:
+    """Records in their order: the motion, or why it cannot be used; raises as `read_motions` does."""
     considered: list[Loaded] = []
-    for one in load_records(job.config.records, job.folder, considered.append):
-        if one.motion is not None:
-            motions.append(one.motion)
-        else:
-            name = one.name if one.name not in failures else f"{one.name} ({len(failures) + 1})"
-            failures[name] = str(one.error)
+    loaded = list(load_records(job.config.records, job.folder, considered.append))
+    motions = [one.motion for one in loaded if one.motion is not None]
     if not motions:
-        raise RecordError("\n".join(failures.values()) or "records: none passes `keep`")
+        raise RecordError("\n".join(str(one.error) for one in loaded) or "records: none passes `keep`")
     check_names(motions)
+    taken, read = {motion.name for motion in motions}, dict[str, GroundMotion | str]()
+    for one in loaded:
+        if one.motion is not None:
+            read[one.motion.name] = one.motion
+            continue
+        names = (one.name, *(f"{one.name} ({number})" for number in range(2, len(loaded) + 2)))
+        read[next(name for name in names if name not in taken and name not in read)] = str(one.error)
     if folder is not None:
         write_choice(considered, folder)
-    return motions, failures
+    return read
 
 
 def build_model(job: Job, clock: Clock, store: BlockStore | None = None, *, estimated: bool = False) -> Model:
@@ -250,11 +316,12 @@ def run_motion(
     job: Job,
     model: Model,
     motion: GroundMotion,
-    target: tuple[Path, Callable[[], tuple[Model, dict[str, str]]]],
+    target: Target,
     clock: Clock,
-) -> Path:
+) -> Made:
     """Integrate one ground motion and write its result; `target` is the folder, and what gives `_shared`."""
     folder, shared = target
+    wall, cpu = time.perf_counter(), cpu_time()
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
@@ -264,9 +331,8 @@ def run_motion(
         estimate = estimated()
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
-        dataset = build_dataset(
-            Case(model.scene, motion, history, stress), job, timing, files.get("model_file")
-        )
+        case = Case(model.scene, motion, history, stress)
+        dataset = build_dataset(case, job, timing, files.get("model_file"))
         dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
         dataset.attrs.update(read_verification(folder, job.digest))
@@ -279,7 +345,7 @@ def run_motion(
     if job.config.outputs.plots:
         with clock.stage("plots", "drawing figures"):
             draw(dataset, folder, motion.name)
-    return path
+    return Made(path, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
 
 
 def _estimated(
