@@ -70,13 +70,14 @@ def spectra_figure(spectra: xr.Dataset) -> Figure:
 
 def worst_figure(worst: xr.Dataset, labels: Sequence[str]) -> Figure:
     """The runs with the largest response as bars, the worst on top."""
-    figure, ax = _panel(0.9 + 0.26 * len(labels))
+    lines = 1 + max(label.count("\n") for label in labels)
+    figure, ax = _panel(0.9 + (0.26 if lines == 1 else 0.17 * lines + 0.06) * len(labels))
     factor, unit = shown(worst.response, worst.attrs["response_units"])
     at, values = np.arange(len(labels)), worst.response.values * factor
     ax.barh(at, values, color=COLOURS[0], height=0.65)
     for y, value in enumerate(values):
         ax.text(value, y, f" {value:.3g}", va="center", fontsize=8)
-    ax.set_yticks(at, labels)
+    ax.set_yticks(at, labels, fontsize=9 if lines == 1 else 8)
     ax.invert_yaxis()
     ax.grid(visible=False, axis="y")
     ax.margins(x=0.12)

@@ -94,6 +94,7 @@ class Table:
     rows : of cells, numbers with so many `digits`
     caption : above it; `label` is what a screen reader calls it where there is none
     sortable : whether a reader may sort and filter it
+    descending : number of the column that its rows are in the order of, the largest first; None without one
     """
 
     kind: ClassVar[str] = "table"
@@ -103,6 +104,7 @@ class Table:
     digits: int = 3
     label: str = ""
     sortable: bool = False
+    descending: int | None = None
 
     @property
     def numeric(self) -> list[bool]:

@@ -36,10 +36,11 @@ _ANSWERS = (
 
 @dataclass(frozen=True)
 class _Column:
-    """A column of a table of runs: its head, and the cell of the run at a place."""
+    """A column of a table of runs: its head, the cell of the run at a place, the response that it shows."""
 
     head: str
     cell: Callable[[Place], Value]
+    name: str = ""
 
 
 def runs_section(subject: Subject) -> Section:
@@ -60,7 +61,8 @@ def runs_section(subject: Subject) -> Section:
         notes.append(
             Text("Measures are those of what was analysed, beside the time that was recorded.", True)
         )
-    table = Table(head, rows, label="All runs", sortable=True)
+    ordered = next((k for k, one in enumerate(columns) if one.name == subject.response), None)
+    table = Table(head, rows, label="All runs", sortable=True, descending=ordered)
     return Section("runs", "All runs", [*notes, table])
 
 
@@ -81,13 +83,12 @@ def _beyond(subject: Subject, worst: xr.Dataset) -> str:
     """What the largest response says of records that were not run."""
     factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
     largest, count = number(factor * float(worst.response.max())), int(worst.attrs["records"])
-    said = f"None of {count} records exceeds {largest} {unit}".rstrip()
     share = none_exceeds(count)
     if share >= 1.0:
-        return f"{said}; so few say nothing of how many others would."
+        return f"{count} record{'s' * (count > 1)} cannot tell how many others would exceed {largest} {unit}."
     return (
-        f"{said}; of others like them at most 3/{count} = {number(100 * share)} % would, with 95 % "
-        "confidence (the rule of three)."
+        f"None of {count} records exceeds {largest} {unit}; of others like them at most 3/{count} = "
+        f"{number(100 * share)} % would, with 95 % confidence (the rule of three)."
     )
 
 
@@ -129,7 +130,7 @@ def _columns(subject: Subject) -> list[_Column]:
     columns += [_numbers(name, values) for name, values in parameters(summary).items()]
     there = responses(summary)
     chosen = dict.fromkeys([subject.response, *(name for name in _ANSWERS if name in there)])
-    columns += [_numbers(plain(name), response_of(summary, name)) for name in chosen if name]
+    columns += [_numbers(plain(name), response_of(summary, name), name) for name in chosen if name]
     measured = dict.fromkeys([subject.topic.intensity, "sa", "pga"])
     for name in measured:
         if name == "scale" or f"record_{name}" in summary:
@@ -142,7 +143,7 @@ def _columns(subject: Subject) -> list[_Column]:
     return [*columns, _files(subject)] if subject.files else columns
 
 
-def _numbers(name: str, values: xr.DataArray) -> _Column:
+def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
     """A column of a variable, in a unit that suits its numbers."""
     factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
     dims = [k for k, dim in enumerate(RUNS) if dim in values.dims]
@@ -151,7 +152,7 @@ def _numbers(name: str, values: xr.DataArray) -> _Column:
     def cell(at: Place) -> Cell:
         return cell_of(float(numbers[tuple(at[k] for k in dims)]))
 
-    return _Column(f"{name} [{unit}]" if unit else name, cell)
+    return _Column(f"{title} [{unit}]" if unit else title, cell, name)
 
 
 def _fate(summary: xr.Dataset) -> _Column:

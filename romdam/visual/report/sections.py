@@ -121,6 +121,8 @@ def _what(subject: Subject) -> Section:
         ["modes", modes],
         ["time stepping", step],
     ]
+    if scale == "1" and summary.sizes["sample"] == 1:  # as the records are, of one dam
+        del rows[1:3]
     varied = [_range(name, values) for name, values in parameters(summary).items()]
     joints: list[list[Value]] = []
     for name in summary.joint.values if "joint" in summary.coords else ():
@@ -266,9 +268,9 @@ def _reproduce(subject: Subject) -> Section:
 SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
     _scene,
     _what,
-    _records,
     worst_section,
     runs_section,
+    _records,
     responses_section,
     fragility_section,
     correlation_section,

@@ -47,7 +47,7 @@ def responses_section(subject: Subject) -> Section | None:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
     parts: list[Part] = [_envelopes(subject)] if "gap_peak_opening" in subject.summary else []
-    return Section("responses", "Openings and other responses", [*parts, Table(head, rows, "All runs")])
+    return Section("responses", "Openings and other responses", [*parts, Table(head, rows, "Over all runs")])
 
 
 def _tidy(numbers: np.ndarray, overall: float) -> list[float]:

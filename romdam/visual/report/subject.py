@@ -108,4 +108,6 @@ def in_unit(values: xr.DataArray) -> str:
 def runs_text(found: xr.Dataset) -> str:
     """The number of runs that a statistic is made of, as words."""
     failed = found.attrs["failed"]
-    return f"{found.attrs['runs']} runs" + (f", {failed} failed ones left out" if failed else "")
+    return f"{found.attrs['runs']} runs" + (
+        f", {failed} failed one{'s' * (failed > 1)} left out" if failed else ""
+    )
