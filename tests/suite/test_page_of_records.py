@@ -188,7 +188,7 @@ def test_correlation_is_drawn_within_a_scale_with_its_n():
     (ax,) = correlation_figure(found).axes
     assert (
         len(ax.patches) == 0 and len(ax.lines) == 5 + 1
-    )  # a row of dots a scale, the axis; no bar over scales
+    )  # dots a scale, the axis; no bars
     assert ax.get_title("left") == "n = 8 records at each scale"
     panels = scatter_figure(summary, "peak_opening", "pga").axes
     assert [ax.get_title("left") for ax in panels] == [f"× {k}, n = 8 records" for k in (1, 2, 4, 5)]
