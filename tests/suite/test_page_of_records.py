@@ -24,6 +24,7 @@ from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.run_columns import run_columns
 from romdam.results.suite import tables
 from romdam.results.suite.tables import write_tables
+from romdam.visual.report import runs
 from romdam.visual.report.sections import report_html
 from romdam.visual.report.subject import Subject, Topic
 from romdam.visual.suite_plots import correlation_figure, scatter_figure
@@ -157,6 +158,13 @@ def test_runs_are_told_by_the_values_of_their_parameters():
     assert worst == rows[:10]
 
 
+def test_a_long_table_has_the_largest_and_says_where_the_others_are(monkeypatch):
+    monkeypatch.setattr(runs, "MOST_ROWS", 7)
+    text = report_html(Subject(suite_summary(), Topic()))
+    assert len([row for row in rows_of(text, "runs") if row]) == 7
+    assert "The 7 runs of the largest peak opening, of 60; all are in summary.csv." in text
+
+
 def with_unit(summary):
     """The summary with its parameter in metres."""
     summary.gap.attrs["units"] = "m"
@@ -186,9 +194,7 @@ def test_correlation_is_drawn_within_a_scale_with_its_n():
     summary["record_pga"] = summary.record_pga * rng.uniform(0.5, 2.0, (9, 1))
     found = correlation(summary, "peak_opening")
     (ax,) = correlation_figure(found).axes
-    assert (
-        len(ax.patches) == 0 and len(ax.lines) == 5 + 1
-    )  # dots a scale, the axis; no bars
+    assert len(ax.patches) == 0 and len(ax.lines) == 5 + 1  # dots a scale, the axis; no bars
     assert ax.get_title("left") == "n = 8 records at each scale"
     panels = scatter_figure(summary, "peak_opening", "pga").axes
     assert [ax.get_title("left") for ax in panels] == [f"× {k}, n = 8 records" for k in (1, 2, 4, 5)]

@@ -26,7 +26,7 @@ from romdam.visual.report.parts import (
 )
 from romdam.visual.report.subject import Subject, plain, responses
 
-MOST_ROWS = 10_000  # of a table: more make a page slow, and nobody reads them
+MOST_ROWS = 5_000  # of a table: more make a page slow, and nobody reads them
 _WORST = 10
 _ANSWERS = (
     "peak_opening", "peak_slip", "residual_opening", "residual_slip", "peak_compressive_stress",

@@ -1,6 +1,7 @@
 
 "use strict";
 // Sorts a table by the buttons that it puts into the head, filters it by words. Without it the table is as it stands.
+const words = new Intl.Collator("en", { numeric: true });
 for (const box of document.querySelectorAll(".runs")) {
   const tools = box.querySelector(".tools");
   const input = box.querySelector("input");
@@ -10,10 +11,10 @@ for (const box of document.querySelectorAll(".runs")) {
   const texts = rows.map((row) => Array.from(row.cells, (cell) => cell.textContent).join(" ").toLowerCase());
 
   const filter = () => {
-    const words = input.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const wanted = input.value.toLowerCase().split(/\s+/).filter(Boolean);
     let shown = 0;
     rows.forEach((row, i) => {
-      row.hidden = !words.every((word) => texts[i].includes(word));
+      row.hidden = !wanted.every((word) => texts[i].includes(word));
       shown += row.hidden ? 0 : 1;
     });
     count.textContent = `${shown} of ${rows.length} runs`;
@@ -30,7 +31,7 @@ for (const box of document.querySelectorAll(".runs")) {
     }));
     const compare = (one, other) => {
       const [a, b] = [keys.get(one), keys.get(other)];
-      if (!numeric) return sign * a.localeCompare(b, "en", { numeric: true });
+      if (!numeric) return sign * words.compare(a, b);
       if (Number.isNaN(a) || Number.isNaN(b)) return Number.isNaN(a) - Number.isNaN(b); // what is missing comes last
       return a === b ? 0 : sign * (a < b ? -1 : 1);
     };
