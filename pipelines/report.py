@@ -82,19 +82,18 @@ def report(
 def _files(summary: xr.Dataset, folder: Path) -> dict[Place, list[tuple[str, str]]]:
     """Place of a run -> text and address, from the folder, of its result and figures."""
     results = {at: path for at, path in kept_results(summary, folder).items() if path.is_file()}
-    figures: dict[tuple[Path, str], list[Path]] = {}
+    figures: dict[Path, list[tuple[str, Path]]] = {}
     for inside in {path.parent for path in results.values()}:
         for path in sorted(inside.glob("*.png")):
-            stem, _, _ = path.stem.rpartition("-")
-            figures.setdefault((inside, stem), []).append(path)
+            stem, _, name = path.stem.rpartition("-")
+            figures.setdefault(inside / f"{stem}.nc", []).append((name.replace("_", " "), path))
     return {
         at: [
-            (path.suffix[1:] if path is result else path.stem.rpartition("-")[2].replace("_", " "),
-             quote(path.relative_to(folder).as_posix()))
-            for path in (result, *figures.get((result.parent, result.stem), ()))
+            (text, quote(path.relative_to(folder).as_posix()))
+            for text, path in (("NetCDF", result), *figures.get(result, ()))
         ]
         for at, result in results.items()
-    }  # fmt: skip
+    }
 
 
 def _open_summary(folder: Path) -> xr.Dataset:

@@ -79,7 +79,8 @@ def _about(subject: Subject) -> str:
         for dim in RUNS
         if dim == "record" or summary.sizes[dim] > 1
     )
-    return f"{size}; summary of {summary.attrs.get('date_created', '')}"
+    made = str(summary.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
+    return f"{size}; summary of {made}"
 
 
 def _facts(subject: Subject) -> list[Fact]:
