@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
 from romdam.config.load import Job
@@ -15,7 +14,7 @@ from romdam.core.scene import Scene
 from romdam.records.components import check_components
 from romdam.results.suite.design import design_dataset
 from romdam.results.suite.rows import Row
-from romdam.results.suite.summary import SUMMARY, SuiteRecord, suite_of, summary_dataset, write_summary
+from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, unscaled, write_summary
 from romdam.results.suite.tables import refuse_without_xlsx, write_tables
 
 Read = Mapping[str, GroundMotion | str]  # record -> its motion, or why it cannot be used, in their order
@@ -73,12 +72,7 @@ def records_summary(job: Job, scene: Scene, read: Read, rows: Mapping[str, Row])
     ----------
     rows : record -> row of every one that was run
     """
-    once = np.ones(1)
-    records = [
-        SuiteRecord(name, one, "", once) if isinstance(one, GroundMotion)
-        else SuiteRecord(name, None, one, np.full(1, np.nan))
-        for name, one in read.items()
-    ]  # fmt: skip
+    records = [unscaled(name, one) for name, one in read.items()]
     design = design_dataset(job, suite_of(job), {})
     placed = {(i, 0, 0): rows[record.name] for i, record in enumerate(records) if record.name in rows}
     return summary_dataset(job, scene, design, records, placed)

@@ -56,6 +56,13 @@ class SuiteRecord:
     factors: Floats
 
 
+def unscaled(name: str, one: GroundMotion | str) -> SuiteRecord:
+    """A record of a plain job: its motion as it is, or why it cannot be used."""
+    if isinstance(one, GroundMotion):
+        return SuiteRecord(name, one, "", np.ones(1))
+    return SuiteRecord(name, None, one, np.full(1, np.nan))
+
+
 def suite_of(job: Job) -> SuiteConfig:
     """What a suite varies; a plain job varies nothing: of its `suite:` only `period` and `of` count."""
     stated = job.config.suite or SuiteConfig()
