@@ -1,4 +1,4 @@
-"""The report of a suite: its summary, the records' spectra and a picture of the scene on one page."""
+"""The report of several runs: their summary, the records' spectra and a picture of the scene on one page."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 import xarray as xr
 
 from romdam.config.load import Job, parse_config
 from romdam.config.quantities import to_si
 from romdam.core.errors import ConfigError, ResultError
+from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.pipelines.run import Clock, Stage, silent
+from romdam.pipelines.run import Clock, Stage, read_motions, silent
 from romdam.pipelines.suites.plan import read_records
 from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.responses import response_of
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, read_report_data, report_data
-from romdam.results.suite.summary import SUMMARY, open_summary
+from romdam.results.suite.summary import SUMMARY, Place, kept_results, open_summary
 from romdam.scene.build import build_scene
 from romdam.visual.report.sections import write_report
 from romdam.visual.report.subject import Subject, Topic, responses
@@ -48,13 +50,13 @@ class ReportOptions:
 def report(
     folder: str | Path, options: ReportOptions | None = None, job: Job | None = None, show: Stage = silent
 ) -> Path:
-    """Write `report.html` beside the summary of a suite.
+    """Write `report.html` beside the summary of a suite, or of a plain job's records.
 
     Parameters
     ----------
-    folder : that the suite was written to
+    folder : that the runs were written to
     options : its subject
-    job : the suite's configuration, for the records' spectra and a picture of the scene; without it those
+    job : their configuration, for the records' spectra and a picture of the scene; without it those
         that an earlier report left in the folder are shown, if there are any
     show : told of every stage
 
@@ -73,14 +75,32 @@ def report(
         data = read_report_data(summary, folder)
         picture = bytes(data.picture.values.tobytes()) if data is not None else b""
         with clock.stage("report", "writing the report"):
-            return write_report(Subject(summary, topic, data, picture or None), folder)
+            subject = Subject(summary, topic, data, picture or None, _files(summary, folder))
+            return write_report(subject, folder)
+
+
+def _files(summary: xr.Dataset, folder: Path) -> dict[Place, list[tuple[str, str]]]:
+    """Place of a run -> text and address, from the folder, of its result and figures."""
+    results = {at: path for at, path in kept_results(summary, folder).items() if path.is_file()}
+    figures: dict[Path, list[tuple[str, Path]]] = {}
+    for inside in {path.parent for path in results.values()}:
+        for path in sorted(inside.glob("*.png")):
+            stem, _, name = path.stem.rpartition("-")
+            figures.setdefault(inside / f"{stem}.nc", []).append((name.replace("_", " "), path))
+    return {
+        at: [
+            (text, quote(path.relative_to(folder).as_posix()))
+            for text, path in (("NetCDF", result), *figures.get(result, ()))
+        ]
+        for at, result in results.items()
+    }
 
 
 def _open_summary(folder: Path) -> xr.Dataset:
     if not (folder / SUMMARY).is_file():
         raise ResultError(
             f"{folder}: holds no {SUMMARY}, so there is nothing to report; "
-            "`romdam run CONFIG --out DIR` with `pipeline: suite` makes it"
+            "`romdam run CONFIG --out DIR` of several records makes it"
         )
     return open_summary(folder)
 
@@ -116,6 +136,8 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
         config.model_dump(mode="json", exclude=_BESIDE)
         for config in (parse_config(stated, f"{folder / SUMMARY}: configuration"), job.config)
     )
+    if now["model"]["modes"] == "auto":  # the summary states the number that it came to
+        now["model"]["modes"] = made["model"]["modes"]
     other = [key for key in now if made[key] != now[key]]
     if other:
         raise ConfigError(
@@ -127,12 +149,17 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
 def _data(job: Job, summary: xr.Dataset, clock: Clock) -> xr.Dataset:
     with clock.stage("records", "reading records"):
         duration = job.config.transient.duration
-        read = {one.name: one.motion for one in read_records(job)}
-        motions = {name: analysed(motion, duration) for name, motion in read.items() if motion is not None}
+        read = {name: analysed(motion, duration) for name, motion in _motions(job).items()}
     with clock.stage("scene", "drawing the scene"):
         picture = _picture(build_scene(job.config, job.folder, str(job.path)))
     with clock.stage("spectra", "computing spectra"):
-        return report_data(summary, motions, picture)
+        return report_data(summary, read, picture)
+
+
+def _motions(job: Job) -> dict[str, GroundMotion]:
+    if job.config.pipeline != "suite":
+        return {motion.name: motion for motion in read_motions(job)[0]}
+    return {one.name: one.motion for one in read_records(job) if one.motion is not None}
 
 
 def _picture(scene: Scene) -> bytes | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
 import xarray as xr
 
@@ -33,6 +34,13 @@ from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
+from romdam.pipelines.summary import (
+    Made,
+    records_summary,
+    refuse_summary,
+    refuse_unmeasured,
+    write_summary_files,
+)
 from romdam.postprocess.concerns import concerns
 from romdam.records.design.account import write_choice
 from romdam.records.record_set import Loaded, check_names, load_records
@@ -43,6 +51,8 @@ from romdam.results.dataset import Timing, build_dataset, write_dataset
 from romdam.results.fields import Result, open_result, write_model
 from romdam.results.stored_run import FOLDER, folder_from
 from romdam.results.stress.file import StressFields, write_stress
+from romdam.results.suite.report_data import DATA
+from romdam.results.suite.rows import Kept, Row
 from romdam.results.variables import Case
 from romdam.timestepping.prepared import Prepared
 
@@ -62,12 +72,14 @@ class Outcome:
     paths : result files, in the order of the records
     failures : record name -> message
     others : result files in the folder that this run did not write
+    summary : of several records, the files of all in one: summary.nc, then its tables; nothing of a lone one
     unkept : results of a run without a folder
     """
 
     paths: tuple[Path, ...]
     failures: dict[str, str]
     others: tuple[Path, ...] = ()
+    summary: tuple[Path, ...] = ()
     unkept: tuple[Result, ...] = field(default=(), repr=False)
 
     @cached_property
@@ -99,6 +111,17 @@ class Model:
     def system(self) -> System:
         """The open-joint system."""
         return self.prepared.system
+
+
+class Goal(NamedTuple):
+    """The folder of results, and what is made in it beside them."""
+
+    folder: Path
+    figures: bool
+    summary: bool
+
+
+Target = tuple[Goal, Callable[[], tuple[Model, dict[str, str]]]]
 
 
 @dataclass
@@ -136,7 +159,7 @@ def run(
     cache: Path | None = None,
     motions: GroundMotion | Sequence[GroundMotion] | None = None,
 ) -> Outcome:
-    """Run every ground motion of a job; each lands as `out`/<record>.nc, and stands among `results`.
+    """Run every ground motion of a job; each lands as `out`/<record>.nc, several in `out`/summary.nc too.
 
     Parameters
     ----------
@@ -155,57 +178,77 @@ def run(
     job, given = job_and_motions(job, motions)
     clock = Clock(show)
     if out is not None:
-        return _run(job, given, (prepare_folder(Path(out)), job.config.outputs.plots), clock, cache)
+        goal = Goal(prepare_folder(Path(out)), job.config.outputs.plots, summary=True)
+        return _run(job, given, goal, clock, cache)
     folder = Unkept()
-    done = _run(job, given, (folder.path, False), clock, cache)
+    done = _run(job, given, Goal(folder.path, figures=False, summary=False), clock, cache)
     results = tuple(Result(path, folder) for path in done.paths)
     for result in results:
         result.dataset.attrs[FOLDER] = str(job.folder.absolute())
     return Outcome((), done.failures, unkept=results)
 
 
-def _run(
-    job: Job,
-    motions: list[GroundMotion] | None,
-    target: tuple[Path, bool],
-    clock: Clock,
-    cache: Path | None,
-) -> Outcome:
-    """Run given motions, or those of a job; `target` is the folder, and whether figures are drawn there."""
-    (folder, figures), failures = target, dict[str, str]()
-    if motions is None:
+def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, cache: Path | None) -> Outcome:
+    """Run given motions, or those of a job."""
+    read = dict[str, GroundMotion | str]((one.name, one) for one in given or ())
+    if given is None:
         with clock.stage("records", "reading records"):
-            motions, failures = read_motions(job, folder)
+            read = _read(job, goal.folder)
+    motions = [one for one in read.values() if isinstance(one, GroundMotion)]
+    summarised = goal.summary and len(read) > 1
+    if summarised:
+        refuse_summary(job, goal.folder)
+        refuse_unmeasured(job, read)
     refuse_lengths(job, motions)
     refuse_drifting(job, motions)
     tell_doubts(job, motions)
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
-    paths = []
-    with beside(partial(_shared, model, target, clock)) as shared:
-        for motion in motions:
-            try:
-                paths.append(run_motion(job, model, motion, (folder, figures, shared), clock))
-            except RomdamError as error:
-                shared()  # an error of its own is one of all records
-                if len(motions) + len(failures) == 1:
-                    raise
-                failures[motion.name] = str(error)
-    others = tuple(path for path in sorted(folder.glob("*.nc")) if path not in paths)
-    return Outcome(tuple(paths), failures, others)
+    with beside(partial(_shared, model, goal, clock)) as shared:
+        rows = {
+            motion.name: _run_one(job, model, motion, (goal, shared), clock, len(read) == 1)
+            for motion in motions
+        }
+    failures = {name: one for name, one in read.items() if isinstance(one, str)}
+    failures |= {name: row.message for name, row in rows.items() if row.message}
+    paths = tuple(goal.folder / row.kept.file for row in rows.values() if row.kept is not None)
+    files: tuple[Path, ...] = ()
+    if summarised:
+        with clock.stage("summary", "writing the summary"):
+            files = write_summary_files(records_summary(job, model.scene, read, rows), job, goal.folder)
+    own = {*paths, *files, *([goal.folder / DATA] if files else [])}
+    others = tuple(path for path in sorted(goal.folder.glob("*.nc")) if path not in own)
+    return Outcome(paths, failures, others, files)
 
 
-def _shared(model: Model, target: tuple[Path, bool], clock: Clock) -> tuple[Model, dict[str, str]]:
+def _run_one(job: Job, model: Model, motion: GroundMotion, target: Target, clock: Clock, lone: bool) -> Row:
+    """Run one record of a job; of several, one that fails is a row that says why.
+
+    Raises
+    ------
+    RomdamError
+        for a lone record that fails, and where what all records share cannot be made.
+    """
+    try:
+        made = run_motion(job, model, motion, target, clock)
+    except RomdamError as error:
+        target[1]()  # an error of its own is one of all records
+        if lone:
+            raise
+        return Row("", str(error))
+    return made.row(job) if not lone else Row("", kept=Kept(made.path.name, "", "", {}))
+
+
+def _shared(model: Model, goal: Goal, clock: Clock) -> tuple[Model, dict[str, str]]:
     """The model with the stress of its modes, and the files beside all results; what draws is loaded, too.
 
     None of it is asked for before the first record is integrated.
     """
     with replace(clock, show=silent).stage("stress_fields", "stress of the modes"):
         model = replace(model, stress=stress_fields(model.scene, model.reduced))
-    folder, figures = target
-    files = write_shared(folder, model)
-    if figures:
+    files = write_shared(goal.folder, model)
+    if goal.figures:
         import_module(_PLOTS)
     return model, files
 
@@ -244,21 +287,29 @@ def read_motions(job: Job, folder: Path | None = None) -> tuple[list[GroundMotio
     RecordError
         where no record can be read, or two share a name.
     """
-    motions: list[GroundMotion] = []
-    failures: dict[str, str] = {}
+    read = _read(job, folder)
+    motions = [one for one in read.values() if isinstance(one, GroundMotion)]
+    return motions, {name: one for name, one in read.items() if isinstance(one, str)}
+
+
+def _read(job: Job, folder: Path | None) -> dict[str, GroundMotion | str]:
+    """Records in their order: the motion, or why it cannot be used; raises as `read_motions` does."""
     considered: list[Loaded] = []
-    for one in load_records(job.config.records, job.folder, considered.append):
-        if one.motion is not None:
-            motions.append(one.motion)
-        else:
-            name = one.name if one.name not in failures else f"{one.name} ({len(failures) + 1})"
-            failures[name] = str(one.error)
+    loaded = list(load_records(job.config.records, job.folder, considered.append))
+    motions = [one.motion for one in loaded if one.motion is not None]
     if not motions:
-        raise RecordError("\n".join(failures.values()) or "records: none passes `keep`")
+        raise RecordError("\n".join(str(one.error) for one in loaded) or "records: none passes `keep`")
     check_names(motions)
+    taken, read = {motion.name for motion in motions}, dict[str, GroundMotion | str]()
+    for one in loaded:
+        if one.motion is not None:
+            read[one.motion.name] = one.motion
+            continue
+        names = (one.name, *(f"{one.name} ({number})" for number in range(2, len(loaded) + 2)))
+        read[next(name for name in names if name not in taken and name not in read)] = str(one.error)
     if folder is not None:
         write_choice(considered, folder)
-    return motions, failures
+    return read
 
 
 def build_model(job: Job, clock: Clock, store: BlockStore | None = None, *, estimated: bool = False) -> Model:
@@ -292,16 +343,12 @@ def run_motion(
     job: Job,
     model: Model,
     motion: GroundMotion,
-    target: tuple[Path, bool, Callable[[], tuple[Model, dict[str, str]]]],
+    target: Target,
     clock: Clock,
-) -> Path:
-    """Integrate one ground motion and write its result.
-
-    Parameters
-    ----------
-    target : the folder, whether figures are drawn there, and what gives `_shared`
-    """
-    folder, figures, shared = target
+) -> Made:
+    """Integrate one ground motion and write its result; `target` is where, and what gives `_shared`."""
+    (folder, figures, _), shared = target
+    wall, cpu = time.perf_counter(), cpu_time()
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
@@ -311,9 +358,8 @@ def run_motion(
         estimate = estimated()
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
-        dataset = build_dataset(
-            Case(model.scene, motion, history, stress), job, timing, files.get("model_file")
-        )
+        case = Case(model.scene, motion, history, stress)
+        dataset = build_dataset(case, job, timing, files.get("model_file"))
         dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
         dataset.attrs.update(read_verification(folder, job.digest))
@@ -326,7 +372,7 @@ def run_motion(
     if figures:
         with clock.stage("plots", "drawing figures"):
             draw(dataset, folder, motion.name)
-    return path
+    return Made(path, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
 
 
 def _estimated(

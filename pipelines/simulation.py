@@ -31,8 +31,8 @@ def prepare(
     Parameters
     ----------
     integrator : name of the one to take instead
-    like : a system that differs in damping and in its joints' parameters at most: what is found out about one is
-        not sought again
+    like : a system that differs in damping and in its joints' parameters at most: what is found out about
+        one is not sought again
     """
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)

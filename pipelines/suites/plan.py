@@ -154,7 +154,8 @@ def _suite_job(job: Job) -> Job:
     outputs = config.outputs
     if isinstance(suite.keep, KeepConfig):
         outputs = outputs.model_copy(update={"output_interval": suite.keep.output_interval})
-    return replace(job, config=config.model_copy(update={"suite": suite, "outputs": outputs}))
+    implied = {"pipeline": "suite", "suite": suite, "outputs": outputs}
+    return replace(job, config=config.model_copy(update=implied))
 
 
 def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list[SuiteRecord]:

@@ -11,7 +11,7 @@ import xarray as xr
 
 from romdam.config.load import Source, load_config
 from romdam.config.sections.suite import KeepConfig
-from romdam.core.errors import ResultError, placed
+from romdam.core.errors import placed
 from romdam.core.files import prepare_folder, sweep_parts
 from romdam.core.html.card import card
 from romdam.core.threads import one_thread
@@ -22,6 +22,7 @@ from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
+from romdam.pipelines.summary import refuse_summary, write_summary_files
 from romdam.records.design.account import write_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.dataset import write_dataset
@@ -31,9 +32,7 @@ from romdam.results.suite.summary import (
     CACHE_FOLDER,
     DESIGN,
     RUNS_FOLDER,
-    SUMMARY,
     summary_dataset,
-    write_summary,
 )
 
 log = logging.getLogger(__name__)
@@ -68,6 +67,7 @@ class SuiteOutcome:
     runs, made : all runs, and those of them that this call made
     failures : name of a record or a run -> message
     leftovers : files in the folder that are of no run of this design
+    tables : the summary's rows as CSV, and as a spreadsheet where one is asked for
     """
 
     path: Path
@@ -76,6 +76,7 @@ class SuiteOutcome:
     made: int
     failures: dict[str, str]
     leftovers: tuple[Path, ...] = ()
+    tables: tuple[Path, ...] = ()
 
     def _repr_html_(self) -> str:
         sizes = ", ".join(f"{self.summary.sizes[name]} {name}s" for name in ("record", "scale", "sample"))
@@ -115,7 +116,7 @@ def run_suite(
     """
     job, options, clock = load_config(job), options or SuiteOptions(), Clock(show)
     folder = prepare_folder(Path(out).absolute())
-    _refuse_folders(folder)
+    refuse_summary(job, folder, DESIGN)
     workers = open_pool(options.workers, options.scheduler, run_task.__module__, folder)
     with suite_lock(folder), workers as pool:
         plan = make_plan(job, clock)
@@ -126,23 +127,15 @@ def run_suite(
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
             write_dataset(plan.design, folder / DESIGN)
             write_choice(plan.considered, folder)
-            path = write_summary(summary, folder)
+            path, *tables = write_summary_files(summary, plan.job, folder)
         left = leftovers(folder, plan, rows)
     for name, motion in plan.motions.items():
         if motion.warnings:
             tell(f"warning: {name}: {'; '.join(motion.warnings)}")
     if left:
         tell(of_no_run(left, job.path, folder))
-    return SuiteOutcome(path, summary, summary.status.size, made, _failures(plan, rows), left)
-
-
-def _refuse_folders(folder: Path) -> None:
-    """Refuse what would be found when the summary is written, after all runs."""
-    for name in (SUMMARY, DESIGN):
-        if (folder / name).is_dir():
-            raise ResultError(
-                f"{folder / name}: is a folder, the suite writes a file there; choose another --out"
-            )
+    failures = _failures(plan, rows)
+    return SuiteOutcome(path, summary, summary.status.size, made, failures, left, tuple(tables))
 
 
 def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Suite:

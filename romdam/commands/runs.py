@@ -10,7 +10,7 @@ import typer
 import romdam
 from romdam.commands.caches import Cache, NoCache, folder_of_blocks
 from romdam.commands.options import FAILED, Config, Out, Quiet, Verbose
-from romdam.commands.suites import run_suite
+from romdam.commands.suites import page_lines, run_suite
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -32,7 +32,7 @@ def run(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Run every record of CONFIG; each lands as OUT/<record>.nc, those of a suite in OUT/summary.nc.
+    """Run every record of CONFIG; each lands as OUT/<record>.nc, several in OUT/report.html too.
 
     A suite that was stopped goes on where it stopped. The variants of a comparison land in OUT/<variant>, and
     side by side in OUT/comparison.html.
@@ -81,6 +81,9 @@ def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) ->
     results = {path.stem: romdam.open_result(path).dataset for path in outcome.paths}
     say(peaks_table(results), *sliding_tables(results), *stress_tables(results))
     say(*(f"written: {path}" for path in outcome.paths))
+    say(*(f"written: {path}" for path in outcome.summary))
+    if outcome.summary:
+        say(*page_lines(job, out, stages))
     say(*(f"not of this run, but there from before: {path}" for path in outcome.others))
     for name, message in outcome.failures.items():
         typer.echo(f"{name}: {message}", err=True)

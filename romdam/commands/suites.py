@@ -12,7 +12,7 @@ from romdam.commands.options import FAILED, STOPPED, Config, Quiet, Verbose
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
-    from romdam.terminal import Terminal
+    from romdam.terminal import Stages, Terminal
 
 
 def run_suite(
@@ -24,7 +24,7 @@ def run_suite(
     prepare_pool(
         where[0], where[1], "romdam.pipelines.suites.runs"
     )  # loads it while this process loads the rest
-    from romdam.pipelines.report import report as write_report
+    import romdam.pipelines.report  # it is wanted at the end
     from romdam.pipelines.suites.run import SuiteOptions
     from romdam.terminal.lines import concern_lines, failure_lines
     from romdam.terminal.tables import suite_table
@@ -35,22 +35,33 @@ def run_suite(
     except KeyboardInterrupt:
         typer.echo("romdam: stopped; what is finished is kept, and goes on when run again", err=True)
         raise typer.Exit(STOPPED) from None
-    say(suite_table(outcome.summary), f"written: {outcome.path}")
+    say(suite_table(outcome.summary), *(f"written: {path}" for path in (outcome.path, *outcome.tables)))
     for line in (*concern_lines(outcome.summary, job.config.transient.accuracy), *failure_lines(outcome)):
         typer.echo(line, err=True)
-    if job.config.outputs.plots:
-        say(f"written: {write_report(out, job=job, show=stages)}")
-    elif (out / "report.html").exists():
-        say(f"{out / 'report.html'}: is of an earlier summary; `romdam report {out}` writes it again")
+    say(*page_lines(job, out, stages))
     if outcome.failures:
         raise typer.Exit(FAILED)
 
 
+def page_lines(job: Job, out: Path, stages: Stages) -> list[str]:
+    """Write the page of several runs, where figures are asked for, and say so."""
+    if job.config.outputs.plots:
+        from romdam.pipelines.report import report as write_report
+
+        return [f"written: {write_report(out, job=job, show=stages)}"]
+    page = out / "report.html"
+    return (
+        [f"{page}: is of an earlier summary; `romdam report {out}` writes it again"] if page.exists() else []
+    )
+
+
 def report(
-    folder: Annotated[Path, typer.Argument(help="Folder that a suite was written to.", metavar="DIR")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder that several runs, or a suite, were written to.", metavar="DIR")
+    ],
     config: Annotated[
         Path | None,
-        typer.Option("--config", help="YAML file of the suite: spectra and the scene, where DIR lacks them."),
+        typer.Option("--config", help="YAML file of the runs: spectra and the scene, where DIR lacks them."),
     ] = None,
     response: Annotated[
         str | None, typer.Option(help="Such as peak_opening (largest joint), the suite's first if not given.")
@@ -62,7 +73,7 @@ def report(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Write DIR/report.html, a page of a suite's summary that needs no network."""
+    """Write DIR/report.html, a page of the summary of several runs that needs no network."""
     from romdam.pipelines.report import ReportOptions
     from romdam.pipelines.report import report as write
     from romdam.terminal import open_terminal

@@ -12,6 +12,7 @@ from romdam.postprocess.lognormal import LognormalFit, Observations, fit_lognorm
 from romdam.postprocess.responses import Curve, about_runs, curves_of, intensity_of, response_of
 
 GROUPS, FEWEST = 8, 5  # groups of runs set beside a fit, and the fewest runs in one
+_NONE = 3.0  # -ln(5 %), rounded up
 
 
 def fragility(
@@ -63,6 +64,18 @@ def fragility(
     empirical = {n: ("group", row, {"units": "1"}) for n, row in zip(names, groups.T, strict=True)}
     fitted = _fragility_dataset(seen, confidence, measured)
     return fitted.assign(empirical).assign_attrs(about | fitted.attrs)
+
+
+def none_exceeds(records: int) -> float:
+    """Upper bound, with 95 % confidence, of the probability of what none of so many records did: 3/n.
+
+    It holds for exceeding the largest response of the records, too, whatever its distribution.
+
+    References
+    ----------
+    Hanley, Lippman-Hand, If nothing goes wrong, is everything all right?, JAMA 249(13), 1983, 1743-1745.
+    """
+    return min(1.0, _NONE / records)
 
 
 def _method(asked: str, curves: list[Curve]) -> str:

@@ -11,19 +11,17 @@ import numpy as np
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.collections import EllipseCollection
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from romdam.core.arrays import Floats
-from romdam.postprocess.responses import RUNS, intensity_of, response_of
+from romdam.postprocess.responses import intensity_of, response_of
 from romdam.visual.style import COLOURS, GREY, scaled
 
 WIDTH = 4.8  # [in]
-_PREFIXED = ("m", "N", "Pa", "J")  # units that take a prefix which suits the numbers
+_PREFIXED = ("m", "N", "Pa", "J", "N m-3", "N m-1")  # units that take a prefix which suits the numbers
 _MOST_LINES = 300
+_PANELS = 4  # scales of a scatter
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
@@ -47,7 +45,8 @@ def shown(values: xr.DataArray | Floats | float, units: str) -> tuple[float, str
     if units not in _PREFIXED:
         return 1.0, unit_text(units)
     finite = np.asarray(values, dtype=float)
-    _, factor, unit = scaled(xr.DataArray(finite[np.isfinite(finite)]), units)
+    name = "Pa/m" if units == "N m-3" else unit_text(units)
+    _, factor, unit = scaled(xr.DataArray(finite[np.isfinite(finite)]), name)
     return factor, unit
 
 
@@ -71,13 +70,14 @@ def spectra_figure(spectra: xr.Dataset) -> Figure:
 
 def worst_figure(worst: xr.Dataset, labels: Sequence[str]) -> Figure:
     """The runs with the largest response as bars, the worst on top."""
-    figure, ax = _panel(0.9 + 0.26 * len(labels))
+    lines = 1 + max(label.count("\n") for label in labels)
+    figure, ax = _panel(0.9 + (0.26 if lines == 1 else 0.17 * lines + 0.06) * len(labels))
     factor, unit = shown(worst.response, worst.attrs["response_units"])
     at, values = np.arange(len(labels)), worst.response.values * factor
     ax.barh(at, values, color=COLOURS[0], height=0.65)
     for y, value in enumerate(values):
         ax.text(value, y, f" {value:.3g}", va="center", fontsize=8)
-    ax.set_yticks(at, labels)
+    ax.set_yticks(at, labels, fontsize=9 if lines == 1 else 8)
     ax.invert_yaxis()
     ax.grid(visible=False, axis="y")
     ax.margins(x=0.12)
@@ -133,46 +133,65 @@ def fragility_figure(fits: Sequence[xr.Dataset]) -> Figure:
 
 
 def correlation_figure(found: xr.Dataset) -> Figure:
-    """Rank correlation of a response with every measure, a dot a scale, the closest on top."""
+    """Rank correlation of a response with every measure within each scale, the closest on top."""
     found = found.dropna("measure", subset=["spearman"])
     found = found.isel(measure=np.argsort(-abs(found.spearman.values), kind="stable"))
     figure, ax = _panel(1.1 + 0.24 * found.sizes["measure"])
     at = np.arange(found.sizes["measure"])
     several = found.sizes["scale"] > 1
-    ax.barh(at, found.spearman, color=COLOURS[0], height=0.65, alpha=0.35 if several else 1.0)
+    if not several:
+        ax.barh(at, found.spearman, color=COLOURS[0], height=0.65)
     colours = colormaps["viridis"](np.linspace(0.0, 0.85, found.sizes["scale"]))
-    unit = unit_text(str(found.scale.attrs.get("units", "1"))) or "times"
-    for k, scale in enumerate(found.scale.values if several else ()):
-        ax.plot(found.spearman_at_scale[:, k], at, "o", ms=4, color=colours[k], label=f"{scale:.3g} {unit}")
+    for k in range(found.sizes["scale"] if several else 0):
+        label = _scale_text(found.scale, k)
+        ax.plot(found.spearman_at_scale[:, k], at, "o", ms=5, color=colours[k], label=label)
     ax.set_yticks(at, [str(name) for name in found.measure.values])
     ax.invert_yaxis()
     ax.axvline(0.0, color="black", lw=0.6)
-    ax.set_xlim(min(0.0, 1.1 * float(found.spearman_at_scale.min())), 1.0)
+    ax.set_xlim(min(0.0, 1.1 * float(found.spearman_at_scale.min())), 1.02)
     ax.grid(visible=False, axis="y")
     ax.set_xlabel(f"rank correlation with {_name(found.attrs['response'])}")
     records = found.count_at_scale.values
     few, most = int(records.min()), int(records.max())
     ax.set_title(f"n = {most if few == most else f'{few} to {most}'} records at each scale", loc="left")
     if several:
-        figure.legend(loc="outside lower center", ncols=4, title="dots: scales; bars: their median")
+        figure.legend(loc="outside lower center", ncols=4, title="a dot a scale")
     return figure
 
 
+def _scale_text(scale: xr.DataArray, k: int) -> str:
+    unit = unit_text(str(scale.attrs.get("units", "1")))
+    return f"{float(scale[k]):.3g} {unit}" if unit else f"× {float(scale[k]):.3g}"
+
+
 def scatter_figure(summary: xr.Dataset, response: str, intensity: str) -> Figure:
-    """Every run: response against one measure."""
-    figure, ax = _panel(3.4)
+    """Response of every record against one measure, a panel a scale: another scale makes no further record.
+
+    Of more than four scales four are shown, the smallest and the largest among them.
+    """
     values, measured = response_of(summary, response), intensity_of(summary, intensity)
-    units = str(values.attrs.get("units", "1"))
-    factor, unit = shown(values, units)
-    x = measured.broadcast_like(values).transpose(*RUNS).values.ravel()
-    y = factor * values.transpose(*RUNS).values.ravel()
-    ax.scatter(x, y, s=9, color=COLOURS[0], alpha=max(0.1, min(0.7, 100.0 / len(x))), lw=0, rasterized=True)
-    if np.nanmin(y) > 0.0 and np.nanmin(x) > 0.0:
-        _logarithmic(ax, "x")
-        _logarithmic(ax, "y")
-    ax.set_xlabel(_measure({"intensity": intensity, "intensity_units": measured.attrs.get("units", "1")}))
-    ax.set_ylabel(f"{_name(response)} [{unit}]")
-    ax.set_title(f"{int(np.isfinite(y).sum())} runs", loc="left")
+    shown_scales = np.unique(np.linspace(0, summary.sizes["scale"] - 1, _PANELS).round().astype(int))
+    columns = min(2, len(shown_scales))
+    rows = -(-len(shown_scales) // columns)
+    figure = Figure(figsize=(WIDTH, (3.4 if rows == 1 else 2.5 * rows)), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    factor, unit = shown(values, str(values.attrs.get("units", "1")))
+    middle = factor * values.median("sample").transpose("record", "scale").values
+    for ax, k in zip(axes, shown_scales, strict=False):
+        x, y = measured.values[:, k], middle[:, k]
+        there = np.isfinite(x) & np.isfinite(y)
+        ax.scatter(x[there], y[there], s=12, color=COLOURS[0], alpha=0.7, lw=0, rasterized=True)
+        if there.any() and y[there].min() > 0.0 and x[there].min() > 0.0:
+            _logarithmic(ax, "x")
+            _logarithmic(ax, "y")
+        scale = f"{_scale_text(summary.scale, k)}, " if summary.sizes["scale"] > 1 else ""
+        ax.set_title(f"{scale}n = {int(there.sum())} records", loc="left")
+    for ax in axes[len(shown_scales) :]:
+        ax.set_visible(False)
+    figure.supxlabel(
+        _measure({"intensity": intensity, "intensity_units": measured.attrs.get("units", "1")}), fontsize=9
+    )
+    figure.supylabel(f"{_name(response)} [{unit}]", fontsize=9)
     return figure
 
 
@@ -240,65 +259,6 @@ def _heights(ax: Axes, envelopes: xr.Dataset, name: str, factor: float) -> None:
     ax.plot(rows[-1].max(axis=0), levels[held], color="black", lw=1.2, ls="--", label="largest")
 
 
-def opening_map(envelopes: xr.Dataset) -> Figure:
-    """Largest opening of every gap over all runs, in each joint's plane, on discs of the gaps' own areas.
-
-    Between the discs nothing is known, and nothing is drawn.
-    """
-    names = [str(name) for name in envelopes.joint.values]
-    planes = {n: plane_of(envelopes.gap_position.values[envelopes.gap_joint.values == n]) for n in names}
-    columns = min(4, len(names))
-    rows = -(-len(names) // columns)
-    height = 3.4 if rows == 1 else 2.6
-    shape = max(float(np.ptp(x) / max(np.ptp(y), 1e-9)) for x, y in planes.values())
-    width = columns * (height * shape + 0.5) + 1.3
-    size = (float(np.clip(width, 2.4, WIDTH)), height * rows)
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
-    factor, unit = shown(envelopes.opening, "m")
-    peaks = factor * np.nanmax(envelopes.opening.values[-1], axis=0)
-    norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
-    for ax, name in zip(axes, names, strict=False):
-        chosen = envelopes.gap_joint.values == name
-        across, up = planes[name]
-        size = 2.0 * np.sqrt(envelopes.gap_area.values[chosen] / np.pi)
-        discs = EllipseCollection(
-            size, size, 0.0 * size, units="xy", offsets=np.column_stack([across, up]),
-            transOffset=ax.transData, array=peaks[chosen], norm=norm, cmap="viridis", lw=0,
-        )  # fmt: skip
-        ax.add_collection(discs)
-        reach = 0.5 * size
-        ax.update_datalim(np.column_stack([across - reach, up - reach]))
-        ax.update_datalim(np.column_stack([across + reach, up + reach]))
-        ax.autoscale_view()
-        ax.grid(visible=False)
-        ax.set_aspect("equal")
-        ax.set_title(name)
-    for ax in axes[len(names) :]:
-        ax.set_visible(False)
-    for ax in axes[::columns]:
-        ax.set_ylabel("up [m]")
-    for ax in axes[max(0, len(names) - columns) : len(names)]:
-        ax.set_xlabel("across [m]")
-    figure.colorbar(
-        ScalarMappable(norm, "viridis"), ax=list(axes), label=f"largest opening [{unit}]", shrink=0.8
-    )
-    return figure
-
-
-def plane_of(position: Floats) -> tuple[Floats, Floats]:
-    """Coordinates of a joint's gaps across and up: along its longest horizontal extent, and z; (n,) [m].
-
-    A horizontal joint is shown in plan.
-    """
-    flat = position[:, :2] - position[:, :2].mean(axis=0)
-    _, _, axes = np.linalg.svd(flat, full_matrices=False) if len(flat) > 1 else (0, 0, np.eye(2))
-    along = axes[0] if axes[0].sum() >= 0.0 else -axes[0]
-    if np.ptp(position[:, 2]) <= 1e-9 * max(1.0, float(np.abs(position).max())):
-        return flat @ along, flat @ np.array([-along[1], along[0]])
-    return flat @ along, position[:, 2]
-
-
 def gap_sketch(summary: xr.Dataset) -> Figure | None:
     """Draw where the gaps are, in 3-D: a picture of the scene where there is no mesh to draw."""
     if "gap_position" not in summary.coords:
@@ -326,10 +286,15 @@ def _name(response: str) -> str:
     return response.replace("_", " ")
 
 
+def short(measure: str) -> str:
+    """The symbol of a measure of records."""
+    return {"sa": "Sa", "scale": "scale"}.get(measure, measure.upper())
+
+
 def _measure(about: dict[str, str]) -> str:
     """Label of an axis of intensity."""
     unit = unit_text(str(about["intensity_units"]))
-    name = {"sa": "Sa", "scale": "scale"}.get(about["intensity"], about["intensity"].upper())
+    name = short(about["intensity"])
     return f"{name} [{unit}]" if unit else name
 
 

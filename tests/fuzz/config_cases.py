@@ -100,6 +100,7 @@ _TWO: dict[str, Any] = {
         "output_interval": "0.01 s",
         "plots": False,
         "error_estimate": False,
+        "xlsx": False,
         "nodes": {"top": {"block": "right", "at": [0, 0, 20], "tolerance": 1e-3}},
         "stress": {
             "sections": {"foot": {"blocks": ["right"], "point": [0, 0, 5.0], "normal": [0, 0, 1]}},

@@ -205,7 +205,9 @@ class OutputsConfig(Model):
     stress: StressConfig | None = None
     output_interval: Annotated[Time, Positive] | None = None
     plots: bool = True
-    """Whether figures are drawn beside each result."""
+    """Whether figures are drawn beside each result, and the page of several runs."""
+    xlsx: bool = False
+    """Whether the summary of several runs is written as a spreadsheet too (needs the extra `xlsx`)."""
     error_estimate: bool = True
 
 

@@ -1,4 +1,7 @@
-"""The summary of a suite: one Dataset over records, scales and samples; and opening a whole suite."""
+"""The summary of several runs: one Dataset over records, scales and samples; and opening it with results.
+
+A plain job of several records is a suite of one scale and one sample.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +19,14 @@ import xarray as xr
 import romdam
 from romdam.config.load import Job
 from romdam.config.sections.motions.target import NAMED
+from romdam.config.sections.suite import SuiteConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.postprocess.record_measures import MEASURES, analysed, measures_at_scales
+from romdam.postprocess.responses import RUNS
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
@@ -30,6 +35,7 @@ from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, attribute
 Place = tuple[int, int, int]  # numbers of record, scale and sample
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
 _SINGLE = ("gap_peak_opening",)  # maps, in single precision
+_FOLDER, _BESIDE = "results_folder", "."  # attribute of the summary; a plain job's results lie beside it
 
 
 @dataclass(frozen=True)
@@ -50,10 +56,23 @@ class SuiteRecord:
     factors: Floats
 
 
+def unscaled(name: str, one: GroundMotion | str) -> SuiteRecord:
+    """A record of a plain job: its motion as it is, or why it cannot be used."""
+    if isinstance(one, GroundMotion):
+        return SuiteRecord(name, one, "", np.ones(1))
+    return SuiteRecord(name, None, one, np.full(1, np.nan))
+
+
+def suite_of(job: Job) -> SuiteConfig:
+    """What a suite varies; a plain job varies nothing: of its `suite:` only `period` and `of` count."""
+    stated = job.config.suite or SuiteConfig()
+    return stated if job.config.pipeline == "suite" else SuiteConfig(period=stated.period, of=stated.of)
+
+
 def summary_dataset(
     job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], rows: Mapping[Place, Row]
 ) -> xr.Dataset:
-    """Put the rows of a suite into one Dataset.
+    """Put the rows of a suite, or of a plain job's records, into one Dataset.
 
     Parameters
     ----------
@@ -67,7 +86,6 @@ def summary_dataset(
     -------
     Dataset with dims record, scale, sample, and joint, gap, node, component, stress_measure where they apply
     """
-    assert job.config.suite is not None
     shape = (len(records), len(_scales(job)[0]), design.sizes["sample"])
     data: dict[str, Any] = {}
     # in the order of the table: that of the rows is one of chance
@@ -81,16 +99,16 @@ def summary_dataset(
         data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
     data |= _measures(job, records)
     data |= _status(shape, records, rows)
-    data["file"] = _files(shape, rows)
+    data["file"] = _files(shape, rows, _results_folder(job))
     contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
-    attributes = _attributes(job, design) | {"runs_sha256": contents}
+    attributes = _attributes(job, design) | {_FOLDER: _results_folder(job), "runs_sha256": contents}
     return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
 
 
 def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
     """Measures of what was analysed; where `transient.duration` cuts it, those of the whole records too."""
-    assert job.config.suite is not None
-    period, of, duration = job.config.suite.period, job.config.suite.of, job.config.transient.duration
+    suite, duration = suite_of(job), job.config.transient.duration
+    period, of = suite.period, suite.of
     spans = {"record": duration} if duration is None else {"record": duration, "recorded": None}
     data: dict[str, Any] = {}
     for prefix, span in spans.items():
@@ -107,11 +125,16 @@ def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
     return data
 
 
-def _files(shape: tuple[int, ...], rows: Mapping[Place, Row]) -> Any:
+def _results_folder(job: Job) -> str:
+    return RUNS_FOLDER if job.config.pipeline == "suite" else _BESIDE
+
+
+def _files(shape: tuple[int, ...], rows: Mapping[Place, Row], folder: str) -> Any:
     files = np.full(shape, "", dtype=object)
     for at, row in rows.items():
         files[at] = "" if row.kept is None else row.kept.file
-    about = {"long_name": f"the run's own result in {RUNS_FOLDER}, if kept"}
+    where = "beside this file" if folder == _BESIDE else f"in {folder}"
+    about = {"long_name": f"the run's own result {where}, if kept"}
     return ("record", "scale", "sample"), files.astype(str), about
 
 
@@ -134,8 +157,7 @@ def _status(
 
 def _scales(job: Job) -> tuple[Floats, dict[str, str]]:
     """The values of the dimension `scale`, and what they are."""
-    suite = job.config.suite
-    assert suite is not None
+    suite = suite_of(job)
     target = suite.intensities
     if target is None:
         return np.array(suite.scales), {"units": "1", "long_name": "factor on the records"}
@@ -216,7 +238,7 @@ def write_summary(dataset: xr.Dataset, folder: Path) -> Path:
 
 
 def open_summary(folder: Path) -> xr.Dataset:
-    """Open a suite's summary lazily, once it is known to be one.
+    """Open a summary lazily, once it is known to be one.
 
     Raises
     ------
@@ -233,9 +255,10 @@ def open_summary(folder: Path) -> xr.Dataset:
 
 
 def open_suite(folder: str | Path) -> xr.DataTree:
-    """Open a suite lazily: the summary at the root, `design`, and every kept result.
+    """Open a suite, or a plain job's records, lazily: the summary at the root, `design`, every kept result.
 
-    The result of the third record at the first scale with the second sample is `runs/<record>__0__1`.
+    The result of a record at the first scale with the second sample is `runs/<record>__0__1`; that of a plain
+    job's record is `runs/<record>__0__0`.
 
     Raises
     ------
@@ -245,7 +268,7 @@ def open_suite(folder: str | Path) -> xr.DataTree:
     folder = Path(folder)
     if not (folder / SUMMARY).is_file():
         raise ResultError(
-            f"{folder}: holds no {SUMMARY}; `romdam run CONFIG --out DIR` with `suite:` makes it"
+            f"{folder}: holds no {SUMMARY}; `romdam run CONFIG --out DIR` of several records makes it"
         )
     summary = open_summary(folder)
     parts = {"/": summary}
@@ -253,18 +276,25 @@ def open_suite(folder: str | Path) -> xr.DataTree:
         design = open_netcdf(folder / DESIGN)[0]
         if design.attrs.get("content_sha256") == summary.attrs.get("design_sha256"):
             parts["/design"] = design
-    for name, path in _kept_results(summary, folder).items():
-        parts[f"/runs/{name}"] = open_dataset(path, warn=False)
+    for (i, k, s), path in kept_results(summary, folder).items():
+        parts[f"/runs/{summary.record.values[i]}__{k}__{s}"] = open_dataset(path, warn=False)
     return xr.DataTree.from_dict(parts)
 
 
-def _kept_results(summary: xr.Dataset, folder: Path) -> dict[str, Path]:
-    """<record>__<scale>__<sample> -> file of every result that is kept."""
+def kept_results(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
+    """Where a run stands -> file of its own result, of every run that has one."""
     if "file" not in summary:  # romdam 0.1 named them so
-        return {path.stem: path for path in sorted((folder / RUNS_FOLDER).glob("*.nc"))}
-    names = summary.record.values
+        return _kept_before(summary, folder / RUNS_FOLDER)
+    inside = folder if summary.attrs.get(_FOLDER) == _BESIDE else folder / RUNS_FOLDER
+    found = np.ndenumerate(summary.file.transpose(*RUNS).values)
+    return {(at[0], at[1], at[2]): inside / Path(str(file)).name for at, file in found if file}
+
+
+def _kept_before(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
+    names = {str(name): i for i, name in enumerate(summary.record.values)}
+    found = {path: path.stem.rsplit("__", 2) for path in sorted(folder.glob("*.nc"))}
     return {
-        f"{names[i]}__{k}__{s}": folder / RUNS_FOLDER / Path(str(file)).name
-        for (i, k, s), file in np.ndenumerate(summary.file.values)
-        if file
+        (names[parts[0]], int(parts[1]), int(parts[2])): path
+        for path, parts in found.items()
+        if len(parts) == 3 and parts[0] in names and parts[1].isdigit() and parts[2].isdigit()
     }

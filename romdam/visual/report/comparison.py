@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from romdam.core.files import replacing
 from romdam.postprocess.variant_tables import Table, changes_of, variant_tables
-from romdam.visual.report import page as html
-from romdam.visual.report.page import Section
+from romdam.visual.report.page import page
+from romdam.visual.report.parts import Section, picture, side_by_side
+from romdam.visual.report.parts import Table as PageTable
 
 PAGE = "comparison.html"
 _CAPTIONS = {
@@ -38,18 +39,17 @@ def write_comparison(comparison: xr.Dataset, figures: Mapping[str, Figure | byte
     """
     attrs, tables = comparison.attrs, variant_tables(comparison)
     about = f"{attrs['record']}; {attrs['source']}; {attrs['machine']}; {attrs['date_created']}"
-    variants = html.table(["variant", "changes"], changes_of(comparison), f"Reference: {attrs['reference']}")
-    drawn = [html.picture(figure, _CAPTIONS[name]) for name, figure in figures.items()]
+    variants = PageTable(["variant", "changes"], changes_of(comparison), f"Reference: {attrs['reference']}")
+    drawn = [picture(figure, _CAPTIONS[name]) for name, figure in figures.items()]
     sections = [
         Section("variants", "Variants", [variants]),
         *(Section(table.name, table.title, [_table(table)]) for table in tables),
-        Section("figures", "Figures", [html.side_by_side([one]) for one in drawn]),
+        Section("figures", "Figures", [side_by_side(one) for one in drawn]),
     ]
     with replacing(folder / PAGE) as part:
-        text = html.page(str(attrs["title"]), html.paragraph(about, soft=True), sections)
-        part.write_text(text, encoding="utf-8")
+        part.write_text(page(str(attrs["title"]), about, sections), encoding="utf-8")
     return folder / PAGE
 
 
-def _table(table: Table) -> str:
-    return html.table(table.head, table.rows, table.note, digits=4)
+def _table(table: Table) -> PageTable:
+    return PageTable(table.head, table.rows, table.note, digits=4)

@@ -1,4 +1,4 @@
-"""The report of a suite: one page made from its summary, with the records' spectra and a picture if given."""
+"""The report of several runs: one page made from their summary, with spectra and a picture if given."""
 
 from __future__ import annotations
 
@@ -14,14 +14,26 @@ import romdam
 from romdam.core.files import replacing
 from romdam.postprocess.responses import RUNS, intensity_of, measures, parameters, response_of
 from romdam.visual import suite_plots as plots
-from romdam.visual.report import page as html
-from romdam.visual.report.page import Section, number
+from romdam.visual.report.page import page
+from romdam.visual.report.parts import (
+    Code,
+    Fact,
+    Folded,
+    Part,
+    Section,
+    Table,
+    Text,
+    Value,
+    number,
+    picture,
+    side_by_side,
+)
+from romdam.visual.report.runs import runs_section, worst_section
 from romdam.visual.report.statistics import (
     correlation_section,
     fragility_section,
     responses_section,
     sensitivity_section,
-    worst_section,
 )
 from romdam.visual.report.subject import Subject, plain, values_of
 from romdam.visual.style import STYLE
@@ -31,7 +43,7 @@ _SHOWN = 5  # names of runs that failed with one message
 
 
 def report_html(subject: Subject) -> str:
-    """The page of a suite.
+    """The page of a suite, or of a plain job's records.
 
     Raises
     ------
@@ -43,7 +55,7 @@ def report_html(subject: Subject) -> str:
     intensity_of(subject.summary, subject.topic.intensity)
     with mpl.rc_context(STYLE):
         sections = [one for make in SECTIONS if (one := make(subject)) is not None]
-    return html.page(str(subject.summary.attrs.get("title", "Suite")), _head(subject), sections)
+    return page(str(subject.summary.attrs.get("title", "Suite")), _about(subject), sections, _facts(subject))
 
 
 def write_report(subject: Subject, folder: Path) -> Path:
@@ -60,22 +72,28 @@ def write_report(subject: Subject, folder: Path) -> Path:
     return folder / REPORT
 
 
-def _head(subject: Subject) -> str:
+def _about(subject: Subject) -> str:
+    summary = subject.summary
+    size = " × ".join(
+        f"{summary.sizes[dim]} {dim}{'s' * (summary.sizes[dim] > 1)}"
+        for dim in RUNS
+        if dim == "record" or summary.sizes[dim] > 1
+    )
+    made = str(summary.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
+    return f"{size}; summary of {made}"
+
+
+def _facts(subject: Subject) -> list[Fact]:
     summary, failed = subject.summary, int((subject.summary.status > 0).sum())
     cpu = values_of(subject, "cpu_seconds")
-    size = " × ".join(f"{summary.sizes[dim]} {dim}{'s' * (summary.sizes[dim] > 1)}" for dim in RUNS)
-    rows = [
-        ("runs", f"{summary.status.size}", False),
-        ("of them failed", f"{failed}", failed > 0),
-        ("CPU of all runs", f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–", False),
-    ]
+    found = [Fact("runs", f"{summary.status.size}"), Fact("of them failed", f"{failed}", failed > 0)]
     if subject.done and subject.response:
         values = response_of(summary, subject.response)
         factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
         largest = f"{number(factor * float(values.max()))} {unit}"
-        rows.insert(2, (f"largest {plain(subject.response)}", largest, False))
-    made = str(summary.attrs.get("date_created", ""))
-    return html.paragraph(f"{size}; summary of {made}", soft=True) + html.facts(rows)
+        found.append(Fact(f"largest {plain(subject.response)}", largest))
+    seconds = f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–"
+    return [*found, Fact("CPU of all runs", seconds)]
 
 
 def _scene(subject: Subject) -> Section | None:
@@ -83,7 +101,7 @@ def _scene(subject: Subject) -> Section | None:
     if sketch is None:
         return None
     caption = "The blocks with their joints." if subject.picture else "The gaps of the joints."
-    return Section("scene", "Scene", [html.side_by_side([html.picture(sketch, caption)])])
+    return Section("scene", "Scene", [side_by_side(picture(sketch, caption))])
 
 
 def _what(subject: Subject) -> Section:
@@ -97,15 +115,17 @@ def _what(subject: Subject) -> Section:
         f"accuracy {100 * float(str(accuracy)):g} %" if accuracy else f"step {transient.get('finest_step')} s"
     )
     modes = f"{model['modes']} a block" if model.get("modes") else f"up to {model.get('cutoff')} Hz"
-    rows = [
+    rows: list[list[Value]] = [
         ["records", str(summary.sizes["record"])],
         [str(summary.scale.attrs.get("long_name", "scale")), f"{scale} {unit}".strip()],
         ["samples", f"{summary.sizes['sample']} ({summary.attrs.get('design', '')})"],
         ["modes", modes],
         ["time stepping", step],
     ]
+    if scale == "1" and summary.sizes["sample"] == 1:  # as the records are, of one dam
+        del rows[1:3]
     varied = [_range(name, values) for name, values in parameters(summary).items()]
-    joints = []
+    joints: list[list[Value]] = []
     for name in summary.joint.values if "joint" in summary.coords else ():
         chosen = summary.gap_joint.values == name
         area = float(summary.gap_area.values[chosen].sum())
@@ -114,32 +134,32 @@ def _what(subject: Subject) -> Section:
         "what",
         "What was run",
         [
-            html.table(["", ""], rows),
-            html.table(["parameter", "unit", "lowest", "median", "highest", "stands for"], varied, "Samples"),
-            html.table(["joint", "gaps", "area [m²]"], joints, "Joints"),
+            Table([], rows),
+            Table(["parameter", "unit", "lowest", "median", "highest", "stands for"], varied, "Samples"),
+            Table(["joint", "gaps", "area [m²]"], joints, "Joints"),
         ],
     )
 
 
-def _range(name: str, values: xr.DataArray) -> list[object]:
+def _range(name: str, values: xr.DataArray) -> list[Value]:
     low, middle, high = (float(np.quantile(values, q, method="nearest")) for q in (0.0, 0.5, 1.0))
-    unit = plots.unit_text(str(values.attrs.get("units", "1")))
-    return [name, unit, low, middle, high, str(values.attrs.get("long_name", ""))]
+    factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+    numbers = (factor * one for one in (low, middle, high))
+    return [name, unit, *numbers, str(values.attrs.get("long_name", ""))]
 
 
 def _records(subject: Subject) -> Section:
-    """Spectra and measures of the records."""
-    summary, parts = subject.summary, []
+    """Spectra and measures of the records; where they are cut, what was analysed beside what was recorded."""
+    summary, parts = subject.summary, list[Part]()
     if subject.spectra is not None:
         caption = "Pseudo-acceleration of every record, the largest of x, y, z."
-        parts.append(html.side_by_side([html.picture(plots.spectra_figure(subject.spectra), caption)]))
+        parts.append(side_by_side(picture(plots.spectra_figure(subject.spectra), caption)))
     else:
         parts.append(
-            html.paragraph(
-                "The spectra of the records are drawn where the report is given CONFIG.", soft=True
-            )
+            Text("The spectra of the records are drawn where the report is given CONFIG.", soft=True)
         )
-    rows = []
+    rows: list[list[Value]] = []
+    cut = "recorded_duration" in summary
     for name in measures(summary):
         values = intensity_of(summary, name)
         finite = values.values[np.isfinite(values.values)]
@@ -147,15 +167,34 @@ def _records(subject: Subject) -> Section:
             about = values.attrs
             unit = plots.unit_text(str(about.get("units", "1")))
             numbers = [float(np.quantile(finite, q)) for q in (0.0, 0.5, 1.0)]
-            rows.append([name, unit, *numbers, int(finite.size), str(about.get("long_name", name))])
-    head = ["measure", "unit", "lowest", "median", "highest", "n", "meaning"]
-    return Section("records", "Records", [*parts, html.table(head, rows, "Measures of the scaled records")])
+            whole = [float(summary[f"recorded_{name}"].median())] if cut else []
+            meaning = str(about.get("long_name", name)).partition(", of the ")[0]
+            rows.append([name, unit, *numbers, *whole, int(finite.size), meaning])
+    beside = ["median as recorded"] if cut else []
+    head = ["measure", "unit", "lowest", "median", "highest", *beside, "n", "meaning"]
+    said = [Text(_analysed(summary))] if cut else []
+    return Section("records", "Records", [*parts, *said, Table(head, rows, "Measures of the scaled records")])
+
+
+def _analysed(summary: xr.Dataset) -> str:
+    """What part of the records was analysed, in words."""
+    low, high = (float(q) for q in (summary.recorded_duration.min(), summary.recorded_duration.max()))
+    recorded = f"{number(high)} s" if number(low) == number(high) else f"{number(low)} to {number(high)} s"
+    text = f"Analysed: {number(float(summary.record_duration.max()))} s of records of {recorded}"
+    share = 100.0 * summary.record_arias.values / summary.recorded_arias.values
+    share = share[np.isfinite(share)]
+    if not share.size:
+        return f"{text}."
+    return (
+        f"{text}, with {number(float(np.median(share)))} % of their Arias intensity in the median and "
+        f"{number(float(share.min()))} % at least."
+    )
 
 
 def _speed(subject: Subject) -> Section:
     """Time that a run takes, and its estimated errors."""
     asked = subject.configuration.get("transient", {}).get("accuracy")
-    rows: list[list[object]] = []
+    rows: list[list[Value]] = []
     for name, text, factor, unit in (
         ("wall_seconds", "wall time of a run", 1.0, "s"),
         ("cpu_seconds", "CPU time of a run", 1.0, "s"),
@@ -187,34 +226,32 @@ def _speed(subject: Subject) -> Section:
             f"The time-stepping error asked for was {100 * float(str(asked)):g} %; "
             f"{over} of {error.size} runs estimate more."
         )
-    head = ["", "unit", "median", "largest", "all runs", "n"]
-    return Section("speed", "Speed and error", [html.table(head, rows), *map(html.paragraph, notes)])
+    head = ["quantity", "unit", "median", "largest", "all runs", "n"]
+    return Section("speed", "Speed and error", [Table(head, rows), *map(Text, notes)])
 
 
 def _failures(subject: Subject) -> Section:
     summary = subject.summary
     failed = summary.status.transpose(*RUNS).values > 0
     if not failed.any():
-        return Section("failures", "Failures", [html.paragraph(f"None of {failed.size} runs failed.")])
+        return Section("failures", "Failures", [Text(f"None of {failed.size} runs failed.")])
     messages = summary.message.transpose(*RUNS).values
     groups: dict[str, list[str]] = {}
     for at in np.argwhere(failed):
         groups.setdefault(str(messages[tuple(at)]), []).append(str(summary.record.values[at[0]]))
-    rows = []
+    rows: list[list[Value]] = []
     for message, names in sorted(groups.items(), key=lambda group: -len(group[1])):
         records = list(dict.fromkeys(names))
         more = f" and {len(records) - _SHOWN} more" if len(records) > _SHOWN else ""
-        rows.append([len(names), ", ".join(records[:_SHOWN]) + more, message])
+        rows.append([", ".join(records[:_SHOWN]) + more, len(names), message])
     said = f"{int(failed.sum())} of {failed.size} runs failed; they are left out of every statistic."
-    return Section(
-        "failures", "Failures", [html.paragraph(said), html.table(["runs", "records", "message"], rows)]
-    )
+    return Section("failures", "Failures", [Text(said), Table(["records", "runs", "message"], rows)])
 
 
 def _reproduce(subject: Subject) -> Section:
     attrs = subject.summary.attrs
     versions = json.loads(str(attrs.get("versions", "{}")))
-    rows = [
+    rows: list[list[Value]] = [
         ["configuration", str(attrs.get("configuration_file", "–"))],
         ["its SHA-256", str(attrs.get("configuration_sha256", "–"))],
         ["SHA-256 of the samples", str(attrs.get("design_sha256", "–"))],
@@ -224,20 +261,17 @@ def _reproduce(subject: Subject) -> Section:
     commands = f"romdam run {attrs.get('configuration_file', 'CONFIG')} --out DIR"
     if subject.topic.command:
         commands += f"\n{subject.topic.command}"
-    whole = html.code(json.dumps(subject.configuration, indent=1, ensure_ascii=False))
-    parts = [
-        html.table(["", ""], rows),
-        html.code(commands),
-        html.folded("The configuration, in SI units", whole),
-    ]
+    whole = json.dumps(subject.configuration, indent=1, ensure_ascii=False)
+    parts: list[Part] = [Table([], rows), Code(commands), Folded("The configuration, in SI units", whole)]
     return Section("reproduce", "How to reproduce", parts)
 
 
 SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
     _scene,
     _what,
-    _records,
     worst_section,
+    runs_section,
+    _records,
     responses_section,
     fragility_section,
     correlation_section,

@@ -6,45 +6,30 @@ import numpy as np
 import xarray as xr
 
 from romdam.postprocess.dependence import correlation, sensitivity
-from romdam.postprocess.extremes import opening_envelopes, worst_runs
-from romdam.postprocess.fragility import fragility
+from romdam.postprocess.extremes import opening_envelopes
+from romdam.postprocess.fragility import fragility, none_exceeds
 from romdam.postprocess.incremental import ida_curves
-from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
+from romdam.postprocess.responses import RUNS, parameters, response_of
 from romdam.visual import suite_plots as plots
-from romdam.visual.report import page as html
-from romdam.visual.report.page import Section, number
+from romdam.visual.report.joint_map import opening_map
+from romdam.visual.report.parts import (
+    Part,
+    Picture,
+    Pictures,
+    Section,
+    Table,
+    Text,
+    Value,
+    number,
+    picture,
+    side_by_side,
+)
 from romdam.visual.report.subject import Subject, in_unit, plain, responses, runs_text
-
-_WORST = 10
-_PAIR = 2  # runs that a scatter needs
-
-
-def worst_section(subject: Subject) -> Section | None:
-    if not subject.done or not subject.response:
-        return None
-    summary, worst = subject.summary, worst_runs(subject.summary, subject.response, _WORST)
-    several = [dim for dim in RUNS if summary.sizes[dim] > 1]
-    labels, rows = [], []
-    factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
-    measured = intensity_of(summary, subject.topic.intensity)
-    for k in range(worst.sizes["run"]):
-        at = {dim: worst[dim].values[k] for dim in RUNS}
-        names = {"record": str(at["record"]), "scale": f"× {at['scale']:g}", "sample": f"no. {at['sample']}"}
-        labels.append(" ".join(names[dim] for dim in several) or names["record"])
-        level = float(measured.sel(record=at["record"], scale=at["scale"]))
-        rows.append(
-            [names["record"], float(at["scale"]), int(at["sample"]), factor * float(worst.response[k]), level]
-        )
-    head = ["record", f"scale{in_unit(summary.scale)}", "sample", f"{plain(subject.response)} [{unit}]"]
-    head.append(f"{subject.topic.intensity}{in_unit(measured)}")
-    caption = f"The {len(labels)} largest of {subject.done} runs."
-    drawing = html.picture(plots.worst_figure(worst, labels), caption)
-    return Section("worst", "Worst runs", [html.side_by_side([drawing]), html.table(head, rows)])
 
 
 def responses_section(subject: Subject) -> Section | None:
     """Every response over all runs, and the openings over the joints."""
-    rows = []
+    rows: list[list[Value]] = []
     for name in responses(subject.summary):
         values = subject.summary[name]
         rest = [dim for dim in values.dims if dim not in RUNS]
@@ -61,8 +46,8 @@ def responses_section(subject: Subject) -> Section | None:
     if not rows:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
-    parts = [_envelopes(subject)] if "gap_peak_opening" in subject.summary else []
-    return Section("responses", "Openings and other responses", [*parts, html.table(head, rows, "All runs")])
+    parts: list[Part] = [_envelopes(subject)] if "gap_peak_opening" in subject.summary else []
+    return Section("responses", "Openings and other responses", [*parts, Table(head, rows, "Over all runs")])
 
 
 def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
@@ -72,14 +57,12 @@ def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
     return [float(one) for one in np.round(numbers, places) + 0.0]
 
 
-def _envelopes(subject: Subject) -> str:
+def _envelopes(subject: Subject) -> Pictures:
     envelopes = opening_envelopes(subject.summary)
     count = int(envelopes["count"].sum())
-    return html.side_by_side(
-        [
-            html.picture(plots.height_figure(envelopes), f"Openings over height; {count} runs."),
-            html.picture(plots.opening_map(envelopes), f"The largest opening of every gap in {count} runs."),
-        ]
+    return side_by_side(
+        picture(plots.height_figure(envelopes), f"Openings over height; {count} runs."),
+        picture(opening_map(envelopes), f"The largest opening of every gap in {count} runs."),
     )
 
 
@@ -101,13 +84,13 @@ def fragility_section(subject: Subject) -> Section | None:
     values = response_of(summary, response)
     chosen = subject.topic.thresholds or thresholds_of(values)
     fits = [fragility(summary, response, one, intensity) for one in chosen]
-    pictures = []
+    pictures: list[Picture] = []
     if not ida.attrs["statement"]:
         caption = f"Incremental dynamic analysis, {runs_text(ida)}."
-        pictures.append(html.picture(plots.ida_figure(ida), caption))
+        pictures.append(picture(plots.ida_figure(ida), caption))
     if fits:
         caption = f"Fragility with pointwise 95 % bounds, {runs_text(ida)}."
-        pictures.append(html.picture(plots.fragility_figure(fits), caption))
+        pictures.append(picture(plots.fragility_figure(fits), caption))
     notes = [f"Incremental curves: {ida.attrs['statement']}."] if ida.attrs["statement"] else []
     if fits:
         notes.append(_method(fits[0], bool(subject.topic.thresholds)))
@@ -116,7 +99,12 @@ def fragility_section(subject: Subject) -> Section | None:
                 f"The bounds take {fits[0].attrs['observations']} observations of {fits[0].attrs['records']} "
                 "records as independent, which those of one record are not: the true bounds are wider."
             )
-    parts = [html.side_by_side(pictures), *(html.paragraph(note, soft=True) for note in notes)]
+    if none := next((fit for fit in fits if fit.attrs["exceeding"] == 0), None):
+        notes.append(
+            f"Where none exceeds, the probability that a record does is at most 3/n of the n = "
+            f"{none.attrs['records']} records, with 95 % confidence (the rule of three)."
+        )
+    parts: list[Part] = [side_by_side(*pictures), *(Text(note, soft=True) for note in notes)]
     return Section("fragility", "Incremental curves and fragility", [*parts, _fragility_table(fits, values)])
 
 
@@ -132,14 +120,14 @@ def _method(fit: xr.Dataset, asked: bool) -> str:
     )
 
 
-def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> str:
+def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> Table:
     if not fits:
-        return ""
+        return Table([], [])
     factor, unit = plots.shown(
         np.array([f.attrs["threshold"] for f in fits]), str(values.attrs.get("units", "1"))
     )
     measure = plots.unit_text(str(fits[0].attrs["intensity_units"]))
-    rows = []
+    rows: list[list[Value]] = []
     for fit in fits:
         theta, beta = (f"{number(float(v))}" for v in (fit.theta, fit.beta))
         bounds = (
@@ -148,6 +136,8 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> str:
         )
         about = fit.attrs
         seen = f"{about['exceeding']} of {about['observations']}"
+        if about["exceeding"] == 0:
+            seen += f", at most {number(100 * none_exceeds(about['records']))} %"
         rows.append(
             [factor * about["threshold"], theta, next(bounds), beta, next(bounds), seen, about["statement"]]
         )
@@ -155,7 +145,7 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> str:
     head = [*head, "exceeding", "note"]
     if not any(row[-1] for row in rows):
         head, rows = head[:-1], [row[:-1] for row in rows]
-    return html.table(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
+    return Table(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
 
 
 def correlation_section(subject: Subject) -> Section | None:
@@ -163,36 +153,23 @@ def correlation_section(subject: Subject) -> Section | None:
         return None
     found, title = correlation(subject.summary, subject.response), "Correlation with the records' measures"
     if found.attrs["statement"]:
-        said = html.paragraph(f"No correlation: {found.attrs['statement']}.")
-        return Section("correlation", title, [said, _scatter(subject, subject.topic.intensity)])
+        return Section("correlation", title, [Text(f"No correlation: {found.attrs['statement']}.")])
     closest = str(found.measure.values[int(np.nanargmax(abs(found.spearman.values)))])
-    drawings = [
-        html.picture(
-            plots.correlation_figure(found),
-            f"Rank correlation over records within each scale, samples by their median; {runs_text(found)}.",
-        ),
-    ]
+    said = f"Rank correlation over records within each scale, samples by their median; {runs_text(found)}."
+    beside = f"Records against {closest}, each scale by itself, samples by their median."
+    drawings = side_by_side(
+        picture(plots.correlation_figure(found), said),
+        picture(plots.scatter_figure(subject.summary, subject.response, closest), beside),
+    )
     names = [f"{name}_at_scale" for name in ("spearman", "pearson", "slope", "dispersion", "count")]
-    rows = []
+    rows: list[list[Value]] = []
     for i, k in np.ndindex(found.spearman_at_scale.shape):
         one = found.isel(measure=i, scale=k)
         *numbers, records = (float(one[name]) for name in names)
         rows.append([str(one.measure.values), float(one.scale), *numbers, int(records)])
     head = ["measure", f"scale{in_unit(found.scale)}", "rank correlation", "correlation of logs"]
     head += ["slope of logs", "dispersion of ln", "records"]
-    return Section(
-        "correlation",
-        "Correlation with the records' measures",
-        [html.side_by_side([*drawings, _scatter(subject, closest)]), html.table(head, rows)],
-    )
-
-
-def _scatter(subject: Subject, measure: str) -> str:
-    """Every run against a measure; nothing where there is one run."""
-    if subject.done < _PAIR:
-        return ""
-    figure = plots.scatter_figure(subject.summary, subject.response, measure)
-    return html.picture(figure, f"Every run, at all scales, against {measure}.")
+    return Section("correlation", title, [drawings, Table(head, rows)])
 
 
 def sensitivity_section(subject: Subject) -> Section | None:
@@ -201,19 +178,24 @@ def sensitivity_section(subject: Subject) -> Section | None:
     found = sensitivity(subject.summary, subject.response)
     title = "Sensitivity to the parameters"
     if found.attrs["statement"]:
-        return Section("sensitivity", title, [html.paragraph(f"No sensitivity: {found.attrs['statement']}.")])
+        return Section("sensitivity", title, [Text(f"No sensitivity: {found.attrs['statement']}.")])
     caption = (
         f"{found.attrs['samples']} samples, {runs_text(found)}; bounds of 95 % by {found.attrs['bounds']}; "
         f"the regression explains {number(100 * float(found.r_squared))} % of the ranks' variance."
     )
-    rows = [
-        [str(one.parameter.values)]
-        + [_bounded(float(one[name]), one[f"{name}_bounds"].values) for name in ("regression", "spearman")]
+    rows: list[list[Value]] = [
+        [
+            str(one.parameter.values),
+            *(
+                _bounded(float(one[name]), one[f"{name}_bounds"].values)
+                for name in ("regression", "spearman")
+            ),
+        ]
         for one in (found.isel(parameter=k) for k in range(found.sizes["parameter"]))
     ]
-    drawing = html.picture(plots.sensitivity_figure(found), caption)
+    drawing = picture(plots.sensitivity_figure(found), caption)
     head = ["parameter", "standardised regression", "rank correlation"]
-    return Section("sensitivity", title, [html.side_by_side([drawing]), html.table(head, rows)])
+    return Section("sensitivity", title, [side_by_side(drawing), Table(head, rows)])
 
 
 def _bounded(value: float, bounds: np.ndarray) -> str:

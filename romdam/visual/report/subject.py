@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
 
 from romdam.postprocess.responses import RUNS
+from romdam.results.suite.summary import Place
 from romdam.visual.suite_plots import unit_text
 
 _NOT_RESPONSES = (
@@ -49,12 +51,14 @@ class Subject:
     topic : what the report is about
     spectra : `psa` (record, period) [m/s2]; None where they are not known
     picture : bytes of a PNG of the scene; None where there is none
+    files : place of a run -> (text, address on the page) of its result and figures
     """
 
     summary: xr.Dataset
     topic: Topic
     spectra: xr.Dataset | None = None
     picture: bytes | None = None
+    files: Mapping[Place, Sequence[tuple[str, str]]] = field(default_factory=dict)
 
     @property
     def response(self) -> str:
@@ -104,4 +108,6 @@ def in_unit(values: xr.DataArray) -> str:
 def runs_text(found: xr.Dataset) -> str:
     """The number of runs that a statistic is made of, as words."""
     failed = found.attrs["failed"]
-    return f"{found.attrs['runs']} runs" + (f", {failed} failed ones left out" if failed else "")
+    return f"{found.attrs['runs']} runs" + (
+        f", {failed} failed one{'s' * (failed > 1)} left out" if failed else ""
+    )

@@ -1,0 +1,101 @@
+"""The summary of several runs beside their results: `summary.nc`, and the same as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from romdam.config.load import Job
+from romdam.core.errors import RecordError, ResultError
+from romdam.core.fingerprint import fingerprint
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.error.statement import ErrorStatement
+from romdam.records.components import check_components
+from romdam.results.suite.design import design_dataset
+from romdam.results.suite.rows import Kept, Row, row_values
+from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, unscaled, write_summary
+from romdam.results.suite.tables import refuse_without_xlsx, write_tables
+from romdam.results.variables import Case
+
+Read = Mapping[str, GroundMotion | str]  # record -> its motion, or why it cannot be used, in their order
+
+
+@dataclass(frozen=True)
+class Made:
+    """A run that is done: its result file, what that was made from, and its wall and CPU seconds."""
+
+    path: Path
+    case: Case
+    estimate: ErrorStatement | None
+    seconds: tuple[float, float]
+
+    def row(self, job: Job) -> Row:
+        """The run as a row of a summary."""
+        motion = self.case.motion
+        key = fingerprint((job.digest, motion.acc, motion.dt))
+        stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
+        if self.estimate is not None:
+            stated["estimated_reduction_error"] = self.estimate.errors["opening"].l2
+        return Row(key, "", row_values(self.case, stated), Kept(self.path.name, "", "", {}))
+
+
+def refuse_summary(job: Job, folder: Path, *files: str) -> None:
+    """Refuse what would be found when the summary is written, after all runs.
+
+    Raises
+    ------
+    ResultError
+        where a folder has the name of one of its files.
+    ConfigError
+        where a spreadsheet is asked for that cannot be written.
+    """
+    for name in (SUMMARY, *files):
+        if (folder / name).is_dir():
+            raise ResultError(f"{folder / name}: is a folder, a file is written there; choose another --out")
+    if job.config.outputs.xlsx:
+        refuse_without_xlsx(job.path)
+
+
+def refuse_unmeasured(job: Job, read: Read) -> None:
+    """Refuse records that do not have the components which `suite.of` measures.
+
+    Raises
+    ------
+    RecordError
+        naming the record.
+    """
+    of = suite_of(job).of
+    for name, motion in read.items():
+        if isinstance(motion, GroundMotion):
+            try:
+                check_components(motion.acc, of)
+            except RecordError as error:
+                raise RecordError(f"{name}: suite.{error}") from None
+
+
+def write_summary_files(summary: xr.Dataset, job: Job, folder: Path) -> tuple[Path, ...]:
+    """Write a summary, and the tables of it that a configuration asks for.
+
+    Raises
+    ------
+    ResultError
+        where the folder or the disk refuses a file.
+    """
+    return (write_summary(summary, folder), *write_tables(summary, folder, job.config.outputs.xlsx))
+
+
+def records_summary(job: Job, scene: Scene, read: Read, rows: Mapping[str, Row]) -> xr.Dataset:
+    """The summary of a plain job's records, those that failed too.
+
+    Parameters
+    ----------
+    rows : record -> row of every one that was run
+    """
+    records = [unscaled(name, one) for name, one in read.items()]
+    design = design_dataset(job, suite_of(job), {})
+    placed = {(i, 0, 0): rows[record.name] for i, record in enumerate(records) if record.name in rows}
+    return summary_dataset(job, scene, design, records, placed)

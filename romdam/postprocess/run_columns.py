@@ -1,0 +1,66 @@
+"""The runs of a summary as a flat table: a row for each run, a column for each number of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from romdam.postprocess.responses import PARAMETER, RUNS
+
+_MAPS = ("gap",)  # dimensions of what has too many numbers for a row
+_FIRST = ("scale_factor", "status", "message", "file")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One number, or text, of every run.
+
+    Attributes
+    ----------
+    name : of the variable in the summary
+    place : which of its numbers: a joint, a node and its component, and so on; empty where there is one
+    units : UDUNITS text; "" and "1" for what has none
+    long_name : what it is
+    values : (runs,) record after record, in each scale after scale, in each sample after sample
+    """
+
+    name: str
+    place: str
+    units: str
+    long_name: str
+    values: NDArray[Any]
+
+    @property
+    def title(self) -> str:
+        """Name, place and unit in one."""
+        name = f"{self.name}.{self.place}" if self.place else self.name
+        return name if self.units in ("", "1") else f"{name} [{self.units}]"
+
+
+def run_columns(summary: xr.Dataset) -> list[Column]:
+    """Every number of every run but maps over gaps: place, parameters, fate, measures, answers."""
+    names = [*RUNS, *_FIRST]
+    names += [str(name) for name in summary.coords if str(name).startswith(PARAMETER)]
+    names += [str(name) for name in summary.data_vars if str(name) not in names]
+    return [column for name in names if name in summary for column in _columns(summary, name)]
+
+
+def _columns(summary: xr.Dataset, name: str) -> Iterator[Column]:
+    """The columns of a variable: one for each of its places."""
+    variable, sizes = summary[name], [summary.sizes[dim] for dim in RUNS]
+    own = [str(dim) for dim in variable.dims if dim in RUNS]
+    rest = [str(dim) for dim in variable.dims if dim not in RUNS]
+    if not own or set(rest) & set(_MAPS):
+        return
+    values = variable.transpose(*own, *rest).values
+    shape = [summary.sizes[dim] if dim in own else 1 for dim in RUNS]
+    about = variable.attrs
+    for at in np.ndindex(*(summary.sizes[dim] for dim in rest)):
+        flat = np.broadcast_to(values[(..., *at)].reshape(shape), sizes).ravel()
+        place = ".".join(str(summary[dim].values[k]) for dim, k in zip(rest, at, strict=True))
+        yield Column(name, place, str(about.get("units", "")), str(about.get("long_name", "")), flat)

@@ -1,0 +1,224 @@
+"""The parts of a page, as data: what a template turns into HTML, and escapes."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from romdam.visual.style import STYLE
+from romdam.visual.suite_plots import SUPERSCRIPTS
+
+LARGEST_SVG = 120_000  # bytes; a figure with more in it is a PNG
+_DPI = 170
+_PIXELS = 128  # of the page for an inch of a figure, at most
+_LONG = 60  # letters from which on a text is set in several lines
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `soft` is said in passing."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+    soft: bool = False
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One of what counts most, and whether it is bad news."""
+
+    name: str
+    value: str
+    bad: bool = False
+
+
+@dataclass(frozen=True)
+class Code:
+    """Lines as they are."""
+
+    kind: ClassVar[str] = "code"
+    text: str
+
+
+@dataclass(frozen=True)
+class Folded:
+    """Lines that are shown on demand."""
+
+    kind: ClassVar[str] = "folded"
+    summary: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a table.
+
+    Attributes
+    ----------
+    text : as it is shown
+    look : class: "n" for a number, "text" for a long text
+    value : number that it is sorted by; None for a text, and where there is none
+    links : (text, address) of each, instead of a text
+    """
+
+    text: str
+    look: str = ""
+    value: float | None = None
+    links: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def key(self) -> str:
+        """The number as a script reads it; empty where there is none."""
+        if self.value is None:
+            return ""
+        return f"{self.value:.9g}".replace("inf", "Infinity")
+
+
+Value = str | int | float | Cell
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; columns of numbers stand on the right, everything else is text.
+
+    Attributes
+    ----------
+    head : of the columns; none where the first cell of each row says what the second is
+    rows : of cells, numbers with so many `digits`
+    caption : above it; `label` is what a screen reader calls it where there is none
+    sortable : whether a reader may sort and filter it
+    descending : number of the column that its rows are in the order of, the largest first; None without one
+    """
+
+    kind: ClassVar[str] = "table"
+    head: Sequence[str]
+    rows: Sequence[Sequence[Value]]
+    caption: str = ""
+    digits: int = 3
+    label: str = ""
+    sortable: bool = False
+    descending: int | None = None
+
+    @property
+    def numeric(self) -> list[bool]:
+        """Whether each column has numbers alone."""
+        return [all(_is_number(row[k]) for row in self.rows) for k in range(len(self.rows[0]))]
+
+    @property
+    def cells(self) -> list[list[Cell]]:
+        """The rows as they are shown."""
+        right = self.numeric
+        return [
+            [cell_of(one, self.digits, n) for n, one in zip(right, row, strict=True)] for row in self.rows
+        ]
+
+
+def _is_number(value: Value) -> bool:
+    if isinstance(value, Cell):
+        return value.look == "n"
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def cell_of(value: Value, digits: int = 3, right: bool = True) -> Cell:
+    """A value as a cell, on the right where its column has numbers alone."""
+    if isinstance(value, Cell):
+        return value
+    if not _is_number(value):
+        text = str(value)
+        return Cell(text, "text" if len(text) > _LONG else "")
+    shown = str(value) if isinstance(value, int) else number(float(value), digits)
+    return Cell(shown, "n" if right else "", None if np.isnan(float(value)) else float(value))
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image inside the page: its address, size in pixels (0 for that of the file), caption and text."""
+
+    source: str
+    width: int
+    height: int
+    caption: str
+    alt: str
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Pictures in as many columns as there is room for."""
+
+    kind: ClassVar[str] = "pictures"
+    all: tuple[Picture, ...]
+
+
+Part = Text | Code | Folded | Table | Pictures
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page with a heading.
+
+    Attributes
+    ----------
+    name : of its anchor
+    title : heading
+    parts : one after another; empty tables and rows of pictures are left out
+    """
+
+    name: str
+    title: str
+    parts: Sequence[Part] = field(default_factory=list)
+
+    @property
+    def shown(self) -> list[Part]:
+        """The parts that hold anything."""
+        return [part for part in self.parts if _holds(part)]
+
+
+def _holds(part: Part) -> bool:
+    if isinstance(part, Table):
+        return bool(part.rows)
+    return bool(part.all) if isinstance(part, Pictures) else True
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, as plain text; a dash where there is none."""
+    if np.isnan(value):
+        return "–"
+    if np.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value != 0.0 and not 1e-4 <= abs(value) < 1e6:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", "−")
+    rounded = float(f"{value:.{digits - 1}e}")
+    return np.format_float_positional(rounded, trim="-").replace("-", "−")
+
+
+def picture(figure: Figure | bytes, caption: str, alt: str = "") -> Picture:
+    """A figure, or the bytes of a PNG, which may be as wide as the page."""
+    if isinstance(figure, bytes):
+        source = f"data:image/png;base64,{base64.b64encode(figure).decode()}"
+        return Picture(source, 0, 0, caption, alt or caption)
+    wide, high = (round(_PIXELS * inches) for inches in figure.get_size_inches())
+    return Picture(_drawn(figure), wide, high, caption, alt or caption)
+
+
+def _drawn(figure: Figure) -> str:
+    with mpl.rc_context({**STYLE, "svg.hashsalt": "romdam"}):
+        file = io.BytesIO()
+        figure.savefig(file, format="svg", metadata={"Date": None})
+        kind = "svg+xml"
+        if file.tell() > LARGEST_SVG:
+            file, kind = io.BytesIO(), "png"
+            figure.savefig(file, format="png", dpi=_DPI)
+    return f"data:image/{kind};base64,{base64.b64encode(file.getvalue()).decode()}"
+
+
+def side_by_side(*pictures: Picture | None) -> Pictures:
+    """Those of the pictures that are there, in one row where there is room."""
+    return Pictures(tuple(one for one in pictures if one is not None))

@@ -1,0 +1,166 @@
+"""The runs of a summary as tables: all of them, which a reader sorts and filters, and the worst."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from romdam.postprocess.extremes import worst_runs
+from romdam.postprocess.fragility import none_exceeds
+from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
+from romdam.results.suite.summary import Place
+from romdam.visual import suite_plots as plots
+from romdam.visual.report.parts import (
+    Cell,
+    Section,
+    Table,
+    Text,
+    Value,
+    cell_of,
+    number,
+    picture,
+    side_by_side,
+)
+from romdam.visual.report.subject import Subject, plain, responses
+
+MOST_ROWS = 5_000  # of a table: more make a page slow, and nobody reads them
+_WORST = 10
+_ANSWERS = (
+    "peak_opening", "peak_slip", "residual_opening", "residual_slip", "peak_compressive_stress",
+    "peak_displacement", "peak_stress", "face_stress",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A column of a table of runs: its head, the cell of the run at a place, the response that it shows."""
+
+    head: str
+    cell: Callable[[Place], Value]
+    name: str = ""
+
+
+def runs_section(subject: Subject) -> Section:
+    """Every run in one table, the largest response first."""
+    summary, notes = subject.summary, []
+    places = _by_response(subject)
+    columns = _columns(subject)
+    if len(places) > MOST_ROWS:
+        notes.append(
+            Text(
+                f"The {MOST_ROWS} runs of the largest {plain(subject.response)}, of {len(places)}; all are "
+                "in summary.csv.",
+                soft=True,
+            )
+        )
+    head, rows = _table(columns, places[:MOST_ROWS])
+    if "recorded_duration" in summary:
+        notes.append(
+            Text("Measures are those of what was analysed, beside the time that was recorded.", True)
+        )
+    ordered = next((k for k, one in enumerate(columns) if one.name == subject.response), None)
+    table = Table(head, rows, label="All runs", sortable=True, descending=ordered)
+    return Section("runs", "All runs", [*notes, table])
+
+
+def worst_section(subject: Subject) -> Section | None:
+    """The runs of the largest response as bars, and the same rows as in the table of all."""
+    if not subject.done or not subject.response:
+        return None
+    worst = worst_runs(subject.summary, subject.response, _WORST)
+    places = _by_response(subject)[: worst.sizes["run"]]
+    caption = f"The {len(places)} largest of {subject.done} runs."
+    drawing = picture(plots.worst_figure(worst, [label(subject.summary, at) for at in places]), caption)
+    head, rows = _table(_columns(subject), places)
+    table = Table(head, rows, label="Worst runs")
+    return Section("worst", "Worst runs", [side_by_side(drawing), table, Text(_beyond(subject, worst))])
+
+
+def _beyond(subject: Subject, worst: xr.Dataset) -> str:
+    """What the largest response says of records that were not run."""
+    factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
+    largest, count = number(factor * float(worst.response.max())), int(worst.attrs["records"])
+    share = none_exceeds(count)
+    if share >= 1.0:
+        return f"{count} record{'s' * (count > 1)} cannot tell how many others would exceed {largest} {unit}."
+    return (
+        f"None of {count} records exceeds {largest} {unit}; of others like them at most 3/{count} = "
+        f"{number(100 * share)} % would, with 95 % confidence (the rule of three)."
+    )
+
+
+def label(summary: xr.Dataset, at: Place) -> str:
+    """A run in words: its record, and of scale and parameters what varies, with its value."""
+    words = [str(summary.record.values[at[0]])]
+    if summary.sizes["scale"] > 1:
+        unit = plots.unit_text(str(summary.scale.attrs.get("units", "1")))
+        scale = float(summary.scale[at[1]])
+        words.append(f"{number(scale)} {unit}" if unit else f"× {number(scale)}")
+    for name, values in parameters(summary).items():
+        factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+        words.append(f"{name} {number(factor * float(values[at[2]]))} {unit}".rstrip())
+    return words[0] + ("\n" + ", ".join(words[1:]) if words[1:] else "")
+
+
+def _by_response(subject: Subject) -> list[Place]:
+    """Places of all runs: the largest response first, those that failed last."""
+    summary = subject.summary
+    shape = tuple(summary.sizes[dim] for dim in RUNS)
+    values = np.full(shape, np.nan)
+    if subject.response:
+        values = response_of(summary, subject.response).transpose(*RUNS).values
+    order = np.argsort(-values.ravel(), kind="stable")  # NaN stands last
+    i, k, s = np.unravel_index(order, shape)
+    return list(zip(i.tolist(), k.tolist(), s.tolist(), strict=True))
+
+
+def _table(columns: Sequence[_Column], places: Sequence[Place]) -> tuple[list[str], list[list[Value]]]:
+    return [one.head for one in columns], [[one.cell(at) for one in columns] for at in places]
+
+
+def _columns(subject: Subject) -> list[_Column]:
+    """What a row says of a run: where it stands, what it answered, of what motion, and its files."""
+    summary = subject.summary
+    columns = [_Column("record", lambda at: str(summary.record.values[at[0]]))]
+    if summary.sizes["scale"] > 1 or summary.scale.values[0] != 1.0:
+        columns.append(_numbers("scale", summary.scale))
+    columns += [_numbers(name, values) for name, values in parameters(summary).items()]
+    there = responses(summary)
+    chosen = dict.fromkeys([subject.response, *(name for name in _ANSWERS if name in there)])
+    columns += [_numbers(plain(name), response_of(summary, name), name) for name in chosen if name]
+    measured = dict.fromkeys([subject.topic.intensity, "sa", "pga"])
+    for name in measured:
+        if name == "scale" or f"record_{name}" in summary:
+            columns.append(_numbers(plots.short(name), intensity_of(summary, name)))
+    for name, text in (("record_duration", "analysed"), ("recorded_duration", "recorded")):
+        if name in summary:
+            columns.append(_numbers(text, summary[name]))
+    if (summary.status > 0).any():
+        columns.append(_fate(summary))
+    return [*columns, _files(subject)] if subject.files else columns
+
+
+def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
+    """A column of a variable, in a unit that suits its numbers."""
+    factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+    dims = [k for k, dim in enumerate(RUNS) if dim in values.dims]
+    numbers = factor * values.transpose(*(RUNS[k] for k in dims)).values.astype(float)
+
+    def cell(at: Place) -> Cell:
+        return cell_of(float(numbers[tuple(at[k] for k in dims)]))
+
+    return _Column(f"{title} [{unit}]" if unit else title, cell, name)
+
+
+def _fate(summary: xr.Dataset) -> _Column:
+    """Whether a run is done, and why not."""
+    status, message = summary.status.transpose(*RUNS).values, summary.message.transpose(*RUNS).values
+    return _Column("outcome", lambda at: f"failed: {message[at]}" if status[at] else "done")
+
+
+def _files(subject: Subject) -> _Column:
+    """Links to a run's own files."""
+    return _Column("files", lambda at: Cell("–", "files", links=tuple(subject.files.get(at, ()))))
