@@ -36,7 +36,7 @@ _BASES = {
     "uniform": "the ground's motion, which is that of the record",
     "free_field": "the motion of the level rock surface far from the dam, which is that of the record",
 }
-LIBRARIES = ("numpy", "scipy", "numba", "scikit-fem", "obspy", "xarray", "h5netcdf")
+LIBRARIES = ("numpy", "scipy", "numba", "obspy", "xarray", "h5netcdf")
 COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 _CHUNK = 1 << 20  # bytes: HDF5 keeps as many of a variable while it reads
 
