@@ -114,7 +114,6 @@ def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -
         variables,
         coords={"case": np.arange(len(cases))},
         attrs={
-            "Conventions": "CF-1.11",
             "title": f"Speed against error: {job.config.title or job.path.stem}",
             "source": f"romdam {romdam.__version__}",
             "date_created": datetime.now(UTC).isoformat(timespec="seconds"),

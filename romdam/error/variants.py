@@ -72,7 +72,6 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
     first = next(iter(runs.values()))
     whole.attrs = job_labels(job) | {
         "source": f"romdam {romdam.__version__}",
-        "Conventions": "CF-1.11",
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "record": str(first.attrs["record"]),
         "machine": str(first.attrs["machine"]),

@@ -61,7 +61,6 @@ def modes_dataset(scene: Scene, values: Mapping[str, Any], job: Job, joints: str
         "node_number": ("node", np.concatenate([np.arange(n) for n in sizes])),
     }
     labels = job_labels(job) | {
-        "Conventions": "CF-1.11",
         "source": f"romdam {romdam.__version__}",
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": library_versions(),
