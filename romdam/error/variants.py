@@ -39,6 +39,8 @@ _VARIABLES = {  # unit, meaning
     "stress_peak_time": ("s", "time of that"),
     "gaps": ("1", "gaps of all joints"),
     "unknowns": ("1", "unknowns of the system that is integrated"),
+    "model_order": ("", "model that is integrated, reduced or full"),
+    "stress_peak_place": ("", "block and place of the largest stress"),
     "steps": ("1", "steps taken"),
     "finest_step": ("s", "smallest step taken"),
     "cpu_seconds_reduction": ("s", "CPU time of the reduction, or of assembling the full order"),
@@ -46,6 +48,15 @@ _VARIABLES = {  # unit, meaning
     "cpu_seconds_total": ("s", "CPU time of scene, model and integration together"),
     "l2_difference": ("1", "L2 of the difference of two variants over that of `against`"),
     "peak_difference": ("1", "difference of the two largest magnitudes over that of `against`"),
+}
+_COORDINATES = {
+    "variant": "name of the variant",
+    "against": "name of the variant that it is compared with",
+    "quantity": "compared history and its place",
+    "pair": "name of the pair of nodes",
+    "stress": "stress whose largest value is told",
+    "joint": "name of the joint",
+    "time": "time since the start of the record",
 }
 
 
@@ -68,7 +79,10 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
     whole = whole.assign(_differences(whole, asked.component))
     for name, (unit, text) in _VARIABLES.items():
         if name in whole:
-            whole[name].attrs = {"long_name": text, "units": unit}
+            whole[name].attrs = {"long_name": text} | ({"units": unit} if unit else {})
+    for name, text in _COORDINATES.items():
+        if name in whole.coords:
+            whole[name].attrs.setdefault("long_name", text)
     first = next(iter(runs.values()))
     whole.attrs = job_labels(job) | {
         "source": f"romdam {romdam.__version__}",

@@ -194,7 +194,7 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
         for name, variable in dataset.variables.items()
     }
     with sealing(path, dataset.nbytes) as stream, h5netcdf.File(stream, "w") as file:
-        labelled = dataset.assign_attrs(_labels_of_file(dataset.attrs))
+        labelled = dataset.drop_encoding().assign_attrs(_labels_of_file(dataset.attrs))
         labelled.dump_to_store(H5NetCDFStore(file), encoding=encoding)
 
 
