@@ -155,7 +155,7 @@ def _encoding(name: str, variable: xr.Variable, is_coordinate: bool) -> dict[str
     CPU-s a megabyte, and lie in one piece, in several where they are large.
     """
     kind, values = variable.dtype.kind, variable.values
-    if kind == "U":
+    if kind in "OU":
         return {"dtype": "S1"} if variable.dims == (name,) else {}
     found = {"_FillValue": None} if is_coordinate else {}
     worth = kind in "iu" or (kind == "f" and 2 * np.count_nonzero(values) < values.size)

@@ -99,10 +99,13 @@ def test_ncdump_tells_names_and_units(path):
 
 
 @pytest.mark.parametrize("names", [["Süd", "日本"], ["a", ""], []], ids=["utf-8", "empty", "none"])
+@pytest.mark.parametrize("dtype", [str, object])  # as made, and as read from a file
 @pytest.mark.parametrize("engine", ["h5netcdf", "netcdf4"])
-def test_names_come_back_as_they_were(engine, names, tmp_path):
-    dataset = xr.Dataset({"x": ("joint", np.zeros(len(names)))}, {"joint": np.array(names, dtype=str)})
+def test_names_come_back_as_they_were(engine, dtype, names, tmp_path):
+    dataset = xr.Dataset({"x": ("joint", np.zeros(len(names)))}, {"joint": np.array(names, dtype=dtype)})
     write_dataset(dataset, tmp_path / "a.nc")
+    with netCDF4.Dataset(tmp_path / "a.nc") as file:
+        assert file["joint"].dtype == "S1" or not names
     with xr.open_dataset(tmp_path / "a.nc", engine=engine) as found:
         assert found.joint.values.tolist() == names
 
