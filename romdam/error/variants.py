@@ -25,6 +25,13 @@ _HISTORIES = {  # variable -> (its places, in words)
     "widest_opening": ("joint", "opening"),
 }
 _VARIABLES = {  # unit, meaning
+    "variant": ("", "name of the variant"),
+    "against": ("", "name of the variant that it is compared with"),
+    "quantity": ("", "compared history and its place"),
+    "pair": ("", "name of the pair of nodes"),
+    "joint": ("", "name of the joint"),
+    "stress": ("", "stress whose largest value is told"),
+    "time": ("s", "time since the start of the record"),
     "displacement": ("m", "displacement relative to the base"),
     "relative_displacement": ("m", "displacement of the pair's second node relative to its first"),
     "widest_opening": ("m", "opening of the joint's widest gap, open positive"),
@@ -49,15 +56,6 @@ _VARIABLES = {  # unit, meaning
     "l2_difference": ("1", "L2 of the difference of two variants over that of `against`"),
     "peak_difference": ("1", "difference of the two largest magnitudes over that of `against`"),
 }
-_COORDINATES = {
-    "variant": "name of the variant",
-    "against": "name of the variant that it is compared with",
-    "quantity": "compared history and its place",
-    "pair": "name of the pair of nodes",
-    "stress": "stress whose largest value is told",
-    "joint": "name of the joint",
-    "time": "time since the start of the record",
-}
 
 
 def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: ComparisonConfig) -> xr.Dataset:
@@ -80,9 +78,6 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
     for name, (unit, text) in _VARIABLES.items():
         if name in whole:
             whole[name].attrs = {"long_name": text} | ({"units": unit} if unit else {})
-    for name, text in _COORDINATES.items():
-        if name in whole.coords:
-            whole[name].attrs.setdefault("long_name", text)
     first = next(iter(runs.values()))
     whole.attrs = job_labels(job) | {
         "source": f"romdam {romdam.__version__}",
