@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from cf_files import flaws
 from test_cli import SMALL, call
 
 from romdam.config import load_config
@@ -130,6 +131,7 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
     config.write_text(yaml.safe_dump(yaml.safe_load(SMALL) | {"study": STUDY}))
     code, out, err = call("study", config, "--out", tmp_path)
     assert code == 0, err
+    assert list(flaws(tmp_path / "study.nc")) == []
     with xr.open_dataset(tmp_path / "study.nc", engine="h5netcdf") as dataset:
         assert dataset.sizes["case"] == 16
         assert dataset.attrs["machine"] and "all " in dataset.attrs["compared"]

@@ -72,7 +72,6 @@ ONLY_IN = {
     "rich": {"terminal"},
     "pydantic": {"config"},
     "pint": {"config"},
-    "skfem": {"fem", "scene"},
     "meshio": {"results", "scene"},
     "pyvista": {"visual"},
 }
@@ -172,7 +171,7 @@ def test_library_neither_prints_nor_exits_nor_configures_logging():
 
 
 def test_import_is_quick_and_loads_no_heavy_library():
-    heavy = ("numpy", "scipy", "obspy", "numba", "matplotlib", "xarray", "pint", "pydantic", "skfem", "h5py")
+    heavy = ("numpy", "scipy", "obspy", "numba", "matplotlib", "xarray", "pint", "pydantic", "h5py")
     heavy += ("threadpoolctl",)
     code = (
         "import time, sys; start = time.perf_counter(); import romdam; took = time.perf_counter() - start;"

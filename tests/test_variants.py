@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from cf_files import flaws
 from test_cli import SMALL, call
 
 import romdam
@@ -52,6 +53,10 @@ def compared(tmp_path_factory):
 def dataset(compared):
     with xr.open_dataset(compared[0] / "comparison.nc", engine="h5netcdf") as opened:
         yield opened
+
+
+def test_its_file_keeps_to_cf(compared):
+    assert list(flaws(compared[0] / "comparison.nc")) == []
 
 
 def test_every_variant_has_its_run_and_all_are_on_one_page(compared):

@@ -14,12 +14,14 @@ import json
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 
+import romdam
 from romdam.core.errors import ResultError
 from romdam.core.files import check_file, replacing
 from romdam.core.fingerprint import fingerprint
@@ -178,5 +180,7 @@ def _digest(path: Path) -> str:
 
 
 def _attach(path: Path, attributes: dict[str, object]) -> None:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
     with changing(path) as file:
-        file.attrs.update(attributes)
+        line = f"{now}: error stated by romdam {romdam.__version__}"
+        file.attrs.update(attributes, history=f"{text_of(file, 'history')}\n{line}".strip())

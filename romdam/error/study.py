@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -107,14 +108,14 @@ def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -
     columns = {name: np.array([getattr(case, name) for case in cases]) for name in names}
     columns["on_front"] = pareto_front(columns["cpu_seconds"], columns["l2_error"]).astype(np.int8)
     variables = {
-        name: xr.Variable(("case",), values, {"long_name": _LONG_NAMES[name], "units": _UNITS.get(name, "1")})
+        name: xr.Variable(("case",), values, {"long_name": _LONG_NAMES[name]} | _units(name, values))
         for name, values in columns.items()
     }
+    number = {"long_name": "number of the case", "units": "1"}
     return xr.Dataset(
         variables,
-        coords={"case": np.arange(len(cases))},
+        coords={"case": ("case", np.arange(len(cases)), number)},
         attrs={
-            "Conventions": "CF-1.11",
             "title": f"Speed against error: {job.config.title or job.path.stem}",
             "source": f"romdam {romdam.__version__}",
             "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -125,6 +126,10 @@ def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -
             **about,
         },
     )
+
+
+def _units(name: str, values: NDArray[Any]) -> dict[str, str]:
+    return {} if values.dtype.kind == "U" else {"units": _UNITS.get(name, "1")}
 
 
 def pareto_front(cost: NDArray[np.float64], error: NDArray[np.float64]) -> Bools:

@@ -25,6 +25,13 @@ _HISTORIES = {  # variable -> (its places, in words)
     "widest_opening": ("joint", "opening"),
 }
 _VARIABLES = {  # unit, meaning
+    "variant": ("", "name of the variant"),
+    "against": ("", "name of the variant that it is compared with"),
+    "quantity": ("", "compared history and its place"),
+    "pair": ("", "name of the pair of nodes"),
+    "joint": ("", "name of the joint"),
+    "stress": ("", "stress whose largest value is told"),
+    "time": ("s", "time since the start of the record"),
     "displacement": ("m", "displacement relative to the base"),
     "relative_displacement": ("m", "displacement of the pair's second node relative to its first"),
     "widest_opening": ("m", "opening of the joint's widest gap, open positive"),
@@ -39,6 +46,8 @@ _VARIABLES = {  # unit, meaning
     "stress_peak_time": ("s", "time of that"),
     "gaps": ("1", "gaps of all joints"),
     "unknowns": ("1", "unknowns of the system that is integrated"),
+    "model_order": ("", "model that is integrated, reduced or full"),
+    "stress_peak_place": ("", "block and place of the largest stress"),
     "steps": ("1", "steps taken"),
     "finest_step": ("s", "smallest step taken"),
     "cpu_seconds_reduction": ("s", "CPU time of the reduction, or of assembling the full order"),
@@ -68,11 +77,10 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
     whole = whole.assign(_differences(whole, asked.component))
     for name, (unit, text) in _VARIABLES.items():
         if name in whole:
-            whole[name].attrs = {"long_name": text, "units": unit}
+            whole[name].attrs = {"long_name": text} | ({"units": unit} if unit else {})
     first = next(iter(runs.values()))
     whole.attrs = job_labels(job) | {
         "source": f"romdam {romdam.__version__}",
-        "Conventions": "CF-1.11",
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "record": str(first.attrs["record"]),
         "machine": str(first.attrs["machine"]),

@@ -1,12 +1,12 @@
 """Lowest eigenpairs by locally optimal block preconditioned conjugate gradients, to a relative residual.
 
 A mode counts as found when |K x - omega^2 M x| is at most 1e-7 of omega^2 |M x|, the forces of its own
-inertia. SciPy's `lobpcg` compares the bare residual with one number for all modes. On a tet10 block of 55,488
-unknowns the inertia forces of M-orthonormal modes run from 1e4 (1.7 Hz) to 1e7 (60 Hz), so its 60 iterations
-with pyamg's cycle ended at a residual of 22, which looks like failure, while every frequency was right to
-6e-12 and the relative residual was 2e-6. What does fail is leaving the preconditioner out, since K / M spans
-nine decades: 60 iterations leave a relative residual of 29. And without vectors to spare beyond those wanted
-(guards) the last modes creep: with 8 of them 25 iterations do what 60 did without.
+inertia, which for M-orthonormal modes of one block run from 1e4 (1.7 Hz) to 1e7 (60 Hz). SciPy's `lobpcg`
+compares the bare residual with one number for all modes, has to be told how many there are, and holds twice
+the memory, which is what multigrid is taken to save. Given the same guards (vectors beside those wanted,
+without which the last modes creep), preconditioner, check of residuals and probe, and started again every 10
+iterations, it takes 0.8 to 1.2 times our CPU time; started again every 20, four times as much on one mesh of
+two (docs/decisions.md, `tests/benchmarks/bench_lobpcg.py`).
 
 References
 ----------

@@ -85,3 +85,9 @@ class Variable:
     get: Callable[[Case], Array]
     when: Callable[[Case], bool] = lambda case: True
     attributes: Attributes = field(default_factory=dict)
+
+    @property
+    def about(self) -> Attributes:
+        """Its attributes in a file."""
+        units: Attributes = {"units": self.units} if self.units else {}
+        return {"long_name": self.long_name, **self.attributes, **units}

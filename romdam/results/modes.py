@@ -21,6 +21,7 @@ from romdam.results.dataset import job_labels, library_versions
 from romdam.results.export import mesh_of, write_vtu
 
 AXES = ("x", "y", "z")
+_NUMBER = {"units": "1"}
 _COLUMNS = ("frequency", "name", "mode", "damping", "direction")
 _MEANING: dict[str, tuple[tuple[str, ...], str, str]] = {
     "frequency": (("mode",), "Hz", "natural frequency, zero of a rigid motion"),
@@ -54,13 +55,20 @@ def modes_dataset(scene: Scene, values: Mapping[str, Any], job: Job, joints: str
     }
     sizes = [len(block.points) for block in scene.blocks.values()]
     coordinates = {
-        "mode": np.arange(1, len(arrays["frequency"]) + 1),
-        "direction": list(AXES),
-        "block": ("node", np.repeat(list(scene.blocks), sizes)),
-        "node_number": ("node", np.concatenate([np.arange(n) for n in sizes])),
+        name: xr.Variable(dims, values, about)
+        for name, dims, values, about in (
+            ("mode", "mode", np.arange(1, len(arrays["frequency"]) + 1), _NUMBER | {"long_name": "mode"}),
+            ("direction", "direction", list(AXES), {"long_name": "global axis"}),
+            ("block", "node", np.repeat(list(scene.blocks), sizes), {"long_name": "block of the node"}),
+            (
+                "node_number",
+                "node",
+                np.concatenate([np.arange(n) for n in sizes]),
+                _NUMBER | {"long_name": "number of the node in its block"},
+            ),
+        )
     }
     labels = job_labels(job) | {
-        "Conventions": "CF-1.11",
         "source": f"romdam {romdam.__version__}",
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": library_versions(),
@@ -171,4 +179,5 @@ def add_measured(dataset: xr.Dataset, measured: list[MeasuredMode], numbers: Int
         name: xr.Variable(("measured",), values, {"units": unit, "long_name": text})
         for name, (values, unit, text) in table.items()
     }
-    return dataset.assign(variables).assign_coords(measured=[one.name for one in measured])
+    names = ("measured", [one.name for one in measured], {"long_name": "name of the measured mode"})
+    return dataset.assign(variables).assign_coords(measured=names)

@@ -1,7 +1,7 @@
 """Names of earlier versions and what they are called now: their files still open, for one release.
 
 They are renamed as a file is opened, be they of variables, coordinates, dimensions or attributes. To rename
-something in files, add a line to RENAMED.
+something in files, add a line to RENAMED; to state a unit in another way, to UNITS.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ RENAMED = {
     "solver_marched_gaps": "solver_integrated_gaps",
 }
 
+UNITS = {"m kg0.5": "m"}  # to UDUNITS half a metre; of modes whose modal mass is 1 kg it is a metre
+
 
 def with_names_of_now(dataset: xr.Dataset) -> tuple[xr.Dataset, dict[str, str]]:
-    """A dataset whose names are those of this version, and which of them were others: old name -> new name.
+    """A dataset whose names and units are those of this version, and which were others: old -> new.
 
     Where a file has both, they say the same, and the old one goes.
     """
@@ -34,8 +36,16 @@ def with_names_of_now(dataset: xr.Dataset) -> tuple[xr.Dataset, dict[str, str]]:
     former = {new: dataset.attrs[old] for old, new in attributes.items()}
     now.attrs = former | {name: value for name, value in dataset.attrs.items() if name not in attributes}
     now.set_close(dataset.close)
-    return now, names | attributes
+    return now, names | attributes | _restate_units(now)
 
 
 def _renamed(names: Iterable[Hashable]) -> dict[str, str]:
     return {str(name): RENAMED[str(name)] for name in names if name in RENAMED}
+
+
+def _restate_units(dataset: xr.Dataset) -> dict[str, str]:
+    units = {name: str(variable.attrs.get("units")) for name, variable in dataset.variables.items()}
+    units = {name: unit for name, unit in units.items() if unit in UNITS}
+    for name, unit in units.items():
+        dataset.variables[name].attrs["units"] = UNITS[unit]
+    return {unit: UNITS[unit] for unit in units.values()}

@@ -299,8 +299,8 @@ VARIABLES: dict[str, Variable] = {
     "energy_residual": _energy("residual", "imbalance of the energy ledger, round-off when exact"),
     "reduced_coordinates": Variable(
         ("time", "mode"),
-        "m kg0.5",
-        "coordinates of the reduced model; with the basis file they give every displacement",
+        "m",
+        "coordinates of the reduced model, modes of 1 kg; with the basis file they give every displacement",
         lambda c: np.asarray(c.history.q),
         _reduced,
     ),

@@ -243,8 +243,7 @@ def _element(name: str, cell: Cell, order: int, **others: Any) -> Element:
     )
 
 
-# Nastran has no hexahedron of 27 nodes. The mass of a straight tet10 needs degree 4; scikit-fem's rule of
-# that degree has a negative weight.
+# Nastran has no hexahedron of 27 nodes. The mass of a straight tet10 needs degree 4.
 ELEMENTS: dict[str, Element] = {
     element.name: element
     for element in (
@@ -279,7 +278,7 @@ ELEMENTS: dict[str, Element] = {
         _element(
             "tet10",
             Cell("tetra10", 3, 10, 24, 11, True, ("CTETRA",), "T10", "TETRA10", (118,)),
-            order=5,
+            order=4,
             facet="tri6",
             bytes_per_node=5.5e3,
         ),

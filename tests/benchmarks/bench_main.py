@@ -59,7 +59,7 @@ def machine() -> Row:
         model = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         model = platform.processor()
-    packages = ("numpy", "scipy", "numba", "scikit-fem")
+    packages = ("numpy", "scipy", "numba")
     return {
         "cpu": model,
         "cores": os.cpu_count(),

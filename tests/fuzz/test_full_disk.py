@@ -26,7 +26,7 @@ from suite_jobs import BASE, write_job
 from test_cli import SMALL, call
 
 SECONDS = 120.0
-VARYING = ("date_created", "configuration_folder")
+VARYING = ("date_created", "history", "configuration_folder")
 
 
 @pytest.fixture(scope="module", params=["job", "suite"])

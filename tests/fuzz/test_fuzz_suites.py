@@ -32,7 +32,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))
 from suite_jobs import BASE, pulse
 
 SEED = 20260
-CLOCK = ("_seconds", "date_created", "configuration_folder")  # ends of names that tell of this run's making
+# ends of names that tell of this run's making
+CLOCK = ("_seconds", "date_created", "history", "configuration_folder")
 
 
 def small() -> dict:

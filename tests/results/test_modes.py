@@ -3,6 +3,7 @@
 import meshio
 import numpy as np
 import pytest
+from cf_files import flaws
 
 import romdam
 from romdam.config import parse_config
@@ -41,6 +42,7 @@ def test_files_hold_what_the_table_tells(job, tmp_path, joints, caplog):
     found = modes(job, tmp_path, ModesOptions(joints, 4, vtu=True))
     assert ("initial gaps of up to 1 mm are taken as closed" in caplog.text) == (joints != "open")
     assert {path.name for path in found.paths} >= {f"dam-modes-{joints}.{end}" for end in ("nc", "vtu")}
+    assert list(flaws(tmp_path / f"dam-modes-{joints}.nc")) == []
     stored = open_dataset(tmp_path / f"dam-modes-{joints}.nc")
     assert stored.identical(found.dataset.load()) or stored.equals(found.dataset)
     assert dict(stored.sizes) == {"mode": 4, "direction": 3, "node": 40}

@@ -22,7 +22,8 @@ def test_statement_lands_in_results_of_the_same_configuration_only(case, job, ti
         stated = json.loads(file.attrs["verification"])
         assert stated["l2_error"] == stated["error"]["opening"]["l2"] == 0.001
         assert file.attrs["verification_opening_peak"] == 0.002
+        assert "error stated by romdam" in file.attrs["history"].splitlines()[1]
     with h5py.File(tmp_path / "other.nc") as file:
-        assert "error_statement" not in file.attrs
+        assert "error_statement" not in file.attrs and len(file.attrs["history"].splitlines()) == 1
     assert read_verification(tmp_path, job.digest)["error_statement"] == "0.1 % off"
     assert read_verification(tmp_path, "other") == {}

@@ -45,6 +45,9 @@ def test_result_has_the_names_of_now_and_one_warning(old, caplog):
         assert not set(RENAMED) & {*attrs, *result.dataset.variables}
         assert float(result.dataset.peak_opening.max()) > 0.0
         assert result.displacement("left", nodes=0).shape == (30, 1, 3)
+        assert result.dataset.reduced_coordinates.units == "m"
+        joint = result.dataset.joint.item()
+        assert result.dataset.opening.sel(gap_joint=joint).equals(result.dataset.opening)
         assert result.stress("left").sizes["stress_component"] == 6
     (said,) = caplog.messages
     assert str(old / "run" / "r0.nc") in said and "romdam 0.1.0" in said

@@ -1,5 +1,7 @@
 """Shape functions, facets and quadrature of every element in the table."""
 
+from itertools import product
+from math import factorial
 from typing import get_args
 
 import numpy as np
@@ -12,6 +14,8 @@ from romdam.core.scene import Material
 from romdam.scene.boxes import box_block
 from romdam.scene.elements import CELLS, ELEMENTS, SOLIDS, jacobians
 from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
+from romdam.scene.meshes.quadrature import simplex_rule
+from romdam.scene.meshes.simplex_rules import TABLE
 
 CONCRETE = Material(30e9, 0.18, 2440.0)
 
@@ -77,6 +81,24 @@ def test_gradient_is_the_derivative(element):
         step = h * np.eye(d)[axis]
         difference = (element.shape(xi + step) - element.shape(xi - step)) / (2 * h)
         assert np.abs(element.gradient(xi)[:, axis] - difference).max() < 1e-9
+
+
+RULES = sorted({tuple(int(one) for one in row.split(",")[:2]) for row in TABLE.split()})
+
+
+@pytest.mark.parametrize(("dimension", "degree"), RULES)
+def test_simplex_rule_is_exact_to_its_degree_and_no_further(dimension, degree):
+    """int x^a y^b z^c = a! b! c! / (a + b + c + d)!, to what a table of 15 digits is good for."""
+    points, weights = simplex_rule(degree, dimension)
+    assert (weights > 0.0).all() and (points >= 0.0).all() and (points.sum(axis=1) <= 1.0).all()
+    wrong = np.zeros(degree + 2)
+    for powers in product(range(degree + 2), repeat=dimension):
+        if (total := sum(powers)) < len(wrong):
+            exact = np.prod([factorial(k) for k in powers]) / factorial(total + dimension)
+            found = weights @ np.prod(points ** np.array(powers), axis=1)
+            wrong[total] = max(wrong[total], abs(found / exact - 1.0))
+    assert wrong[:-1].max() < 2e-12
+    assert wrong[-1] > 1e-6, "it is exact to a higher degree than it says"
 
 
 @pytest.mark.parametrize("name", SOLIDS)

@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 import xarray as xr
+from cf_files import flaws
 from summaries import lognormal_curves, summary_of
 from typer.testing import CliRunner
 
@@ -184,6 +185,7 @@ def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
     motion = GroundMotion("r000", rng.normal(size=(3, 400)), 0.01)
     data = report_data(summary, {"r000": motion}, b"picture")
     write_dataset(data, tmp_path / DATA)
+    assert list(flaws(tmp_path / DATA)) == []
     read = read_report_data(summary, tmp_path)
     expected = 3.0 * pseudo_acceleration(motion.acc, 0.01, PERIODS, 0.05).max(axis=0)
     np.testing.assert_allclose(read.psa[0], expected)

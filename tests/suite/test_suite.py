@@ -22,6 +22,7 @@ from romdam.results.suite.journal import JOURNAL, read_rows
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from cf_files import CHECKER, errors_of_the_checker, flaws
 from suite_jobs import BASE, command, differing, made, pulse, summary, write_job
 from test_cli import call
 
@@ -70,6 +71,15 @@ def test_summary_is_what_single_runs_give(whole, tmp_path):
             if sample == 3:
                 peak = np.abs(result.displacement.values).max(axis=0)
                 np.testing.assert_allclose(row.peak_displacement.values, peak, rtol=1e-9)
+
+
+def test_files_keep_to_cf(whole, tmp_path):
+    files = sorted((whole[0].parent / "out").glob("*.nc"))
+    assert {"summary.nc", "design.nc"} <= {path.name for path in files}
+    for path in files:
+        assert list(flaws(path)) == [], path
+        if CHECKER is not None:
+            assert errors_of_the_checker(path, tmp_path / "report.json") == [], path
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.6])

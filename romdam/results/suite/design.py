@@ -78,8 +78,10 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) ->
         PARAMETER + name: ("sample", column, {"units": places[name].units, "long_name": places[name].path})
         for name, column in values.items()
     }
-    attributes = {"design": kind, "content_sha256": fingerprint(values)}
-    return xr.Dataset(data, coords={"sample": np.arange(count)}, attrs=attributes)
+    title = f"Samples of {job.config.title or job.path.stem}"
+    attributes = {"title": title, "design": kind, "content_sha256": fingerprint(values)}
+    sample = ("sample", np.arange(count), {"units": "1", "long_name": "number of the sample"})
+    return xr.Dataset(data, coords={"sample": sample}, attrs=attributes)
 
 
 def _levels(name: str, one: ParameterConfig, place: Place, source: str) -> Floats:

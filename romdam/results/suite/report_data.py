@@ -44,15 +44,19 @@ def report_data(
         scaled = f"scaled to {scale:g} m/s²"
     data = {
         "psa": (("record", "period"), psa, {"units": "m s-2", "long_name": "pseudo-spectral acceleration"}),
-        "picture": ("byte", np.frombuffer(picture or b"", dtype=np.uint8)),
+        "picture": ("byte", np.frombuffer(picture or b"", dtype=np.uint8), {"long_name": "the scene, a PNG"}),
     }
     attributes = {
+        "title": f"Data of the page of {summary.attrs.get('title', 'a suite')}",
         "source": f"romdam {romdam.__version__}",
         "damping": DAMPING,
         "scaled": scaled,
         **{key: str(summary.attrs.get(key, "")) for key in _KEYS},
     }
-    coords = {"record": summary.record.values, "period": ("period", PERIODS, {"units": "s"})}
+    coords = {
+        "record": ("record", summary.record.values.astype(str), {"long_name": "name of the record"}),
+        "period": ("period", PERIODS, {"units": "s", "long_name": "period of the oscillator"}),
+    }
     return xr.Dataset(data, coords, attributes)
 
 

@@ -31,6 +31,7 @@ from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, attributes_of, dims_of
+from romdam.results.variables import COORDINATES
 
 Place = tuple[int, int, int]  # numbers of record, scale and sample
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
@@ -184,9 +185,13 @@ def _coordinates(
 ) -> dict[str, Any]:
     values, about = _scales(job)
     coords: dict[str, Any] = {
-        "record": ("record", np.array([record.name for record in records], dtype=str)),
+        "record": (
+            "record",
+            np.array([one.name for one in records], dtype=str),
+            {"long_name": "name of the record"},
+        ),
         "scale": ("scale", values, about),
-        "sample": ("sample", design.sample.values, {"long_name": "number of the sample"}),
+        "sample": ("sample", design.sample.values, design.sample.attrs),
         "scale_factor": (
             ("record", "scale"),
             np.array([record.factors for record in records]),
@@ -195,24 +200,25 @@ def _coordinates(
     }
     coords |= {str(name): ("sample", v.values, v.attrs) for name, v in design.data_vars.items()}
     joints = list(scene.joints.values())
+    found: dict[str, Any] = {}
     if joints:
-        coords["joint"] = ("joint", np.array([joint.name for joint in joints], dtype=str))
-        coords["gap_joint"] = ("gap", np.concatenate([np.full(len(j.area), j.name) for j in joints]))
-        position = np.concatenate([j.position for j in joints])
-        coords["gap_position"] = (("gap", "component"), position, {"units": "m"})
-        coords["gap_area"] = ("gap", np.concatenate([j.whole_area for j in joints]), {"units": "m2"})
+        found["joint"] = np.array([joint.name for joint in joints], dtype=str)
+        found["gap_joint"] = np.concatenate([np.full(len(j.area), j.name) for j in joints])
+        found["gap_position"] = np.concatenate([j.position for j in joints])
+        found["gap_area"] = np.concatenate([j.whole_area for j in joints])
     if joints or scene.probes:
-        coords["component"] = ("component", np.array(["x", "y", "z"]))
+        found["component"] = np.array(["x", "y", "z"])
     if scene.probes:
-        coords["node"] = ("node", np.array([probe.name for probe in scene.probes], dtype=str))
+        found["node"] = np.array([probe.name for probe in scene.probes], dtype=str)
+    coords |= {n: (COORDINATES[n].dims, values, COORDINATES[n].about) for n, values in found.items()}
     if "peak_stress" in data:
-        coords["stress_measure"] = ("stress_measure", np.array(STRESS, dtype=str))
+        about = {"long_name": "stress whose largest value is told"}
+        coords["stress_measure"] = ("stress_measure", np.array(STRESS, dtype=str), about)
     return coords
 
 
 def _attributes(job: Job, design: xr.Dataset) -> dict[str, object]:
     return {
-        "Conventions": "CF-1.11",
         "title": job.config.title or job.path.stem,
         "source": f"romdam {romdam.__version__}",
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),

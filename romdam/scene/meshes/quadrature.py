@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from romdam.core.arrays import Floats
+from romdam.scene.meshes.simplex_rules import TABLE
 
 Rule = tuple[Floats, Floats]
 
@@ -22,14 +23,18 @@ def gauss_rule(n: int, dimension: int) -> Rule:
 
 
 @cache
-def simplex_rule(order: int, dimension: int) -> Rule:
-    """Rule of scikit-fem on the unit triangle or tetrahedron, exact to `order`, all weights positive."""
-    from skfem.quadrature import get_quadrature
-    from skfem.refdom import RefTet, RefTri
+def simplex_rule(degree: int, dimension: int) -> Rule:
+    """Rule on the unit triangle or tetrahedron, exact to `degree` or more, all weights positive."""
+    table = _simplex_rules()
+    table = table[(table[:, 0] == dimension) & (table[:, 1] >= degree)]
+    assert len(table), f"no rule of degree {degree} on a simplex of {dimension} dimensions"
+    rows = table[table[:, 1] == table[:, 1].min()]
+    return np.ascontiguousarray(rows[:, 2 : 2 + dimension]), rows[:, 5].copy()
 
-    points, weights = get_quadrature(RefTri if dimension == 2 else RefTet, order)
-    assert np.all(weights > 0.0), "choose a rule with positive weights"
-    return np.ascontiguousarray(points.T), weights
+
+@cache
+def _simplex_rules() -> Floats:
+    return np.loadtxt(TABLE.strip().splitlines(), delimiter=",")
 
 
 @cache

@@ -17,7 +17,6 @@ _OPPOSED = -0.5  # cosine: faces that touch look at each other
 _NOTHING = 1e-12  # share of a piece that is round-off
 _DEGREE = {"tri3": 1, "quad4": 2, "tri6": 2, "quad8": 3, "quad9": 4}  # of shape functions in the plane
 _CURVED = 6  # degrees more where the map to the plane is no polynomial
-_RULES = (2, 4, 5, 6, 8, 9, 10, 11, 12, 13, 14, 15)  # degrees of rules with positive weights
 
 
 @dataclass(frozen=True)
@@ -142,8 +141,7 @@ def samples(slave: Surface, master: Surface, where: Segments, degree: int) -> Sa
     """
     own, corner = _fan(where)
     exact = slave.is_affine and master.is_affine
-    rule = next(one for one in _RULES if one >= min(degree + (0 if exact else _CURVED), _RULES[-1]))
-    xi, weight = simplex_rule(rule, 2)
+    xi, weight = simplex_rule(degree if exact else degree + _CURVED, 2)
     a, b, c = corner.transpose(1, 0, 2)
     points = a[:, None] + xi[:, :1] * (b - a)[:, None] + xi[:, 1:] * (c - a)[:, None]
     double = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
