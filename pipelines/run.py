@@ -102,6 +102,7 @@ class Clock:
     def stage(self, name: str, text: str) -> Iterator[Progress]:
         """Time the body under `name`; it gets a callable for (steps done, steps in all)."""
         wall, cpu = time.perf_counter(), cpu_time()
+        log.debug("%s: begins", text)
         with self.show(text) as progress:
             yield progress
         self.wall[name] = time.perf_counter() - wall

@@ -1,12 +1,15 @@
 """Progress appears only on a terminal and only for stages that take a while."""
 
 import io
+import subprocess
+import sys
 import time
 
 import pytest
 from rich.console import Console
 
 from romdam import terminal
+from romdam.core.errors import ConfigError
 from romdam.terminal import tables
 
 
@@ -27,9 +30,17 @@ def quick(monkeypatch):
     monkeypatch.setattr(terminal, "DELAY", 0.1)
 
 
-def test_long_stage_shows_its_name_and_the_time_left():
+def test_long_stage_shows_its_name_the_time_it_took_and_the_time_left():
     text = shown(console(True), quiet=False, seconds=0.6)
-    assert "shaking" in text and "left" in text
+    assert "shaking" in text and "0:00:00 elapsed, about 0:00:0" in text and " left" in text
+
+
+def test_elapsed_and_left_are_told_apart():
+    """Nothing is said to be left before a stage has told how far it is; what is left becomes less."""
+    assert terminal.times(57.0, 0, 0) == "0:00:57 elapsed"
+    assert terminal.times(57.0, 1, 1000) == "0:00:57 elapsed"
+    assert terminal.times(60.0, 25, 100) == "0:01:00 elapsed, about 0:03:00 left"
+    assert terminal.times(3660.0, 75, 100) == "1:01:00 elapsed, about 0:20:20 left"
 
 
 @pytest.mark.parametrize(
@@ -47,11 +58,32 @@ def test_a_long_stage_that_is_piped_writes_whole_lines(monkeypatch):
     with terminal.Stages(where, quiet=False)("shaking") as progress:
         progress(1, 4)
         time.sleep(0.5)
-    first, *others = where.file.getvalue().splitlines()
-    assert first == "replaying: 0 s"
-    assert others and all(line.startswith("shaking: 25 % in ") and line.endswith(" left") for line in others)
-    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 % in 30 s, about 90 s left"
+    lines = where.file.getvalue().splitlines()
+    for line in lines:  # each with the time that it was written at
+        time.strptime(line[:19], terminal.STAMP)
+    first, *others = (line[20:] for line in lines)
+    assert first == "replaying: 0:00:00 elapsed"
+    assert others and all(
+        line.startswith("shaking: 25 %, 0:00:0") and line.endswith(" left") for line in others
+    )
+    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 %, 0:00:30 elapsed, about 0:01:30 left"
     assert shown(console(False), quiet=True, seconds=0.3) == ""
+
+
+def test_the_log_that_is_piped_is_whole_lines_with_the_time():
+    code = (
+        "import logging; from romdam.terminal import open_terminal; open_terminal();"
+        "logging.getLogger('romdam.a').warning('word ' * 60); logging.getLogger('romdam.a').info('no')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    (line,) = done.stderr.splitlines()
+    time.strptime(line[:19], terminal.STAMP)
+    assert line[20:] == f"WARNING {'word ' * 60}"
+
+
+def test_more_and_less_are_not_wanted_at_once():
+    with pytest.raises(ConfigError, match="opposite of --quiet"):
+        terminal.open_terminal(quiet=True, verbose=True)
 
 
 def test_stage_that_fails_takes_its_bar_away():
