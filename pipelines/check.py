@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.config.load import Job
+from romdam.config.load import Job, located
 from romdam.config.variants import variant_jobs
+from romdam.core.errors import RecordError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
@@ -85,7 +86,7 @@ def check(job: Job, show: Stage = silent, cache: Path | None = None) -> Check:
     if job.config.pipeline == "comparison":
         variant_jobs(job)
     with clock.stage("records", "reading records"):
-        motions = load_motions(job.config.records, job.folder)
+        motions = _motions(job)
     refuse_lengths(job, motions)
     refuse_drifting(job, motions)
     asked = job
@@ -166,6 +167,13 @@ def _ties(scene: Scene) -> dict[str, dict[str, object]]:
         }
         for tie in scene.ties
     }
+
+
+def _motions(job: Job) -> list[GroundMotion]:
+    try:
+        return load_motions(job.config.records, job.folder)
+    except RecordError as error:
+        raise RecordError(located(job, error)) from None
 
 
 def _steps(motion: GroundMotion, steps: Steps, duration: float | None) -> int:

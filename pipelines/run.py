@@ -14,7 +14,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job
+from romdam.config.load import Job, located
 from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
@@ -211,7 +211,7 @@ def read_motions(job: Job, folder: Path | None = None) -> tuple[list[GroundMotio
             motions.append(one.motion)
         else:
             name = one.name if one.name not in failures else f"{one.name} ({len(failures) + 1})"
-            failures[name] = str(one.error)
+            failures[name] = located(job, one.error)
     if not motions:
         raise RecordError("\n".join(failures.values()) or "records: none passes `keep`")
     check_names(motions)

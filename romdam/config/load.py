@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +16,7 @@ from romdam.config.explain import Location, explain
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
 from romdam.config.yaml_text import line_of, read_yaml
-from romdam.core.errors import ConfigError
+from romdam.core.errors import ConfigError, RecordError
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,15 @@ class Job:
         """SHA-256 of the validated configuration, independent of spelling, order and comments."""
         canonical = json.dumps(self.config.model_dump(mode="json"), sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def located(job: Job, error: Exception | None) -> str:
+    """The message of a record's error, with the file and line of the key that is to be mended, if one is."""
+    key = error.key if isinstance(error, RecordError) and job.path.is_file() else ""
+    if not key:
+        return str(error or "")
+    parts = (int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key))
+    return f"{job.path}:{line_of(job.path, tuple(parts))}: {error}"
 
 
 def load_config(path: str | Path) -> Job:

@@ -18,7 +18,7 @@ from romdam.config.quantities import spelt, unit_of
 from romdam.config.sections.job import Config
 from romdam.config.sections.joint_laws import both
 from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
-from romdam.config.texts import explanation, own_doc
+from romdam.config.texts import meaning, own_doc
 
 _QUANTITY = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*)?$"
 
@@ -46,8 +46,10 @@ class _Generator(GenerateJsonSchema):
         made["description"] = own_doc(model)
         for name, key in made.get("properties", {}).items():
             key.pop("title", None)
+            if (empty := model.model_fields[name].default_factory) in (dict, list):
+                key["default"] = empty()
             unit = "".join(dict.fromkeys(f" [{one}]" for one in _units(key)))
-            key["description"] = f"{explanation(model, name)}{unit}"
+            key["description"] = f"{meaning(model, name)}{unit}"
         made = _with_laws_of_users(made)
         return {"anyOf": [made, model.short_form]} if model.short_form else made
 

@@ -144,7 +144,8 @@ def _entries(
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
     raw = _before(entry, folder)
     every: list[Loaded] = []
-    every += load_records([entry], folder, lambda one: None if one.passes else every.append(one))
+    passing = load_records([entry], folder, lambda one: None if one.passes else every.append(one), "")
+    every += passing
     of = _named_measure(entry)
     for one in every:
         recorded = raw.get(one.name)

@@ -56,6 +56,7 @@ class MaterialConfig(Model):
     rho: Annotated[Density, Positive]
     """Density."""
     expansion: Annotated[Expansion, NonNegative] = 0.0
+    """Coefficient of linear thermal expansion."""
 
 
 class BoxConfig(Model):
@@ -72,7 +73,9 @@ class BoxConfig(Model):
         Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
         by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
     ]
+    """Of all edges, or of those along x, y and z; it divides the box."""
     element: ElementName = "hex8"
+    """Shape and order of the elements."""
 
 
 class BlockConfig(Model):
@@ -86,7 +89,9 @@ class BlockConfig(Model):
     material: str
     """A name of `materials`."""
     mass: bool = True
+    """Whether it has mass; without, it is stiff only."""
     weight: bool = True
+    """Whether gravity acts on it."""
     box: BoxConfig | None = None
     mesh: MeshFileConfig | None = None
     matrices: MatricesConfig | None = None
@@ -184,9 +189,13 @@ class ModelConfig(Model):
     modes: ModeCount | None = None
     """Fixed-interface modes of each block."""
     cutoff: Annotated[Frequency, Positive] | None = None
+    """Frequency up to which fixed-interface modes are kept, in place of `modes`."""
     residual_vectors: ResidualVectors = 0
+    """So many lowest open-joint modes of a block each add what they leave unbalanced to its basis."""
     solver: Literal["auto", "superlu", "multifrontal", "pardiso", "pardiso_single", "multigrid"] = "auto"
+    """What large blocks are reduced with; auto: the quickest that is installed and fits in the memory."""
     memory: Annotated[Memory, Positive] | None = None
+    """Most that a reduction may take; four fifths of the machine's if not given."""
 
     @model_validator(mode="after")
     def _basis(self) -> Self:
@@ -204,9 +213,11 @@ class OutputsConfig(Model):
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     stress: StressConfig | None = None
     output_interval: Annotated[Time, Positive] | None = None
+    """Between two rows of the histories; the record's own step if not given."""
     plots: bool = True
     """Whether figures are drawn beside each result."""
     error_estimate: bool = True
+    """Whether every result says how far the modes left out have moved it."""
 
 
 class StudyConfig(Model):
@@ -218,12 +229,19 @@ class StudyConfig(Model):
     """
 
     modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
+    """Numbers of modes of each block that are tried."""
     residual_vectors: Annotated[tuple[ResidualVectors, ...], Field(min_length=1)] = (0, 10)
+    """Numbers of residual vectors that are tried."""
     integrators: Annotated[tuple[ModalName, ...], Field(min_length=1)] = ("modal", "adaptive")
+    """Names of integrators that are tried."""
     finest_steps: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
+    """Steps that are tried; 1/4 to 1/32 of the record's if not given."""
     reference: Literal["auto", "all_modes", "full"] = "auto"
+    """What is compared with: all modes of the mesh, or the full order."""
     reference_step: Annotated[Time, Positive] | None = None
+    """Step of the reference; 1/16 of the finest step if not given."""
     duration: Annotated[Time, Positive] = 10.0
+    """Of the record from its start, over which is compared."""
     repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
     """Runs of each setting, whose median CPU time is told."""
 
@@ -247,6 +265,7 @@ class Config(Model):
     water: WaterConfig | None = None
     damping: DampingConfig = DampingConfig()
     records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
+    """Ground motions, or where they come from; each is a run."""
     model: ModelConfig
     transient: TransientConfig
     outputs: OutputsConfig = OutputsConfig()

@@ -41,7 +41,9 @@ class CrownConfig(Model):
     """The crown cantilever over the elevation: y of the upstream face, and the thickness."""
 
     upstream: Profile = 0.0
+    """Coordinate y of the upstream face over the elevation."""
     thickness: Profile
+    """Thickness over the elevation."""
 
 
 class ArcsConfig(Model):
@@ -54,8 +56,12 @@ class ArcsConfig(Model):
     shape: Literal["circular", "parabolic"] = "circular"
     """Of a horizontal section."""
     upstream_radius: Profile
+    """Radius of the upstream face at the crown, over the elevation."""
     downstream_radius: Profile | None = None
+    """The same of the downstream face; concentric if not given."""
     thickening: Annotated[Dimensionless, Field(ge=0.0, le=5.0)] = 0.0
+    """Part of the thickness that is added at the abutment, growing with the square of the angle from the
+    crown."""
 
 
 class PerimeterConfig(Model):
@@ -84,6 +90,7 @@ class ZoneConfig(Model):
     mass: bool = True
     """Without it the rock is stiff only."""
     weight: bool = False
+    """Whether gravity acts on it; that of rock has acted before the dam is built."""
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:
@@ -149,6 +156,7 @@ class DivisionsConfig(Model):
     downstream: Count = 3
     """Rows of rock downstream."""
     growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
+    """Ratio of neighbouring sizes in the rock."""
 
 
 class ArchDamConfig(Model):
@@ -170,12 +178,15 @@ class ArchDamConfig(Model):
     crown: CrownConfig
     arcs: ArcsConfig
     valley: Points
+    """Half-width of the valley at elevations, elevation first."""
     abutment_height: Size
     """Height of the vertical ends of the valley's walls below the crest."""
     cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
     """Number of cantilevers, a joint between each two."""
     material: str
+    """Of the cantilevers, a name of `materials`."""
     element: GridElement = "tet10"
+    """Shape and order of the elements."""
     divisions: DivisionsConfig = DivisionsConfig()
     perimeter: PerimeterConfig | None = None
     rock: RockConfig | None = None
@@ -183,6 +194,7 @@ class ArchDamConfig(Model):
         Annotated[JointProperties, Tag("mapping")] | Annotated[Literal["tied"], Tag("word")],
         by_shape("what the joints do, such as {normal_stiffness: 20 GPa/m}, or tied", "tied"),
     ]
+    """What the joints between the cantilevers do; `tied`: there are none."""
 
     @model_validator(mode="after")
     def _heights(self) -> Self:
