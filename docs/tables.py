@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from romdam.config.schema import schema
+from romdam.config.schema import limits, plain, schema
 from romdam.results.case import Variable
 from romdam.results.suite.rows import ROWS
 from romdam.results.variables import COORDINATES, VARIABLES
 
 Node = dict[str, Any]
 
-_BOUNDS = {
-    "minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below",
-}  # fmt: skip
 _WORDS = {
     "integer": "whole number", "string": "text", "boolean": "true or false", "number": "number",
     "array": "list", "object": "mapping",
@@ -109,29 +105,10 @@ def _row(mapping: Node, name: str) -> str:
     elif isinstance(key["default"], dict):
         shown = "its defaults" if key["default"] else "empty"
     else:
-        shown = "none" if key["default"] in (None, [], "") else f"`{_plain(key['default'])}`"
-    meaning = re.sub(r"( \[[^\]]*\])+$", "", key["description"])
-    told = "; ".join(text for text in (", ".join(_limits(key)), meaning) if text)
+        shown = "none" if key["default"] in (None, [], "") else f"`{plain(key['default'])}`"
+    meaning = re.sub(r"( \[[^\]]*\])+$", "", key["description"].partition("\n")[0])
+    told = "; ".join(text for text in (", ".join(limits(key)), meaning) if text)
     return f"| `{name}` | {_cell(_type(key))} | {shown} | {_cell(told)} |"
-
-
-def _plain(value: object) -> str:
-    if isinstance(value, list):
-        return "[" + ", ".join(_plain(one) for one in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _limits(node: Node) -> list[str]:
-    """Bounds of a number, or of one that may be left out."""
-    given = [node, *(one for one in node.get("anyOf", ()) if "anyOf" in one or one.get("type") != "null")]
-    if len(given) > 2 and not any("unit" in one for one in given):  # each of several has bounds of its own
-        given = [node]
-    limits = {word: one[bound] for one in given for bound, word in _BOUNDS.items() if bound in one}
-    if "at least" in limits and limits.get("above", math.inf) < limits["at least"]:
-        del limits["above"]
-    return [f"{word} {value:g}" for word, value in limits.items()]
 
 
 def _type(node: Node) -> str:

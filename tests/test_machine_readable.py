@@ -55,7 +55,7 @@ def test_check_says_as_json_what_python_says(config):  # noqa: F811
 
     said, found = document("check", config), check(romdam.load_config(config))
     assert said["command"] == "check" and said["valid"] is True and said["romdam"] == romdam.__version__
-    assert said["unknowns"] == found.unknowns == 30 + 10
+    assert said["unknowns"] == found.unknowns == 2 * (8 + 10)
     assert said["joints"]["gap"] | {"area_m2": 100.0} == {
         "between": ["left", "right"], "gaps": found.joints["gap"]["gaps"], "area_m2": 100.0, "friction": 0.0,
         "water_N": 0.0,
@@ -86,10 +86,19 @@ def test_what_is_no_number_is_null(result):
     with xr.open_dataset(result) as opened:
         damaged = opened.load()
     damaged.attrs["solver_loop_cpu_seconds"] = float("nan")
-    damaged.peak_opening[:] = np.inf
     damaged.to_netcdf(result.with_name("other.nc"), engine="h5netcdf")
     said = document("info", result.with_name("other.nc"))
-    assert said["time_loop_cpu_s"] is None and said["joints"]["gap"]["peak_opening_m"] is None
+    assert said["time_loop_cpu_s"] is None
+
+
+def test_numbers_of_any_kind_are_plain(capsys):
+    from romdam.terminal.documents import print_document
+
+    print_document("x", {"a": np.inf, "b": np.array([1.5, np.nan]), "c": np.int8(3), "d": Path("e"), "f": ()})
+    said = json.loads(capsys.readouterr().out)
+    assert said == {
+        "romdam": romdam.__version__, "command": "x", "a": None, "b": [1.5, None], "c": 3, "d": "e", "f": [],
+    }  # fmt: skip
 
 
 def test_records_says_as_json_what_python_measures(config):  # noqa: F811
@@ -160,7 +169,8 @@ NOWHERE = [
     ("verify", "none.yaml", "-o", "o"), ("study", "none.yaml", "-o", "o"), ("certify", "none.nc"),
     ("info", "none.nc"), ("info", "none.h5"), ("plot", "none.nc"), ("compare", "a.nc", "b.nc"),
     ("records", "nowhere"), ("report", "nowhere"), ("clean", "none.yaml", "-o", "o"), ("init", "nothing"),
-    ("export", "none.yaml", "-o", "o", "--to", "opensees"), ("cache", "burn"), ("schema", "-o", "/dev/null/x"),
+    ("export", "none.yaml", "-o", "o", "--to", "opensees"), ("cache", "burn"),
+    ("schema", "-o", "/dev/null/x"),
 ]  # fmt: skip
 
 
@@ -203,7 +213,7 @@ def test_a_run_lists_every_file_and_logs_all_of_it(config, tmp_path):  # noqa: F
     text = "\n".join(lines)
     for part in (
         f"romdam {romdam.__version__}, Python", f"command: romdam run {config} --out {out}", "numpy ",
-        str(config), "reducing the blocks: begins", "simulating pulse: ", "WARNING: ", "24.4 kg/m3 is unusual",
+        str(config), "reducing the blocks: begins", "simulating pulse: ", "WARNING: ", "24.4 kg/m3 is unus",
         f"written: {out / 'pulse.nc'}", "ended with exit code 0",
     ):  # fmt: skip
         assert part in text, part
@@ -272,15 +282,10 @@ def test_bad_records_name_the_key_of_the_configuration(config):  # noqa: F811
     record = yaml.safe_load(SMALL)["records"][0]
     good = {**record, "name": "good"}
     edited(config, records=[good, {**record, "components": {"y": "HNZ"}}])
-    line = (
-        1 + config.read_text().splitlines().index("  - y: HNZ")
-        if "  - y: HNZ" in config.read_text()
-        else None
-    )
     key = "records[1].components.y.channel: "
     for command in (("check", config), ("run", config, "--out", config.parent / "o")):
         err = call(*command)[2]
-        assert re.search(rf"small\.yaml:\d+: {re.escape(key)}.*no channel 'HNZ'; it has 1", err), (err, line)
+        assert re.search(rf"small\.yaml:\d+: {re.escape(key)}.*no channel 'HNZ'; it has 1", err), err
     at = int(re.search(r"small\.yaml:(\d+)", err)[1])
     assert "HNZ" in config.read_text().splitlines()[at - 1]
     unit = {k: v for k, v in record.items() if k != "unit"}

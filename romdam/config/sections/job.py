@@ -54,7 +54,7 @@ class MaterialConfig(Model):
     nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
     """Poisson's ratio."""
     rho: Annotated[Density, Positive]
-    """Density."""
+    """Density of the material."""
     expansion: Annotated[Expansion, NonNegative] = 0.0
     """Coefficient of linear thermal expansion."""
 
@@ -120,9 +120,9 @@ class RayleighConfig(Model):
     ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
     """Of critical damping."""
     alpha: Annotated[AngularFrequency, NonNegative] | None = None
-    """Of the mass."""
+    """Coefficient of the mass matrix."""
     beta: Annotated[Time, NonNegative] | None = None
-    """Of the stiffness."""
+    """Coefficient of the stiffness matrix."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -185,7 +185,7 @@ class ModelConfig(Model):
     """
 
     order: Literal["reduced", "full"] = "reduced"
-    """`full` keeps the unreduced mesh."""
+    """Whether blocks are reduced; `full` keeps the unreduced mesh."""
     modes: ModeCount | None = None
     """Fixed-interface modes of each block."""
     cutoff: Annotated[Frequency, Positive] | None = None

@@ -46,7 +46,7 @@ class HydrostaticConfig(Model):
     """Elevation of the water, along z."""
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
     density: Annotated[Density, Positive] = 1000.0
-    """Of the water."""
+    """Density of the water."""
 
 
 class TemperatureConfig(Model):

@@ -84,7 +84,7 @@ class DesignTableConfig(Model):
     """Samples from a CSV file: a column for each parameter, a row for each sample, SI or with units."""
 
     table: Path
-    """The file."""
+    """CSV file with a column for each parameter."""
 
 
 class KeepConfig(Model):

@@ -51,7 +51,7 @@ class WaterConfig(Model):
     model: Literal["westergaard", "incompressible", "compressible"]
     """How the water answers."""
     density: Annotated[Density, Positive] = 1000.0
-    """Of the water."""
+    """Density of the water."""
     bottom: Length | None = None
     """Elevation of the floor, for Westergaard's depth; the lowest wet point if not given."""
     upstream: Direction | None = None

@@ -26,7 +26,7 @@ class Polynomial(Model):
     """c_0 + c_1 z + c_2 z^2 + ... with z the elevation; SI."""
 
     polynomial: Annotated[tuple[Dimensionless, ...], Field(min_length=1)]
-    """c_0, c_1, ... from the lowest power."""
+    """Coefficients c_0, c_1, ... from the lowest power."""
 
 
 Profile = Annotated[
@@ -82,11 +82,11 @@ class ZoneConfig(Model):
     material: str
     """A name of `materials`."""
     x: Range | None = None
-    """Range of the zone; everything if not given."""
+    """Range of the zone along x; everything if not given."""
     y: Range | None = None
-    """The same."""
+    """Range of the zone along y; everything if not given."""
     z: Range | None = None
-    """The same."""
+    """Range of the zone along z; everything if not given."""
     mass: bool = True
     """Without it the rock is stiff only."""
     weight: bool = False
@@ -113,11 +113,11 @@ class RockConfig(Model):
     half_width: Size
     """From the middle to the banks' ends."""
     upstream: Size
-    """From y = 0."""
+    """How far the rock reaches upstream of y = 0."""
     downstream: Size
-    """From y = 0."""
+    """How far the rock reaches downstream of y = 0."""
     depth: Size
-    """From z = 0."""
+    """How far the rock reaches below z = 0."""
     zones: Annotated[dict[Name, ZoneConfig], Field(min_length=1, max_length=9)]
     boundary: Literal["fixed", "viscous"] = "fixed"
     """What the base and the sides do."""

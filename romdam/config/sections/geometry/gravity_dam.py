@@ -46,11 +46,11 @@ class GalleryConfig(Model):
     """A rectangular opening along all monoliths that stand below it; a row and columns of elements less."""
 
     floor: Length
-    """Elevation."""
+    """Elevation of the floor."""
     height: Size
     """From its floor to its roof."""
     upstream: Length
-    """y of its upstream wall."""
+    """Coordinate y of its upstream wall."""
     width: Size
     """From there downstream."""
 

@@ -40,7 +40,7 @@ class TaperStep(Model):
     length: Annotated[Time, Positive] | None = None
     """The same as a time."""
     side: Literal["both", "start", "end"] = "both"
-    """Where."""
+    """Where it tapers."""
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:

@@ -94,13 +94,13 @@ class ScaleConfig(Model):
     z: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
     """Of this component alone."""
     pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
-    """Wanted peak."""
+    """Wanted peak ground acceleration."""
     sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
     """Wanted spectral acceleration."""
     period: Annotated[Time, Field(gt=0.0)] | None = None
-    """Of it."""
+    """Period of the wanted spectral acceleration."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
-    """Of it."""
+    """Damping of the wanted spectral acceleration."""
     of: Of = "largest"
     """What of the components reaches `pga` or `sa`."""
     to: Literal["target"] | None = None
