@@ -20,7 +20,6 @@ from romdam.config.quantities import (
     Memory,
     Pressure,
     Time,
-    Whole,
 )
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
@@ -34,9 +33,10 @@ from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import ElementName, NodeConfig, Vector
 from romdam.config.sections.stress import StressConfig
+from romdam.config.sections.study import Modes, ResidualVectors, StudyConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.supports import SupportConfig, refuse_wrong_motions
-from romdam.config.sections.transient import ModalName, TransientConfig
+from romdam.config.sections.transient import TransientConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, shown
 from romdam.core.integrators import INTEGRATORS
@@ -165,8 +165,6 @@ class DampingConfig(Model):
         return any(ratios) or (r is not None and bool(r.ratio or r.alpha or r.beta))
 
 
-Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
-ResidualVectors = Annotated[Whole, Field(ge=0, le=1000)]
 ModeCount = Annotated[
     Annotated[Modes, Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
     by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
@@ -218,32 +216,6 @@ class OutputsConfig(Model):
     """Whether figures are drawn beside each result."""
     error_estimate: bool = True
     """Whether every result says how far the modes left out have moved it."""
-
-
-class StudyConfig(Model):
-    """Settings that `romdam study` sweeps, and what it compares with.
-
-    Every combination of `modes` (a block), `residual_vectors`, `integrators` and `finest_steps` (1/4 to 1/32
-    of the record's step if not given) is timed over the whole record and compared over `duration`, with all
-    modes of the mesh or the full order at `reference_step` (1/16 of the finest step if not given).
-    """
-
-    modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
-    """Numbers of modes of each block that are tried."""
-    residual_vectors: Annotated[tuple[ResidualVectors, ...], Field(min_length=1)] = (0, 10)
-    """Numbers of residual vectors that are tried."""
-    integrators: Annotated[tuple[ModalName, ...], Field(min_length=1)] = ("modal", "adaptive")
-    """Names of integrators that are tried."""
-    finest_steps: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
-    """Steps that are tried; 1/4 to 1/32 of the record's if not given."""
-    reference: Literal["auto", "all_modes", "full"] = "auto"
-    """What is compared with: all modes of the mesh, or the full order."""
-    reference_step: Annotated[Time, Positive] | None = None
-    """Step of the reference; 1/16 of the finest step if not given."""
-    duration: Annotated[Time, Positive] = 10.0
-    """Of the record from its start, over which is compared."""
-    repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
-    """Runs of each setting, whose median CPU time is told."""
 
 
 class Config(Model):
