@@ -5,11 +5,14 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
+import xarray as xr
 from rich.console import Console
 
 from romdam import terminal
 from romdam.core.errors import ConfigError
+from romdam.pipelines.check import Check
 from romdam.terminal import tables
 
 
@@ -102,3 +105,33 @@ def test_a_table_that_is_piped_has_columns_and_no_boxes(capsys):
     table.add_row("J1", "5.67")
     say(table)
     assert capsys.readouterr().out.splitlines()[-2:] == ["joint  opening [mm]", "J1             5.67"]
+
+
+@pytest.mark.parametrize(
+    ("units", "values", "heading", "shown"),
+    [("1", [0.5, 2.0], "scale factor", ["0.5", "2"]), ("m s-2", [1.96133], "scaled to [g]", ["0.2"])],
+)
+def test_a_scale_has_a_name_that_says_factor_or_a_unit(units, values, heading, shown):
+    peaks = np.full((1, len(values), 1, 1), 2e-3)
+    summary = xr.Dataset(
+        {
+            "peak_opening": (("record", "scale", "sample", "joint"), peaks),
+            "status": (("record", "scale", "sample"), np.zeros((1, len(values), 1))),
+        },
+        coords={"scale": ("scale", values, {"units": units}), "joint": ["J1"]},
+    )
+    table = tables.suite_table(summary)
+    assert [column.header for column in table.columns][:2] == ["joint", heading]
+    assert list(table.columns[1].cells) == shown and list(table.columns[3].cells) == ["2.00"] * len(values)
+
+
+def test_every_column_of_numbers_has_a_unit_or_counts():
+    """Of the tables of a check and of records: a bare number is a count."""
+    from romdam.records.listing import HEADINGS, TARGET_HEADINGS
+
+    counts = {"nodes", "cells", "free DOFs", "retained DOFs", "modes", "gaps", "steps", "discretization"}
+    found = Check({}, {}, {}, 1, 1.0, 1.0, 1.0, (), (), {"t": {}}, (), ())
+    heads = [str(column.header) for table in tables.check_tables(found) for column in table.columns]
+    texts = {"block", "element", "joint", "between", "tie", "record", "component", "channel", "target"}
+    heads += [*HEADINGS, *TARGET_HEADINGS]
+    assert not [head for head in heads if head not in counts | texts | {"scale factor"} and head[-1] != "]"]
