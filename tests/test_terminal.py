@@ -1,6 +1,7 @@
 """Progress appears only on a terminal and only for stages that take a while."""
 
 import io
+import re
 import subprocess
 import sys
 import time
@@ -35,15 +36,23 @@ def quick(monkeypatch):
 
 def test_long_stage_shows_its_name_the_time_it_took_and_the_time_left():
     text = shown(console(True), quiet=False, seconds=0.6)
-    assert "shaking" in text and "0:00:00 elapsed, about 0:00:0" in text and " left" in text
+    assert "shaking" in text and "0:00:00 elapsed, 0:00:0" in text and " left" in text
+
+
+def test_both_times_stand_whole_in_a_terminal_of_eighty_columns():
+    where = Console(file=io.StringIO(), force_terminal=True, width=80)
+    with terminal.Stages(where, quiet=False)("simulating a_record_of_a_long_name_horizontal") as stage:
+        stage(1, 4)
+        time.sleep(0.6)
+    assert re.search(r"0:00:0\d elapsed, 0:00:0\d left", where.file.getvalue())
 
 
 def test_elapsed_and_left_are_told_apart():
     """Nothing is said to be left before a stage has told how far it is; what is left becomes less."""
     assert terminal.times(57.0, 0, 0) == "0:00:57 elapsed"
     assert terminal.times(57.0, 1, 1000) == "0:00:57 elapsed"
-    assert terminal.times(60.0, 25, 100) == "0:01:00 elapsed, about 0:03:00 left"
-    assert terminal.times(3660.0, 75, 100) == "1:01:00 elapsed, about 0:20:20 left"
+    assert terminal.times(60.0, 25, 100) == "0:01:00 elapsed, 0:03:00 left"
+    assert terminal.times(3660.0, 75, 100) == "1:01:00 elapsed, 0:20:20 left"
 
 
 @pytest.mark.parametrize(
@@ -69,7 +78,7 @@ def test_a_long_stage_that_is_piped_writes_whole_lines(monkeypatch):
     assert others and all(
         line.startswith("shaking: 25 %, 0:00:0") and line.endswith(" left") for line in others
     )
-    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 %, 0:00:30 elapsed, about 0:01:30 left"
+    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 %, 0:00:30 elapsed, 0:01:30 left"
     assert shown(console(False), quiet=True, seconds=0.3) == ""
 
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from romdam.core.errors import ConfigError
@@ -23,6 +23,7 @@ Terminal = tuple["Stages", Callable[..., None]]
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
 EVERY = 30.0  # seconds between two lines about a stage where there is no terminal
 STAMP = "%Y-%m-%d %H:%M:%S"
+_BAR = 16  # columns, which leave room for the times in a terminal of 80
 _SURE = 0.02  # of a stage, before which what is left is a guess of no use
 _WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
 _COMPILING = "romdam.core.jit"  # a first start says what it waits for
@@ -50,7 +51,8 @@ class Stages:
             with _lines(self._console, text) as progress:
                 yield progress
             return
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), _Times())
+        name = TextColumn("{task.description}", table_column=Column(overflow="fold"))  # alone gives way
+        columns = (SpinnerColumn(), name, BarColumn(_BAR), _Times())
         bar = Progress(*columns, console=self._console, transient=True)
         task = bar.add_task(text, total=None)
         timer = threading.Timer(DELAY, bar.start)
@@ -103,7 +105,7 @@ def times(seconds: float, done: float, total: float) -> str:
     """Time that a stage has taken, and what is left if it goes on so; none before anything is known of it."""
     if not total > 0.0 or done < _SURE * total:
         return f"{_clock(seconds)} elapsed"
-    return f"{_clock(seconds)} elapsed, about {_clock(seconds * (total - done) / done)} left"
+    return f"{_clock(seconds)} elapsed, {_clock(seconds * (total - done) / done)} left"
 
 
 def _clock(seconds: float) -> str:
