@@ -224,7 +224,7 @@ def _guard(cache: Any) -> None:
 
 
 def _say_compiling() -> None:
-    log.info("compiling, once for this version: the time loop takes up to a minute ...")
+    log.info("compiling, once for this version: it takes up to a minute ...")
 
 
 @njit(cache=True)
