@@ -5,21 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any
 
-from pydantic import BaseModel, BeforeValidator
-from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
-
-from romdam.config.quantities import spelt, unit_of
-from romdam.config.sections.job import Config
-from romdam.config.texts import meaning, meanings, own_doc
+from romdam.config.schema import limits, plain, schema
 from romdam.results.case import Variable
 from romdam.results.suite.rows import ROWS
 from romdam.results.variables import COORDINATES, VARIABLES
 
-_BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+Node = dict[str, Any]
+
+_WORDS = {
+    "integer": "whole number", "string": "text", "boolean": "true or false", "number": "number",
+    "array": "list", "object": "mapping",
+}  # fmt: skip
 
 
 def write(folder: Path) -> None:
@@ -47,151 +45,96 @@ def variables(registry: Mapping[str, Variable]) -> str:
 
 
 def configuration() -> str:
-    """A section for every model of the configuration, in the order in which `Config` meets them."""
+    """A section for every mapping of the configuration's schema, in the order in which it is met."""
     sections, headings = [], set[str]()
-    for model, paths in models().items():
+    for mapping, paths in mappings():
         heading = f"`{paths[0]}`" if paths[0] else "Top level"
         if heading in headings:  # one of several that may stand there
-            heading = f"{heading}: {_mark(model)}"
+            heading = f"{heading}: {_mark(mapping)}"
         headings.add(heading)
         at = "the whole file" if paths == [""] else ", ".join(f"`{path}`" for path in paths)
-        doc = " ".join(own_doc(model).split())
         rows = ["| key | type and unit | default | limits and meaning |", "|---|---|---|---|"]
-        rows += [_row(model, name, field) for name, field in model.model_fields.items()]
+        rows += [_row(mapping, name) for name in mapping["properties"]]
+        doc = " ".join(mapping["description"].split())
         sections.append("\n".join([f"## {heading}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
     return "\n".join(sections)
 
 
-def _mark(model: type[BaseModel]) -> str:
-    """What tells a model from others at its place: the step that it is, or its first key."""
-    name, field = next(iter(model.model_fields.items()))
-    return str(field.default) if name == "step" else name
+def _mark(mapping: Node) -> str:
+    """What tells a mapping from others at its place: the step that it is, or its first key."""
+    name, key = next(iter(mapping["properties"].items()))
+    return str(key["default"]) if name == "step" else name
 
 
-def unexplained() -> set[str]:
-    """Keys of which neither a text of their own nor their model's docstring says anything."""
-    return {
-        f"{paths[0]}.{name}".removeprefix(".")
-        for model, paths in models().items()
-        for name, field in model.model_fields.items()
-        if name != "step"
-        and name not in meanings(model)
-        and re.search(rf"`{name}\b", own_doc(model)) is None
-        and not any(_inner(field.annotation))
-    }
+def mappings() -> list[tuple[Node, list[str]]]:
+    """Every mapping with keys of its own, and where it stands."""
+    whole = schema()
+    found: dict[int, tuple[Node, list[str]]] = {}
 
-
-def models() -> dict[type[BaseModel], list[str]]:
-    """Every model that a configuration can hold -> the keys at which it stands."""
-    paths: dict[type[BaseModel], list[str]] = {}
-
-    def visit(model: type[BaseModel], path: str) -> None:
-        known = model in paths
-        paths.setdefault(model, []).append(path)
-        if known:
+    def visit(node: Any, path: str) -> None:
+        if "$ref" in node:
+            node = whole["$defs"][node["$ref"].rpartition("/")[2]]
+        if "properties" in node and "description" in node:
+            known = id(node) in found
+            found.setdefault(id(node), (node, []))[1].append(path)
+            for name, key in node["properties"].items() if not known else ():
+                visit(key, f"{path}.{name}" if path else name)
             return
-        for name, field in model.model_fields.items():
-            key = f"{path}.{name}" if path else name
-            for inner, many in _inner(field.annotation):
-                visit(inner, key + many)
+        for inner, many in _inner(node):
+            visit(inner, path + many)
 
-    visit(Config, "")
-    return paths
+    visit(whole, "")
+    return list(found.values())
 
 
-def _inner(annotation: Any, many: str = "") -> Iterator[tuple[type[BaseModel], str]]:
-    """Models within an annotation, with what stands between them and the key."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation, many
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin is dict:
-        yield from _inner(arguments[1], many + ".<name>")
-    elif origin is tuple:
-        yield from _inner(arguments[0], many + "[]")
-    elif origin in (Union, UnionType):
-        for one in arguments:
-            yield from _inner(one, many)
-    elif origin is Annotated:
-        yield from _inner(arguments[0], many)
+def _inner(node: Node) -> Iterator[tuple[Node, str]]:
+    """Nodes within one that is no mapping with keys, with what stands between them and the key."""
+    for one in (*node.get("anyOf", ()), *node.get("oneOf", ())):
+        yield one, ""
+    for key, many in (("additionalProperties", ".<name>"), ("items", "[]")):
+        if isinstance(node.get(key), dict):
+            yield node[key], many
+    if "prefixItems" in node:
+        yield node["prefixItems"][0], "[]"
 
 
-def _row(model: type[BaseModel], name: str, field: FieldInfo) -> str:
-    default = field.default
-    if field.default_factory is not None:
-        shown = "empty"
-    elif default is PydanticUndefined:
+def _row(mapping: Node, name: str) -> str:
+    key = mapping["properties"][name]
+    if name in mapping.get("required", ()):
         shown = "**required**"
-    elif isinstance(default, BaseModel):
-        shown = "its defaults"
+    elif isinstance(key["default"], dict):
+        shown = "its defaults" if key["default"] else "empty"
     else:
-        shown = "none" if default in (None, (), "") else f"`{_plain(default)}`"
-    limits = _limits([*field.metadata, *_nested(field.annotation)])
-    told = "; ".join(text for text in (", ".join(limits), meaning(model, name)) if text)
-    return f"| `{name}` | {_cell(_type(_declared(model, name)))} | {shown} | {_cell(told)} |"
+        shown = "none" if key["default"] in (None, [], "") else f"`{plain(key['default'])}`"
+    meaning = re.sub(r"( \[[^\]]*\])+$", "", key["description"].partition("\n")[0])
+    told = "; ".join(text for text in (", ".join(limits(key)), meaning) if text)
+    return f"| `{name}` | {_cell(_type(key))} | {shown} | {_cell(told)} |"
 
 
-def _plain(value: object) -> str:
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_plain(one) for one in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _nested(annotation: Any) -> list[Any]:
-    """What bounds a number that may also be left out."""
-    kinds = [one for one in get_args(annotation) if one is not type(None)]
-    if get_origin(annotation) not in (Union, UnionType) or len(kinds) != 1:
-        return []
-    marks = get_args(kinds[0])[1:] if get_origin(kinds[0]) is Annotated else ()
-    return [inner for one in marks for inner in (one.metadata if isinstance(one, FieldInfo) else [one])]
-
-
-def _limits(metadata: list[Any]) -> list[str]:
-    return [
-        f"{word} {getattr(one, bound):g}"
-        for one in metadata
-        for bound, word in _BOUNDS.items()
-        if isinstance(getattr(one, bound, None), int | float)
-    ]
-
-
-def _declared(model: type[BaseModel], name: str) -> Any:
-    """The annotation as it is written, which has the unit."""
-    return get_type_hints(model, include_extras=True)[name]
-
-
-def _unit_of(annotation: Any) -> str | None:
-    """Unit of a quantity: its validator, made by `romdam.config.quantities`, holds it."""
-    for mark in get_args(annotation)[1:]:
-        unit = unit_of(mark.func) if isinstance(mark, BeforeValidator) else None
-        if unit is not None:
-            return spelt(unit)
-    return None
-
-
-def _type(declared: Any) -> str:
+def _type(node: Node) -> str:
     """Type and unit in words."""
-    origin, arguments = get_origin(declared), get_args(declared)
-    if origin is Annotated:
-        unit = _unit_of(declared)
-        if unit is not None:
-            return f"number [{unit}]" if unit else "number"
-        return _type(arguments[0])
-    if origin is Literal:
-        return ", ".join(f"`{one}`" for one in arguments)
-    if origin is dict:
-        return f"name: {_type(arguments[1])}"
-    if origin is tuple:
-        inner = [_type(one) for one in arguments if one is not Ellipsis]
-        return f"list of {inner[0]}" if Ellipsis in arguments else f"[{', '.join(inner)}]"
-    if origin in (Union, UnionType):
-        return " or ".join(_type(one) for one in arguments if one is not type(None))
-    if isinstance(declared, type) and issubclass(declared, BaseModel):
+    if "enum" in node or "const" in node:
+        return ", ".join(f"`{one}`" for one in node.get("enum", [node.get("const")]) if one is not None)
+    branches = [one for one in (*node.get("anyOf", ()), *node.get("oneOf", ())) if one.get("type") != "null"]
+    units = [one["unit"] for one in branches if "unit" in one]
+    if branches:
+        words = [f"number [{units[0]}]" if units[0] else "number"] if units else []
+        words += [
+            _type(one) for one in branches if not units or (one.get("type") not in ("number", "string"))
+        ]
+        return " or ".join(dict.fromkeys(word for word in words if word))
+    kind = node.get("type")
+    if kind == "array":
+        if "prefixItems" in node:
+            return f"[{', '.join(_type(one) for one in node['prefixItems'])}]"
+        return f"list of {_type(node['items'])}" if "items" in node else "list"
+    if kind == "object" and isinstance(node.get("additionalProperties"), dict):
+        return f"name: {_type(node['additionalProperties'])}"
+    if "$ref" in node or kind == "object":
         return "mapping"
-    return {int: "whole number", str: "text", bool: "true or false", Path: "path", float: "number"}.get(
-        declared, getattr(declared, "__name__", str(declared))
-    )
+    if isinstance(kind, list):
+        return " or ".join(_type({"type": one}) for one in kind)
+    return "path" if node.get("format") == "path" else _WORDS.get(str(kind), "")
 
 
 def _cell(text: str) -> str:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.config.load import Source, load_config
+from romdam.config.load import Job, Source, load_config, located
 from romdam.config.variants import variant_jobs
+from romdam.core.errors import RecordError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.core.threads import one_thread
+from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_modes import FIRST, with_modes
 from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting
@@ -19,8 +22,13 @@ from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
 from romdam.pipelines.simulation import refuse_large, settings_for
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
 from romdam.records.record_set import load_motions
+from romdam.reduction.closed_joints import MOST, closed_frequencies
 from romdam.reduction.storage.user_cache import open_store
+from romdam.reduction.synthesis import mode_choice
+from romdam.scene.ties import scene_parts
 from romdam.timestepping.steps import Steps
+
+_CLOSED = 5  # frequencies with closed joints that are told
 
 # Measured on one core of a 2-core x86-64 machine, two cantilevers, 100 gaps; good to a factor of three
 SECONDS_PER_STEP = 5e-6
@@ -41,6 +49,10 @@ class Check:
     unknowns : of the system that would be integrated
     seconds, memory, file_size : estimates for all records [s], [bytes], [bytes]
     warnings : of what keys and records say and hardly can mean
+    closed_frequencies : the lowest of the whole, every gap closed [Hz]; empty where they are not computed
+    ties : name -> plain numbers (blocks, nodes, discretization)
+    solvers : sentences on parts that are solved by multigrid, as factors do not fit
+    skipped : what a run looks at and this does not
     """
 
     blocks: dict[str, dict[str, object]]
@@ -51,6 +63,10 @@ class Check:
     memory: float
     file_size: float
     warnings: tuple[str, ...]
+    closed_frequencies: tuple[float, ...]
+    ties: dict[str, dict[str, object]]
+    solvers: tuple[str, ...]
+    skipped: tuple[str, ...]
 
 
 @one_thread()
@@ -71,9 +87,10 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     if job.config.pipeline == "comparison":
         variant_jobs(job)
     with clock.stage("records", "reading records"):
-        motions = load_motions(job.config.records, job.folder)
+        motions = _motions(job)
     refuse_lengths(job, motions)
     refuse_drifting(job, motions)
+    asked = job
     if job.config.model.modes == "auto":
         job = with_modes(job, FIRST)
     model = build_model(job, clock, open_store(cache), estimated=True)
@@ -81,7 +98,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
     for motion in motions:
         refuse_large(job, [(model.prepared, motion, settings)], job.config.transient.duration)
-    total = sum(steps.values())
+    total, closed = sum(steps.values()), _closed(model)
     return Check(
         blocks={name: _block(model, name) for name in model.scene.blocks},
         joints=_joints(model.scene),
@@ -91,7 +108,73 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
         memory=_memory(model, max(steps.values()), settings.steps.stride),
         file_size=_row_bytes(model) * (total // settings.steps.stride + 1),
         warnings=doubts_of(job, motions),
+        closed_frequencies=tuple(map(float, closed_frequencies(model.system, _CLOSED)))
+        if model.reduced
+        else (),
+        ties=_ties(model.scene),
+        solvers=tuple(filter(None, _solvers(job, model))),
+        skipped=tuple(_skipped(asked, model, bool(closed))),
     )
+
+
+def _closed(model: Model) -> tuple[float, ...]:
+    """Frequencies with closed joints, of a reduced model."""
+    if model.reduced is None:
+        return ()
+    return tuple(closed_frequencies(model.system, _CLOSED).tolist())
+
+
+def _why_not_closed(model: Model) -> str:
+    if model.reduced is None:
+        return "the model is not reduced"
+    return f"more than {MOST} unknowns" if model.system.size > MOST else "the water has waves"
+
+
+def _skipped(job: Job, model: Model, closed: bool) -> Iterator[str]:
+    """What a run looks at, and a check does not."""
+    yield "whether every time step converges and the energy ledger closes"
+    if job.config.loads.initial_state == "static":
+        yield "static equilibrium before the earthquake"
+    if model.finer is not None:
+        yield "the error of leaving out modes, which a run estimates"
+    if job.config.transient.accuracy is not None:
+        yield "the step that transient.accuracy comes to; time and size are of the coarsest"
+    if job.config.model.modes == "auto":
+        yield f"how many modes model.modes: auto takes; {FIRST} are taken here"
+    if len(model.system.law) and not closed:
+        yield f"frequencies with closed joints: {_why_not_closed(model)}; `romdam modes --joints bonded`"
+    if job.config.pipeline == "suite":
+        yield "scales and samples of the suite; blocks, joints and records are those of the file's own values"
+    if job.config.pipeline == "comparison":
+        yield "models of the variants, whose keys alone are validated"
+    yield "room on the disk, and figures"
+
+
+def _solvers(job: Job, model: Model) -> Iterator[str]:
+    if model.reduced is None or job.config.model.modes == "all":
+        return
+    choice = mode_choice(job.config.model)
+    for name, part in scene_parts(model.scene).items():
+        unknowns = int((~part.fixed(model.scene.fixed)).sum())
+        yield without_factors(unknowns, choice.columns, choice.solving, f"part {name}")
+
+
+def _ties(scene: Scene) -> dict[str, dict[str, object]]:
+    return {
+        tie.name: {
+            "between": " - ".join(tie.blocks),
+            "nodes": len(tie.nodes[0]),
+            "discretization": "coincident nodes" if tie.weights is None else "mortar",
+        }
+        for tie in scene.ties
+    }
+
+
+def _motions(job: Job) -> list[GroundMotion]:
+    try:
+        return load_motions(job.config.records, job.folder)
+    except RecordError as error:
+        raise RecordError(located(job, error)) from None
 
 
 def _steps(motion: GroundMotion, steps: Steps, duration: float | None) -> int:

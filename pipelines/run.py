@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from romdam.config.load import Job, Source
+from romdam.config.load import Job, Source, located
 from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
@@ -139,6 +139,7 @@ class Clock:
     def stage(self, name: str, text: str) -> Iterator[Progress]:
         """Time the body under `name`; it gets a callable for (steps done, steps in all)."""
         wall, cpu = time.perf_counter(), cpu_time()
+        log.debug("%s: begins", text)
         with self.show(text) as progress:
             yield progress
         self.wall[name] = time.perf_counter() - wall
@@ -298,7 +299,9 @@ def _read(job: Job, folder: Path | None) -> dict[str, GroundMotion | str]:
     loaded = list(load_records(job.config.records, job.folder, considered.append))
     motions = [one.motion for one in loaded if one.motion is not None]
     if not motions:
-        raise RecordError("\n".join(str(one.error) for one in loaded) or "records: none passes `keep`")
+        raise RecordError(
+            "\n".join(located(job, one.error) for one in loaded) or "records: none passes `keep`"
+        )
     check_names(motions)
     taken, read = {motion.name for motion in motions}, dict[str, GroundMotion | str]()
     for one in loaded:
@@ -306,7 +309,7 @@ def _read(job: Job, folder: Path | None) -> dict[str, GroundMotion | str]:
             read[one.motion.name] = one.motion
             continue
         names = (one.name, *(f"{one.name} ({number})" for number in range(2, len(loaded) + 2)))
-        read[next(name for name in names if name not in taken and name not in read)] = str(one.error)
+        read[next(name for name in names if name not in taken and name not in read)] = located(job, one.error)
     if folder is not None:
         write_choice(considered, folder)
     return read

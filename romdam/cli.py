@@ -15,12 +15,12 @@ from romdam.commands.errors import certify, compare, study, verify
 from romdam.commands.examples import init
 from romdam.commands.export import export
 from romdam.commands.modes import modes
-from romdam.commands.options import BAD_INPUT, EXIT_CODES, FAILED
+from romdam.commands.options import EXIT_CODES, exit_code
 from romdam.commands.runs import check, run
 from romdam.commands.schema import schema
 from romdam.commands.suites import clean, report
 from romdam.commands.views import info, plot, records, show, view
-from romdam.core.errors import ConvergenceError, OutputError, RomdamError, WorkerError, WriteError
+from romdam.core.errors import RomdamError
 from romdam.core.files import keep_standard_files
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals
 
@@ -66,14 +66,6 @@ def main() -> None:
     atexit.register(gc.freeze)  # what ends with the process is not searched for cycles: 0.5 s of a run
     try:
         app()
-    except Signalled as stopped:
-        _stop(stopped, 128 + stopped.number)
-    except (ConvergenceError, WorkerError, OutputError, WriteError) as error:
-        _stop(error, FAILED)
-    except RomdamError as error:
-        _stop(error, BAD_INPUT)
-
-
-def _stop(error: BaseException, code: int) -> None:
-    typer.echo(f"romdam: {error}", err=True)
-    raise SystemExit(code)
+    except (Signalled, RomdamError) as error:
+        typer.echo(f"romdam: {error}", err=True)
+        raise SystemExit(exit_code(error)) from None

@@ -1,12 +1,19 @@
 """Progress appears only on a terminal and only for stages that take a while."""
 
 import io
+import re
+import subprocess
+import sys
 import time
 
+import numpy as np
 import pytest
+import xarray as xr
 from rich.console import Console
 
 from romdam import terminal
+from romdam.core.errors import ConfigError
+from romdam.pipelines.check import Check
 from romdam.terminal import tables
 
 
@@ -27,9 +34,25 @@ def quick(monkeypatch):
     monkeypatch.setattr(terminal, "DELAY", 0.1)
 
 
-def test_long_stage_shows_its_name_and_the_time_left():
+def test_long_stage_shows_its_name_the_time_it_took_and_the_time_left():
     text = shown(console(True), quiet=False, seconds=0.6)
-    assert "shaking" in text and "left" in text
+    assert "shaking" in text and "0:00:00 elapsed, 0:00:0" in text and " left" in text
+
+
+def test_both_times_stand_whole_in_a_terminal_of_eighty_columns():
+    where = Console(file=io.StringIO(), force_terminal=True, width=80)
+    with terminal.Stages(where, quiet=False)("simulating a_record_of_a_long_name_horizontal") as stage:
+        stage(1, 4)
+        time.sleep(0.6)
+    assert re.search(r"0:00:0\d elapsed, 0:00:0\d left", where.file.getvalue())
+
+
+def test_elapsed_and_left_are_told_apart():
+    """Nothing is said to be left before a stage has told how far it is; what is left becomes less."""
+    assert terminal.times(57.0, 0, 0) == "0:00:57 elapsed"
+    assert terminal.times(57.0, 1, 1000) == "0:00:57 elapsed"
+    assert terminal.times(60.0, 25, 100) == "0:01:00 elapsed, 0:03:00 left"
+    assert terminal.times(3660.0, 75, 100) == "1:01:00 elapsed, 0:20:20 left"
 
 
 @pytest.mark.parametrize(
@@ -47,11 +70,32 @@ def test_a_long_stage_that_is_piped_writes_whole_lines(monkeypatch):
     with terminal.Stages(where, quiet=False)("shaking") as progress:
         progress(1, 4)
         time.sleep(0.5)
-    first, *others = where.file.getvalue().splitlines()
-    assert first == "replaying: 0 s"
-    assert others and all(line.startswith("shaking: 25 % in ") and line.endswith(" left") for line in others)
-    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 % in 30 s, about 90 s left"
+    lines = where.file.getvalue().splitlines()
+    for line in lines:  # each with the time that it was written at
+        time.strptime(line[:19], terminal.STAMP)
+    first, *others = (line[20:] for line in lines)
+    assert first == "replaying: 0:00:00 elapsed"
+    assert others and all(
+        line.startswith("shaking: 25 %, 0:00:0") and line.endswith(" left") for line in others
+    )
+    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 %, 0:00:30 elapsed, 0:01:30 left"
     assert shown(console(False), quiet=True, seconds=0.3) == ""
+
+
+def test_the_log_that_is_piped_is_whole_lines_with_the_time():
+    code = (
+        "import logging; from romdam.terminal import open_terminal; open_terminal();"
+        "logging.getLogger('romdam.a').warning('word ' * 60); logging.getLogger('romdam.a').info('no')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    (line,) = done.stderr.splitlines()
+    time.strptime(line[:19], terminal.STAMP)
+    assert line[20:] == f"WARNING {'word ' * 60}"
+
+
+def test_more_and_less_are_not_wanted_at_once():
+    with pytest.raises(ConfigError, match="opposite of --quiet"):
+        terminal.open_terminal(quiet=True, verbose=True)
 
 
 def test_stage_that_fails_takes_its_bar_away():
@@ -70,3 +114,33 @@ def test_a_table_that_is_piped_has_columns_and_no_boxes(capsys):
     table.add_row("J1", "5.67")
     say(table)
     assert capsys.readouterr().out.splitlines()[-2:] == ["joint  opening [mm]", "J1             5.67"]
+
+
+@pytest.mark.parametrize(
+    ("units", "values", "heading", "shown"),
+    [("1", [0.5, 2.0], "scale factor", ["0.5", "2"]), ("m s-2", [1.96133], "scaled to [g]", ["0.2"])],
+)
+def test_a_scale_has_a_name_that_says_factor_or_a_unit(units, values, heading, shown):
+    peaks = np.full((1, len(values), 1, 1), 2e-3)
+    summary = xr.Dataset(
+        {
+            "peak_opening": (("record", "scale", "sample", "joint"), peaks),
+            "status": (("record", "scale", "sample"), np.zeros((1, len(values), 1))),
+        },
+        coords={"scale": ("scale", values, {"units": units}), "joint": ["J1"]},
+    )
+    table = tables.suite_table(summary)
+    assert [column.header for column in table.columns][:2] == ["joint", heading]
+    assert list(table.columns[1].cells) == shown and list(table.columns[3].cells) == ["2.00"] * len(values)
+
+
+def test_every_column_of_numbers_has_a_unit_or_counts():
+    """Of the tables of a check and of records: a bare number is a count."""
+    from romdam.records.listing import HEADINGS, TARGET_HEADINGS
+
+    counts = {"nodes", "cells", "free DOFs", "retained DOFs", "modes", "gaps", "steps", "discretization"}
+    found = Check({}, {}, {}, 1, 1.0, 1.0, 1.0, (), (), {"t": {}}, (), ())
+    heads = [str(column.header) for table in tables.check_tables(found) for column in table.columns]
+    texts = {"block", "element", "joint", "between", "tie", "record", "component", "channel", "target"}
+    heads += [*HEADINGS, *TARGET_HEADINGS]
+    assert not [head for head in heads if head not in counts | texts | {"scale factor"} and head[-1] != "]"]

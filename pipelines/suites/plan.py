@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import xarray as xr
 
 import romdam
-from romdam.config.load import Job
+from romdam.config.load import Job, located
 from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.fingerprint import fingerprint
@@ -171,7 +171,7 @@ def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list
     suite = _suite(job)
     records = []
     for one in usable_apart(job.config.records, job.folder, tell):
-        factors, message = no_factors(suite), str(one.error or "")
+        factors, message = no_factors(suite), located(job, one.error)
         if one.motion is not None:
             factors, message = scale_factors(suite, one.motion)
             message = message or _unusable(job, one.motion) or _unmeasured(suite, one.motion)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 import romdam
+from romdam.commands.options import Json, Quiet, Verbose
 
 Cache = Annotated[
     Path | None,
@@ -33,17 +34,27 @@ def folder_of_blocks(cache: Path | None, no_cache: bool) -> Path | None:
     return None if no_cache else cache or romdam.cache_folder()
 
 
-def cache(action: Annotated[Action, typer.Argument(help="list or clear.")] = Action.LIST) -> None:
+def cache(
+    action: Annotated[Action, typer.Argument(help="list or clear.")] = Action.LIST,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
     """List, or clear, the reduced blocks that `romdam run` and `romdam check` have kept for the next start.
 
     What was used longest ago goes by itself at 10 GB.
     """
     from romdam.reduction.storage.user_cache import LIMIT, entries, remove
+    from romdam.terminal import open_terminal
+    from romdam.terminal.documents import cache_document, print_document
     from romdam.terminal.lines import cache_lines
 
+    _, say = open_terminal(quiet, verbose, as_json)
     folder = romdam.cache_folder()
     found, limit = entries(folder), LIMIT if action is Action.LIST else None
     if action is Action.CLEAR:
         found = [entry for entry in found if remove(entry)]
-    for line in cache_lines(found, folder, limit):
-        typer.echo(line)
+    if as_json:
+        print_document("cache", cache_document(found, folder, limit))
+        return
+    say(*cache_lines(found, folder, limit))

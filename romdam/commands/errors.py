@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import romdam
-from romdam.commands.options import FAILED, Config, Out, Quiet, ResultFile, Verbose, named_folder
+from romdam.commands.options import FAILED, Config, Json, Out, Quiet, ResultFile, Verbose, named_folder
 
 
 def verify(
@@ -57,6 +57,7 @@ def certify(
     passes: Annotated[
         int, typer.Option(min=1, max=10, help="How often the defect is fed back; more than once is --full.")
     ] = 1,
+    as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -66,11 +67,15 @@ def certify(
     """
     from romdam.pipelines.error.certify import certify as certify_result
     from romdam.terminal import open_terminal
+    from romdam.terminal.documents import certificate_document, print_document
     from romdam.terminal.tables import certificate_table
 
-    stages, say = open_terminal(quiet, verbose)
+    stages, say = open_terminal(quiet, verbose, as_json)
     whole = full or passes > 1
     found = certify_result(result, config, passes if whole else None, stages, say)
+    if as_json:
+        print_document("certify", certificate_document(found, result))
+        return
     statement = found.statement
     say(certificate_table(statement.document), statement.sentence, f"written: {found.path}")
 
@@ -108,6 +113,9 @@ def compare(
             "--out", "-o", parser=named_folder, metavar="DIR", help="Folder for compare.csv and .png."
         ),
     ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Compare two results on one clock: L2, peaks and phase, joint by joint.
 
@@ -116,7 +124,8 @@ def compare(
     """
     from romdam.config.quantities import to_si
     from romdam.pipelines.error.two_results import compare_results
-    from romdam.terminal import open_terminal
+    from romdam.terminal import complain, open_terminal
+    from romdam.terminal.documents import comparison_document, print_document
     from romdam.terminal.tables import variant_table
 
     try:
@@ -125,9 +134,13 @@ def compare(
         raise typer.BadParameter(str(error), param_hint="--tolerance") from error
     if most is not None and not most > 0.0:
         raise typer.BadParameter(f"must be above 0, got {tolerance}", param_hint="--tolerance")
-    _, say = open_terminal(quiet=False, verbose=False)
+    _, say = open_terminal(quiet, verbose, as_json)
     both = compare_results(first, second, out)
-    say(variant_table(both.table), *(f"written: {path}" for path in both.paths))
-    if most is not None and (beyond := both.beyond(most)):
-        say(f"more than {tolerance} apart: {', '.join(beyond)}")
+    beyond = [] if most is None else both.beyond(most)
+    if as_json:
+        print_document("compare", comparison_document(both, beyond))
+    else:
+        say(variant_table(both.table), *(f"written: {path}" for path in both.paths))
+    if beyond:
+        complain(f"more than {tolerance} apart: {', '.join(beyond)}")
         raise typer.Exit(FAILED)

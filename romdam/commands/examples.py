@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from romdam.commands.options import named_folder
+from romdam.commands.options import Quiet, Verbose, named_folder
 
 
 def init(
@@ -18,20 +18,23 @@ def init(
             "--out", "-o", parser=named_folder, metavar="DIR", help="Folder, made if needed; or this one."
         ),
     ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write a commented job to begin with: its configuration, and beside it what that names.
 
     The schema for editors is written too; the configuration's first line names it.
     """
     from romdam.examples import EXAMPLES, write
+    from romdam.terminal import open_terminal
 
+    _, say = open_terminal(quiet, verbose)
     if example is None:
         for name, (_, what) in EXAMPLES.items():
-            typer.echo(f"{name:16} {what}")
+            say(f"{name:16} {what}")
         return
     if example not in EXAMPLES:
         raise typer.BadParameter(f"{example!r} is none of {', '.join(EXAMPLES)}", param_hint="EXAMPLE")
     written = write(example, out or Path())
-    for path in written:
-        typer.echo(f"written: {path}")
-    typer.echo(f"run it: romdam run {written[0]} --out {(out or Path()) / 'results'}")
+    say(*(f"written: {path}" for path in written))
+    say(f"run it: romdam run {written[0]} --out {(out or Path()) / 'results'}")

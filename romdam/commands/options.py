@@ -7,16 +7,30 @@ from typing import Annotated
 
 import typer
 
+from romdam.core.errors import ConvergenceError, OutputError, RomdamError, WorkerError, WriteError
+
 FAILED, BAD_INPUT, STOPPED = 1, 2, 130
 EXIT_CODES = """
 Exit codes: 0 all is well; 1 a record failed, a step did not converge, the disk is full, or workers or the
 output were lost; 2 bad input (nothing was computed); 130 stopped by Ctrl-C, 143 by SIGTERM.
 """
+_FAILURES = (ConvergenceError, WorkerError, OutputError, WriteError)
 
 
-def named_folder(text: str) -> Path:
-    """A folder that is named: an empty text would be the working directory."""
-    if not text.strip() or "\0" in text:
+def exit_code(error: BaseException) -> int:
+    """The code that an error ends the command with."""
+    if isinstance(error, RomdamError):
+        return FAILED if isinstance(error, _FAILURES) else BAD_INPUT
+    if isinstance(error, KeyboardInterrupt):
+        return STOPPED
+    if (number := getattr(error, "number", None)) is not None:  # of a signal
+        return 128 + int(number)
+    return int(getattr(error, "exit_code", FAILED))
+
+
+def named_folder(text: str | Path) -> Path:
+    """A folder that is named: an empty text would be the working directory. A default is a path already."""
+    if not str(text).strip() or "\0" in str(text):
         raise typer.BadParameter("names no folder; write . for this one")
     return Path(text)
 
@@ -31,3 +45,7 @@ Out = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell what is done and how long it takes.")]
+Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on stdout, and all else on stderr."),
+]

@@ -9,8 +9,8 @@ import typer
 
 import romdam
 from romdam.commands.caches import Cache, NoCache, folder_of_blocks
-from romdam.commands.options import FAILED, Config, Out, Quiet, Verbose
-from romdam.commands.suites import page_lines, run_suite
+from romdam.commands.options import FAILED, Config, Json, Out, Quiet, Verbose, exit_code
+from romdam.commands.suites import run_suite, write_page
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -35,44 +35,49 @@ def run(
     """Run every record of CONFIG; each lands as OUT/<record>.nc, several in OUT/report.html too.
 
     A suite that was stopped goes on where it stopped. The variants of a comparison land in OUT/<variant>, and
-    side by side in OUT/comparison.html.
+    side by side in OUT/comparison.html. OUT/<config>-<time>.log tells every stage and warning.
     """
-    from romdam.terminal import open_terminal
+    from romdam.terminal import complain, open_terminal
+    from romdam.terminal.run_log import run_log
+    from romdam.terminal.written import seen, written_lines
 
-    job, terminal = romdam.load_config(config), open_terminal(quiet, verbose)
+    terminal = open_terminal(quiet, verbose)
+    job = romdam.load_config(config)
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("is instead of --workers; give one of the two", param_hint="--scheduler")
-    folder = folder_of_blocks(cache, no_cache)
-    if job.config.pipeline == "suite":
-        if no_cache:
-            raise typer.BadParameter(
-                "is for single jobs; a suite has its own in OUT", param_hint="--no-cache"
-            )
-        run_suite(job, out, (workers, scheduler, cache), terminal)
-        return
+    folder, is_suite = folder_of_blocks(cache, no_cache), job.config.pipeline == "suite"
+    if is_suite and no_cache:
+        raise typer.BadParameter("is for single jobs; a suite has its own in OUT", param_hint="--no-cache")
     for option, value in (("--workers", workers), ("--scheduler", scheduler)):
-        if value is not None:
+        if value is not None and not is_suite:
             raise typer.BadParameter(f"is for suites; {config} has no `pipeline: suite`", param_hint=option)
-    if job.config.pipeline == "comparison":
-        _run_comparison(job, out, folder, terminal)
-        return
-    _run_records(job, out, folder, terminal)
+    before = seen(out)
+    with run_log(out, config, exit_code):
+        if is_suite:
+            failed = run_suite(job, out, (workers, scheduler, cache), terminal)
+        elif job.config.pipeline == "comparison":
+            failed = _run_comparison(job, out, folder, terminal)
+        else:
+            failed = _run_records(job, out, folder, terminal)
+        terminal[1](*written_lines(out, before))
+        if failed:
+            complain(*failed)
+            raise typer.Exit(FAILED)
 
 
-def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
+def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> list[str]:
+    """Run the variants; a line for each that failed."""
     from romdam.pipelines.error.comparison import compare
     from romdam.terminal.tables import comparison_tables
 
     stages, say = terminal
     found = compare(job, out, stages, cache)
-    say(*comparison_tables(found.tables), *(f"written: {path}" for path in found.paths))
-    for name, message in found.failures.items():
-        typer.echo(f"{name}: {message}", err=True)
-    if found.failures:
-        raise typer.Exit(FAILED)
+    say(*comparison_tables(found.tables))
+    return [f"{name}: {message}" for name, message in found.failures.items()]
 
 
-def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> None:
+def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> list[str]:
+    """Run the records; a line for each that failed."""
     from romdam.pipelines.run import run as run_job
     from romdam.terminal.tables import peaks_table, sliding_tables, stress_tables
 
@@ -80,23 +85,19 @@ def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) ->
     outcome = run_job(job, out, stages, cache)
     results = {path.stem: romdam.open_result(path).dataset for path in outcome.paths}
     say(peaks_table(results), *sliding_tables(results), *stress_tables(results))
-    say(*(f"written: {path}" for path in outcome.paths))
-    say(*(f"written: {path}" for path in outcome.summary))
     if outcome.summary:
-        say(*page_lines(job, out, stages))
+        say(*write_page(job, out, stages))
     say(*(f"not of this run, but there from before: {path}" for path in outcome.others))
-    for name, message in outcome.failures.items():
-        typer.echo(f"{name}: {message}", err=True)
-    if outcome.failures:
-        records = len(outcome.failures) + len(outcome.paths)
-        typer.echo(f"{len(outcome.failures)} of {records} records failed", err=True)
-        raise typer.Exit(FAILED)
+    records = len(outcome.failures) + len(outcome.paths)
+    count = [f"{len(outcome.failures)} of {records} records failed"] if outcome.failures else []
+    return [f"{name}: {message}" for name, message in outcome.failures.items()] + count
 
 
 def check(
     config: Config,
     cache: Cache = None,
     no_cache: NoCache = False,
+    as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -106,10 +107,14 @@ def check(
     """
     from romdam.pipelines.check import check as check_job
     from romdam.terminal import open_terminal
-    from romdam.terminal.lines import estimate_line
+    from romdam.terminal.documents import check_document, print_document
+    from romdam.terminal.lines import check_lines
     from romdam.terminal.tables import check_tables
 
-    stages, say = open_terminal(quiet, verbose)
+    stages, say = open_terminal(quiet, verbose, as_json)
     found = check_job(romdam.load_config(config), stages, folder_of_blocks(cache, no_cache))
-    say(*check_tables(found), estimate_line(found), *(f"warning: {w}" for w in found.warnings))
+    if as_json:
+        print_document("check", check_document(found, config))
+        return
+    say(*check_tables(found), *check_lines(found))
     say(f"{config}: is valid")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import romdam
-from romdam.commands.options import FAILED, STOPPED, Config, Quiet, Verbose
+from romdam.commands.options import STOPPED, Config, Quiet, Verbose
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -17,8 +17,13 @@ if TYPE_CHECKING:
 
 def run_suite(
     job: Job, out: Path, where: tuple[int | None, str | None, Path | None], terminal: Terminal
-) -> None:
-    """Run a suite, tell what came of it and write its report; `where` is workers, scheduler and cache."""
+) -> list[str]:
+    """Run a suite, tell what came of it and write its report; a line for each kind of failure.
+
+    Parameters
+    ----------
+    where : workers, scheduler and cache
+    """
     from romdam.pipelines.suites.cluster import prepare_pool
 
     prepare_pool(
@@ -26,6 +31,7 @@ def run_suite(
     )  # loads it while this process loads the rest
     import romdam.pipelines.report  # it is wanted at the end
     from romdam.pipelines.suites.run import SuiteOptions
+    from romdam.terminal import complain
     from romdam.terminal.lines import concern_lines, failure_lines
     from romdam.terminal.tables import suite_table
 
@@ -33,26 +39,24 @@ def run_suite(
     try:
         outcome = romdam.run_suite(job, out, SuiteOptions(*where), stages, say)
     except KeyboardInterrupt:
-        typer.echo("romdam: stopped; what is finished is kept, and goes on when run again", err=True)
+        complain("romdam: stopped; what is finished is kept, and goes on when run again")
         raise typer.Exit(STOPPED) from None
-    say(suite_table(outcome.summary), *(f"written: {path}" for path in (outcome.path, *outcome.tables)))
-    for line in (*concern_lines(outcome.summary, job.config.transient.accuracy), *failure_lines(outcome)):
-        typer.echo(line, err=True)
-    say(*page_lines(job, out, stages))
-    if outcome.failures:
-        raise typer.Exit(FAILED)
+    say(suite_table(outcome.summary))
+    complain(*concern_lines(outcome.summary, job.config.transient.accuracy))
+    say(*write_page(job, out, stages))
+    return failure_lines(outcome)
 
 
-def page_lines(job: Job, out: Path, stages: Stages) -> list[str]:
-    """Write the page of several runs, where figures are asked for, and say so."""
-    if job.config.outputs.plots:
-        from romdam.pipelines.report import report as write_report
+def write_page(job: Job, out: Path, stages: Stages) -> list[str]:
+    """Write the page of several runs where figures are asked for; else say which page is of an earlier summary."""
+    from romdam.pipelines.report import report as write_report
 
-        return [f"written: {write_report(out, job=job, show=stages)}"]
     page = out / "report.html"
-    return (
-        [f"{page}: is of an earlier summary; `romdam report {out}` writes it again"] if page.exists() else []
-    )
+    if job.config.outputs.plots:
+        write_report(out, job=job, show=stages)
+    elif page.exists():
+        return [f"{page}: is of an earlier summary; `romdam report {out}` writes it again"]
+    return []
 
 
 def report(

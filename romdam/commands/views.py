@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import romdam
-from romdam.commands.options import FAILED, Config, Out, Quiet, ResultFile, Verbose, named_folder
+from romdam.commands.options import FAILED, Config, Json, Out, Quiet, ResultFile, Verbose, named_folder
 from romdam.core.errors import RecordError
 
 
@@ -19,19 +19,28 @@ def info(
             help="NetCDF file that `romdam run` wrote, or .h5 file of reduced blocks.", metavar="RESULT"
         ),
     ],
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Tell what a result is, its peaks and error where measured; or what a file of reduced blocks holds."""
     from romdam.terminal import open_terminal
+    from romdam.terminal.documents import info_document, print_document
     from romdam.terminal.lines import info_lines
     from romdam.terminal.tables import peaks_table, sliding_tables
 
-    _, say = open_terminal(quiet=False, verbose=False)
+    _, say = open_terminal(quiet, verbose, as_json)
     if result.suffix == ".h5":
+        if as_json:
+            raise typer.BadParameter("is of results, not of reduced blocks", param_hint="--json")
         from romdam.results.model_info import model_lines
 
         say(*model_lines(result))
         return
     with romdam.open_result(result) as opened:
+        if as_json:
+            print_document("info", info_document(opened.dataset, result))
+            return
         say(*info_lines(opened.dataset))
         results = {str(opened.dataset.attrs["record"]): opened.dataset}
         say(peaks_table(results), *sliding_tables(results))
@@ -77,6 +86,7 @@ def plot(
         typer.Option(help="First and last second of both; 2 s around the largest displacement if not given."),
     ] = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Draw the figures of a result as PNG and write its table of maxima; fields in 3-D where asked."""
     from romdam.pipelines.views import PlotOptions, plot_result
@@ -90,7 +100,7 @@ def plot(
         raise typer.BadParameter(
             f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
         )
-    stages, say = open_terminal(quiet, verbose=False)
+    stages, say = open_terminal(quiet, verbose)
     pictures = PlotOptions(fields, vtu, animation, frames or 40, window)
     with romdam.open_result(result) as opened:
         paths = plot_result(opened, out or result.parent, pictures, stages)
@@ -152,28 +162,36 @@ def records(
     select: Annotated[
         int | None, typer.Option("--select", min=1, metavar="N", help="The N records nearest to the target.")
     ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """List ground motions, a row for each component; one that cannot be read is a row that says why.
+    """List ground motions, a row for each component; stderr says which cannot be read, and why.
 
     Where nothing of LIST is a source of records, that is bad input.
     """
     from romdam.core.files import prepare_folder
-    from romdam.records.listing import format_table, list_records, read_settings
-    from romdam.terminal import open_terminal
+    from romdam.records.listing import as_document, failures, format_table, list_records, read_settings
+    from romdam.terminal import complain, open_terminal
+    from romdam.terminal.documents import print_document
     from romdam.visual.record_plots import write_record_plots
     from romdam.visual.target_plots import write_target_plots
 
     folder = prepare_folder(plot) if plot else None
-    _, say = open_terminal(quiet=False, verbose=False)
-    settings = read_settings(target, select)
-    listed = list_records(sources, settings)
+    _, say = open_terminal(quiet, verbose, as_json)
+    listed = list_records(sources, read_settings(target, select))
     if listed and all(one.no_source for one in listed):
         raise RecordError("\n".join(one.error for one in listed))
-    say(format_table(listed))
+    if as_json:
+        print_document("records", as_document(listed))
+    else:
+        say(format_table(listed))
     if folder:
         pairs = [(one.motion, one.recorded) for one in listed if one.motion]
         paths = write_record_plots(pairs, folder)
         for path in (*paths, *write_target_plots([motion for motion, _ in pairs], folder)):
             say(f"written: {path}")
-    if any(one.motion is None for one in listed):
+    failed = failures(listed)
+    complain(*(f"error: {text}" for text in failed.values()))
+    if failed:
         raise typer.Exit(FAILED)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,7 +17,7 @@ from romdam.config.explain import Location, explain
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
 from romdam.config.yaml_text import line_of, plain, read_yaml, write_yaml
-from romdam.core.errors import ConfigError, shown
+from romdam.core.errors import ConfigError, RecordError, shown
 from romdam.core.html.card import card
 
 MADE = "the configuration"  # names in messages what comes from no file
@@ -87,6 +88,15 @@ class Job:
 
 
 Source = str | Path | Mapping[str, Any] | Config | Job
+
+
+def located(job: Job, error: Exception | None) -> str:
+    """The message of a record's error, with the file and line of the key that is to be mended, if one is."""
+    key = error.key if isinstance(error, RecordError) and job.path.is_file() else ""
+    if not key:
+        return str(error or "")
+    parts = (int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key))
+    return f"{job.path}:{line_of(job.path, tuple(parts))}: {error}"
 
 
 def load_config(source: Source, folder: str | Path | None = None) -> Job:

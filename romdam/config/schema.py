@@ -7,6 +7,7 @@ the dimension of a unit is known to `romdam check` alone.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -18,12 +19,15 @@ from romdam.config.quantities import spelt, unit_of
 from romdam.config.sections.job import Config
 from romdam.config.sections.joint_laws import both
 from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
-from romdam.config.texts import explanation, own_doc
+from romdam.config.texts import meaning, own_doc
 
 _QUANTITY = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*)?$"
 
 
 _UNIT = "unit"  # a word of ours in the schema, which validators pass over
+_IN_WORDS = {
+    "minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below",
+}  # fmt: skip
 _BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
 
 
@@ -46,8 +50,10 @@ class _Generator(GenerateJsonSchema):
         made["description"] = own_doc(model)
         for name, key in made.get("properties", {}).items():
             key.pop("title", None)
+            if (empty := model.model_fields[name].default_factory) in (dict, list):
+                key["default"] = empty()
             unit = "".join(dict.fromkeys(f" [{one}]" for one in _units(key)))
-            key["description"] = f"{explanation(model, name)}{unit}"
+            key["description"] = f"{meaning(model, name)}{unit}"
         made = _with_laws_of_users(made)
         return {"anyOf": [made, model.short_form]} if model.short_form else made
 
@@ -99,12 +105,50 @@ def _with_laws_of_users(model: JsonSchemaValue) -> JsonSchemaValue:
 def schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of a configuration file."""
     made = Config.model_json_schema(schema_generator=_Generator, mode="validation")
-    return {"$schema": GenerateJsonSchema.schema_dialect, **_bounded(made), "title": "romdam configuration"}
+    whole = _told(_bounded(made))
+    return {"$schema": GenerateJsonSchema.schema_dialect, **whole, "title": "romdam configuration"}
 
 
 def schema_text() -> str:
     """The schema as the text of its file."""
     return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def _told(node: Any) -> Any:
+    """With the bounds and the default of every key below its sentence: editors show the text alone."""
+    if isinstance(node, list):
+        return [_told(one) for one in node]
+    if not isinstance(node, dict):
+        return node
+    node = {name: _told(one) for name, one in node.items()}
+    for name, key in node.get("properties", {}).items() if "description" in node else ():
+        value = key.get("default")
+        default = "required" if name in node.get("required", ()) else ""
+        if value not in (None, "", [], {}) and not isinstance(value, dict):
+            default = f"default {plain(value)}"
+        if told := ", ".join([*limits(key), *([default] if default else [])]):
+            key["description"] += f"\n\n{told[:1].upper()}{told[1:]}."
+    return node
+
+
+def limits(key: dict[str, Any]) -> list[str]:
+    """Bounds of a key's number in words, also of one that may be left out."""
+    given = [key, *(one for one in key.get("anyOf", ()) if "anyOf" in one or one.get("type") != "null")]
+    if len(given) > 2 and not any("unit" in one for one in given):  # each of several has bounds of its own
+        given = [key]
+    found = {word: one[bound] for one in given for bound, word in _IN_WORDS.items() if bound in one}
+    if found.get("above", math.inf) < found.get("at least", -math.inf):
+        del found["above"]
+    return [f"{word} {value:g}" for word, value in found.items()]
+
+
+def plain(value: object) -> str:
+    """A default as one writes it."""
+    if isinstance(value, list):
+        return "[" + ", ".join(plain(one) for one in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _bounded(node: Any) -> Any:

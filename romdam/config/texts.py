@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import inspect
-import re
 import textwrap
 from itertools import pairwise
 from typing import Annotated, Any, get_args, get_origin
@@ -13,19 +12,17 @@ from pydantic import BaseModel
 
 from romdam.contact.laws import LAWS
 
+_OF_THE_MODEL = {"step"}  # keys whose value says which model it is, and so what the model says of itself
+
 
 def meaning(model: type[BaseModel], name: str) -> str:
     """The text of the key, or what the model says of itself that alone can stand there."""
-    texts, inner = meanings(model), _lone(model.model_fields[name].annotation)
+    field = model.model_fields[name]
+    texts, inner = meanings(model), _lone(field.annotation)
     if name in texts or inner is None:
-        return texts.get(name, "")
+        own = texts.get(name, field.description or "")
+        return own or (_first_line(model) if name in _OF_THE_MODEL else "")
     return _first_line(inner)
-
-
-def explanation(model: type[BaseModel], name: str) -> str:
-    """The text of the key, else the sentences of the model that name it, else what the model is."""
-    own = [text for text in re.split(r"(?<=[.;:])\s+", own_doc(model)) if re.search(rf"`{name}\b", text)]
-    return meaning(model, name) or " ".join(own) or _first_line(model)
 
 
 def meanings(model: type[BaseModel]) -> dict[str, str]:

@@ -19,7 +19,16 @@ class ConfigError(RomdamError):
 
 
 class RecordError(RomdamError):
-    """A ground-motion record cannot be used."""
+    """A ground-motion record cannot be used.
+
+    Attributes
+    ----------
+    key : of the record's entry in a configuration, such as components.y.channel, if one is to be mended
+    """
+
+    def __init__(self, message: str = "", key: str = "") -> None:
+        self.key = key
+        super().__init__(message)
 
 
 class MeshError(RomdamError):

@@ -17,6 +17,7 @@ import operator
 import os
 import stat
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -188,30 +189,42 @@ def _code_of(folder: Path) -> str:
 def _guard(cache: Any) -> None:
     """Make a cache that cannot be read or written count as empty: numba unpickles whatever it finds.
 
-    Between a look for what is not there and its being kept numba compiles, which is said where it takes long.
+    Between a look for what is not there and its being kept numba compiles, which is said where it takes long,
+    while it does and once it is done.
     """
-    load, save, asked = cache.load_overload, cache.save_overload, [0.0]
+    load, save = cache.load_overload, cache.save_overload
+    asked, watch = [0.0], [threading.Timer(_TOLD, _say_compiling)]
 
     def load_overload(*place: Any) -> Any:
         asked[0] = time.perf_counter()
         try:
-            return load(*place)
+            found = load(*place)
         except Exception as error:
             log.info("%s: compiled functions cannot be read (%s); compiling again", cache.cache_path, error)
             with suppress(OSError):
                 cache.flush()
-            return None
+            found = None
+        if found is None:
+            watch[0] = threading.Timer(_TOLD, _say_compiling)
+            watch[0].daemon = True
+            watch[0].start()
+        return found
 
     def save_overload(*compiled: Any) -> None:
+        watch[0].cancel()
         seconds = time.perf_counter() - asked[0]
         if seconds > _TOLD:
-            log.info("compiling, once for this version: %.0f s", seconds)
+            log.info("compiled in %.0f s", seconds)
         try:
             save(*compiled)
         except Exception as error:
             log.info("%s: compiled functions cannot be kept (%s)", cache.cache_path, error)
 
     cache.load_overload, cache.save_overload = load_overload, save_overload
+
+
+def _say_compiling() -> None:
+    log.info("compiling, once for this version: it takes up to a minute ...")
 
 
 @njit(cache=True)

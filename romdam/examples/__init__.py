@@ -20,14 +20,13 @@ EXAMPLES = {  # name -> its configuration, and what it is
     "arch_dam": ("arch_dam", "eight cantilevers between rock, with water; a minute or two"),
 }
 SCHEMA = "romdam.schema.json"
-_MODELINE = f"# yaml-language-server: $schema={SCHEMA}\n"
 _FILE = re.compile(r"\.\./(data/[\w./-]+/)([\w.-]+)")
 
 
 def contents(name: str) -> dict[str, str]:
     """Texts of an example's files by their names: its configuration first, and beside it what it names.
 
-    The configuration begins with a line by which editors find the schema, which is the last file.
+    The configuration's first line is that by which editors find the schema, which is the last file.
     """
     from romdam.config.schema import schema_text
 
@@ -35,7 +34,7 @@ def contents(name: str) -> dict[str, str]:
     text = (here / "configs" / f"{EXAMPLES[name][0]}.yaml").read_text(encoding="utf-8")
     named = {match[2]: (here / match[1] / match[2]).read_text("utf-8") for match in _FILE.finditer(text)}
     text = _FILE.sub(r"\2", text).replace(f"configs/{EXAMPLES[name][0]}.yaml", f"{name}.yaml")
-    return {f"{name}.yaml": _MODELINE + text} | named | {SCHEMA: schema_text()}
+    return {f"{name}.yaml": text} | named | {SCHEMA: schema_text()}
 
 
 def write(name: str, folder: Path) -> list[Path]:

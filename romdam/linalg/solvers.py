@@ -142,6 +142,25 @@ def candidates(unknowns: int, columns: int, solving: Solving, place: str) -> lis
     return fit + others
 
 
+def without_factors(unknowns: int, columns: int, solving: Solving, place: str) -> str:
+    """Say that a matrix is solved by multigrid because no factors fit in memory; empty where they do.
+
+    Raises
+    ------
+    ReductionError
+        as `candidates` does.
+    """
+    chosen = candidates(unknowns, columns, solving, place)[0]
+    factors = [e for e in estimates(unknowns, columns) if e.solver != "multigrid"]
+    if chosen.solver != "multigrid" or any(e.memory <= solving.limit for e in factors):
+        return ""
+    needs = ", ".join(f"{e.solver} {shown_size(e.memory)}" for e in factors)
+    return (
+        f"{place}: multigrid for {unknowns} unknowns, factors do not fit in {shown_size(solving.limit)} "
+        f"(estimated: {needs}); about {chosen.seconds:.0f} s"
+    )
+
+
 def _refusal(
     unknowns: int, wanted: list[Estimate], found: list[Estimate], solving: Solving, place: str
 ) -> str:

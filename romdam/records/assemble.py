@@ -108,7 +108,8 @@ def _check_dt(channel: Channel, config: RecordConfig, place: str) -> None:
     if config.dt is not None and abs(channel.dt - config.dt) > 1e-6 * config.dt:
         raise RecordError(
             f"{place}, channel {channel.code}: the file says dt = {channel.dt:g} s, `dt` {config.dt:g} s; "
-            "remove `dt`"
+            "remove `dt`",
+            "dt",
         )
 
 
@@ -117,7 +118,8 @@ def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
     if not channel.unit and config.unit is None:
         raise RecordError(
             f"{place}, channel {channel.code}: the file does not say its unit; "
-            'give `unit`, for example "g", "cm/s2" or "9.81 m/s2"'
+            'give `unit`, for example "g", "cm/s2" or "9.81 m/s2"',
+            "unit",
         )
     try:
         stated = unit_in_si(channel.unit) if channel.unit else None
@@ -133,7 +135,8 @@ def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
     if stated is not None and abs(stated - declared) > 0.005 * declared:
         raise RecordError(
             f"{place}, channel {channel.code}: the file says {channel.unit}, `unit` {config.unit}; "
-            "remove `unit`"
+            "remove `unit`",
+            "unit",
         )
     return declared
 

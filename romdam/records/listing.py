@@ -25,14 +25,14 @@ HEADINGS = (
     "record",
     "component",
     "channel",
-    "dt s",
-    "time s",
-    "PGA g",
-    "PGV m/s",
-    "PGD m",
-    "Arias m/s",
-    "CAV m/s",
-    "D5-95 s",
+    "dt [s]",
+    "time [s]",
+    "PGA [g]",
+    "PGV [m/s]",
+    "PGD [m]",
+    "Arias [m/s]",
+    "CAV [m/s]",
+    "D5-95 [s]",
 )
 
 
@@ -144,7 +144,8 @@ def _entries(
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
     raw = _before(entry, folder)
     every: list[Loaded] = []
-    every += load_records([entry], folder, lambda one: None if one.passes else every.append(one))
+    passing = load_records([entry], folder, lambda one: None if one.passes else every.append(one), "")
+    every += passing
     of = _named_measure(entry)
     for one in every:
         recorded = raw.get(one.name)
@@ -170,20 +171,66 @@ def _named_measure(entry: RecordConfig) -> str:
 
 
 def format_table(listed: Sequence[Listed]) -> str:
-    """Lay the components out in aligned columns; targets, warnings and errors follow, one a line."""
+    """Lay the components out in aligned columns; targets and warnings follow, one a line.
+
+    What failed is counted; `failures` has the messages.
+    """
     read = [one for one in listed if one.motion is not None]
-    passed = [one for one in listed if one.motion is None and one.aimed is not None and one.aimed.why]
-    failed = [one.error for one in listed if one.motion is None and one not in passed]
+    passed, failed = _passed_over(listed), failures(listed)
     lines = _aligned([HEADINGS, *(row for one in read for row in _rows(one))], (0, 1, 2))
     if any(one.aimed for one in listed):
         lines += ["", *_aligned([TARGET_HEADINGS, *map(_aim_row, (*read, *passed))], (0, 3))]
     lines += ["", f"{len(read)} records" + (f", {len(failed)} failed" if failed else "")]
     lines += [f"scaled: {text}" for text in dict.fromkeys(map(_scaled_to, read)) if text]
     lines += [f"warning: {one.name}: {text}" for one in read if one.motion for text in one.motion.warnings]
-    return "\n".join([*lines, *(f"error: {text}" for text in failed)])
+    return "\n".join(lines)
 
 
-TARGET_HEADINGS = ("record", "factor", "misfit", "target")
+def _passed_over(listed: Sequence[Listed]) -> list[Listed]:
+    return [one for one in listed if one.motion is None and one.aimed is not None and one.aimed.why]
+
+
+def failures(listed: Sequence[Listed]) -> dict[str, str]:
+    """Name -> why it could not be read."""
+    passed = _passed_over(listed)
+    return {one.name: one.error for one in listed if one.motion is None and one not in passed}
+
+
+TARGET_HEADINGS = ("record", "scale factor", "misfit [ln]", "target")
+
+
+def as_document(listed: Sequence[Listed]) -> dict[str, object]:
+    """The list as plain values, whose keys have units."""
+    return {
+        "records": [_plain(one) for one in listed if one.motion is not None],
+        "passed_over": [_plain_aim(one) | {"name": one.name} for one in _passed_over(listed)],
+        "failed": failures(listed),
+    }
+
+
+def _plain(listed: Listed) -> dict[str, object]:
+    motion = listed.motion
+    assert motion is not None
+    return {
+        "name": listed.name,
+        "dt_s": motion.dt,
+        "duration_s": motion.duration,
+        "components": {
+            axis: {"channel": _channel(motion, axis)}
+            | {_KEYS[name]: value for name, value in _measures(motion, axis).items() if name in _KEYS}
+            for axis in _moving(motion)
+        },
+        "scale_factor": motion.provenance.get("scale"),
+        "scaled_to": _scaled_to(listed) or None,
+        "target": _plain_aim(listed) if listed.aimed else None,
+        "warnings": list(motion.warnings),
+    }
+
+
+def _plain_aim(listed: Listed) -> dict[str, object]:
+    one = listed.aimed
+    assert one is not None
+    return {"factor": one.factor, "misfit_ln": one.misfit, "of": listed.of, "passed_over": one.why or None}
 
 
 def _aligned(rows: Sequence[tuple[str, ...]], texts: tuple[int, ...]) -> list[str]:
@@ -202,7 +249,7 @@ def _rows(listed: Listed) -> Iterator[tuple[str, ...]]:
     """The measures of each component that moves, as recorded too where it was matched, and of `of`."""
     motion = listed.motion
     assert motion is not None
-    moves = [axis for axis, row in zip(AXES, motion.acc, strict=True) if np.any(row != 0.0)] or ["x"]
+    moves = _moving(motion)
     about = motion.provenance.get("target")
     matched = about.get("matched") if isinstance(about, dict) else None
     for axis in moves:
@@ -213,8 +260,19 @@ def _rows(listed: Listed) -> Iterator[tuple[str, ...]]:
         yield _row(listed.name, motion, listed.of)
 
 
+def _moving(motion: GroundMotion) -> list[str]:
+    """Axes along which it shakes, one where it does not."""
+    return [axis for axis, row in zip(AXES, motion.acc, strict=True) if np.any(row != 0.0)] or ["x"]
+
+
+def _measures(motion: GroundMotion, of: str) -> dict[str, float]:
+    if not np.any(motion.acc != 0.0):
+        return dict.fromkeys(_KEYS, 0.0)
+    return measures(motion.acc, motion.dt, of)
+
+
 def _row(name: str, motion: GroundMotion, of: str, about: str = "") -> tuple[str, ...]:
-    has = measures(motion.acc, motion.dt, of) if np.any(motion.acc != 0.0) else dict.fromkeys(_NUMBERS, 0.0)
+    has = _measures(motion, of)
     return (
         name,
         NAMED[of] + about,
@@ -227,7 +285,14 @@ def _row(name: str, motion: GroundMotion, of: str, about: str = "") -> tuple[str
     )
 
 
-_NUMBERS = ("pga", "pgv", "pgd", "arias", "cav", "d5_95")
+_KEYS = {  # measure -> key with its unit
+    "pga": "pga_m_s2",
+    "pgv": "pgv_m_s",
+    "pgd": "pgd_m",
+    "arias": "arias_m_s",
+    "cav": "cav_m_s",
+    "d5_95": "d5_95_s",
+}
 
 
 def _channel(motion: GroundMotion, axis: str) -> str:

@@ -29,7 +29,7 @@ class Loaded:
     ----------
     name : of the record; of its source where it could not be read
     motion : read, corrected, oriented and scaled; None where it cannot be used
-    error : why not
+    error : why not; a RecordError's `key` says where its entry is to be mended, if it is
     passes : whether the entry's `keep` and `select` take it
     aimed : how it stands to its entry's target; None where there is none
     """
@@ -42,7 +42,10 @@ class Loaded:
 
 
 def load_records(
-    records: Sequence[RecordConfig], folder: Path, tell: Callable[[Loaded], None] | None = None
+    records: Sequence[RecordConfig],
+    folder: Path,
+    tell: Callable[[Loaded], None] | None = None,
+    section: str = "records",
 ) -> Iterator[Loaded]:
     """Read, correct, orient and scale every record: one that cannot be used takes no other with it.
 
@@ -51,13 +54,14 @@ def load_records(
     records : entries of `records:`
     folder : where relative paths start (the folder of the YAML file)
     tell : told of every record of an entry with a target, those that are passed over too
+    section : where the entries stand in a configuration, for messages; empty where they stand in none
 
     Returns
     -------
     In the order of the entries; those that an entry's `keep` or `select` leaves out are not among them.
     """
-    for entry in records:
-        for one in _of_entry(entry, folder):
+    for number, entry in enumerate(records):
+        for one in _of_entry(entry, folder, f"{section}[{number}]" if section else ""):
             if entry.target is not None and tell is not None:
                 tell(one)
             if one.passes:
@@ -73,8 +77,8 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
         for a record that cannot be used, two records with one name, or a `keep` that takes none.
     """
     motions: list[GroundMotion] = []
-    for entry in records:
-        loaded = list(_of_entry(entry, folder))
+    for number, entry in enumerate(records):
+        loaded = list(_of_entry(entry, folder, f"records[{number}]"))
         for one in loaded:
             if one.error is not None and one.passes:
                 raise one.error
@@ -92,7 +96,16 @@ def _none_passes(entry: RecordConfig, count: int) -> str:
     return f"records: {source}: none of {count} records passes `keep` {shown(limits)}; widen its limits"
 
 
-def _of_entry(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
+def _of_entry(entry: RecordConfig, folder: Path, key: str) -> Iterator[Loaded]:
+    """The records of an entry, whose errors name the key where there is one to be mended."""
+    for one in _loaded(entry, folder):
+        below = getattr(one.error, "key", "")
+        if key and below:
+            one = replace(one, error=RecordError(f"{key}.{below}: {one.error}", f"{key}.{below}"))
+        yield one
+
+
+def _loaded(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
     try:
         sources = sources_of(entry, folder)
     except (RecordError, ConfigError) as error:
@@ -141,7 +154,8 @@ def _motions(recorded: Recorded) -> Iterator[GroundMotion]:
         yield build_motion(recorded, _axes(recorded))
         return
     if len(components) > 1:
-        raise RecordError(f"{recorded.place}: `{EACH}` takes one axis, not {', '.join(components)}")
+        text = f"{recorded.place}: `{EACH}` takes one axis, not {', '.join(components)}"
+        raise RecordError(text, "components")
     for channel in recorded.channels:
         suffix = re.sub(r"[^\w.+-]", "_", channel.code)  # the name becomes a file's
         name = f"{recorded.name}_{suffix}" if len(recorded.channels) > 1 else recorded.name
@@ -154,14 +168,15 @@ def _axes(recorded: Recorded) -> dict[str, Channel]:
         return recorded.picked
     if recorded.config.components:
         return {
-            axis: pick(recorded.channels, component.channel, recorded.place)
+            axis: pick(recorded.channels, component.channel, recorded.place, axis)
             for axis, component in recorded.config.components.items()
         }
     if recorded.config.x_azimuth is None:
         codes = ", ".join(channel.code for channel in recorded.channels)
         raise RecordError(
             f"{recorded.place}: which axis does it shake? Give `components` "
-            f"(for example {{y: {recorded.channels[0].code}}}) or `x_azimuth`; its channels are {codes}"
+            f"(for example {{y: {recorded.channels[0].code}}}) or `x_azimuth`; its channels are {codes}",
+            "components",
         )
     return {}
 

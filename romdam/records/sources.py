@@ -201,15 +201,15 @@ def _from_component_files(config: RecordConfig, folder: Path) -> list[Recorded]:
     for axis, component in config.components.items():
         path = folder / str(component.file)
         channels = _read(path, config, folder)
-        picked[axis] = pick(channels, component.channel, str(path))
+        picked[axis] = pick(channels, component.channel, str(path), axis)
         files |= _digest(path)
     place = ", ".join(files)
     name = config.name or Path(next(iter(files))).stem
     return [Recorded(name, place, list(picked.values()), config, files, {}, picked)]
 
 
-def pick(channels: list[Channel], wanted: int | str | None, place: str) -> Channel:
-    """Return the channel named by code, or by number from 1; None is right only where there is one.
+def pick(channels: list[Channel], wanted: int | str | None, place: str, axis: str) -> Channel:
+    """Return the channel of an axis by code, or by number from 1; None is right only where there is one.
 
     Raises
     ------
@@ -224,7 +224,8 @@ def pick(channels: list[Channel], wanted: int | str | None, place: str) -> Chann
     if isinstance(wanted, int) and 1 <= wanted <= len(channels) and not any(code.isdigit() for code in codes):
         return channels[wanted - 1]
     asked = "no channel named" if wanted is None else f"no channel {wanted!r}"
-    raise RecordError(f"{place}: {asked}; it has {', '.join(codes)}; name one under `components`")
+    text = f"{place}: {asked}; it has {', '.join(codes)}; name one under `components`"
+    raise RecordError(text, f"components.{axis}.channel")
 
 
 def matching_files(pattern: Path) -> list[Path]:

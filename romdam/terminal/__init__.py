@@ -1,8 +1,9 @@
-"""Output that a person sees in a terminal: progress on stderr, tables on stdout."""
+"""Output that a person sees in a terminal: progress and log on stderr, tables on stdout."""
 
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -10,25 +11,28 @@ from contextlib import contextmanager
 
 from rich.console import Console
 from rich.logging import RichHandler
-from rich.progress import (
-    BarColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
+from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
+from rich.table import Column, Table
+from rich.text import Text
+
+from romdam.core.errors import ConfigError
+from romdam.terminal.run_log import SAID
 
 Terminal = tuple["Stages", Callable[..., None]]
 
 DELAY = 2.0  # seconds before a stage shows a bar: shorter ones would only flicker
 EVERY = 30.0  # seconds between two lines about a stage where there is no terminal
+STAMP = "%Y-%m-%d %H:%M:%S"
+_BAR = 16  # columns, which leave room for the times in a terminal of 80
+_SURE = 0.02  # of a stage, before which what is left is a guess of no use
 _WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
+_COMPILING = "romdam.core.jit"  # a first start says what it waits for
+# told in messages of romdam's own
+_ELSEWHERE = ("asyncio", "distributed", SAID.name)
 
 
 class Stages:
-    """Shows each stage with a bar and the time left, once it takes longer than `DELAY`.
+    """Shows each stage with a bar, the time it has taken and what is left, once it takes longer than `DELAY`.
 
     Where the output is no terminal, a stage that takes longer than `EVERY` writes a line so often. Called
     with a stage's text, it is a context manager giving a callable for (steps done, steps in all).
@@ -47,10 +51,9 @@ class Stages:
             with _lines(self._console, text) as progress:
                 yield progress
             return
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-        bar = Progress(
-            *columns, TextColumn("left"), TimeRemainingColumn(), console=self._console, transient=True
-        )
+        name = TextColumn("{task.description}", table_column=Column(overflow="fold"))  # alone gives way
+        columns = (SpinnerColumn(), name, BarColumn(_BAR), _Times())
+        bar = Progress(*columns, console=self._console, transient=True)
         task = bar.add_task(text, total=None)
         timer = threading.Timer(DELAY, bar.start)
         timer.daemon = True
@@ -63,6 +66,14 @@ class Stages:
             bar.stop()
 
 
+class _Times(ProgressColumn):
+    """The time that a stage has taken and, where it tells how far it is, what is left."""
+
+    def render(self, task: Task) -> Text:
+        """Write both, each with its word."""
+        return Text(times(task.elapsed or 0.0, task.completed, task.total or 0.0))
+
+
 @contextmanager
 def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
     """Write now and then how far a stage is, also while it tells nothing of it."""
@@ -70,7 +81,8 @@ def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
 
     def write() -> None:
         while not ended.wait(EVERY):
-            console.print(_line(text, time.monotonic() - begun, *state), soft_wrap=True, markup=False)
+            line = _line(text, time.monotonic() - begun, *state)
+            console.print(f"{time.strftime(STAMP)} {line}", soft_wrap=True, markup=False, highlight=False)
 
     def progress(done: int, total: int) -> None:
         state[:] = done, total
@@ -85,32 +97,75 @@ def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def _line(text: str, seconds: float, done: int, total: int) -> str:
-    """Time that a stage has taken, and what is left if it goes on so."""
-    if done <= 0 or total <= 0:
-        return f"{text}: {seconds:.0f} s"
-    left = seconds * (total - done) / done
-    return f"{text}: {100.0 * done / total:.0f} % in {seconds:.0f} s, about {left:.0f} s left"
+    share = f"{100.0 * done / total:.0f} %, " if done > 0 and total > 0 else ""
+    return f"{text}: {share}{times(seconds, done, total)}"
 
 
-def open_terminal(quiet: bool = False, verbose: bool = False) -> Terminal:
-    """Progress and log on stderr, and a printer to stdout that `quiet` silences."""
+def times(seconds: float, done: float, total: float) -> str:
+    """Time that a stage has taken, and what is left if it goes on so; none before anything is known of it."""
+    if not total > 0.0 or done < _SURE * total:
+        return f"{_clock(seconds)} elapsed"
+    return f"{_clock(seconds)} elapsed, {_clock(seconds * (total - done) / done)} left"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02}:{rest:02}"
+
+
+def open_terminal(quiet: bool = False, verbose: bool = False, as_json: bool = False) -> Terminal:
+    """Progress and log on stderr, and a printer that `quiet` silences.
+
+    Parameters
+    ----------
+    as_json : whether stdout is for one JSON object, so that the printer writes to stderr
+
+    Raises
+    ------
+    ConfigError
+        where both more and less is wanted.
+    """
+    if quiet and verbose:
+        raise ConfigError("--verbose: is the opposite of --quiet; give one of the two")
     errors = Console(stderr=True)
-    output = Console(soft_wrap=True, highlight=False, emoji=False, width=_WIDE)
-    level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
-    handler = RichHandler(console=errors, show_path=False)
-    # what happens to its workers is in messages of romdam's own
-    handler.addFilter(lambda record: not record.name.startswith(("asyncio", "distributed")))
-    logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
-    # a first start says what it waits for
-    logging.getLogger("romdam.core.jit").setLevel(logging.ERROR if quiet else logging.INFO)
+    output = Console(soft_wrap=True, highlight=False, emoji=False, width=_WIDE, stderr=as_json)
+    _tell_log(errors, logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING)
 
     def say(*lines: object) -> None:
-        for line in lines if not quiet else ():
+        for line in lines:
+            if isinstance(line, str):
+                SAID.debug("%s", line)
+            if quiet:
+                continue
             if isinstance(line, Table) and not output.is_terminal:  # columns, for grep and awk
                 line.box, line.pad_edge = None, False
             output.print(line, markup=False)
 
     return Stages(errors, quiet), say
+
+
+def complain(*lines: str) -> None:
+    """Write to stderr what went wrong."""
+    for line in lines:
+        SAID.error("%s", line)
+        print(line, file=sys.stderr)
+
+
+def _tell_log(errors: Console, level: int) -> None:
+    """Write the log to stderr from a level on: coloured to a terminal, else whole lines with the time."""
+    handler: logging.Handler = RichHandler(console=errors, show_path=False)
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    if not errors.is_terminal:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s", STAMP))
+
+    def wanted(record: logging.LogRecord) -> bool:
+        least = min(level, logging.INFO) if record.name == _COMPILING and level < logging.ERROR else level
+        return record.levelno >= least and not record.name.startswith(_ELSEWHERE)
+
+    handler.addFilter(wanted)
+    logging.basicConfig(level=level, handlers=[handler])
+    logging.getLogger(_COMPILING).setLevel(min(level, logging.INFO))
 
 
 def _ignore(done: int, total: int) -> None:

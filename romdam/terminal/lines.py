@@ -20,12 +20,17 @@ if TYPE_CHECKING:
     from romdam.reduction.storage.user_cache import Entry
 
 
-def estimate_line(found: Check) -> str:
-    """Unknowns, time, memory and disk of a job that was checked."""
-    return (
+def check_lines(found: Check) -> list[str]:
+    """Frequencies and cost of a job that was checked, its warnings, and what is left to a run."""
+    closed = ", ".join(f"{freq:.4g}" for freq in found.closed_frequencies)
+    return [
+        *([f"joints closed: {closed} Hz, undamped"] if closed else []),
+        *found.solvers,
         f"{found.unknowns} unknowns; about {found.seconds:.2g} s of integration, "
-        f"{found.memory / 1e6:.0f} MB of memory, up to {found.file_size / 1e6:.0f} MB of results"
-    )
+        f"{found.memory / 1e6:.0f} MB of memory, up to {found.file_size / 1e6:.0f} MB of results",
+        *(f"warning: {text}" for text in found.warnings),
+        *(f"not checked: {text}" for text in found.skipped),
+    ]
 
 
 def failure_lines(outcome: SuiteOutcome) -> list[str]:
@@ -93,6 +98,16 @@ def _time_error(attrs: Mapping[str, object]) -> str:
     return f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}), by refining the step"
 
 
+def _of_the_run(attrs: Mapping[str, object]) -> str:
+    """State what `romdam check` leaves to the run: convergence, the ledger, the start."""
+    residual, ledger = (attrs.get(f"solver_{name}") for name in ("largest_residual", "ledger_imbalance"))
+    told = [
+        "" if residual is None else f"every step converged, residual at most {float(str(residual)):.2g}",
+        "" if ledger is None else f"energy ledger closed within {float(str(ledger)):.2g} of the energy",
+    ]
+    return "; ".join(filter(None, told)) or "not stated by the version that wrote it"
+
+
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """Describe a result: its kind, its making, and its known error."""
     from romdam.error.statement import sentences
@@ -111,6 +126,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"solved         {attrs.get('integrator')}: {attrs.get('solver_steps', 0):.0f} steps, "
         f"{cpu:.3g} s CPU in the time loop",
         f"time stepping  {_time_error(attrs)}",
+        f"not in `check` {_of_the_run(attrs)}",
         f"written        {attrs['date_created']} by {attrs['source']}",
         f"error          {stated.pop('verification', _NOT_STATED)}",
         *([f"stress         {attrs['stress_statement']}"] if "stress_statement" in attrs else []),

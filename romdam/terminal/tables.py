@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from romdam.config.quantities import to_si
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -131,11 +133,11 @@ def measured_table(dataset: xr.Dataset) -> Table:
 
 
 def check_tables(found: Check) -> list[Table]:
-    """Blocks, joints and records of a job that was checked."""
+    """Blocks, joints, ties and records of a job that was checked."""
     blocks = _table(
         "Blocks",
         ("block", "element"),
-        ("nodes", "cells", "free DOFs", "retained", "modes", "Hz (open joints)"),
+        ("nodes", "cells", "free DOFs", "retained DOFs", "modes", "joints open [Hz]"),
     )
     for name, block in found.blocks.items():
         lowest = block.get("frequencies_hz", [])
@@ -145,18 +147,29 @@ def check_tables(found: Check) -> list[Table]:
             for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")
         )
         blocks.add_row(name, str(block["element"]), *map(str, counts), shown)
-    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction", "water [N]"))
+    joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction [-]", "water [N]"))
     for name, joint in found.joints.items():
         joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
+    ties = _table("Ties", ("tie", "between"), ("nodes", "discretization"))
+    for name, tie in found.ties.items():
+        ties.add_row(name, *map(str, tie.values()))
     records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))
     for name, record in found.records.items():
         records.add_row(name, *(f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()))
-    return [blocks, joints, records]
+    return [blocks, joints, *([ties] if found.ties else []), records]
+
+
+def _scale_unit(summary: xr.Dataset) -> tuple[str, float]:
+    """Heading of what records are scaled by, or to, and the unit of its numbers."""
+    units = str(summary.scale.attrs.get("units", "1"))
+    if units == "1":
+        return "scale factor", 1.0
+    return ("scaled to [g]", to_si("1 g", "m/s^2")) if units == "m s-2" else (f"scaled to [{units}]", 1.0)
 
 
 def suite_table(summary: xr.Dataset) -> Table:
     """Peaks of a suite: a row for each joint and scale, over all records and samples."""
-    what = "scale" if summary.scale.attrs.get("units") == "1" else f"scaled to [{summary.scale.units}]"
+    what, unit = _scale_unit(summary)
     table = _table("Suite", ("joint", what), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed"))
     failed = (summary.status > 0).sum(("record", "sample"))
     for joint in summary.joint.values if "peak_opening" in summary else ():
@@ -164,7 +177,7 @@ def suite_table(summary: xr.Dataset) -> Table:
             peaks = 1e3 * summary.peak_opening.sel(joint=joint).isel(scale=k)
             shares = (f"{float(peaks.quantile(share)):.2f}" for share in (0.5, 0.84, 1.0))
             bad = int(failed.isel(scale=k))
-            table.add_row(str(joint), f"{scale:g}", str(peaks.size - bad), *shares, str(bad))
+            table.add_row(str(joint), f"{float(scale) / unit:.4g}", str(peaks.size - bad), *shares, str(bad))
     return table
 
 

@@ -22,6 +22,7 @@ class ViscousConfig(Model):
     block: str
     """A name of `blocks`, with mass."""
     faces: Annotated[tuple[FaceRef, ...], Field(min_length=1)]
+    """Names of faces of the block, or planes."""
     distance: Annotated[Length, Field(gt=0.0)] | None = None
     """Of the faces from the dam; if not given, from the middle of the foot of what stands on the rock."""
 

@@ -20,7 +20,6 @@ from romdam.config.quantities import (
     Memory,
     Pressure,
     Time,
-    Whole,
 )
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
@@ -34,9 +33,10 @@ from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import ElementName, NodeConfig, Vector
 from romdam.config.sections.stress import StressConfig
+from romdam.config.sections.study import Modes, ResidualVectors, StudyConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.supports import SupportConfig, refuse_wrong_motions
-from romdam.config.sections.transient import ModalName, TransientConfig
+from romdam.config.sections.transient import TransientConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, shown
 from romdam.core.integrators import INTEGRATORS
@@ -54,8 +54,9 @@ class MaterialConfig(Model):
     nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
     """Poisson's ratio."""
     rho: Annotated[Density, Positive]
-    """Density."""
+    """Density of the material."""
     expansion: Annotated[Expansion, NonNegative] = 0.0
+    """Coefficient of linear thermal expansion."""
 
 
 class BoxConfig(Model):
@@ -72,7 +73,9 @@ class BoxConfig(Model):
         Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
         by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
     ]
+    """Of all edges, or of those along x, y and z; it divides the box."""
     element: ElementName = "hex8"
+    """Shape and order of the elements."""
 
 
 class BlockConfig(Model):
@@ -86,7 +89,9 @@ class BlockConfig(Model):
     material: str
     """A name of `materials`."""
     mass: bool = True
+    """Whether it has mass; without, it is stiff only."""
     weight: bool = True
+    """Whether gravity acts on it."""
     box: BoxConfig | None = None
     mesh: MeshFileConfig | None = None
     matrices: MatricesConfig | None = None
@@ -115,9 +120,9 @@ class RayleighConfig(Model):
     ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
     """Of critical damping."""
     alpha: Annotated[AngularFrequency, NonNegative] | None = None
-    """Of the mass."""
+    """Coefficient of the mass matrix."""
     beta: Annotated[Time, NonNegative] | None = None
-    """Of the stiffness."""
+    """Coefficient of the stiffness matrix."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -160,8 +165,6 @@ class DampingConfig(Model):
         return any(ratios) or (r is not None and bool(r.ratio or r.alpha or r.beta))
 
 
-Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
-ResidualVectors = Annotated[Whole, Field(ge=0, le=1000)]
 ModeCount = Annotated[
     Annotated[Modes, Tag("number")] | Annotated[Literal["all", "auto"], Tag("word")],
     by_shape('a number of modes per block such as 60, "all" or "auto"', "all", "auto"),
@@ -180,13 +183,17 @@ class ModelConfig(Model):
     """
 
     order: Literal["reduced", "full"] = "reduced"
-    """`full` keeps the unreduced mesh."""
+    """Whether blocks are reduced; `full` keeps the unreduced mesh."""
     modes: ModeCount | None = None
     """Fixed-interface modes of each block."""
     cutoff: Annotated[Frequency, Positive] | None = None
+    """Frequency up to which fixed-interface modes are kept, in place of `modes`."""
     residual_vectors: ResidualVectors = 0
+    """So many lowest open-joint modes of a block each add what they leave unbalanced to its basis."""
     solver: Literal["auto", "superlu", "multifrontal", "pardiso", "pardiso_single", "multigrid"] = "auto"
+    """What large blocks are reduced with; auto: the quickest that is installed and fits in the memory."""
     memory: Annotated[Memory, Positive] | None = None
+    """Most that a reduction may take; four fifths of the machine's if not given."""
 
     @model_validator(mode="after")
     def _basis(self) -> Self:
@@ -204,30 +211,13 @@ class OutputsConfig(Model):
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     stress: StressConfig | None = None
     output_interval: Annotated[Time, Positive] | None = None
+    """Between two rows of the histories; the record's own step if not given."""
     plots: bool = True
     """Whether figures are drawn beside each result, and the page of several runs."""
     xlsx: bool = False
     """Whether the summary of several runs is written as a spreadsheet too (needs the extra `xlsx`)."""
     error_estimate: bool = True
-
-
-class StudyConfig(Model):
-    """Settings that `romdam study` sweeps, and what it compares with.
-
-    Every combination of `modes` (a block), `residual_vectors`, `integrators` and `finest_steps` (1/4 to 1/32
-    of the record's step if not given) is timed over the whole record and compared over `duration`, with all
-    modes of the mesh or the full order at `reference_step` (1/16 of the finest step if not given).
-    """
-
-    modes: Annotated[tuple[Modes, ...], Field(min_length=1)] = (20, 60)
-    residual_vectors: Annotated[tuple[ResidualVectors, ...], Field(min_length=1)] = (0, 10)
-    integrators: Annotated[tuple[ModalName, ...], Field(min_length=1)] = ("modal", "adaptive")
-    finest_steps: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
-    reference: Literal["auto", "all_modes", "full"] = "auto"
-    reference_step: Annotated[Time, Positive] | None = None
-    duration: Annotated[Time, Positive] = 10.0
-    repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
-    """Runs of each setting, whose median CPU time is told."""
+    """Whether every result says how far the modes left out have moved it."""
 
 
 class Config(Model):
@@ -249,6 +239,7 @@ class Config(Model):
     water: WaterConfig | None = None
     damping: DampingConfig = DampingConfig()
     records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
+    """Ground motions, or where they come from; each is a run."""
     model: ModelConfig
     transient: TransientConfig
     outputs: OutputsConfig = OutputsConfig()

@@ -34,7 +34,7 @@ def _per_gap(unit: str) -> type[Model]:
     """A stiffness of each gap, whatever its tributary area."""
     stiffness: Any = Annotated[in_unit(unit), Field(ge=0.0)]
     text = "The stiffness of one gap, whatever its area."
-    return create_model("PerGap", __base__=Model, __doc__=text, per_gap=(stiffness, ...))
+    return create_model("PerGap", __base__=Model, __doc__=text, per_gap=(stiffness, Field(description=text)))
 
 
 def annotation(parameter: Parameter) -> Any:
@@ -68,14 +68,15 @@ def fields(law: type[Law], optional: bool = True) -> dict[str, Any]:
     ----------
     optional : whether a joint may leave out what has no default, and then has not got the law
     """
-    keys = {}
+    keys: dict[str, Any] = {}
     for p in law.parameters:
+        text = p.meaning or None
         if p.default is not None:
-            keys[p.name] = _type(p), p.default
+            keys[p.name] = _type(p), Field(p.default, description=text)
+        elif law.section or p.required or not optional:
+            keys[p.name] = _type(p), Field(description=text)
         else:
-            keys[p.name] = (
-                (_type(p), ...) if law.section or p.required or not optional else (_type(p) | None, None)
-            )
+            keys[p.name] = _type(p) | None, Field(None, description=text)
     if not law.section:
         return keys
     options: dict[str, Any] = {"__base__": LawSection, "__doc__": law.__doc__, **keys}
@@ -95,9 +96,13 @@ class UserLaw(Model):
     """
 
     name: str
+    """Module and class, as module.Class."""
     sha256: str
+    """SHA-256 of the file."""
     file: str = Field(exclude=True)
+    """Where it is read."""
     values: dict[str, Any]
+    """Values of the law's own keys."""
 
     @property
     def source(self) -> LawSource:

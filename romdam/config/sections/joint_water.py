@@ -70,7 +70,7 @@ class JointWaterConfig(Model):
     crack: Literal["unchanged", "full"] = "unchanged"
     """What an open gap has: the diagram's pressure too (USACE, FERC), or at once that of `level` (ICOLD)."""
     density: Annotated[Density, Positive] = 1000.0
-    """Of the water."""
+    """Density of the water."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -25,6 +25,7 @@ class GapTable(Model):
     """Initial gap from a CSV file with columns x, y, z, gap in metres, linear between its points."""
 
     table: Path
+    """CSV file with columns x, y, z and gap in metres."""
 
 
 InitialGap = Annotated[
@@ -46,9 +47,14 @@ class JointProperties(JointLaws):
 
     law: tuple[UserLaw, ...] = ()
     gap: InitialGap = 0.0
+    """Initial opening: a length, or a table of lengths."""
     gaps: Literal["nodes", "corners"] = "nodes"
+    """Where gaps stand: at every node of the faces, or at corners of quadratic facets only."""
     normal: NormalRule = "face"
+    """Direction in which gaps open: the face's, the line between two nodes, or a vector from the first
+    block to the second."""
     tolerance: Tolerance = 1e-3
+    """How far apart two nodes may be that coincide, beside the initial gap."""
     discretization: Discretization = "auto"
     """Gaps between coinciding nodes, or at corners of faces coupled by mortar, which need not match; auto:
     node to node where nodes of linear faces coincide or `gaps: corners` asks for it, else mortar."""
@@ -116,6 +122,7 @@ class JointConfig(JointProperties):
     """Gap elements between the faces of two blocks that lie on each other."""
 
     between: tuple[str, str]
+    """Names of the two blocks; slip and opening are those of the second against the first."""
 
     @model_validator(mode="after")
     def _two_blocks(self) -> Self:
@@ -127,7 +134,9 @@ class TieConfig(Model):
     """Two blocks whose faces that lie on each other are one: a merged interface."""
 
     between: tuple[str, str]
+    """Names of the two blocks."""
     tolerance: Tolerance = 1e-3
+    """How far apart two nodes may be that coincide."""
     discretization: Discretization = "auto"
     """Coinciding nodes are one, or by mortar those of one face follow the other, whose mesh need not match;
     auto: mortar where nodes do not coincide."""

@@ -21,6 +21,7 @@ class PressureConfig(Model):
     block: str
     """A name of `blocks`."""
     face: FaceRef
+    """Name of a face of the block, or a plane."""
     value: Pressure
     """Positive into the block."""
 
@@ -42,9 +43,10 @@ class HydrostaticConfig(Model):
     """Pressure rho g (level - z) of still water below `level`; g is 9.81 m/s2 where no gravity is given."""
 
     level: Length
+    """Elevation of the water, along z."""
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
     density: Annotated[Density, Positive] = 1000.0
-    """Of the water."""
+    """Density of the water."""
 
 
 class TemperatureConfig(Model):
@@ -63,13 +65,17 @@ class LoadsConfig(Model):
     """
 
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
+    """Acceleration that makes weight, for example [0, 0, -9.81]."""
     weight: Literal["monolithic", "staged"] = "monolithic"
+    """Whether it acts on the finished dam, or before the joints are grouted (staged: they carry none of
+    it)."""
     hydrostatic: tuple[HydrostaticConfig, ...] = ()
     temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
     joint_water: tuple[JointWaterConfig, ...] = ()
     initial_state: Literal["static", "undeformed"] = "static"
+    """What a run starts from: equilibrium of the static loads, or no displacement at all."""
 
     @model_validator(mode="after")
     def _wet_once(self) -> Self:

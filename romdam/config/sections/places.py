@@ -31,7 +31,9 @@ class PlaneRef(Model):
     """All boundary facets of a block in the plane `axis` = `at`."""
 
     axis: Axis
+    """That the plane is normal to."""
     at: Length
+    """Coordinate of the plane along it."""
     tolerance: Tolerance = 1e-6
     """Distance from the plane that counts as on it."""
 
@@ -48,6 +50,7 @@ class BlockFace(Model):
     block: str
     """A name of `blocks`."""
     face: FaceRef
+    """Name of a face of the block, or a plane."""
 
 
 class NodeConfig(Model):

@@ -46,10 +46,12 @@ class StressConfig(Model):
     """
 
     blocks: BlockNames = ()
+    """Names of `blocks` at whose nodes envelopes and worst fields are written, or all."""
     faces: tuple[BlockFace, ...] = ()
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     sections: dict[Name, SectionConfig] = Field(default_factory=dict)
     strength: Annotated[Pressure, Field(gt=0.0)] | None = None
+    """Tensile strength of the concrete, which stresses are compared with."""
     ring: RingConfig = RingConfig()
 
     @model_validator(mode="after")

@@ -47,6 +47,8 @@ class ParameterConfig(Model):
     """
 
     path: Annotated[str, Field(min_length=1)]
+    """Where the number stands in this file, such as joints.J3.friction, or joints.*.friction for all
+    joints."""
     values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
     """All values, for the grid."""
     low: NumberOrText | None = None
@@ -54,6 +56,7 @@ class ParameterConfig(Model):
     high: NumberOrText | None = None
     """Largest value of a range."""
     count: Annotated[Whole, Field(ge=2, le=MOST_RUNS)] | None = None
+    """Makes the range a row of so many values, for the full grid."""
     distribution: Literal["uniform", "loguniform"] = "uniform"
     """Of a Latin hypercube, within the range."""
 
@@ -81,13 +84,14 @@ class DesignTableConfig(Model):
     """Samples from a CSV file: a column for each parameter, a row for each sample, SI or with units."""
 
     table: Path
-    """The file."""
+    """CSV file with a column for each parameter."""
 
 
 class KeepConfig(Model):
     """Histories at an interval, in single precision unless asked otherwise."""
 
     output_interval: Annotated[Time, Positive]
+    """Between two rows of the histories."""
     precision: Literal["single", "double"] = "single"
     """Of the histories."""
 
@@ -104,6 +108,7 @@ class SuiteConfig(Model):
     """
 
     scales: Annotated[tuple[Annotated[Dimensionless, Positive], ...], Field(min_length=1)] = (1.0,)
+    """Factors on the records, each a run."""
     intensities: IntensityConfig | None = None
     parameters: Annotated[dict[Parameter, ParameterConfig], Field(max_length=100)] = Field(
         default_factory=dict
@@ -113,14 +118,20 @@ class SuiteConfig(Model):
         | Annotated[LatinHypercubeConfig | DesignTableConfig, Tag("mapping")],
         by_shape('"grid", {latin_hypercube: 100, seed: 1}, or {table: samples.csv}', "grid"),
     ] = "grid"
+    """How samples are made of the parameters: the full grid of values, a Latin hypercube, or a table."""
     keep: Annotated[
         Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
         by_shape('"peaks", "full", or {output_interval: 0.05 s}', "peaks", "full"),
     ] = "peaks"
+    """What lands beside the summary: nothing, whole results, or histories at an interval."""
     period: Annotated[Time, Positive] = 0.3
+    """Of the spectral acceleration among the records' measures."""
     of: Of = "largest"
+    """What of the components the records' measures are of."""
     batch: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
+    """Runs that are integrated together; as the memory allows if not given."""
     cache: Path | None = None
+    """Folder of reduced blocks; OUT/cache if not given."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -44,6 +44,7 @@ class SupportConfig(Model):
     block: str
     """A name of `blocks`."""
     face: FaceRef
+    """Name of a face of the block, or a plane."""
     fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
     """Components that do not move against the base."""
     motion: SupportMotionConfig | None = None

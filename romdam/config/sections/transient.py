@@ -56,6 +56,8 @@ class TransientConfig(Model):
     duration: Annotated[Time, Positive] | None = None
     """Ends a run before its record does."""
     integrator: IntegratorName | None = None
+    """Name of the time stepping; if not given adaptive with damping, conserving without any, and
+    generalized_alpha at full order. modal has a fixed step."""
     rho_inf: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 0.9
     """Spectral radius at infinite frequency (generalized_alpha)."""
     tolerance: Annotated[Dimensionless, Field(ge=1e-14, le=1e-6)] = 1e-8

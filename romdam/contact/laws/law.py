@@ -48,6 +48,7 @@ class Parameter:
     rigid : whether it may be the word "rigid", which is infinite
     default : what a joint has that does not say; None where it then has not got the law
     required : whether every joint must say; of a section all that has no default must be there with it
+    meaning : a sentence, for the manual and for editors; the law's own if empty
     """
 
     name: str
@@ -61,6 +62,7 @@ class Parameter:
     rigid: bool = False
     default: Any = None
     required: bool = False
+    meaning: str = ""
 
     def entries(self, value: Any, area: float) -> tuple[float, ...]:
         """Its entries for a gap of this tributary area [m2]."""

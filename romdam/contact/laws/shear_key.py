@@ -18,7 +18,10 @@ class ShearKey(Law):
     """
 
     section = "shear_key"
-    parameters = (Parameter("depth", "m", above=True), Parameter("directions", "axes", default=("j", "k")))
+    parameters = (
+        Parameter("depth", "m", above=True, meaning="Opening from which the keys let the joint slide."),
+        Parameter("directions", "axes", default=("j", "k"), meaning="Local axes along which they hold."),
+    )
     memory = ("out",)
     shear = True
 

@@ -25,9 +25,9 @@ class VelocityFriction(Law):
 
     section = "velocity_friction"
     parameters = (
-        Parameter("mu_s", "", most=2.0),
-        Parameter("mu_d", "", most=2.0),
-        Parameter("v_c", "m/s", above=True),
+        Parameter("mu_s", "", most=2.0, meaning="Coefficient of friction at rest."),
+        Parameter("mu_d", "", most=2.0, meaning="Coefficient of friction of fast sliding."),
+        Parameter("v_c", "m/s", above=True, meaning="Velocity over which friction falls."),
     )
     memory = ("rate",)
     shear = True

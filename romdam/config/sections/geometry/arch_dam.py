@@ -26,7 +26,7 @@ class Polynomial(Model):
     """c_0 + c_1 z + c_2 z^2 + ... with z the elevation; SI."""
 
     polynomial: Annotated[tuple[Dimensionless, ...], Field(min_length=1)]
-    """c_0, c_1, ... from the lowest power."""
+    """Coefficients c_0, c_1, ... from the lowest power."""
 
 
 Profile = Annotated[
@@ -41,7 +41,9 @@ class CrownConfig(Model):
     """The crown cantilever over the elevation: y of the upstream face, and the thickness."""
 
     upstream: Profile = 0.0
+    """Coordinate y of the upstream face over the elevation."""
     thickness: Profile
+    """Thickness over the elevation."""
 
 
 class ArcsConfig(Model):
@@ -54,8 +56,12 @@ class ArcsConfig(Model):
     shape: Literal["circular", "parabolic"] = "circular"
     """Of a horizontal section."""
     upstream_radius: Profile
+    """Radius of the upstream face at the crown, over the elevation."""
     downstream_radius: Profile | None = None
+    """The same of the downstream face; concentric if not given."""
     thickening: Annotated[Dimensionless, Field(ge=0.0, le=5.0)] = 0.0
+    """Part of the thickness that is added at the abutment, growing with the square of the angle from the
+    crown."""
 
 
 class PerimeterConfig(Model):
@@ -76,14 +82,15 @@ class ZoneConfig(Model):
     material: str
     """A name of `materials`."""
     x: Range | None = None
-    """Range of the zone; everything if not given."""
+    """Range of the zone along x; everything if not given."""
     y: Range | None = None
-    """The same."""
+    """Range of the zone along y; everything if not given."""
     z: Range | None = None
-    """The same."""
+    """Range of the zone along z; everything if not given."""
     mass: bool = True
     """Without it the rock is stiff only."""
     weight: bool = False
+    """Whether gravity acts on it; that of rock has acted before the dam is built."""
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:
@@ -106,11 +113,11 @@ class RockConfig(Model):
     half_width: Size
     """From the middle to the banks' ends."""
     upstream: Size
-    """From y = 0."""
+    """How far the rock reaches upstream of y = 0."""
     downstream: Size
-    """From y = 0."""
+    """How far the rock reaches downstream of y = 0."""
     depth: Size
-    """From z = 0."""
+    """How far the rock reaches below z = 0."""
     zones: Annotated[dict[Name, ZoneConfig], Field(min_length=1, max_length=9)]
     boundary: Literal["fixed", "viscous"] = "fixed"
     """What the base and the sides do."""
@@ -149,6 +156,7 @@ class DivisionsConfig(Model):
     downstream: Count = 3
     """Rows of rock downstream."""
     growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
+    """Ratio of neighbouring sizes in the rock."""
 
 
 class ArchDamConfig(Model):
@@ -170,12 +178,15 @@ class ArchDamConfig(Model):
     crown: CrownConfig
     arcs: ArcsConfig
     valley: Points
+    """Half-width of the valley at elevations, elevation first."""
     abutment_height: Size
     """Height of the vertical ends of the valley's walls below the crest."""
     cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
     """Number of cantilevers, a joint between each two."""
     material: str
+    """Of the cantilevers, a name of `materials`."""
     element: GridElement = "tet10"
+    """Shape and order of the elements."""
     divisions: DivisionsConfig = DivisionsConfig()
     perimeter: PerimeterConfig | None = None
     rock: RockConfig | None = None
@@ -183,6 +194,7 @@ class ArchDamConfig(Model):
         Annotated[JointProperties, Tag("mapping")] | Annotated[Literal["tied"], Tag("word")],
         by_shape("what the joints do, such as {normal_stiffness: 20 GPa/m}, or tied", "tied"),
     ]
+    """What the joints between the cantilevers do; `tied`: there are none."""
 
     @model_validator(mode="after")
     def _heights(self) -> Self:

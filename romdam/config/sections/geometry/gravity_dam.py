@@ -46,11 +46,11 @@ class GalleryConfig(Model):
     """A rectangular opening along all monoliths that stand below it; a row and columns of elements less."""
 
     floor: Length
-    """Elevation."""
+    """Elevation of the floor."""
     height: Size
     """From its floor to its roof."""
     upstream: Length
-    """y of its upstream wall."""
+    """Coordinate y of its upstream wall."""
     width: Size
     """From there downstream."""
 
@@ -112,6 +112,7 @@ class GravityDivisionsConfig(Model):
     banks: Count = 3
     """Rows of rock to the left and to the right."""
     growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
+    """Ratio of neighbouring sizes in the rock."""
 
 
 class GravityDamConfig(Model):
@@ -138,6 +139,7 @@ class GravityDamConfig(Model):
     material: str
     """Of the monoliths."""
     element: GridElement = "hex8"
+    """Shape and order of the elements."""
     divisions: GravityDivisionsConfig = GravityDivisionsConfig()
     rock: FoundationConfig | None = None
     joints: MonolithJointsConfig

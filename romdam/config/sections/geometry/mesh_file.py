@@ -13,7 +13,8 @@ class MeshFileConfig(Model):
     """A block read from a mesh file; the physical groups of its facets become its faces."""
 
     file: Path
-    """gmsh .msh, MED .med, I-deas .unv, code_aster .mail, ANSYS .cdb, Nastran .bdf, Abaqus .inp or .vtu."""
+    """Mesh file: gmsh .msh, MED .med, I-deas .unv, code_aster .mail, ANSYS .cdb, Nastran .bdf, Abaqus .inp or
+    .vtu."""
     group: str | Whole | None = None
     """Group, set or component (or a number) of the cells; all of them where it is left out."""
     unit: LengthUnit = "m"

@@ -18,6 +18,7 @@ class MeanStep(Model):
 
     step: Literal["mean"] = "mean"
     until: Annotated[Time, Positive] | Literal["onset"] | None = None
+    """Time, or the picked onset, up to which the mean is taken; that of all samples if not given."""
 
 
 class DetrendStep(Model):
@@ -39,7 +40,7 @@ class TaperStep(Model):
     length: Annotated[Time, Positive] | None = None
     """The same as a time."""
     side: Literal["both", "start", "end"] = "both"
-    """Where."""
+    """Where it tapers."""
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:
@@ -62,12 +63,15 @@ class CornersStep(Model):
     highpass: Annotated[Frequency, Positive] | None = None
     """Corner of the high-pass."""
     lowpass: Annotated[Frequency, Positive] | None = None
+    """Corner of the low-pass; for snr the highest that it may be."""
     lowest: Annotated[Frequency, Positive] = 0.001
     """Least high-pass that ridder tries."""
     highest: Annotated[Frequency, Positive] = 0.5
     """Largest high-pass that ridder tries."""
     target: Annotated[Dimensionless, Positive] = 0.02
+    """Drift of the displacement that ridder leaves, of its largest value."""
     threshold: Annotated[Dimensionless, Positive] = 3.0
+    """Ratio of signal to noise before the onset, which snr asks for."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -100,6 +104,7 @@ class PadStep(Model):
     order: Order = 5
     """Of the filter that follows."""
     length: Annotated[Time, Positive] | None = None
+    """Of the zeros on each side; 1.5 order / corner seconds if not given."""
 
 
 class ButterworthStep(Model):
@@ -138,6 +143,7 @@ class VelocityBaselineStep(Model):
 
     step: Literal["velocity_baseline"] = "velocity_baseline"
     knots: tuple[Annotated[Time, Positive], ...] = ()
+    """Times at which the velocity bends."""
     """Times at which the velocity bends."""
 
 

@@ -94,13 +94,13 @@ class ScaleConfig(Model):
     z: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
     """Of this component alone."""
     pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
-    """Wanted peak."""
+    """Wanted peak ground acceleration."""
     sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
     """Wanted spectral acceleration."""
     period: Annotated[Time, Field(gt=0.0)] | None = None
-    """Of it."""
+    """Period of the wanted spectral acceleration."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
-    """Of it."""
+    """Damping of the wanted spectral acceleration."""
     of: Of = "largest"
     """What of the components reaches `pga` or `sa`."""
     to: Literal["target"] | None = None
@@ -163,9 +163,13 @@ class RecordConfig(Model):
     """
 
     file: Path | None = None
+    """Path of a record file."""
     files: str | None = None
+    """A folder of record files, or a pattern such as records/*.AT2."""
     manifest: Path | None = None
+    """A table of records (CSV or YAML), a row for each."""
     suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
+    """A set of FEMA P-695, from the extra `suites`."""
     name: Annotated[str, Field(pattern=r"^[\w.+-]+$"), OfFile] | None = None
     """Of the result; the file's if not given."""
     unit: str | None = None
@@ -178,17 +182,22 @@ class RecordConfig(Model):
     """StationXML file with the instrument's response."""
     components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
     x_azimuth: Degrees | None = None
+    """Azimuth of the model's x, from north to east; channels are rotated there by the azimuths in their
+    files."""
     group: Literal["file", "station"] = "file"
+    """Whether each file is a record, or the files of one station and event are."""
     gaps: Literal["error", "zero", "linear"] = "error"
     """What missing samples are: refused, zeros, or lines between their neighbours."""
     align: Literal["error", "overlap"] = "overlap"
     """Channels that do not start and end together: refused, or cut to what they share."""
     correction: Correction = ()
+    """A chain by its name, or steps that are applied in order; none if not given."""
     resampling: Literal["linear", "fourier"] = "linear"
     """How samples between the record's own are made."""
     scale: ScaleConfig | None = None
     target: TargetConfig | None = None
     select: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
+    """So many of the entry's records are taken, those nearest to its `target`."""
     match: MatchConfig | None = None
     keep: dict[str, RangeConfig] = Field(default_factory=dict)
 

@@ -1,0 +1,213 @@
+"""What commands say as one JSON object: keys that stay, units in their names, null for no number."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import romdam
+from romdam.error.statement import sentences
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from romdam.pipelines.check import Check
+    from romdam.pipelines.error.certify import Certified
+    from romdam.pipelines.error.two_results import TwoResults
+    from romdam.reduction.storage.user_cache import Entry
+
+Document = dict[str, Any]
+
+_OF_A_BLOCK = {  # attribute of a check -> key
+    "element": "element",
+    "nodes": "nodes",
+    "cells": "cells",
+    "free_dofs": "free_dofs",
+    "part": "part",
+    "retained_dofs": "retained_dofs",
+    "fixed_interface_modes": "fixed_interface_modes",
+    "frequencies_hz": "frequencies_open_Hz",
+}
+_IN_SI = {  # of a certificate -> key
+    "peak_opening": "peak_opening_m",
+    "peak_opening_corrected": "peak_opening_corrected_m",
+    "windows": "windows_s",
+}
+_OF_A_JOINT = {  # variable of a result -> key
+    "peak_opening": "peak_opening_m",
+    "peak_opening_time": "peak_opening_time_s",
+    "peak_compressive_stress": "peak_compressive_stress_Pa",
+    "peak_slip": "peak_slip_m",
+    "estimated_error_l2": "estimated_error_l2",
+    "estimated_error_peak": "estimated_error_peak",
+}
+
+
+def print_document(command: str, document: Document) -> None:
+    """Print an object with the version and the command in front.
+
+    Parameters
+    ----------
+    document : of plain values, numbers of NumPy and paths; what is not finite becomes null
+    """
+    whole = {"romdam": romdam.__version__, "command": command, **document}
+    print(json.dumps(_plain(whole), indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, str | bool | int | None):
+        return value
+    if hasattr(value, "tolist"):  # of NumPy
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Sequence):
+        return [_plain(one) for one in value]
+    return str(value)
+
+
+def check_document(found: Check, config: Path) -> Document:
+    """A job that was checked."""
+    return {
+        "configuration": config,
+        "valid": True,
+        "unknowns": found.unknowns,
+        "integration_s": found.seconds,
+        "memory_bytes": found.memory,
+        "results_bytes": found.file_size,
+        "frequencies_closed_Hz": found.closed_frequencies,
+        "blocks": {name: _renamed(_OF_A_BLOCK, block) for name, block in found.blocks.items()},
+        "joints": {
+            name: {
+                "between": str(joint["between"]).split(" - "),
+                "gaps": joint["gaps"],
+                "area_m2": joint["area"],
+                "friction": joint["friction"],
+                "water_N": joint["water"],
+            }
+            for name, joint in found.joints.items()
+        },
+        "ties": {
+            name: {**tie, "between": str(tie["between"]).split(" - ")} for name, tie in found.ties.items()
+        },
+        "records": {
+            name: {
+                "dt_s": record["dt"],
+                "duration_s": record["duration"],
+                "peak_acceleration_m_s2": record["peak_acceleration"],
+                "steps": record["steps"],
+            }
+            for name, record in found.records.items()
+        },
+        "without_factors": found.solvers,
+        "warnings": found.warnings,
+        "not_checked": found.skipped,
+    }
+
+
+def _renamed(names: Mapping[str, str], values: Mapping[str, object]) -> Document:
+    return {key: values.get(name) for name, key in names.items()}
+
+
+def info_document(dataset: xr.Dataset, path: Path) -> Document:
+    """A result."""
+    attrs = dataset.attrs
+    return {
+        "result": path,
+        "title": attrs["title"],
+        "record": attrs["record"],
+        "record_dt_s": attrs["record_dt"],
+        "record_peak_acceleration_m_s2": attrs["record_peak_acceleration"],
+        "configuration_file": attrs["configuration_file"],
+        "configuration_sha256": attrs["configuration_sha256"],
+        "order": attrs["model_order"],
+        "unknowns": attrs.get("unknowns"),
+        "basis_file": attrs.get("model_file"),
+        "sizes": dict(dataset.sizes),
+        "integrator": attrs.get("integrator"),
+        "steps": attrs.get("solver_steps"),
+        "finest_step_s": attrs["solver_finest_step"],
+        "time_loop_cpu_s": attrs.get("solver_loop_cpu_seconds"),
+        "largest_residual": attrs.get("solver_largest_residual"),
+        "ledger_imbalance": attrs.get("solver_ledger_imbalance"),
+        "estimated_time_error": attrs.get("solver_estimated_time_error"),
+        "accuracy": attrs.get("solver_accuracy"),
+        "joints": {str(name): _of_joint(dataset, name) for name in dataset.joint.values}
+        if "joint" in dataset
+        else {},
+        "error": sentences(attrs),
+        "error_estimate": _numbers(attrs, "error_estimate_"),
+        "certificate": _json(attrs, "certificate"),
+        "verification": _json(attrs, "verification"),
+        "warnings": json.loads(str(attrs.get("run_warnings", "[]"))),
+        "written": attrs["date_created"],
+        "by": attrs["source"],
+    }
+
+
+def _of_joint(dataset: xr.Dataset, joint: str) -> Document:
+    own = dataset.sel(joint=joint)
+    return {key: own[name].item() for name, key in _OF_A_JOINT.items() if name in own and not own[name].dims}
+
+
+def _numbers(attrs: Mapping[str, Any], prefix: str) -> Document:
+    found = {name.removeprefix(prefix): value for name, value in attrs.items() if name.startswith(prefix)}
+    return {name: value for name, value in found.items() if not isinstance(value, str)}
+
+
+def _json(attrs: Mapping[str, Any], name: str) -> Any:
+    """What an attribute holds as JSON; null where the result has none."""
+    return json.loads(str(attrs[name])) if str(attrs.get(name, "")).startswith("{") else None
+
+
+def certificate_document(found: Certified, result: Path) -> Document:
+    """An error that was certified; keys without a unit are those of the file that is written."""
+    stated = {_IN_SI.get(name, name): value for name, value in found.statement.document.items()}
+    return {**stated, "result": result, "written": [found.path]}
+
+
+def comparison_document(found: TwoResults, beyond: Sequence[str]) -> Document:
+    """Two results compared."""
+    dataset = found.dataset
+    first, second = dataset.variant.values.tolist()
+    return {
+        "first": first,
+        "second": second,
+        "from_s": dataset.time[0].item(),
+        "to_s": dataset.time[-1].item(),
+        "quantities": {
+            str(name): {
+                "places": one.places.item(),
+                "first_peak_m": one.peak.sel(variant=first).item(),
+                "second_peak_m": one.peak.sel(variant=second).item(),
+                "l2_difference": one.l2_difference.item(),
+                "peak_difference": one.peak_difference.item(),
+                "late_s": one.phase.item(),
+            }
+            for name in dataset["quantity"].values
+            for one in [dataset.sel(quantity=name)]
+        },
+        "beyond_tolerance": beyond,
+        "written": found.paths,
+    }
+
+
+def cache_document(found: Sequence[Entry], folder: Path, limit: float | None) -> Document:
+    """Reduced blocks that are kept; those that were removed where there is no limit."""
+    return {
+        "folder": folder,
+        "removed": limit is None,
+        "bytes": sum(entry.size for entry in found),
+        "limit_bytes": limit,
+        "blocks": [{"path": entry.path, "bytes": entry.size, "used": _utc(entry.used)} for entry in found],
+    }
+
+
+def _utc(seconds: float) -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds))

@@ -1,0 +1,129 @@
+"""The log of a run, a text file beside its results: what was asked, every stage, warnings, what came of it.
+
+Each line is written whole as it is told, so a run that is killed leaves the log so far.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import shlex
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import romdam
+from romdam.core.errors import RomdamError, WriteError
+from romdam.core.files import prepare_folder
+from romdam.core.threads import VARIABLES
+
+SAID = logging.getLogger("romdam.said")  # what a command has written to the terminal itself
+_STAMP = "%Y-%m-%dT%H:%M:%S%z"
+_LONGEST = 100  # characters of the configuration's name in that of the log
+_LIBRARIES = (
+    "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray", "pydantic", "obspy", "matplotlib", "scikit-fem",
+    "meshio", "pypardiso", "pyamg", "distributed", "pyvista",
+)  # fmt: skip
+
+
+class _Line(logging.Formatter):
+    """The time, and the level where it is more than information."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        level = f"{record.levelname}: " if record.levelno >= logging.WARNING else ""
+        return f"{self.formatTime(record, _STAMP)} {level}{super().format(record)}"
+
+
+class _File(logging.FileHandler):
+    """A file that takes no more, for a full disk, ends no run."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Write nothing from here on."""
+        self.setLevel(logging.CRITICAL + 1)
+
+
+@contextmanager
+def run_log(folder: Path, config: Path, exit_code: Callable[[BaseException], int]) -> Iterator[None]:
+    """Keep the log of the body in a new file of the folder, which is made if needed.
+
+    Parameters
+    ----------
+    config : the run's YAML file, whose name the log has, with the time
+    exit_code : of the command where the body ends with an error
+
+    Raises
+    ------
+    ResultError
+        where the folder takes no file.
+    """
+    path = _new_file(prepare_folder(folder), config.stem[:_LONGEST])
+    file, own, root = _File(path, encoding="utf-8"), logging.getLogger("romdam"), logging.getLogger()
+    file.setFormatter(_Line())
+    before = own.level, root.level
+    root.addHandler(file)
+    own.setLevel(logging.DEBUG)  # its begun stages; the terminal has a filter of its own
+    root.setLevel(min(root.level, logging.WARNING))
+    logging.captureWarnings(True)
+    begun, code = (time.perf_counter(), time.process_time()), 0
+    try:
+        for line in _head(config):
+            SAID.debug("%s", line)
+        yield
+    except BaseException as error:
+        code = exit_code(error)
+        if not hasattr(error, "exit_code"):  # else what is wrong is said already
+            SAID.error("%s", _what(error))
+        raise
+    finally:
+        wall, cpu = time.perf_counter() - begun[0], time.process_time() - begun[1]
+        SAID.debug("ended with exit code %d after %.2f s wall, %.2f s CPU", code, wall, cpu)
+        logging.captureWarnings(False)
+        own.setLevel(before[0])
+        root.setLevel(before[1])
+        root.removeHandler(file)
+        file.close()
+
+
+def _what(error: BaseException) -> str:
+    """What ended a run; of a mistake in the program all that is known."""
+    if isinstance(error, RomdamError) or not isinstance(error, Exception):
+        return str(error) or type(error).__name__
+    return traceback.format_exc().rstrip()
+
+
+def _new_file(folder: Path, name: str) -> Path:
+    """An empty file that nobody else writes into."""
+    stem = f"{name}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}"
+    for number in range(1, 1000):
+        path = folder / (f"{stem}.log" if number == 1 else f"{stem}-{number}.log")
+        try:
+            path.open("x").close()
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise WriteError(f"{path}: cannot be written ({error}); free the disk") from None
+        return path
+    raise WriteError(f"{folder / stem}: a thousand logs have this name; wait a second")
+
+
+def _head(config: Path) -> Iterator[str]:
+    """What is run, with what, where."""
+    yield f"romdam {romdam.__version__}, Python {platform.python_version()}, {platform.platform()}"
+    yield f"command: {shlex.join(['romdam', *sys.argv[1:]])}"
+    yield f"folder: {os.getcwd()}; configuration: {config.absolute()}"
+    threads = ", ".join(f"{name}={os.environ[name]}" for name in VARIABLES if name in os.environ)
+    yield f"process {os.getpid()}, {os.cpu_count()} cores{'; ' if threads else ''}{threads}"
+    yield f"libraries: {', '.join(_versions())}"
+
+
+def _versions() -> Iterator[str]:
+    for name in _LIBRARIES:
+        try:
+            yield f"{name} {version(name)}"
+        except PackageNotFoundError:
+            continue
