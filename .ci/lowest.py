@@ -1,4 +1,4 @@
-"""Print the lower bounds of pyproject.toml as a constraints file for pip, with those of the extras that are named."""
+"""Print the lower bounds of pyproject.toml, and of the extras that are named, as constraints for pip."""
 
 import re
 import sys
