@@ -1,4 +1,4 @@
-"""What is said twice of the package, said alike: versions, bounds of libraries, the links that a wheel must not need."""
+"""What is said twice of the package, said alike: version, bounds of libraries, Pythons, pictures."""
 
 import re
 import subprocess
