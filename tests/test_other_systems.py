@@ -55,8 +55,8 @@ def command(folder, *words):
 
 def test_a_record_is_checked_and_run(folder):
     assert "middle" in command(folder, "check", "small.yaml")
-    assert "middle" in command(folder, "run", "small.yaml", "--out", "first")
-    assert (folder / "first" / "shake.nc").exists()
+    assert "middle" in command(folder, "run", "small.yaml")
+    assert (folder / "results" / "shake.nc").exists()
 
 
 def test_a_suite_runs_in_one_process(folder):
