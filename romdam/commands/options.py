@@ -14,9 +14,9 @@ output were lost; 2 bad input (nothing was computed); 130 stopped by Ctrl-C, 143
 """
 
 
-def named_folder(text: str) -> Path:
-    """A folder that is named: an empty text would be the working directory."""
-    if not text.strip() or "\0" in text:
+def named_folder(text: str | Path) -> Path:
+    """A folder that is named: an empty text would be the working directory. A default is a path already."""
+    if not str(text).strip() or "\0" in str(text):
         raise typer.BadParameter("names no folder; write . for this one")
     return Path(text)
 
