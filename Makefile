@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow test-kernels fuzz bench peers campaign docs lint clean
+.PHONY: run test test-slow test-kernels lowest fuzz bench peers campaign docs lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -25,6 +25,20 @@ test-kernels: $(VENV)/.installed-dev
 	@for kernel in Haswell SkylakeX Sandybridge; do \
 	  echo "OPENBLAS_CORETYPE=$$kernel"; \
 	  OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -n $(JOBS) tests/contact tests/timestepping || exit 1; done
+
+# The lowest versions that pyproject.toml allows: an example from nothing, and what meets libraries most.
+lowest: $(VENV)-lowest/.installed
+	@mkdir -p $(OUT)/lowest
+	cd $(OUT)/lowest && $(CURDIR)/$(VENV)-lowest/bin/romdam init two_cantilevers
+	cd $(OUT)/lowest && $(CURDIR)/$(VENV)-lowest/bin/romdam run two_cantilevers.yaml --out results
+	$(VENV)-lowest/bin/python -m pytest -q -n $(JOBS) tests/config tests/records tests/results tests/test_examples.py
+
+$(VENV)-lowest/.installed: pyproject.toml .ci/lowest.py | $(VENV)/bin/python
+	$(PYTHON) -m venv $(VENV)-lowest
+	$(BIN)/python .ci/lowest.py dev suites > $(VENV)-lowest/constraints.txt
+	$(VENV)-lowest/bin/python -m pip install -q --disable-pip-version-check --only-binary :all: --no-binary romdam \
+	  -c $(VENV)-lowest/constraints.txt -e ".[dev,suites]"
+	@touch $@
 
 # Damaged records, meshes, configurations, caches, results, suites and disks, seeded: some minutes.
 fuzz: $(VENV)/.installed-dev

@@ -216,8 +216,10 @@ def test_every_room_is_packaged():
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / "romdam").rglob("*.py")}
     folders |= {Path("romdam") / path.parent.relative_to(ROOT) for path in (ROOT / "pipelines").rglob("*.py")}
     expected = {".".join(folder.parts) for folder in folders}
-    assert set(settings["packages"]) == expected, "a wheel would lack what is not listed"
-    assert settings["package-dir"] == {"romdam.pipelines": "pipelines"}
+    elsewhere = {f"romdam.examples.{one}": one for one in ("configs", "data")}
+    elsewhere["romdam.pipelines"] = "pipelines"
+    assert set(settings["packages"]) == expected | elsewhere.keys(), "a wheel would lack what is not listed"
+    assert settings["package-dir"] == elsewhere
 
 
 NUMERICAL = {"numpy", "scipy", "numba"}

@@ -10,7 +10,6 @@ import logging
 import os
 import re
 import socket
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -28,6 +27,11 @@ from romdam.results.suite.journal import JOURNAL, read_rows, rewrite_rows
 from romdam.results.suite.report_data import DATA
 from romdam.results.suite.rows import Row
 from romdam.results.suite.summary import DESIGN, RUNS_FOLDER, SUMMARY
+
+try:
+    import fcntl
+except ImportError:  # Windows: nothing keeps a second suite from the folder
+    fcntl = None  # type: ignore[assignment]
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +59,7 @@ def suite_lock(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise ResultError(f"{folder / LOCK}: cannot be written ({error}); choose another folder") from error
     with file:
-        if sys.platform != "win32":
+        if fcntl is not None:
             _hold(file.fileno(), folder)
         when = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
         with suppress(OSError):  # a full disk: nobody can read who holds the lock, but it is held
@@ -64,20 +68,17 @@ def suite_lock(folder: Path) -> Iterator[None]:
         yield
 
 
-if sys.platform != "win32":
-    import fcntl
-
-    def _hold(descriptor: int, folder: Path) -> None:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.pread(descriptor, _HELD, 0).decode(errors="replace") or "a process that just began"
-            raise ResultError(
-                f"{folder}: another suite is at work there, {holder}; wait for its end, stop it, or choose "
-                "another folder"
-            ) from None
-        except OSError as error:  # a disk of a network that knows no locks
-            log.warning("%s: cannot be locked (%s); start no second suite there", folder, error)
+def _hold(descriptor: int, folder: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        holder = os.pread(descriptor, _HELD, 0).decode(errors="replace") or "a process that just began"
+        raise ResultError(
+            f"{folder}: another suite is at work there, {holder}; wait for its end, stop it, or choose "
+            "another folder"
+        ) from None
+    except OSError as error:  # a disk of a network that knows no locks
+        log.warning("%s: cannot be locked (%s); start no second suite there", folder, error)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from romdam.commands.options import FAILED, Config, Json, Out, Quiet, ResultFile
 
 def verify(
     config: Config,
-    out: Out,
+    out: Out = Path("results"),
     duration: Annotated[
         str | None,
         typer.Option(help="Of the record from its start, with a unit; its strongest 10 s if not given."),
@@ -82,7 +82,7 @@ def certify(
 
 def study(
     config: Config,
-    out: Out,
+    out: Out = Path("results"),
     reference: Annotated[
         Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with instead.")
     ] = None,

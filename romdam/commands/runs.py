@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def run(
     config: Config,
-    out: Out,
+    out: Out = Path("results"),
     cache: Cache = None,
     no_cache: NoCache = False,
     workers: Annotated[

@@ -48,11 +48,11 @@ def run_suite(
 
 
 def write_page(job: Job, out: Path, stages: Stages) -> list[str]:
-    """Write the page of several runs where figures are asked for; else say which page is of an earlier summary."""
-    from romdam.pipelines.report import report as write_report
-
+    """Write the page of several runs where figures are asked for; else say which page is an earlier one's."""
     page = out / "report.html"
     if job.config.outputs.plots:
+        from romdam.pipelines.report import report as write_report
+
         write_report(out, job=job, show=stages)
     elif page.exists():
         return [f"{page}: is of an earlier summary; `romdam report {out}` writes it again"]

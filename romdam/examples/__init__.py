@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from romdam.core.errors import ConfigError
@@ -30,11 +31,17 @@ def contents(name: str) -> dict[str, str]:
     """
     from romdam.config.schema import schema_text
 
-    here = files("romdam.examples")
+    here = _folder()
     text = (here / "configs" / f"{EXAMPLES[name][0]}.yaml").read_text(encoding="utf-8")
     named = {match[2]: (here / match[1] / match[2]).read_text("utf-8") for match in _FILE.finditer(text)}
     text = _FILE.sub(r"\2", text).replace(f"configs/{EXAMPLES[name][0]}.yaml", f"{name}.yaml")
     return {f"{name}.yaml": text} | named | {SCHEMA: schema_text()}
+
+
+def _folder() -> Traversable:
+    """Where `configs` and `data` lie: beside this module once installed, in a checkout at its top."""
+    here = files("romdam.examples")
+    return here if (here / "configs").is_dir() else Path(__file__).parents[2]
 
 
 def write(name: str, folder: Path) -> list[Path]:
