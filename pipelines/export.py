@@ -18,8 +18,9 @@ from romdam.export.codes import CODES
 from romdam.export.deck import Deck, Motion
 from romdam.fem.gaps import gap_law
 from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.given import records_of, usable
 from romdam.pipelines.moving_supports import scene_of
-from romdam.pipelines.run import Clock, Stage, build_model, read_motions, silent, with_modes_chosen
+from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import ground_at_steps
 from romdam.records.record_set import load_motions
 from romdam.reduction.storage.user_cache import open_store
@@ -122,7 +123,7 @@ def export_matrices(job: Job, out: Path, show: Stage = silent, cache: Path | Non
     """
     clock, store = Clock(show), open_store(cache)
     if job.config.model.modes == "auto":
-        job = with_modes_chosen(job, read_motions(job)[0], clock, store)
+        job = with_modes_chosen(job, usable(records_of(job)), clock, store)
     model = build_model(job, clock, store)
     with clock.stage("output", "writing matrices"):
         folder = prepare_folder(out)

@@ -6,14 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config
+from romdam.config.load import Job, Source, load_config, located
 from romdam.config.sections.motions.records import LONGEST_DT, SHORTEST_DT
 from romdam.core.errors import RecordError, shown
 from romdam.core.motion import GroundMotion
+from romdam.records.design.account import write_choice
 from romdam.records.plausible import too_strong
-from romdam.records.record_set import check_names, load_motions
+from romdam.records.record_set import Loaded, check_names, load_motions, load_records
 
 Motions = GroundMotion | Sequence[GroundMotion]
+Read = Mapping[str, GroundMotion | str]  # record -> its motion, or why it cannot be used, in their order
 
 
 def read_motions(job: Source, folder: str | Path | None = None) -> list[GroundMotion]:
@@ -32,6 +34,42 @@ def read_motions(job: Source, folder: str | Path | None = None) -> list[GroundMo
     """
     job = load_config(job, folder)
     return load_motions(job.config.records, job.folder)
+
+
+def records_of(job: Job, folder: Path | None = None) -> Read:
+    """Read the records of a job, in their order: the motion, or why it cannot be used.
+
+    Parameters
+    ----------
+    folder : of the results, where what was held against a target is written; None writes nothing
+
+    Raises
+    ------
+    RecordError
+        where no record can be read, or two share a name.
+    """
+    considered: list[Loaded] = []
+    loaded = list(load_records(job.config.records, job.folder, considered.append))
+    motions = [one.motion for one in loaded if one.motion is not None]
+    if not motions:
+        failed = "\n".join(located(job, one.error) for one in loaded)
+        raise RecordError(failed or "records: none passes `keep`")
+    check_names(motions)
+    taken, read = {motion.name for motion in motions}, dict[str, GroundMotion | str]()
+    for one in loaded:
+        if one.motion is not None:
+            read[one.motion.name] = one.motion
+            continue
+        names = (one.name, *(f"{one.name} ({number})" for number in range(2, len(loaded) + 2)))
+        read[next(name for name in names if name not in taken and name not in read)] = located(job, one.error)
+    if folder is not None:
+        write_choice(considered, folder)
+    return read
+
+
+def usable(read: Read) -> list[GroundMotion]:
+    """The motions among records that were read."""
+    return [one for one in read.values() if isinstance(one, GroundMotion)]
 
 
 def job_and_motions(source: Source, motions: Motions | None) -> tuple[Job, list[GroundMotion] | None]:

@@ -17,7 +17,8 @@ from romdam.config.quantities import to_si
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.pipelines.run import Clock, Stage, read_motions, silent
+from romdam.pipelines.given import records_of, usable
+from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.plan import read_records
 from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.responses import response_of
@@ -158,7 +159,7 @@ def _data(job: Job, summary: xr.Dataset, clock: Clock) -> xr.Dataset:
 
 def _motions(job: Job) -> dict[str, GroundMotion]:
     if job.config.pipeline != "suite":
-        return {motion.name: motion for motion in read_motions(job)[0]}
+        return {motion.name: motion for motion in usable(records_of(job))}
     return {one.name: one.motion for one in read_records(job) if one.motion is not None}
 
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, located
-from romdam.core.errors import RecordError, RomdamError, placed
+from romdam.config.load import Job, Source
+from romdam.core.errors import RomdamError, placed
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
@@ -29,7 +29,7 @@ from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
-from romdam.pipelines.given import job_and_motions
+from romdam.pipelines.given import Read, job_and_motions, records_of, usable
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
@@ -42,8 +42,6 @@ from romdam.pipelines.summary import (
     write_summary_files,
 )
 from romdam.postprocess.concerns import concerns
-from romdam.records.design.account import write_choice
-from romdam.records.record_set import Loaded, check_names, load_records
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
@@ -191,11 +189,11 @@ def run(
 
 def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, cache: Path | None) -> Outcome:
     """Run given motions, or those of a job."""
-    read = dict[str, GroundMotion | str]((one.name, one) for one in given or ())
+    read: Read = {one.name: one for one in given or ()}
     if given is None:
         with clock.stage("records", "reading records"):
-            read = _read(job, goal.folder)
-    motions = [one for one in read.values() if isinstance(one, GroundMotion)]
+            read = records_of(job, goal.folder)
+    motions = usable(read)
     summarised = goal.summary and len(read) > 1
     if summarised:
         refuse_summary(job, goal.folder)
@@ -207,10 +205,7 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
     with beside(partial(_shared, model, goal, clock)) as shared:
-        rows = {
-            motion.name: _run_one(job, model, motion, (goal, shared), clock, len(read) == 1)
-            for motion in motions
-        }
+        rows = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
     failures = {name: one for name, one in read.items() if isinstance(one, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message}
     paths = tuple(goal.folder / row.kept.file for row in rows.values() if row.kept is not None)
@@ -223,22 +218,43 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     return Outcome(paths, failures, others, files)
 
 
-def _run_one(job: Job, model: Model, motion: GroundMotion, target: Target, clock: Clock, lone: bool) -> Row:
-    """Run one record of a job; of several, one that fails is a row that says why.
+def _run_all(
+    job: Job, model: Model, motions: Sequence[GroundMotion], target: Target, clock: Clock, *, lone: bool
+) -> dict[str, Row]:
+    """Run the records of a job, the figures of each drawn beside the next; one that fails is a row.
 
     Raises
     ------
     RomdamError
         for a lone record that fails, and where what all records share cannot be made.
     """
+    rows, last, unseen = dict[str, Row](), None, replace(clock, show=silent)
+    for motion in motions:
+        with beside(partial(_drawn, last, target[0], unseen)) as drawn:
+            try:
+                last = run_motion(job, model, motion, target, clock)
+                rows[motion.name] = Row("", kept=Kept(last.path.name, "", "", {})) if lone else last.row(job)
+            except RomdamError as error:
+                target[1]()  # an error of its own is one of all records
+                if lone:
+                    raise
+                last, rows[motion.name] = None, Row("", str(error))
+            rows |= drawn()
+    return rows | _drawn(last, target[0], clock, lone=lone)
+
+
+def _drawn(made: Made | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, Row]:
+    """Draw the figures of a run, if it is to have some; its row where that fails, of several records."""
+    if made is None or not goal.figures:
+        return {}
     try:
-        made = run_motion(job, model, motion, target, clock)
+        with clock.stage("plots", "drawing figures"):
+            draw(made.dataset, goal.folder, made.path.stem)
     except RomdamError as error:
-        target[1]()  # an error of its own is one of all records
         if lone:
             raise
-        return Row("", str(error))
-    return made.row(job) if not lone else Row("", kept=Kept(made.path.name, "", "", {}))
+        return {made.path.stem: Row("", str(error))}
+    return {}
 
 
 def _shared(model: Model, goal: Goal, clock: Clock) -> tuple[Model, dict[str, str]]:
@@ -276,45 +292,6 @@ def with_modes_chosen(
         return choose_modes(job, scene_of(job), motions, store)
 
 
-def read_motions(job: Job, folder: Path | None = None) -> tuple[list[GroundMotion], dict[str, str]]:
-    """Ground motions of a job, and name -> message of those that cannot be read.
-
-    Parameters
-    ----------
-    folder : of the results, where what was held against a target is written; None writes nothing
-
-    Raises
-    ------
-    RecordError
-        where no record can be read, or two share a name.
-    """
-    read = _read(job, folder)
-    motions = [one for one in read.values() if isinstance(one, GroundMotion)]
-    return motions, {name: one for name, one in read.items() if isinstance(one, str)}
-
-
-def _read(job: Job, folder: Path | None) -> dict[str, GroundMotion | str]:
-    """Records in their order: the motion, or why it cannot be used; raises as `read_motions` does."""
-    considered: list[Loaded] = []
-    loaded = list(load_records(job.config.records, job.folder, considered.append))
-    motions = [one.motion for one in loaded if one.motion is not None]
-    if not motions:
-        raise RecordError(
-            "\n".join(located(job, one.error) for one in loaded) or "records: none passes `keep`"
-        )
-    check_names(motions)
-    taken, read = {motion.name for motion in motions}, dict[str, GroundMotion | str]()
-    for one in loaded:
-        if one.motion is not None:
-            read[one.motion.name] = one.motion
-            continue
-        names = (one.name, *(f"{one.name} ({number})" for number in range(2, len(loaded) + 2)))
-        read[next(name for name in names if name not in taken and name not in read)] = located(job, one.error)
-    if folder is not None:
-        write_choice(considered, folder)
-    return read
-
-
 def build_model(job: Job, clock: Clock, store: BlockStore | None = None, *, estimated: bool = False) -> Model:
     """Scene and system, reduced or not as the configuration says.
 
@@ -350,7 +327,7 @@ def run_motion(
     clock: Clock,
 ) -> Made:
     """Integrate one ground motion and write its result; `target` is where, and what gives `_shared`."""
-    (folder, figures, _), shared = target
+    (folder, _, _), shared = target
     wall, cpu = time.perf_counter(), cpu_time()
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
@@ -372,10 +349,7 @@ def run_motion(
         write_dataset(dataset, path)
     for concern in concerns(history.stats):
         log.warning("%s: %s", motion.name, concern)
-    if figures:
-        with clock.stage("plots", "drawing figures"):
-            draw(dataset, folder, motion.name)
-    return Made(path, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
+    return Made(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
 
 
 def _estimated(

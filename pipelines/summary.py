@@ -14,6 +14,7 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.error.statement import ErrorStatement
+from romdam.pipelines.given import Read
 from romdam.records.components import check_components
 from romdam.results.suite.design import design_dataset
 from romdam.results.suite.rows import Kept, Row, row_values
@@ -21,14 +22,13 @@ from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, uns
 from romdam.results.suite.tables import refuse_without_xlsx, write_tables
 from romdam.results.variables import Case
 
-Read = Mapping[str, GroundMotion | str]  # record -> its motion, or why it cannot be used, in their order
-
 
 @dataclass(frozen=True)
 class Made:
-    """A run that is done: its result file, what that was made from, and its wall and CPU seconds."""
+    """A run that is done: its file and what stands in it, of what, its wall and CPU time but for figures."""
 
     path: Path
+    dataset: xr.Dataset
     case: Case
     estimate: ErrorStatement | None
     seconds: tuple[float, float]

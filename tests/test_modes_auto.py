@@ -11,7 +11,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
 from romdam.pipelines.automatic_modes import FIRST, choose_modes
-from romdam.pipelines.run import read_motions
+from romdam.pipelines.given import records_of, usable
 from romdam.scene.build import build_scene
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "two_cantilevers.yaml"
@@ -28,7 +28,7 @@ def job(accuracy, **changes):
 
 def chosen_modes(one):
     scene = build_scene(one.config, one.folder, str(one.path))
-    return choose_modes(one, scene, read_motions(one)[0]).config.model.modes
+    return choose_modes(one, scene, usable(records_of(one))).config.model.modes
 
 
 def test_a_smaller_error_asks_for_more_modes():

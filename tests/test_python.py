@@ -17,7 +17,7 @@ from romdam.config.variants import variant_jobs
 
 __all__ = ["config"]
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").rglob("*.yaml"))
-OF_MAKING = ("wall_seconds_", "cpu_seconds_", "date_created", "error_estimate_cpu_")
+OF_MAKING = ("wall_seconds_", "cpu_seconds_", "date_created", "history", "error_estimate_cpu_")
 OF_MAKING += ("solver_loop_cpu", "solver_setup_cpu")
 OF_PLACE = ("configuration_file", "configuration_folder")
 OF_RECORDS = ("configuration", "configuration_sha256", "record_provenance")

@@ -15,7 +15,8 @@ from romdam.config.variants import comparison_of, variant_jobs
 from romdam.core.errors import ConfigError, ResultError, RomdamError, listed
 from romdam.core.files import prepare_folder, replacing
 from romdam.error.variants import comparison_dataset
-from romdam.pipelines.run import Clock, Stage, read_motions, run, silent
+from romdam.pipelines.given import records_of
+from romdam.pipelines.run import Clock, Stage, run, silent
 from romdam.postprocess.variant_tables import Table, markdown, variant_tables
 from romdam.results.dataset import write_dataset
 from romdam.results.fields import Result, open_result
@@ -72,11 +73,10 @@ def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | No
 
 def _refuse(name: str, job: Job, asked: ComparisonConfig) -> None:
     """Refuse a variant that cannot be compared."""
-    motions, failures = read_motions(job)
-    if len(motions) + len(failures) > 1:
+    if (count := len(records_of(job))) > 1:
         raise ConfigError(
             f"{job.path}: comparison.variants.{name}: a comparison is of one record, records are "
-            f"{len(motions) + len(failures)}; keep one"
+            f"{count}; keep one"
         )
     if not job.config.outputs.nodes and not job.config.every_joint:
         raise ConfigError(

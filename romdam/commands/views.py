@@ -123,6 +123,7 @@ def view(
         typer.Option(help="First and last second; 2 s around the largest displacement if not given."),
     ] = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Show the motion of a result in 3-D, with displacement and stress, in a window or as a page."""
     from romdam.pipelines.views import view_result
@@ -132,7 +133,7 @@ def view(
         raise typer.BadParameter(
             f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
         )
-    stages, say = open_terminal(quiet, verbose=False)
+    stages, say = open_terminal(quiet, verbose)
     with romdam.open_result(result) as opened:
         if page := view_result(opened, html, (frames, window), stages):
             say(f"written: {page}")

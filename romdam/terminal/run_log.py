@@ -26,7 +26,7 @@ SAID = logging.getLogger("romdam.said")  # what a command has written to the ter
 _STAMP = "%Y-%m-%dT%H:%M:%S%z"
 _LONGEST = 100  # characters of the configuration's name in that of the log
 _LIBRARIES = (
-    "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray", "pydantic", "obspy", "matplotlib", "scikit-fem",
+    "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray", "pydantic", "obspy", "matplotlib",
     "meshio", "pypardiso", "pyamg", "distributed", "pyvista",
 )  # fmt: skip
 

@@ -31,6 +31,7 @@ from romdam.core import threads
 from romdam.core.errors import ReductionError
 from romdam.linalg.pardiso import PardisoFactor
 from romdam.pipelines import run as pipeline
+from romdam.pipelines.given import records_of, usable
 
 ROOT = Path(__file__).parents[2]
 SETTINGS: dict[str, tuple[str | None, str]] = {
@@ -96,7 +97,7 @@ def _child(config: Path, scratch: str, policy: str) -> None:
     """Run the job, and leave its openings."""
     job, clock = romdam.load_config(config), pipeline.Clock(pipeline.silent)
     with threads.one_thread() if policy != "free" else nullcontext():
-        motions, _ = pipeline.read_motions(job)
+        motions = usable(records_of(job))
         model = pipeline.build_model(job, clock, estimated=True)
         with clock.stage("integration", "the time loop"):
             history = pipeline.simulate_motion(job, model.prepared, motions[0])

@@ -45,7 +45,7 @@ def test_every_variable_has_a_row_with_unit_and_meaning(tables, registry):
 def test_the_pages_are_in_the_contents():
     pages = {str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md")}
     pages = {page for page in pages if not page.startswith(("_build", "generated"))}
-    for contents in ("index.md", "extending/index.md"):
+    for contents in ("index.md", "extending/index.md", "tutorials/index.md"):
         words = (DOCS / contents).read_text().split()
         folder = contents.removesuffix("index.md")
         pages -= {f"{folder}{word}.md" for word in words} | {contents}

@@ -66,7 +66,8 @@ def content(path: Path) -> dict[str, bytes]:
     found = {}
     with open_result(path) as result:
         for name, values in result.dataset.variables.items():
-            found[str(name)] = np.asarray(values.values).astype(values.dtype.str).tobytes()
+            array = np.asarray(values.values)
+            found[str(name)] = (array.astype(str) if array.dtype.kind in "OT" else array).tobytes()
         for block in result.blocks:
             found[f"points {block}"] = result.points(block).tobytes()
             found[f"cells {block}"] = result.cells(block)[1].tobytes()

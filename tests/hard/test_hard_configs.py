@@ -8,7 +8,8 @@ from soundness import assert_sound
 
 import romdam
 from romdam.core.errors import RomdamError
-from romdam.pipelines.run import read_motions, run
+from romdam.pipelines.given import records_of, usable
+from romdam.pipelines.run import run
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.sliding import UNDEFINED
@@ -26,7 +27,7 @@ def march(name, **changes):
     if changes:
         transient = job.config.transient.model_copy(update=changes)
         job = type(job)(job.config.model_copy(update={"transient": transient}), job.path)
-    motion = read_motions(job)[0][0]
+    motion = usable(records_of(job))[0]
     scene = build_scene(job.config, job.folder, str(job.path))
     system = reduce_scene(scene, job.config.model, job.config.damping).system
     return system, simulate_motion(job, prepare(job, system), motion, job.config.transient.duration)

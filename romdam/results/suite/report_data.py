@@ -17,6 +17,7 @@ from romdam.results.dataset import open_dataset
 DATA = "report-data.nc"
 PERIODS = np.geomspace(0.02, 5.0, 60)  # [s]
 DAMPING = 0.05
+_PICTURE = {"units": "1", "long_name": "the scene, bytes of a PNG"}
 _KEYS = ("configuration_sha256", "runs_sha256")  # attributes of the summary that the data belong to
 
 
@@ -44,7 +45,7 @@ def report_data(
         scaled = f"scaled to {scale:g} m/s²"
     data = {
         "psa": (("record", "period"), psa, {"units": "m s-2", "long_name": "pseudo-spectral acceleration"}),
-        "picture": ("byte", np.frombuffer(picture or b"", dtype=np.uint8), {"long_name": "the scene, a PNG"}),
+        "picture": ("byte", np.frombuffer(picture or b"", dtype=np.uint8), _PICTURE),
     }
     attributes = {
         "title": f"Data of the page of {summary.attrs.get('title', 'a suite')}",
