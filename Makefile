@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow test-kernels lowest fuzz bench peers campaign docs lint clean
+.PHONY: run test test-slow test-kernels test-docs lowest fuzz bench peers campaign docs lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -63,6 +63,10 @@ $(VENV)-peers/.installed: | $(VENV)/bin/python
 # All 100 FEMA P-695 components x friction x stiffness, 400 runs: half an hour on two cores.
 campaign: $(VENV)/.installed-dev
 	$(BIN)/python tests/benchmarks/campaign.py --jobs $(JOBS) --out $(OUT)/campaign.json
+
+# With it every code block of README.md and docs/ has run, and the tutorials from a wheel in an empty environment.
+test-docs: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -m slow tests/docs
 
 # The manual, as pages in docs/_build; a warning is an error.
 docs: $(VENV)/.installed-dev
