@@ -25,7 +25,7 @@ from pathlib import Path
 from statistics import median
 
 ROOT = Path(__file__).parents[2]
-STAGE = re.compile(r"(?:INFO +)?(\w[\w ]*): [\d.]+ s wall, ([\d.]+) s CPU")
+STAGE = re.compile(r"(?:.*INFO +)?(\w[\w ]*): [\d.]+ s wall, ([\d.]+) s CPU")
 ALONE = {
     "python alone": "pass",
     "import romdam alone": "import romdam",
