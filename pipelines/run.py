@@ -15,7 +15,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from romdam.config.load import Job, Source
-from romdam.core.errors import RomdamError, placed
+from romdam.core.errors import ConfigError, RomdamError, placed
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
@@ -59,6 +59,7 @@ log = logging.getLogger(__name__)
 Progress = Callable[[int, int], None]
 Stage = Callable[[str], AbstractContextManager[Progress]]
 _PLOTS = "romdam.visual.plots"
+_OTHERS = {"suite": "run_suite", "comparison": "compare"}  # what runs a pipeline of several runs
 
 
 @dataclass(frozen=True)
@@ -175,6 +176,11 @@ def run(
         for bad input, and for a lone record that fails; of several records the others go on.
     """
     job, given = job_and_motions(job, motions)
+    if (other := _OTHERS.get(job.config.pipeline)) is not None:
+        raise ConfigError(
+            f"{job.path}: pipeline: {job.config.pipeline}: romdam.run would run its records once each, and "
+            f"nothing else of it; use romdam.{other}, or leave `pipeline` out"
+        )
     clock = Clock(show)
     if out is not None:
         goal = Goal(prepare_folder(Path(out)), job.config.outputs.plots, summary=True)

@@ -14,6 +14,7 @@ from test_cli import config
 
 import romdam
 from romdam.config.variants import variant_jobs
+from romdam.pipelines import run as pipeline
 
 __all__ = ["config"]
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").rglob("*.yaml"))
@@ -334,3 +335,25 @@ def test_a_result_without_joints_is_shown(config, raw):
     del raw["joints"]
     shown = romdam.run(romdam.load_config(raw, config.parent)).results[0]._repr_html_()
     assert "no joints" in shown
+
+
+@pytest.mark.parametrize(("pipeline", "other"), [("suite", "run_suite"), ("comparison", "compare")])
+def test_a_job_of_several_runs_is_not_run_as_one(raw, pipeline, other, tmp_path):
+    several = {"suite": {"scales": [1, 2]}, "comparison": {"variants": {"a": {}, "b": {}}}}[pipeline]
+    with pytest.raises(romdam.ConfigError, match=f"use romdam.{other}"):
+        romdam.run({**raw, "pipeline": pipeline, pipeline: several}, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_figures_that_cannot_be_drawn_are_the_failure_of_their_own_record(raw, acc, tmp_path, monkeypatch):
+    def fail_on_one(dataset, folder, stem):
+        if stem == "one":
+            raise romdam.ResultError("no room for figures")
+        (folder / f"{stem}.png").touch()
+
+    monkeypatch.setattr(pipeline, "draw", fail_on_one)
+    motions = [romdam.GroundMotion.from_arrays(name, {"y": acc}, 0.01) for name in ("one", "two", "three")]
+    raw["outputs"]["plots"] = True
+    outcome = romdam.run(raw, tmp_path / "out", motions=motions)
+    assert outcome.failures == {"one": "no room for figures"}
+    assert sorted(path.stem for path in (tmp_path / "out").glob("*.png")) == ["three", "two"]
