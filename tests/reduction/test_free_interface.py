@@ -19,7 +19,7 @@ from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import Solving
-from romdam.reduction.methods import free_interface
+from romdam.reduction.methods import attachment_modes, free_interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
@@ -301,3 +301,19 @@ def test_change_of_units_changes_nothing(unit):
     one, two = (reduced(s, cutoff=4.0).system for s in (scene, dataclasses.replace(scene, blocks=blocks)))
     low = slice(0, int((one.K.diagonal() < (2 * np.pi * 30.0) ** 2).sum()))
     assert np.allclose(np.sort(one.K.diagonal())[low], np.sort(two.K.diagonal())[low], rtol=1e-8)
+
+
+def test_what_the_modes_know_of_a_static_answer_leaves_no_direction_of_round_off():
+    """An answer that modes make nearly whole has few digits left; its rest is no vector of the basis."""
+    rng = np.random.default_rng(3)
+    shape = rng.standard_normal((6, 4))
+    flexibility, whole = shape @ shape.T, 2e6  # four directions of six
+    noise = rng.standard_normal((6, 6)) * np.finfo(float).eps * whole
+    mix, slow = attachment_modes._directions(
+        flexibility + 0.5 * (noise + noise.T), np.eye(6), np.ones(1), np.full(6, whole)
+    )
+    assert mix.shape == (6, 4)
+    assert slow.shape == (4,)
+    exact, _ = attachment_modes._directions(flexibility, np.eye(6), np.ones(1), flexibility.diagonal())
+    angle = np.linalg.svd(np.linalg.qr(mix)[0].T @ np.linalg.qr(exact)[0], compute_uv=False)
+    np.testing.assert_allclose(angle, 1.0, atol=1e-12)

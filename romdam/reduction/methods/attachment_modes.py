@@ -14,6 +14,7 @@ from romdam.reduction.methods.craig_bampton import without_roundoff
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 
 _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
+_LOST = 100.0 * np.finfo(float).eps  # the same, of what stood there before the modes' part was taken out
 # least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
 # 1e-13 on the first mode would count as its round-off
 _STIFF = 1e-12
@@ -62,7 +63,7 @@ def diagonalised(
     twice = work[:, a:] @ C @ part
     flexibility = work[:, :a] - twice - twice.T + part.T @ (low[:, None] * part)
     flexibility = 0.5 * (flexibility + flexibility.T)
-    mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low)
+    mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low, work.diagonal())
     V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
     omega2 = np.concatenate([low, 1.0 / slow])
     if near:
@@ -99,14 +100,15 @@ def _coupled(stiffness: Floats, coupling: Floats) -> tuple[Floats, Floats]:
     return 1.0 / np.maximum(flexibility[::-1], _STIFF * flexibility[-1]), W[:, ::-1]
 
 
-def _directions(flexibility: Floats, mass: Floats, low: Floats) -> tuple[Floats, Floats]:
+def _directions(flexibility: Floats, mass: Floats, low: Floats, whole: Floats) -> tuple[Floats, Floats]:
     """The combinations of static answers that are M-orthonormal and diagonal in K, and their 1 / omega^2.
 
-    `low` are the omega^2 of the modes.
+    `low` are the omega^2 of the modes, `whole` the answers' flexibility with the modes' part in it: where
+    that is nearly all, the rest has few digits.
     """
     scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
     size, U = np.linalg.eigh(flexibility * scale * scale[:, None])
-    keep = size > _DEPENDENT * size[-1]
+    keep = size > max(_DEPENDENT * size[-1], _LOST * (whole * scale**2).max())
     mix = scale[:, None] * (U[:, keep] / np.sqrt(size[keep]))
     mass = mix.T @ mass @ mix
     slow, W = eigh(0.5 * (mass + mass.T))
