@@ -17,7 +17,7 @@ class Model(BaseModel):
 
     short_form: ClassVar[dict[str, object] | None] = None
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def shape(value: object) -> str:
