@@ -84,13 +84,16 @@ $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv $(VENV)
 
-# The stamps make a second call install nothing; they follow pyproject.toml.
+# The stamps make a second call install nothing; they follow pyproject.toml. A wheel is compiled to bytecode as pip
+# installs it; a checkout is not, and with PYTHONDONTWRITEBYTECODE each start would compile all of it, 0.6 CPU-s.
 $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	@echo "Installing romdam into $(VENV) ..."
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e .
+	@$(BIN)/python -m compileall -q romdam pipelines
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml | $(VENV)/bin/python
 	@echo "Installing romdam and its development tools into $(VENV) ..."
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev,suites,bench,docs]"
+	@$(BIN)/python -m compileall -q romdam pipelines
 	@touch $@ $(VENV)/.installed

@@ -73,6 +73,7 @@ class Outcome:
     others : result files in the folder that this run did not write
     summary : of several records, the files of all in one: summary.nc, then its tables; nothing of a lone one
     unkept : results of a run without a folder
+    lone : what stands in the file of a lone record, in memory; None of several records
     """
 
     paths: tuple[Path, ...]
@@ -80,6 +81,7 @@ class Outcome:
     others: tuple[Path, ...] = ()
     summary: tuple[Path, ...] = ()
     unkept: tuple[Result, ...] = field(default=(), repr=False)
+    lone: xr.Dataset | None = field(default=None, repr=False)
 
     @cached_property
     def results(self) -> tuple[Result, ...]:
@@ -211,7 +213,7 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
     with beside(partial(_shared, model, goal, clock)) as shared:
-        rows = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
+        rows, last = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
     failures = {name: one for name, one in read.items() if isinstance(one, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message}
     paths = tuple(goal.folder / row.kept.file for row in rows.values() if row.kept is not None)
@@ -221,13 +223,17 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
             files = write_summary_files(records_summary(job, model.scene, read, rows), job, goal.folder)
     own = {*paths, *files, *([goal.folder / DATA] if files else [])}
     others = tuple(path for path in sorted(goal.folder.glob("*.nc")) if path not in own)
-    return Outcome(paths, failures, others, files)
+    return Outcome(paths, failures, others, files, lone=last.dataset if last and len(read) == 1 else None)
 
 
 def _run_all(
     job: Job, model: Model, motions: Sequence[GroundMotion], target: Target, clock: Clock, *, lone: bool
-) -> dict[str, Row]:
+) -> tuple[dict[str, Row], Made | None]:
     """Run the records of a job, the figures of each drawn beside the next; one that fails is a row.
+
+    Returns
+    -------
+    the rows of all, and the last run; None where that failed
 
     Raises
     ------
@@ -246,7 +252,7 @@ def _run_all(
                     raise
                 last, rows[motion.name] = None, Row("", str(error))
             rows |= drawn()
-    return rows | _drawn(last, target[0], clock, lone=lone)
+    return rows | _drawn(last, target[0], clock, lone=lone), last
 
 
 def _drawn(made: Made | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, Row]:

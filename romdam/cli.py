@@ -22,9 +22,7 @@ from romdam.commands.suites import clean, report
 from romdam.commands.views import info, plot, records, show, view
 from romdam.core.errors import RomdamError
 from romdam.core.files import keep_standard_files
-from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals
-
-_YOUNG = 50_000  # objects between searches for cycles: libraries make a million that stay, 700 cost 0.2 s
+from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals, load_unsearched
 
 app = typer.Typer(
     help="Reduced-order seismic analysis of concrete dams cut by contraction joints.",
@@ -62,7 +60,7 @@ def main() -> None:
     keep_standard_files()
     sys.stdout, sys.stderr = Output.of(sys.stdout, told=True), Output.of(sys.stderr, told=False)
     hear_signals()
-    gc.set_threshold(_YOUNG)
+    load_unsearched()
     atexit.register(gc.freeze)  # what ends with the process is not searched for cycles: 0.5 s of a run
     try:
         app()

@@ -11,6 +11,7 @@ import romdam
 from romdam.commands.caches import Cache, NoCache, folder_of_blocks
 from romdam.commands.options import FAILED, Config, Json, Out, Quiet, Verbose, exit_code
 from romdam.commands.suites import run_suite, write_page
+from romdam.surroundings import search_what_comes
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -70,6 +71,7 @@ def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal)
     from romdam.pipelines.error.comparison import compare
     from romdam.terminal.tables import comparison_tables
 
+    search_what_comes()
     stages, say = terminal
     found = compare(job, out, stages, cache)
     say(*comparison_tables(found.tables))
@@ -81,9 +83,13 @@ def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) ->
     from romdam.pipelines.run import run as run_job
     from romdam.terminal.tables import peaks_table, sliding_tables, stress_tables
 
+    search_what_comes()
     stages, say = terminal
     outcome = run_job(job, out, stages, cache)
-    results = {path.stem: romdam.open_result(path).dataset for path in outcome.paths}
+    if outcome.lone is None:
+        results = {path.stem: romdam.open_result(path).dataset for path in outcome.paths}
+    else:  # opening it takes 0.1 s
+        results = {outcome.paths[0].stem: outcome.lone}
     say(peaks_table(results), *sliding_tables(results), *stress_tables(results))
     if outcome.summary:
         say(*write_page(job, out, stages))

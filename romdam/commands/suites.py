@@ -9,6 +9,7 @@ import typer
 
 import romdam
 from romdam.commands.options import STOPPED, Config, Quiet, Verbose
+from romdam.surroundings import search_what_comes
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -35,6 +36,7 @@ def run_suite(
     from romdam.terminal.lines import concern_lines, failure_lines
     from romdam.terminal.tables import suite_table
 
+    search_what_comes()
     stages, say = terminal
     try:
         outcome = romdam.run_suite(job, out, SuiteOptions(*where), stages, say)

@@ -6,11 +6,11 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from romdam.core.errors import ConfigError
 from romdam.core.files import check_file
 from romdam.scene.elements import Floats
+from romdam.scene.nearest import nearest
 
 _COLUMNS = ("x", "y", "z", "gap")
 _LARGEST = 100e6  # bytes
@@ -30,17 +30,17 @@ def table_gap(path: Path, position: Floats, place: str) -> Floats:
     """
     table = _read(path, place)
     points, gap = table[:, :3], table[:, 3]
-    nearest = gap[cKDTree(points).query(position)[1]]
+    at_nearest = gap[nearest(points, position)[1]]
     centre = points.mean(axis=0)
     _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
     flat = (points - centre) @ axes.T, (position - centre) @ axes.T
     rank = int(np.count_nonzero(spread > _FLAT * max(spread[0], 1e-300)))
     if rank == 0 or len(points) == 1:
-        return nearest
+        return at_nearest
     if rank == 1:
         order = np.argsort(flat[0][:, 0])
         return np.interp(flat[1][:, 0], flat[0][order, 0], gap[order])
-    return _linear(flat[0][:, :2], gap, flat[1][:, :2], nearest)
+    return _linear(flat[0][:, :2], gap, flat[1][:, :2], at_nearest)
 
 
 def _linear(points: Floats, gap: Floats, at: Floats, nearest: Floats) -> Floats:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array, eye_array, hstack
-from scipy.spatial import cKDTree
 
 from romdam.config.sections.joints import GapTable, JointConfig
 from romdam.contact.laws import LAWS
@@ -28,6 +27,7 @@ from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.surface import Surface
+from romdam.scene.nearest import nearest
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.ties import Part
 
@@ -288,9 +288,9 @@ def _without_held_gaps(
         _log.info(
             "%s: %d of %d gaps are held by %s on both sides and dropped", place, (~keep).sum(), len(keep), by
         )
-    nearest = cKDTree(joint.position[keep]).query(joint.position[~keep])[1]
+    taker = nearest(joint.position[keep], joint.position[~keep])[1]
     share = np.zeros(int(keep.sum()))
-    np.add.at(share, nearest, joint.area[~keep])
+    np.add.at(share, taker, joint.area[~keep])
     return replace(_select(joint, np.flatnonzero(keep)), share=share)
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Bools, Ints
 from romdam.scene.elements import Floats, facet_frame
 from romdam.scene.facets import boundary_facets, facet_keys, facet_normals
+from romdam.scene.nearest import nearest, tree
 
 _OPPOSED = -0.5  # cosine: faces that touch look at each other
 _SHOWN = 3
@@ -57,9 +57,9 @@ class _Side:
 def _mutual_partners(side_I: _Side, side_J: _Side, tolerance: float) -> Ints:
     """Partner in J of every node of I: each is the other's nearest, within the tolerance."""
     points_I, points_J = side_I.points[side_I.nodes], side_J.points[side_J.nodes]
-    distance, forth = cKDTree(points_J).query(points_I, distance_upper_bound=tolerance * (1 + 1e-9))
+    distance, forth = nearest(points_J, points_I, tolerance * (1 + 1e-9))
     found = np.isfinite(distance)
-    back = cKDTree(points_I).query(points_J[forth[found]])[1]
+    back = nearest(points_I, points_J[forth[found]])[1]
     mutual = np.flatnonzero(found)[back == np.flatnonzero(found)]
     partner = np.full(len(side_I.points), -1)
     partner[side_I.nodes[mutual]] = side_J.nodes[forth[mutual]]
@@ -131,13 +131,13 @@ def do_not_touch(block_I: Block, block_J: Block, tolerance: float, place: str) -
     """Say how far from each other two blocks are."""
     sides = [_Side(block) for block in (block_I, block_J)]
     points_I, points_J = (side.points[side.nodes] for side in sides)
-    distance, forth = cKDTree(points_J).query(points_I)
-    nearest = int(np.argmin(distance))
-    at_I, at_J = (", ".join(f"{x:.6g}" for x in p) for p in (points_I[nearest], points_J[forth[nearest]]))
+    distance, forth = nearest(points_J, points_I)
+    closest = int(np.argmin(distance))
+    at_I, at_J = (", ".join(f"{x:.6g}" for x in p) for p in (points_I[closest], points_J[forth[closest]]))
     return (
         f"{place}: blocks {sides[0].block.name!r} and {sides[1].block.name!r} do not touch: no facets "
         f"coincide within {tolerance:g} m; the smallest distance between their nodes is "
-        f"{distance[nearest]:.6g} m, from ({at_I}) to ({at_J}); move a block, "
+        f"{distance[closest]:.6g} m, from ({at_I}) to ({at_J}); move a block, "
         f"or raise {place.split(': ')[-1]}.tolerance"
     )
 
@@ -153,12 +153,14 @@ def _overlaps(side: _Side, which: Ints, other: _Side, among: Ints, tolerance: fl
     samples = _inner_points(side.points, side.facets[which])
     triangles, owner = _triangles(other.points, other.facets[among])
     near = _inside_box(samples, triangles, tolerance)
+    if not near.any():
+        return on
     normals = facet_normals(other.points, other.facets)[among][owner]
     centres = triangles.mean(axis=1)
     reach = np.linalg.norm(triangles - centres[:, None], axis=2).max() + tolerance
-    tree = cKDTree(centres)
+    by_centre = tree(centres)
     for f in np.flatnonzero(near):
-        candidates = np.unique(np.concatenate(tree.query_ball_point(samples[f], reach)).astype(int))
+        candidates = np.unique(np.concatenate(by_centre.query_ball_point(samples[f], reach)).astype(int))
         candidates = candidates[normals[candidates] @ side.normals[which[f]] < _OPPOSED]
         on[f] = _any_inside(samples[f], triangles[candidates], tolerance)
     return on

@@ -6,6 +6,8 @@
 `romdam run CONFIG` in processes of their own, kernels compiled and bytecode written before: "first" with an
 empty folder of reduced blocks, "second" with what an earlier one has left. The stages are those of the
 command's own log; "start" is all else: the interpreter, imports, the configuration, the tables at the end.
+PYTHONDONTWRITEBYTECODE is taken out of the environment: with it a checkout without bytecode compiles all its
+modules at each start, 0.6 CPU-s that who installs a wheel, or by `make`, does not spend.
 Some of it is measured alone. With `--against`, another checkout of romdam runs in turn with this one, under
 this Python and its libraries. Medians over the repeats, CPU seconds of all threads; sizes of the files in MB.
 Nothing here passes or fails.

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.scene.cutting.nearest import nearest_triangles
 from romdam.scene.facets import row_numbers
+from romdam.scene.nearest import tree
 
 _EDGES = ((0, 1), (1, 2), (2, 0))
 
@@ -105,7 +105,7 @@ class Triangulated:
         corner = self.points[self.triangles]
         centre = corner.mean(axis=1)
         radius = np.linalg.norm(corner - centre[:, None], axis=2).max(axis=1)
-        first = cKDTree(centre).query(points)[1]
+        first = tree(centre).query(points)[1]
         row = nearest_triangles(np.ascontiguousarray(points), corner, np.c_[centre, radius], first)
         at, feature = _on_triangles(points, corner[row])
         return _Nearest(at, self.normals[row, feature], self.rim[row, feature])

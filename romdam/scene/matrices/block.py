@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
 
 from romdam.config.sections.geometry.matrices import MatricesConfig
 from romdam.core.arrays import Bools, Floats, Ints
@@ -18,6 +17,7 @@ from romdam.core.system import BlockMatrices
 from romdam.scene.matrices.checks import check_matrices
 from romdam.scene.matrices.data import Unknowns
 from romdam.scene.matrices.files import FileMatrices, Numbered, read_matrices
+from romdam.scene.nearest import tree
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ def _numbered(block: Block, unknowns: Unknowns, tolerance: float, place: str) ->
 
 def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float, place: str) -> Ints:
     """The mesh's node that each node of the matrices is, -1 where it is none of them."""
-    distance, node = cKDTree(block.points).query(position)
+    distance, node = tree(block.points).query(position)
     node = np.where(distance <= tolerance, node, -1).astype(np.int64)
     same = node[node >= 0]
     if not len(same):

@@ -6,7 +6,6 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from scipy.io import mminfo, mmread
 from scipy.sparse import coo_array
 
 from romdam.core.arrays import Floats, Ints
@@ -52,6 +51,8 @@ def read_text(path: Path, key: str, place: str) -> Entries:
 
 def _market(path: Path, place: str) -> object:
     """What SciPy reads, once the sizes that the head states are those of the file."""
+    from scipy.io import mminfo, mmread  # here: what reads MATLAB's files comes with it
+
     try:
         rows, columns, entries, layout, field, _ = mminfo(path)
         stated = rows * columns if layout == "array" else max(entries, rows, columns) // 2

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block, Bools, Ints
@@ -19,6 +18,7 @@ from romdam.scene.facets import (
     row_numbers,
 )
 from romdam.scene.meshes.kinds import facets_by_kind, frame, kinds_of
+from romdam.scene.nearest import tree
 
 _AWAY = 1e-3  # of a face's size: how far outside of it nothing may be
 _NEAR_CORNER = 0.9  # of the way from a face's centre to its corners: where that is looked at
@@ -196,9 +196,9 @@ def _find_inside(points: Floats, near: Ints, cells: tuple[Floats, Element], foun
     scale = np.ceil(np.log2(reach))
     for size in np.unique(scale):
         own = np.flatnonzero(scale == size)
-        tree = cKDTree(middle[own])
-        for part in _parts(near, tree.query_ball_point(points[near], 2.0**size, return_length=True)):
-            pairs = cKDTree(points[part]).sparse_distance_matrix(tree, 2.0**size, output_type="ndarray")
+        by_middle = tree(middle[own])
+        for part in _parts(near, by_middle.query_ball_point(points[near], 2.0**size, return_length=True)):
+            pairs = tree(points[part]).sparse_distance_matrix(by_middle, 2.0**size, output_type="ndarray")
             p, c = part[pairs["i"]], own[pairs["j"]]
             boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~found[p]
             p, c = p[boxed], c[boxed]

@@ -6,7 +6,6 @@ import logging
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block, Ints
@@ -14,6 +13,7 @@ from romdam.scene.elements import Element, Floats, jacobians
 from romdam.scene.facets import facet_keys, row_numbers
 from romdam.scene.meshes.closed import refuse_bad_faces
 from romdam.scene.meshes.kinds import chunks_of, frame, kinds_of
+from romdam.scene.nearest import tree
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +105,7 @@ def _refuse_coincident_nodes(block: Block, place: str) -> None:
     shortest = _shortest_edges(block)
     usual = float(np.median(shortest[np.isfinite(shortest)]))
     reach = min(_COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0))), _TOGETHER * usual)
-    pairs = cKDTree(block.points).query_pairs(reach, output_type="ndarray")
+    pairs = tree(block.points).query_pairs(reach, output_type="ndarray")
     if len(pairs):
         apart = np.linalg.norm(np.diff(block.points[pairs], axis=1)[:, 0], axis=1)
         pairs = pairs[apart <= _TOGETHER * shortest[pairs].min(axis=1)]

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
-from scipy.spatial import cKDTree
 
 from romdam.core.arrays import Floats, Ints
 from romdam.scene.mortar.dual import coupling
 from romdam.scene.mortar.interface import MortarInterface
 from romdam.scene.mortar.segments import integrand_degree, samples
+from romdam.scene.nearest import tree
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def shares(interface: MortarInterface, kept: Ints) -> csr_matrix:
     pairs = np.unique(np.column_stack([i, k])[(number[i] >= 0) & (number[k] < 0)], axis=0)
     lonely = np.setdiff1d(without, pairs[:, 1])
     if len(lonely):
-        nearest = kept[cKDTree(slave.points[kept]).query(slave.points[lonely])[1]]
+        nearest = kept[tree(slave.points[kept]).query(slave.points[lonely])[1]]
         pairs = np.vstack([pairs, np.column_stack([nearest, lonely])])
     count = np.bincount(pairs[:, 1], minlength=len(slave.points))
     rows = np.concatenate([np.arange(len(kept)), number[pairs[:, 0]]])

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.scene.elements import simplex_rule
 from romdam.scene.mortar.clipping import clip, polygon_areas
 from romdam.scene.mortar.surface import Pieces, Surface, local_coordinates
+from romdam.scene.nearest import tree
 
 REACH = 0.1  # distance of pieces that face each other, in sizes of the smaller, beyond the tolerance
 _OPPOSED = -0.5  # cosine: faces that touch look at each other
@@ -102,8 +102,8 @@ def segments(slave: Surface, master: Surface, tolerance: float) -> Segments:
 
 def _near(I: Pieces, J: Pieces, tolerance: float) -> tuple[Ints, Ints]:
     """Pairs of pieces whose surroundings meet and that look at each other."""
-    tree = cKDTree(J.centre)
-    lists = tree.query_ball_point(I.centre, I.radius + J.radius.max() + tolerance, return_sorted=True)
+    by_centre = tree(J.centre)
+    lists = by_centre.query_ball_point(I.centre, I.radius + J.radius.max() + tolerance, return_sorted=True)
     i = np.repeat(np.arange(len(lists)), [len(one) for one in lists])
     j = np.concatenate([np.zeros(0, dtype=int), *lists]).astype(np.int64)
     apart = J.centre[j] - I.centre[i]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
@@ -16,6 +15,7 @@ from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
+from romdam.scene.nearest import tree
 from romdam.scene.reservoir.own_mesh import reservoir_mesh
 from romdam.scene.select import select_facets
 
@@ -149,7 +149,7 @@ def _refuse_cracks(blocks: dict[str, Block], faces: list[WetFace], place: str) -
     """Refuse wet faces that do not meet node by node: the water, extruded from them, would have a wall."""
     owner, ends = _open_edges(blocks, faces)
     middle, length = ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    for i, near in enumerate(cKDTree(middle).query_ball_point(middle, 0.5 * (length + length.max()))):
+    for i, near in enumerate(tree(middle).query_ball_point(middle, 0.5 * (length + length.max()))):
         others = np.array([j for j in near if owner[j] != owner[i]], dtype=np.int64)
         start, along = ends[others, 0], ends[others, 1] - ends[others, 0]
         share = np.einsum("nk,nk->n", middle[i] - start, along) / np.maximum(length[others] ** 2, 1e-300)
@@ -175,7 +175,7 @@ def _open_edges(blocks: dict[str, Block], faces: list[WetFace]) -> tuple[list[st
             owner += [face.block] * len(pairs)
     ends = np.concatenate(corners)
     short = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
-    groups = cKDTree(ends.mean(axis=1)).query_ball_point(ends.mean(axis=1), min(_TOUCH, _TOUCH * short))
+    groups = tree(ends.mean(axis=1)).query_ball_point(ends.mean(axis=1), min(_TOUCH, _TOUCH * short))
     alone = np.array([len(group) == 1 for group in groups])
     return [name for name, one in zip(owner, alone, strict=True) if one], ends[alone]
 

@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from romdam.config.sections.places import FaceRef
 from romdam.config.sections.water import CLOSED, ReservoirMeshConfig
@@ -26,6 +25,7 @@ from romdam.scene.meshes.kinds import refuse_wedges
 from romdam.scene.mortar.interface import STEEPEST
 from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface
+from romdam.scene.nearest import tree
 from romdam.scene.reservoir.wet_mesh import wet_mesh
 from romdam.scene.select import select_facets
 
@@ -139,7 +139,7 @@ def _share_on_dam(
 
 
 def _apart(walls: Surface, block: Block) -> str:
-    distance, nearest = cKDTree(block.points).query(walls.points)
+    distance, nearest = tree(block.points).query(walls.points)
     own = int(np.argmin(distance))
     a, b = (", ".join(f"{x:.6g}" for x in at) for at in (walls.points[own], block.points[nearest[own]]))
     return (

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from romdam.core.scene import Block, Ints, Reservoir
 from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element
 from romdam.scene.meshes.kinds import facets_by_kind
+from romdam.scene.nearest import tree
 
 _SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
 _LEVEL = 1e-9  # of the depth: nodes so near to the level are on it
@@ -95,7 +95,7 @@ def wet_mesh(blocks: dict[str, Block], reservoir: Reservoir) -> WetMesh:
 
 def _merged(points: Floats, tolerance: float) -> tuple[Ints, Floats]:
     """Number of every point, and the distinct points."""
-    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    pairs = tree(points).query_pairs(tolerance, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
     number = connected_components(graph, directed=False)[1].astype(np.int64)
     _, first = np.unique(number, return_index=True)

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
 from romdam.scene.elements import ELEMENTS, Floats, facet_element
@@ -31,6 +30,7 @@ from romdam.scene.facets import (
     row_numbers,
 )
 from romdam.scene.meshes.kinds import facets_by_kind, frame
+from romdam.scene.nearest import tree
 
 _FLAT = 20.0  # degrees beyond 180 that a curved face of straight facets may enclose
 _SAME = 1e-6  # of the scene's size: nodes as near as that are one
@@ -94,7 +94,7 @@ def near_edges(points: Floats, ends: Floats, radius: Floats) -> Bools:
     radius = radius * (1.0 + _ROUNDING)
     along = ends[:, 1] - ends[:, 0]
     reach = radius + 0.5 * np.linalg.norm(along, axis=1)
-    hits = cKDTree(points).query_ball_point(ends.mean(axis=1), reach)
+    hits = tree(points).query_ball_point(ends.mean(axis=1), reach)
     which = np.repeat(np.arange(len(ends)), [len(one) for one in hits])
     at = np.concatenate([np.asarray(one, dtype=np.int64) for one in hits])
     off = points[at] - ends[which, 0]
@@ -117,7 +117,7 @@ def near_contacts(block: Block, nodes: Ints, joints: Iterable[Joint], held: Bool
     facets = boundary_facets(block.cells, block.element)
     seen = [side for k in links for name, side in zip(k.blocks, k.nodes, strict=True) if name == block.name]
     on = np.unique(np.concatenate([*seen, facets[_linked(block, facets, links, held)].ravel()]))
-    distance = cKDTree(block.points[on]).query(block.points[nodes])[0]
+    distance = tree(block.points[on]).query(block.points[nodes])[0]
     return np.isin(nodes, on) | (distance <= radius * (1.0 + _ROUNDING))
 
 
@@ -191,7 +191,7 @@ def _linked(block: Block, facets: Ints, links: list[Joint | Tie], held: Bools) -
             linked |= on.all(axis=1)
             partly = np.flatnonzero(on.any(axis=1) & ~on.all(axis=1) & (on | held[corners]).all(axis=1))
             if isinstance(link, Joint) and len(partly):
-                nearest = cKDTree(link.position).query(block.points[corners[partly]].mean(axis=1))[1]
+                nearest = tree(link.position).query(block.points[corners[partly]].mean(axis=1))[1]
                 normal = facet_normals(block.points, facets[partly])
                 along = np.abs((normal * link.axes[nearest, 0]).sum(axis=1))
                 linked[partly[along > np.cos(np.deg2rad(_FLAT))]] = True
@@ -200,6 +200,6 @@ def _linked(block: Block, facets: Ints, links: list[Joint | Tie], held: Bools) -
 
 def _numbers(points: Floats) -> Ints:
     """One number for all points at one place."""
-    near = cKDTree(points).query_pairs(_SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray")
+    near = tree(points).query_pairs(_SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray")
     graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points),) * 2)
     return np.asarray(connected_components(graph, directed=False)[1])
