@@ -21,7 +21,7 @@ def begin_step(laws: Laws | None, memory: GapMemory, w_free: Floats) -> None:
     """Start from what the gaps keep; a dashpot acts from where the gap was."""
     if laws is None:
         return
-    copy(memory.history.ravel(), memory.trial.ravel())
+    copy(memory.history.reshape(memory.history.size), memory.trial.reshape(memory.trial.size))
     d = len(w_free) // max(len(laws.dashpot_share), 1)
     for i in range(len(laws.dashpot_share)):
         w_free[d * i] -= laws.dashpot_share[i] * memory.spring[d * i]

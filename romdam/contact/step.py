@@ -18,12 +18,12 @@ from romdam.contact.solvers.gauss_seidel import solve_frictional
 from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import Floats
-from romdam.core.jit import ARRAYS, CALLED, copy, njit
+from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit, total
 
 SOLVERS: dict[type, Callable[..., Any]] = {PivotingState: solve_unilateral, FrictionalState: solve_frictional}
 
 
-@njit(**ARRAYS)
+@njit(**VIEWS)
 def solve_gaps(
     problem: GapProblem,
     memory: GapMemory,
@@ -47,7 +47,7 @@ def solve_gaps(
     float, the relative residual reached; above the tolerance means no convergence, inf that a gap
     opened or closed in a step that must not have it
     """
-    if not math.isfinite(w_free.sum()):  # comparisons with NaN are False: it would pass for converged
+    if not math.isfinite(total(w_free)):  # comparisons with NaN are False: it would pass for converged
         return np.inf
     n = len(problem.gap)
     if n == 0:
@@ -59,7 +59,7 @@ def solve_gaps(
         w_free[3 * i + SHEAR_J] += problem.slip[i, ALONG_J]
         w_free[3 * i + SHEAR_K] += problem.slip[i, ALONG_K]
     if len(problem.tension_transform):
-        copy(problem.tension_transform @ w_free, w_free)
+        _transform(problem.tension_transform, w_free)
     for i in range(n if d == 3 else 0):
         w_free[3 * i + SHEAR_J] -= memory.accumulated_slip[i, ALONG_J]
         w_free[3 * i + SHEAR_K] -= memory.accumulated_slip[i, ALONG_K]
@@ -77,6 +77,11 @@ def solve_gaps(
         if steady:
             return np.inf
     return np.inf
+
+
+@njit(**ARRAYS)
+def _transform(by: Floats, jumps: Floats) -> None:
+    copy(by @ jumps, jumps)
 
 
 def _solve(
@@ -123,7 +128,7 @@ def _energies(problem: GapProblem, dashpot_share: Floats, jump: Floats, force: F
     return energy
 
 
-@njit(**ARRAYS)
+@njit(**VIEWS)
 def commit_gaps(
     problem: GapProblem,
     memory: GapMemory,
@@ -161,15 +166,26 @@ def _commit(
     y: Floats,
     gaps: tuple[Floats, Floats, NDArray[np.uint8]],
 ) -> tuple[float, float, float]:
+    if laws is not None:
+        return _commit_with_laws(laws, problem, memory, y, gaps)
+    stored, slid = _move(problem, memory, y, gaps)
+    return stored, slid, 0.0
+
+
+@njit(**ARRAYS)
+def _commit_with_laws(
+    laws: Laws,
+    problem: GapProblem,
+    memory: GapMemory,
+    y: Floats,
+    gaps: tuple[Floats, Floats, NDArray[np.uint8]],
+) -> tuple[float, float, float]:
     jump, force, state = gaps
-    if laws is None:
-        stored, slid = _move(problem, memory, y, jump, force, state)
-        return stored, slid, 0.0
     n = len(problem.gap)
     before, old = _energies(problem, laws.dashpot_share, jump, force), jump.copy()
     for i in range(n):
         y[len(y) // n * i] += laws.dashpot_share[i] * memory.spring[len(y) // n * i]
-    lost = _move(problem, memory, y, jump, force, state)[1]
+    lost = _move(problem, memory, y, gaps)[1]
     after, fed = _energies(problem, laws.dashpot_share, jump, force), 0.0
     for i in range(n):
         p, slid, slip = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0, (0.0, 0.0)
@@ -187,25 +203,22 @@ def _commit(
     return after.sum(), lost, fed
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _move(
-    problem: GapProblem,
-    memory: GapMemory,
-    y: Floats,
-    jump: Floats,
-    force: Floats,
-    state: NDArray[np.uint8],
+    problem: GapProblem, memory: GapMemory, y: Floats, gaps: tuple[Floats, Floats, NDArray[np.uint8]]
 ) -> tuple[float, float]:
     """Jumps, forces, states, springs and slip; energy in the springs, and taken by sliding."""
-    n = len(problem.gap)
+    (jump, force, state), n = gaps, len(problem.gap)
     d = len(y) // max(n, 1)
     stored, lost = 0.0, 0.0
     for i in range(n):
         b = d * i
         p_c, ratio, compliance = memory.force[b], problem.theta_ratio[b], problem.compliance[b]
         jump[i, NORMAL] = y[b] - compliance * p_c - ratio * memory.spring[b]
-        memory.spring[b] = min(jump[i, NORMAL], 0.0)
+        memory.spring[b] = jump[i, NORMAL] if jump[i, NORMAL] < 0.0 else 0.0
         if ratio > 0.0:
+            p_c = 0.0
+        if memory.spring[b] < 0.0 and ratio > 0.0:
             compliance /= 1.0 + ratio
             p_c = -memory.spring[b] / compliance
         force[i, NORMAL] = p_c - problem.tension[i] * jump[i, NORMAL]

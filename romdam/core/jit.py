@@ -112,10 +112,13 @@ if numba.version_info.short != _TRIED:
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """`numba.njit`, with a second function for compiled callers, which is only lowered.
 
-    Where the cache cannot be written, or is damaged, that costs time and nothing else.
+    Where the cache cannot be written, or is damaged, that costs time and nothing else. `forceinline` is for
+    the function itself: numba would hand it down to all that is called, which takes twice as long to compile.
     """
+    options = {"forceinline": False} | options
 
     def compiled(function: Callable[..., Any]) -> Any:
+        made: Any
         try:
             made = numba.njit(**options)(function)
         except RuntimeError as error:
@@ -235,6 +238,15 @@ def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
     """
     for i in range(len(target)):
         target[i] = source[i]
+
+
+@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+def total(values: NDArray[Any]) -> Any:
+    """Sum of (n,) in any order: one after the other waits for each addition."""
+    found = 0.0
+    for i in range(len(values)):
+        found += values[i]
+    return found
 
 
 def _element(context: Any, kind: Any, index: Any) -> Any:

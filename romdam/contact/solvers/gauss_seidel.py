@@ -32,7 +32,7 @@ from romdam.contact.solvers.continuation import continue_from_no_friction
 from romdam.contact.solvers.newton import natural_residuals, response, worst_gap
 from romdam.contact.solvers.state import PUT_BACK, START, SWEPT, FrictionalState, GaussSeidelState
 from romdam.core.arrays import Floats, Singles
-from romdam.core.jit import copy, njit
+from romdam.core.jit import ARRAYS, copy, njit
 
 _SWEEPS = 64  # about the cost of one dense Newton iteration
 _WINDOW = 4  # sweeps between two looks at the contraction
@@ -301,7 +301,7 @@ def _sweeps(
     return residual if good else np.inf
 
 
-@njit(cache=True)
+@njit(**ARRAYS)
 def solve_frictional(
     problem: GapProblem,
     memory: GapMemory,

@@ -35,7 +35,8 @@ from romdam.core.arrays import Floats, at
 from romdam.core.jit import copy, njit
 
 _PATIENCE = 3  # block changes without progress before single changes take over (Judice and Pires)
-_MAX_CHANGES_PER_GAP = 50
+_MOST_CHANGES_PER_GAP = 50
+_TINY = 1e-300
 _REFRESH = 2000  # changes after which the inverse is made anew, to stop round-off from piling up
 
 
@@ -109,93 +110,87 @@ def _deflate(set_: PivotingState, k: int) -> None:
 
 
 @njit(cache=True)
-def _rebuild(W: Floats, set_: PivotingState, wanted: NDArray[np.bool_]) -> None:
-    """Make the inverse anew for a closed set."""
+def _rebuild(W: Floats, set_: PivotingState) -> None:
+    """Make the inverse anew for the wanted set."""
     set_.counts.size, set_.counts.updates = 0, 0
     set_.active[:] = False
-    for k in range(len(wanted)):
-        if wanted[k]:
+    for k in range(len(set_.wanted)):
+        if set_.wanted[k]:
             _border(W, set_, k)
 
 
 @njit(cache=True)
-def adopt(W: Floats, set_: PivotingState, wanted: NDArray[np.bool_]) -> None:
-    """Start from another closed set than the set_'s own, by the cheaper of changes and a rebuild."""
+def _adopt(W: Floats, set_: PivotingState) -> None:
+    """Start from the wanted set in place of the set's own, by the cheaper of changes and a rebuild."""
+    active, wanted = set_.active, set_.wanted
     changes, size = 0, 0
     for k in range(len(wanted)):
-        changes += int(set_.active[k] != wanted[k])
+        changes += int(active[k] != wanted[k])
         size += int(wanted[k])
+    if changes == 0:
+        return
     if 3 * changes > size:
-        _rebuild(W, set_, wanted)
+        _rebuild(W, set_)
         return
     for k in range(len(wanted)):
-        if set_.active[k] and not wanted[k]:
+        if active[k] and not wanted[k]:
             _deflate(set_, k)
     for k in range(len(wanted)):
-        if wanted[k] and not set_.active[k]:
+        if wanted[k] and not active[k]:
             _border(W, set_, k)
     set_.counts.updates += changes
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _evaluate(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> None:
-    """Force of the closed gaps and opening of the open ones, in one vector."""
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"}, forceinline=True)
+def _evaluate(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> float:
+    """Force of the closed gaps and opening of the open ones, in one vector.
+
+    Returns
+    -------
+    float, the largest opening that the forces leave at a closed gap, which is round-off [m]
+    """
     inverse, order, n = set_.inverse, set_.order, set_.counts.size
     force, right = set_.scratch[SET_FORCE], set_.scratch[SET_RIGHT]
     for i in range(n):
         right[i] = y_free[order[i]]
     _minus_product(inverse, right, n, force)
     copy(y_free, out)
-    if n < len(out):
-        for a in range(n):
-            f, row = force[a], W[order[a]]
-            for j in range(len(out)):
-                out[j] += row[j] * f
     for a in range(n):
+        f, row = force[a], W[order[a]]
+        for j in range(len(out)):
+            out[j] += row[j] * f
+    left = 0.0
+    for a in range(n):
+        left = max(left, abs(out[order[a]]))
         out[order[a]] = force[a]
+    return left
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _is_infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float], i: int) -> bool:
     """Tell whether gap i is on the wrong side: pulled, or overlapping."""
     least_force, least_opening = slack
     return out[i] < -(least_force if set_.active[i] else least_opening)
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float]) -> tuple[int, int]:
     """Count the gaps on the wrong side; the largest index among them, too."""
     count, last = 0, -1
     for i in range(len(out)):
-        if _is_infeasible(set_, out, slack, i):
+        if out[i] < 0.0 and _is_infeasible(set_, out, slack, i):
             count += 1
             last = i
     return count, last
 
 
-@njit(cache=True)
-def _slack(W: Floats, y_free: Floats) -> tuple[float, float]:
-    """Round-off allowances for a force and an opening."""
-    size, flexibility = 0.0, 0.0
-    for i in range(len(y_free)):
-        size = max(size, abs(y_free[i]))
-        flexibility = max(flexibility, W[i, i])
-    return 1e-13 * size / flexibility, 1e-14 * size
-
-
-@njit(cache=True)
-def _residual(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> float:
-    """Largest |W p + y_free| over the closed gaps, relative to the largest |y_free|."""
-    worst, size = 0.0, 1e-300
-    order, n = set_.order, set_.counts.size
-    for i in range(len(out)):
-        size = max(size, abs(y_free[i]))
-    for a in range(n):
-        r = y_free[order[a]]
-        for b in range(n):
-            r += W[order[a], order[b]] * out[order[b]]
-        worst = max(worst, abs(r))
-    return worst / size
+@njit(cache=True, forceinline=True)
+def _largest(values: Floats) -> float:
+    """Largest size of some values."""
+    size = 0.0
+    for i in range(len(values)):
+        size = max(size, abs(values[i]))
+    return size
 
 
 @njit(cache=True)
@@ -206,18 +201,27 @@ def _change(W: Floats, set_: PivotingState, k: int) -> None:
         _border(W, set_, k)
 
 
-@njit(cache=True)
-def _change_until_feasible(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> int:
-    """Change sides until no gap is infeasible; changes made, or -1 if the limit was reached."""
-    active = set_.active
-    slack = _slack(W, y_free)
+@njit(cache=True, forceinline=True)
+def _change_until_feasible(
+    W: Floats, set_: PivotingState, y_free: Floats, out: Floats, most: int
+) -> tuple[int, float]:
+    """Change sides until no gap is infeasible.
+
+    Returns
+    -------
+    (changes, residual) : made, or -1 where more than `most` would be needed; the largest residual of a closed
+        gap relative to the largest |y_free|
+    """
+    active, wanted, size = set_.active, set_.wanted, _largest(y_free)
+    slack = (1e-13 * size / set_.counts.largest, 1e-14 * size)  # round-off of a force and an opening
     best, patience, changes = len(active) + 1, _PATIENCE, 0
-    wrong = np.empty(len(active), dtype=np.bool_)
-    while changes <= _MAX_CHANGES_PER_GAP * len(active):
-        _evaluate(W, set_, y_free, out)
+    while True:
+        left = _evaluate(W, set_, y_free, out)
         count, last = _infeasible(set_, out, slack)
         if count == 0:
-            return changes
+            return changes, left / max(size, _TINY)
+        if changes >= most:
+            return -1, np.inf
         if count < best:
             best, patience = count, _PATIENCE
         else:
@@ -227,36 +231,17 @@ def _change_until_feasible(W: Floats, set_: PivotingState, y_free: Floats, out: 
             changes += 1
             continue
         for i in range(len(active)):
-            wrong[i] = _is_infeasible(set_, out, slack, i)
-        adopt(W, set_, wrong ^ active)
+            wanted[i] = active[i] != _is_infeasible(set_, out, slack, i)
+        _adopt(W, set_)
         changes += count
-    return -1
 
 
 @njit(cache=True)
-def _solve_on(
-    W: Floats, set_: PivotingState, y_free: Floats, out: Floats, control: tuple[float, bool]
-) -> float:
-    """Solve from the active set at hand; relative residual, inf without convergence."""
-    tolerance, steady = control
-    if steady:
-        _evaluate(W, set_, y_free, out)
-        wrong, _ = _infeasible(set_, out, _slack(W, y_free))
-        if wrong > 0:
-            return np.inf
-        changes = 0
-    else:
-        changes = _change_until_feasible(W, set_, y_free, out)
-    residual = 0.0 if changes == 0 else _residual(W, set_, y_free, out)
-    if changes < 0 or residual > 1e-2 * tolerance or set_.counts.updates > _REFRESH:
-        _rebuild(W, set_, set_.active.copy())
-        changes = _change_until_feasible(W, set_, y_free, out)
-        if changes < 0 or (steady and changes > 0):
-            return np.inf
-        residual = _residual(W, set_, y_free, out)
-    set_.counts.iterations += changes
-    set_.counts.most_iterations = max(set_.counts.most_iterations, changes)
-    return residual
+def _solve_anew(W: Floats, set_: PivotingState, y_free: Floats, out: Floats, most: int) -> tuple[int, float]:
+    """Make the inverse on the set anew, and solve from there."""
+    copy(set_.active, set_.wanted)
+    _rebuild(W, set_)
+    return _change_until_feasible(W, set_, y_free, out, most)
 
 
 @njit(cache=True)
@@ -282,22 +267,31 @@ def solve_unilateral(
     -------
     float, the relative residual reached; above the tolerance (or inf) means no convergence
     """
-    n, size, (tolerance, _) = len(closed), 0, control
+    n, size, (tolerance, steady) = len(closed), 0, control
     for i in range(n):
         size += int(closed[i])
     dual = 2 * size > n and len(problem.Z) > 0
-    set_ = at(memory.solver, OPEN_SET if dual else CLOSED_SET)
-    out = set_.scratch[SOLUTION]
+    set_, A, known = at(memory.solver, OPEN_SET if dual else CLOSED_SET), problem.W, y_free
     if dual:
-        _minus_product(problem.Z, y_free, n, y)
-        adopt(problem.Z, set_, ~closed)
-        residual = _solve_on(problem.Z, set_, y, out, control)
-    else:
-        adopt(problem.W, set_, closed)
-        residual = _solve_on(problem.W, set_, y_free, out, control)
+        A, known = problem.Z, y
+        _minus_product(A, y_free, n, y)
+    if set_.counts.largest == 0.0:
+        for i in range(n):
+            set_.counts.largest = max(set_.counts.largest, A[i, i])
+    for i in range(n):
+        set_.wanted[i] = closed[i] != dual
+    _adopt(A, set_)
+    out, most = set_.scratch[SOLUTION], 0 if steady else _MOST_CHANGES_PER_GAP * n
+    changes, residual = _change_until_feasible(A, set_, known, out, most)
+    if steady and changes < 0:
+        return np.inf
+    if changes < 0 or residual > 1e-2 * tolerance or set_.counts.updates > _REFRESH:
+        changes, residual = _solve_anew(A, set_, known, out, most)
     if not residual <= tolerance:
         memory.failure.gap = out.argmin()
         return residual
+    set_.counts.iterations += changes
+    set_.counts.most_iterations = max(set_.counts.most_iterations, changes)
     for i in range(n):
         loaded = set_.active[i] != dual
         memory.force[i] = max(out[i], 0.0) if loaded else 0.0

@@ -1,11 +1,15 @@
 """Products with the modes in the time loop, for one run or many, and the motion of the modes.
 
-Four rows of a matrix are taken for all runs before the next four: they are read from memory once, and every
+A band of a matrix' rows is taken for all runs before the next one: it is read from memory once, and every
 run gets the sums that it gets alone, bit for bit. Rows without force are skipped. (BLAS would pack the
 matrices anew at every step.)
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from romdam.core.arrays import Floats
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
@@ -28,91 +32,140 @@ from romdam.timestepping.modal.propagator import (
     Propagator,
 )
 
-_FOUR = 4  # rows at a time: as many sums as keep the processor busy
+_PLACE = np.uint64  # unsigned: numba looks at every signed place, whether it counts from the end
+_1, _2, _3 = _PLACE(1), _PLACE(2), _PLACE(3)
+_FOUR = _PLACE(4)  # rows at a time: as many sums as keep the processor busy
+_BAND = _PLACE(16)  # rows that stay in the first cache while all runs take them
+_NOTHING = 1e-30  # [N] of relaxed force: digits below it would become subnormal, which is slow
+_SUMS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz"}}
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _dot_rows(A: Floats, x: Floats, y: Floats) -> None:
-    """y += A x, A of up to four rows."""
-    if len(A) == _FOUR:
-        a, b, c, d = A[0], A[1], A[2], A[3]
+class Rows(NamedTuple):
+    """Some rows of a matrix, within the values of all its blocks.
+
+    Attributes
+    ----------
+    first : place of the first one's first value
+    number, length : how many they are, and their values
+    row, column : of the first value in the matrix
+    """
+
+    first: np.uint64
+    number: np.uint64
+    length: np.uint64
+    row: np.uint64
+    column: np.uint64
+
+
+@njit(cache=True, forceinline=True, **_SUMS)
+def _dot_rows(A: Floats, rows: Rows, x: Floats, y: Floats) -> None:
+    """y += A x."""
+    a, n, x_0, y_0 = rows.first, rows.length, rows.column, rows.row
+    fours = rows.number // _FOUR
+    for _ in range(fours):
+        b, c, d = a + n, a + _2 * n, a + _3 * n
         s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-        for j in range(len(x)):
-            s0 += a[j] * x[j]
-            s1 += b[j] * x[j]
-            s2 += c[j] * x[j]
-            s3 += d[j] * x[j]
-        y[0] += s0
-        y[1] += s1
-        y[2] += s2
-        y[3] += s3
-        return
-    for r in range(len(A)):
-        row, total = A[r], 0.0
-        for j in range(len(x)):
-            total += row[j] * x[j]
-        y[r] += total
+        for j in range(n):
+            s0 += A[a + j] * x[x_0 + j]
+            s1 += A[b + j] * x[x_0 + j]
+            s2 += A[c + j] * x[x_0 + j]
+            s3 += A[d + j] * x[x_0 + j]
+        y[y_0] += s0
+        y[y_0 + _1] += s1
+        y[y_0 + _2] += s2
+        y[y_0 + _3] += s3
+        a, y_0 = a + _FOUR * n, y_0 + _FOUR
+    for r in range(rows.number - _FOUR * fours):
+        total = 0.0
+        for j in range(n):
+            total += A[a + r * n + j] * x[x_0 + j]
+        y[y_0 + r] += total
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def add_rows(A: Floats, p: Floats, scale: float, out: Floats) -> None:
-    """out += scale A^T p, skipping unloaded rows."""
-    first = 0
-    while first + _FOUR <= len(p):
-        f0, f1, f2, f3 = scale * p[first], scale * p[first + 1], scale * p[first + 2], scale * p[first + 3]
+@njit(cache=True, forceinline=True, **_SUMS)
+def _add_rows(A: Floats, rows: Rows, p: Floats, y: Floats) -> None:
+    """y += A^T p, rows without force left out."""
+    a, n, p_0, y_0 = rows.first, rows.length, rows.row, rows.column
+    fours = rows.number // _FOUR
+    for _ in range(fours):
+        f0, f1, f2, f3 = p[p_0], p[p_0 + _1], p[p_0 + _2], p[p_0 + _3]
         if f0 != 0.0 or f1 != 0.0 or f2 != 0.0 or f3 != 0.0:
-            a, b, c, d = A[first], A[first + 1], A[first + 2], A[first + 3]
-            for j in range(len(out)):
-                out[j] += f0 * a[j] + f1 * b[j] + f2 * c[j] + f3 * d[j]
-        first += _FOUR
-    for i in range(first, len(p)):
-        f = scale * p[i]
+            b, c, d = a + n, a + _2 * n, a + _3 * n
+            for j in range(n):
+                y[y_0 + j] += f0 * A[a + j] + f1 * A[b + j] + f2 * A[c + j] + f3 * A[d + j]
+        a, p_0 = a + _FOUR * n, p_0 + _FOUR
+    for r in range(rows.number - _FOUR * fours):
+        f = p[p_0 + r]
         if f != 0.0:
-            row = A[i]
-            for j in range(len(out)):
-                out[j] += row[j] * f
+            for j in range(n):
+                y[y_0 + j] += A[a + r * n + j] * f
 
 
 @njit(**VIEWS)
-def gap_jumps(model: ModalModel, rows: Ints, q: Floats, w: Floats) -> None:
+def gap_jumps(model: ModalModel, runs: Ints, q: Floats, w: Floats) -> None:
     """w = G q of some runs, block by block."""
-    for a in range(len(rows)):
-        w[rows[a]] = 0.0
+    for a in range(len(runs)):
+        w[runs[a]] = 0.0
     for t in range(len(model.tiles)):
-        r0, r1, c0, c1, start = model.tiles[t]
-        G = model.values[start : start + (r1 - r0) * (c1 - c0)].reshape(r1 - r0, c1 - c0)
-        for r in range(0, r1 - r0, _FOUR):
-            end = min(r + _FOUR, r1 - r0)
-            for a in range(len(rows)):
-                _dot_rows(G[r:end], q[rows[a], c0:c1], w[rows[a], r0 + r : r0 + end])
+        tile = _tile(model.tiles, t)
+        for r in range(_PLACE(0), tile.number, _BAND):
+            band = _band(tile, r)
+            for a in range(len(runs)):
+                _dot_rows(model.values, band, q[runs[a]], w[runs[a]])
 
 
 @njit(**VIEWS)
-def modal_forces(model: ModalModel, rows: Ints, p: Floats, r: Floats) -> None:
+def modal_forces(model: ModalModel, runs: Ints, p: Floats, r: Floats) -> None:
     """r = G^T p of some runs, block by block."""
-    for a in range(len(rows)):
-        r[rows[a]] = 0.0
+    for a in range(len(runs)):
+        r[runs[a]] = 0.0
     for t in range(len(model.tiles)):
-        r0, r1, c0, c1, start = model.tiles[t]
-        G = model.values[start : start + (r1 - r0) * (c1 - c0)].reshape(r1 - r0, c1 - c0)
-        for i in range(0, r1 - r0, _FOUR):
-            end = min(i + _FOUR, r1 - r0)
-            for a in range(len(rows)):
-                add_rows(G[i:end], p[rows[a], r0 + i : r0 + end], 1.0, r[rows[a], c0:c1])
+        tile = _tile(model.tiles, t)
+        for i in range(_PLACE(0), tile.number, _BAND):
+            band = _band(tile, i)
+            for a in range(len(runs)):
+                _add_rows(model.values, band, p[runs[a]], r[runs[a]])
 
 
 @njit(**VIEWS)
-def residual_jumps(R: Floats, rows: Ints, p: Floats, goal: Floats) -> None:
+def residual_jumps(R: Floats, runs: Ints, p: Floats, goal: Floats) -> None:
     """goal = R p of some runs, R symmetric: what the modes that are no states tend to."""
-    for a in range(len(rows)):
-        goal[rows[a]] = 0.0
-    for i in range(0, len(R), _FOUR):
-        end = min(i + _FOUR, len(R))
-        for a in range(len(rows)):
-            add_rows(R[i:end], p[rows[a], i:end], 1.0, goal[rows[a]])
+    for a in range(len(runs)):
+        goal[runs[a]] = 0.0
+    whole, values = _whole(R), R.reshape(R.size)
+    for i in range(_PLACE(0), whole.number, _BAND):
+        band = _band(whole, i)
+        for a in range(len(runs)):
+            _add_rows(values, band, p[runs[a]], goal[runs[a]])
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@njit(cache=True, forceinline=True)
+def add_rows(A: Floats, p: Floats, y: Floats) -> None:
+    """y += A^T p, rows without force left out."""
+    _add_rows(A.reshape(A.size), _whole(A), p, y)
+
+
+@njit(cache=True, forceinline=True)
+def _tile(tiles: Ints, t: int) -> Rows:
+    """All rows of a block of G."""
+    r0, r1, c0, c1, start = tiles[t]
+    return Rows(_PLACE(start), _PLACE(r1 - r0), _PLACE(c1 - c0), _PLACE(r0), _PLACE(c0))
+
+
+@njit(cache=True, forceinline=True)
+def _whole(A: Floats) -> Rows:
+    """All rows of a matrix."""
+    return Rows(_PLACE(0), _PLACE(len(A)), _PLACE(A.shape[1]), _PLACE(0), _PLACE(0))
+
+
+@njit(cache=True, forceinline=True)
+def _band(rows: Rows, i: np.uint64) -> Rows:
+    """The rows from the i-th on that are taken for all runs before the next ones."""
+    number = min(_BAND, rows.number - i)
+    return Rows(rows.first + i * rows.length, number, rows.length, rows.row + i, rows.column)
+
+
+@njit(cache=True, **_SUMS)
 def external_force(model: ModalModel, acc: Floats, f: Floats) -> None:
     """External modal force at one instant."""
     copy(model.static, f)
@@ -146,7 +199,7 @@ def add_carried(
             jump[i] += carried[i, k] * disp
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@njit(cache=True, **_SUMS, forceinline=True)
 def free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats) -> None:
     """Displacement at the step's end without joint force."""
     for j in range(len(q_free)):
@@ -158,7 +211,7 @@ def free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats
         )
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@njit(cache=True, **_SUMS, forceinline=True)
 def advance(
     step: Propagator, state: ModalState, force: tuple[Floats, Floats], q_free: Floats
 ) -> tuple[float, float, float]:
@@ -195,7 +248,7 @@ def advance(
     return work, joint, loss
 
 
-@njit(**ARRAYS, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+@njit(**ARRAYS, **_SUMS, forceinline=True)
 def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> tuple[float, float]:
     """Relax the residual flexibility towards a joint force; the force's work on it, and what it loses.
 
@@ -207,7 +260,7 @@ def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> t
     s, u_r, N = state.s, state.u_r, len(goal)
     conserving = model.conserving is not None
     p = state.force.ravel() if conserving else state.mean
-    work, loss, size = 0.0, 0.0, 0.0
+    work, loss = 0.0, 0.0
     for i in range(N):
         new = decay * u_r[i] + (1.0 - decay) * goal[i]
         if conserving:
@@ -218,8 +271,9 @@ def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> t
         u_r[i] = new
     for i in range(N):
         s[i] = decay * s[i] + (1.0 - decay) * p[i]
-        size = max(size, abs(s[i]))
-    if size < 1e-30:
-        s[:] = 0.0
-        u_r[:] = 0.0
+    for i in range(N):
+        if not abs(s[i]) < _NOTHING:
+            return work, loss
+    s[:] = 0.0
+    u_r[:] = 0.0
     return work, loss

@@ -108,15 +108,15 @@ def _record(buffer: HistoryBuffer, state: ModalState, memory: Floats, row: int) 
 
 
 @njit(cache=True, inline="always")
-def _impulse(problem: GapProblem, memory: GapMemory, old_force: Floats, dt: float) -> float:
-    """Largest gap velocity that the change of its normal force over the step stands for."""
+def _keeps_within(problem: GapProblem, memory: GapMemory, old_force: Floats, most: float) -> bool:
+    """Tell whether the change of no gap's normal force moves its jump farther over the step than `most`."""
     n = len(problem.gap)
     d = len(memory.force) // max(n, 1)
-    worst = 0.0
     for i in range(n):
         b = d * i
-        worst = max(worst, problem.self_flexibility[b] * abs(memory.force[b] - old_force[b]))
-    return worst / dt
+        if not problem.self_flexibility[b] * abs(memory.force[b] - old_force[b]) <= most:
+            return False
+    return True
 
 
 @njit(**ARRAYS)
@@ -185,7 +185,7 @@ def _try_step(
         residual = solve_gaps(problem, memory, state.closed, w, y, control)
     good = residual <= tolerance
     if good and l < finest:
-        good = _impulse(problem, memory, old_force, levels.step.dt[variant, l]) <= runs.impulse[run]
+        good = _keeps_within(problem, memory, old_force, runs.impulse[run] * levels.step.dt[variant, l])
     if not good:
         copy(old_force, memory.force)
     return good, residual

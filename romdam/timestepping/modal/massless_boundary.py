@@ -101,7 +101,7 @@ def try_conserving(
     for _ in range(_MEAN_ITERATIONS):
         w = w_free.copy()
         w[: len(shift)] += shift
-        add_rows(half, p_0 + 2.0 * correction, 1.0, w)
+        add_rows(half, p_0 + 2.0 * correction, w)
         memory.force[:] = old_force
         residual = solve_gaps(problem, memory, state.closed, w, y, control)
         if not residual <= tolerance:
@@ -110,7 +110,7 @@ def try_conserving(
         slid = _slid(problem, memory, y)
         state.mean[:] = 0.5 * (p_0 + p_1) + correction
         w_1[:] = w_free
-        add_rows(half, state.mean, 2.0, w_1)
+        add_rows(half, 2.0 * state.mean, w_1)
         if not changed and slid == 0.0:
             break
         moved = (w_1 - state.w) * ((p_0 != 0.0) | (p_1 != 0.0))
