@@ -74,7 +74,7 @@ def _sentence(l2: float, peak: float, seconds: tuple[float, float]) -> str:
 def run_window(
     finer: FinerModel, history: History, ground: Floats, settings: Settings, rows: slice
 ) -> History:
-    """Run the finer model, from the run's own state, over some rows of `history`.
+    """Run the finer model, from the run's own state, over some rows of `history`: its jumps.
 
     Parameters
     ----------
@@ -89,7 +89,8 @@ def run_window(
         v=finer.embed @ history.v[first],
     )
     shaken = ground[:, first * stride : last * stride + 1]
-    return simulate_one(finer.prepared, shaken, replace(settings, start=start))
+    only = replace(settings, start=start, coordinates=False, only_jumps=True)
+    return simulate_one(finer.prepared, shaken, only)
 
 
 def moving_rows(history: History, joints: Mapping[str, slice], interval: float) -> slice:

@@ -210,7 +210,8 @@ def _further(law: type[Law], keys: Mapping[str, Any], area: Floats) -> LawRows:
 
 def _rows(law: type[Law], keys: Mapping[str, Any], area: Floats) -> Floats:
     """Parameters of a law at every gap, (n, p)."""
-    return np.array([law.row(keys, float(each)) for each in area])
+    areas, which = np.unique(area, return_inverse=True)  # most gaps of a regular mesh have one of a few
+    return np.array([law.row(keys, float(each)) for each in areas])[which]
 
 
 def local_axes(normal: Floats) -> Floats:

@@ -21,17 +21,21 @@ class OperatorCache:
     """Values by key, the latest used for longest; pickled without them."""
 
     def __init__(self) -> None:
-        self._values: dict[Hashable, Any] = {}
+        self._values: dict[Hashable, tuple[Any, int]] = {}  # each with its bytes
 
     def __reduce__(self) -> tuple[type[OperatorCache], tuple[()]]:
         return OperatorCache, ()
 
     def get_or_compute(self, key: Hashable, compute: Callable[[], Value]) -> Value:
         """Give the value of a key, computed where it is not here; it is not to be changed."""
-        value: Value = self._values.pop(key) if key in self._values else compute()
-        self._values[key] = value
-        while len(self._values) > 1 and sum(map(_bytes, self._values.values())) > _MOST:
+        held = self._values.pop(key, None)
+        if held is None:
+            computed = compute()
+            held = computed, _bytes(computed)
+        self._values[key] = held
+        while len(self._values) > 1 and sum(size for _, size in self._values.values()) > _MOST:
             del self._values[next(iter(self._values))]
+        value: Value = held[0]
         return value
 
 

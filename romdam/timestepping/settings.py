@@ -39,6 +39,8 @@ class Settings:
     shift : (nt, directions * ng) jumps added at every base step, linear in between (modal integrators) [m]
     coordinates : whether histories carry the coordinates q and v, which take as long to make as a step for
         every row (modal integrators)
+    only_jumps : whether histories have all rows of the jumps alone, for a comparison, and of everything else
+        the first one (modal integrators)
     """
 
     steps: Steps
@@ -47,3 +49,4 @@ class Settings:
     start: Start | None = None
     shift: Floats | None = None
     coordinates: bool = True
+    only_jumps: bool = False

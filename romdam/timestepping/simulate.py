@@ -51,7 +51,9 @@ def simulate(
         integrator.supports(one.system)
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
     return [
-        made if isinstance(made, ConvergenceError) else _finished(made, one, settings.steps.stride)
+        made
+        if settings.only_jumps or isinstance(made, ConvergenceError)
+        else _finished(made, one, settings.steps.stride)
         for made, one in zip(outcomes, simulations, strict=True)
     ]
 

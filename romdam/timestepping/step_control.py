@@ -69,7 +69,7 @@ def simulate_to(
             else:
                 trials[i] = trials[i].after(outcome, motions.compared(i, outcome))
         if halvings == first:
-            for i, check in motions.simulate(trials, first - 1, coordinates=False):
+            for i, check in motions.simulate(trials, first - 1, only_compared=True):
                 if isinstance(check, ConvergenceError):
                     trials[i] = trials[i].unchecked()
                 else:
@@ -105,14 +105,22 @@ class _Motions:
     progress: Progress | None
 
     def simulate(
-        self, trials: Mapping[int, _Trial], halvings: int, coordinates: bool = True
+        self, trials: Mapping[int, _Trial], halvings: int, only_compared: bool = False
     ) -> list[tuple[int, Outcome]]:
-        """Integrate some of them as far as their trials need; their numbers and outcomes."""
+        """Integrate some of them as far as their trials need; their numbers and outcomes.
+
+        Parameters
+        ----------
+        only_compared : whether nothing but `compared` is made of the histories
+        """
         if not trials:
             return []
         coarse, integrator = self.settings.steps, self.prepared[0].integrator
         steps = integrator.steps(coarse.base / 2.0**halvings, coarse.base, coarse.interval)
-        settings = replace(self.settings, steps=steps, coordinates=coordinates and self.settings.coordinates)
+        settings = replace(self.settings, steps=steps)
+        if only_compared:
+            only_jumps = len(self.prepared[0].system.law) > 0
+            settings = replace(settings, coordinates=False, only_jumps=only_jumps)
         grounds = []
         for i, trial in trials.items():
             ground = self.grounds[i](steps.base)

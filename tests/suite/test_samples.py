@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from scipy.stats import qmc
 
 import romdam
 from romdam.core.errors import ConfigError
@@ -15,6 +16,7 @@ from romdam.pipelines.run import run as run_job
 from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.postprocess.responses import PARAMETER, parameters
+from romdam.results.suite.design import _unit_samples
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -157,6 +159,12 @@ def test_names_of_records_stay_in_the_folder(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["list.csv", "out", "records", "suite.yaml"]
     assert len(list((tmp_path / "out" / "runs").glob("a_b_c__0__0-*.nc"))) == 1
     assert any("../../escape" in message or "name" in message for message in outcome.failures.values())
+
+
+@pytest.mark.parametrize(("samples", "parameters", "seed"), [(1, 1, 0), (200, 3, 1)])
+def test_latin_hypercube_is_that_of_scipy(samples, parameters, seed):
+    theirs = qmc.LatinHypercube(d=parameters, seed=np.random.default_rng(seed)).random(samples)
+    np.testing.assert_array_equal(_unit_samples(samples, parameters, seed), theirs)
 
 
 def test_latin_hypercube_and_table_are_the_samples(tmp_path):

@@ -49,6 +49,13 @@ INTEGRATORS = [
 ]
 
 
+def test_a_history_for_a_comparison_has_the_bits_of_the_jumps():
+    whole, jumps = (_shaken(prepared_for(_system(), "adaptive"), only_jumps=only) for only in (False, True))
+    assert np.array_equal(jumps.jump, whole.jump) and np.array_equal(jumps.time, whole.time)
+    assert all(np.array_equal(jumps.peaks[name], whole.peaks[name]) for name in whole.peaks)
+    assert jumps.disp.shape == (1, *whole.disp.shape[1:])
+
+
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: next(iter(change)))
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=str)
 def test_a_run_after_others_has_the_bits_of_the_first(integrator, change):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -164,7 +165,10 @@ def step_levels(
     most_ratio = 1.0 if integrator.midpoint else 0.0
     problems = [
         [
-            _offset_problem(variant.system, split, (H, dt, own), most_ratio)
+            variant.cache.get_or_compute(
+                ("problem", *_key(split), dt, own.tobytes()),
+                partial(_offset_problem, variant.system, split, (H, dt, own), most_ratio),
+            )
             for H, dt, own in zip(motions[i].H, motions[i].step.dt, motions[i].own, strict=True)
         ]
         for variant, i in zip(variants, index, strict=True)
@@ -204,25 +208,46 @@ def _motion(
     of_whole = split if symmetry is None else integrator.split(whole, steps.base)
     tau = _relaxation_time(whole.system, of_whole)
     decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
-    step = stacked([modal_propagator(k[split.dynamic], c[split.dynamic], dt) for dt in sizes])
-    half = 0.5 * np.stack([(split.G * q_p) @ split.G.T for q_p in step.q_p])
+    levels = [
+        prepared.cache.get_or_compute(("level", *_key(split), dt), partial(_level, split, k, c, dt))
+        for dt in sizes
+    ]
+    step, half = stacked([step for step, _ in levels]), np.stack([half for _, half in levels])
     H = half if model.conserving else 2.0 * half
     if len(model.R):
         H = H + (1.0 - decay)[:, None, None] * model.R
     own = H.diagonal(axis1=1, axis2=2)
     if symmetry is not None:
-        own = _single(whole.system, symmetry, of_whole, sizes, decay)
+        own = _single(whole, symmetry, of_whole, sizes, decay)
     return _Motion(step, decay, H, own, half)
 
 
+def _key(split: ModeSplit) -> tuple[bytes, bytes]:
+    """What tells a split from others of the same system."""
+    return split.dynamic.tobytes(), split.taper.tobytes()
+
+
+def _level(split: ModeSplit, k: Floats, c: Floats, dt: float) -> tuple[Propagator, Floats]:
+    """Propagator of the dynamic modes for one step size, and half their flexibility over it."""
+    step = modal_propagator(k[split.dynamic], c[split.dynamic], dt)
+    return step, 0.5 * ((split.G * step.q_p) @ split.G.T)
+
+
 def _single(
-    whole: System, symmetry: Symmetry, split: ModeSplit, sizes: Sequence[float], decay: Floats
+    whole: Prepared, symmetry: Symmetry, split: ModeSplit, sizes: Sequence[float], decay: Floats
 ) -> Floats:
     """Flexibility of one gap of every group over a step of each size, per force of the group."""
-    k, c = whole.K.diagonal(), whole.C.diagonal()
+    k, c = whole.system.K.diagonal(), whole.system.C.diagonal()
     d = symmetry.signs.shape[1]
     rows = (d * np.unique(symmetry.gaps, return_index=True)[1][:, None] + np.arange(d)).ravel()
-    q_p = np.stack([response_to_force(k[split.dynamic], c[split.dynamic], dt) for dt in sizes])
+    k_dynamic, c_dynamic = k[split.dynamic], c[split.dynamic]
+    responses = [
+        whole.cache.get_or_compute(
+            ("response", *_key(split), dt), partial(response_to_force, k_dynamic, c_dynamic, dt)
+        )
+        for dt in sizes
+    ]
+    q_p = np.stack(responses)
     relaxed = split.G_quasi[rows] ** 2 @ (1.0 / k[split.quasi_static])
     own = q_p @ split.G[rows].T ** 2 + (1.0 - decay)[:, None] * relaxed
     return np.asarray(own / np.repeat(symmetry.count, d))

@@ -320,8 +320,9 @@ def _outcomes(
         history = _history(prepared, (model, split), written, acc, settings)
         history = with_carried_points(history, prepared.system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
-        laws = at(levels.problem.laws, (runs.variant[run].problem, BASE))
-        strength, bonded = shear_strength(prepared.system.law.mu, laws, written.memory, written.force)
+        laws, force = at(levels.problem.laws, (runs.variant[run].problem, BASE)), history.traction
+        memory = written.memory[: len(force)]
+        strength, bonded = shear_strength(prepared.system.law.mu, laws, memory, force)
         outcomes.append(replace(history, peaks=peaks, stats=stats, strength=strength, bonded=bonded))
     return outcomes
 
@@ -359,6 +360,10 @@ def _history(
 ) -> History:
     """The written rows of one run, without peaks and stats."""
     (model, split), system = arrays, prepared.system
+    time = np.arange(len(buffer.q), dtype=np.float64) * settings.steps.interval
+    jump = _at_points(system, split, buffer)
+    if settings.only_jumps:
+        buffer, acc = buffer._replace(**{name: getattr(buffer, name)[:1] for name in _ROWS}), acc[:, :1]
     q, v = whole_motion(system, split, buffer) if settings.coordinates else (None, None)
     disp = observed_displacement(system, split, buffer, system.observe)
     k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
@@ -370,8 +375,8 @@ def _history(
     if len(model.R):
         strain += 0.5 * np.einsum("ti,ij,tj->t", buffer.s, model.R, buffer.s, optimize=True)
     return History(
-        time=np.arange(len(disp), dtype=np.float64) * settings.steps.interval,
-        jump=_at_points(system, split, buffer),
+        time=time,
+        jump=jump,
         traction=buffer.force,
         water=buffer.water,
         mean_traction=buffer.impulse / settings.steps.interval,
