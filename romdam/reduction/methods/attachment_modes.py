@@ -14,7 +14,7 @@ from romdam.reduction.methods.craig_bampton import without_roundoff
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 
 _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off
-_LOST = 100.0 * np.finfo(float).eps  # the same, of what stood there before the modes' part was taken out
+_LOST = 2e-14  # the same, of what stood there before the modes' part was taken out
 # least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
 # 1e-13 on the first mode would count as its round-off
 _STIFF = 1e-12

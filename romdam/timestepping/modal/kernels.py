@@ -32,10 +32,10 @@ from romdam.timestepping.modal.propagator import (
     Propagator,
 )
 
+_FOUR = 4  # rows at a time: as many sums as keep the processor busy
+_BAND = 16  # rows that stay in the first cache while all runs take them
 _PLACE = np.uint64  # unsigned: numba looks at every signed place, whether it counts from the end
-_1, _2, _3 = _PLACE(1), _PLACE(2), _PLACE(3)
-_FOUR = _PLACE(4)  # rows at a time: as many sums as keep the processor busy
-_BAND = _PLACE(16)  # rows that stay in the first cache while all runs take them
+_1, _2, _3, _4 = _PLACE(1), _PLACE(2), _PLACE(3), _PLACE(_FOUR)
 _NOTHING = 1e-30  # [N] of relaxed force: digits below it would become subnormal, which is slow
 _SUMS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz"}}
 
@@ -61,7 +61,7 @@ class Rows(NamedTuple):
 def _dot_rows(A: Floats, rows: Rows, x: Floats, y: Floats) -> None:
     """y += A x."""
     a, n, x_0, y_0 = rows.first, rows.length, rows.column, rows.row
-    fours = rows.number // _FOUR
+    fours = rows.number // _4
     for _ in range(fours):
         b, c, d = a + n, a + _2 * n, a + _3 * n
         s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
@@ -74,8 +74,8 @@ def _dot_rows(A: Floats, rows: Rows, x: Floats, y: Floats) -> None:
         y[y_0 + _1] += s1
         y[y_0 + _2] += s2
         y[y_0 + _3] += s3
-        a, y_0 = a + _FOUR * n, y_0 + _FOUR
-    for r in range(rows.number - _FOUR * fours):
+        a, y_0 = a + _4 * n, y_0 + _4
+    for r in range(rows.number - _4 * fours):
         total = 0.0
         for j in range(n):
             total += A[a + r * n + j] * x[x_0 + j]
@@ -86,15 +86,15 @@ def _dot_rows(A: Floats, rows: Rows, x: Floats, y: Floats) -> None:
 def _add_rows(A: Floats, rows: Rows, p: Floats, y: Floats) -> None:
     """y += A^T p, rows without force left out."""
     a, n, p_0, y_0 = rows.first, rows.length, rows.row, rows.column
-    fours = rows.number // _FOUR
+    fours = rows.number // _4
     for _ in range(fours):
         f0, f1, f2, f3 = p[p_0], p[p_0 + _1], p[p_0 + _2], p[p_0 + _3]
         if f0 != 0.0 or f1 != 0.0 or f2 != 0.0 or f3 != 0.0:
             b, c, d = a + n, a + _2 * n, a + _3 * n
             for j in range(n):
                 y[y_0 + j] += f0 * A[a + j] + f1 * A[b + j] + f2 * A[c + j] + f3 * A[d + j]
-        a, p_0 = a + _FOUR * n, p_0 + _FOUR
-    for r in range(rows.number - _FOUR * fours):
+        a, p_0 = a + _4 * n, p_0 + _4
+    for r in range(rows.number - _4 * fours):
         f = p[p_0 + r]
         if f != 0.0:
             for j in range(n):
@@ -108,7 +108,7 @@ def gap_jumps(model: ModalModel, runs: Ints, q: Floats, w: Floats) -> None:
         w[runs[a]] = 0.0
     for t in range(len(model.tiles)):
         tile = _tile(model.tiles, t)
-        for r in range(_PLACE(0), tile.number, _BAND):
+        for r in range(_PLACE(0), tile.number, _PLACE(_BAND)):
             band = _band(tile, r)
             for a in range(len(runs)):
                 _dot_rows(model.values, band, q[runs[a]], w[runs[a]])
@@ -121,7 +121,7 @@ def modal_forces(model: ModalModel, runs: Ints, p: Floats, r: Floats) -> None:
         r[runs[a]] = 0.0
     for t in range(len(model.tiles)):
         tile = _tile(model.tiles, t)
-        for i in range(_PLACE(0), tile.number, _BAND):
+        for i in range(_PLACE(0), tile.number, _PLACE(_BAND)):
             band = _band(tile, i)
             for a in range(len(runs)):
                 _add_rows(model.values, band, p[runs[a]], r[runs[a]])
@@ -133,7 +133,7 @@ def residual_jumps(R: Floats, runs: Ints, p: Floats, goal: Floats) -> None:
     for a in range(len(runs)):
         goal[runs[a]] = 0.0
     whole, values = _whole(R), R.reshape(R.size)
-    for i in range(_PLACE(0), whole.number, _BAND):
+    for i in range(_PLACE(0), whole.number, _PLACE(_BAND)):
         band = _band(whole, i)
         for a in range(len(runs)):
             _add_rows(values, band, p[runs[a]], goal[runs[a]])
@@ -161,7 +161,7 @@ def _whole(A: Floats) -> Rows:
 @njit(cache=True, forceinline=True)
 def _band(rows: Rows, i: np.uint64) -> Rows:
     """The rows from the i-th on that are taken for all runs before the next ones."""
-    number = min(_BAND, rows.number - i)
+    number = min(_PLACE(_BAND), rows.number - i)
     return Rows(rows.first + i * rows.length, number, rows.length, rows.row + i, rows.column)
 
 
