@@ -524,3 +524,22 @@ def test_few_closed_gaps_among_many_open_ones(seed):
         assert np.count_nonzero(state) <= 5
     assert memory.solver.sweeps.counts.newton_steps == 0  # Newton never helps
     assert memory.solver.sweeps.counts.iterations <= 8 * len(steps)  # sweeps
+
+
+@pytest.mark.parametrize("dual", [False, True])
+def test_an_inverse_that_round_off_has_spoiled_is_made_anew(dual):
+    """What the closed gaps' forces leave of their openings tells, also where no gap changes sides."""
+    rng, n = np.random.default_rng(8), 12
+    shape = rng.standard_normal((n, n))
+    law = GapLaw(np.full(n, np.inf), np.zeros(n), np.zeros(n), np.zeros((n, 2)), np.zeros(n), {})
+    problem = gap_problem(1e-9 * (shape @ shape.T / n + np.eye(n)), law)
+    memory, y, control = gap_memory(problem), np.zeros(n), (TOLERANCE, False)
+    w_free = np.where(np.arange(n) < (9 if dual else 3), -1e-3, 5e-3)
+    solve_gaps(problem, memory, np.zeros(n, dtype=bool), w_free.copy(), y, control)
+    force, closed = memory.force.copy(), memory.force > 0.0
+    solve_gaps(problem, memory, closed, w_free.copy(), y, control)
+    assert (2 * closed.sum() > n) == dual
+    memory.solver.inverse[:] *= 1.0 + 1e-4
+    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, control)
+    assert residual <= TOLERANCE
+    np.testing.assert_allclose(memory.force, force, rtol=1e-9)
