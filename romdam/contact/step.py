@@ -18,7 +18,7 @@ from romdam.contact.solvers.gauss_seidel import solve_frictional
 from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import Floats
-from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit, total
+from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit
 
 SOLVERS: dict[type, Callable[..., Any]] = {PivotingState: solve_unilateral, FrictionalState: solve_frictional}
 
@@ -47,8 +47,9 @@ def solve_gaps(
     float, the relative residual reached; above the tolerance means no convergence, inf that a gap
     opened or closed in a step that must not have it
     """
-    if not math.isfinite(total(w_free)):  # comparisons with NaN are False: it would pass for converged
-        return np.inf
+    for b in range(len(w_free)):
+        if not math.isfinite(w_free[b]):  # comparisons with NaN are False: it would pass for converged
+            return np.inf
     n = len(problem.gap)
     if n == 0:
         return 0.0

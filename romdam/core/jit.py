@@ -240,15 +240,6 @@ def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
         target[i] = source[i]
 
 
-@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def total(values: NDArray[Any]) -> Any:
-    """Sum of (n,) in any order: one after the other waits for each addition."""
-    found = 0.0
-    for i in range(len(values)):
-        found += values[i]
-    return found
-
-
 def _element(context: Any, kind: Any, index: Any) -> Any:
     """Signature of `array[index]`."""
     return context.resolve_function_type(operator.getitem, (kind, index), {})

@@ -184,15 +184,6 @@ def _infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float]) ->
     return count, last
 
 
-@njit(cache=True, forceinline=True)
-def _largest(values: Floats) -> float:
-    """Largest size of some values."""
-    size = 0.0
-    for i in range(len(values)):
-        size = max(size, abs(values[i]))
-    return size
-
-
 @njit(cache=True)
 def _change(W: Floats, set_: PivotingState, k: int) -> None:
     if set_.active[k]:
@@ -201,7 +192,7 @@ def _change(W: Floats, set_: PivotingState, k: int) -> None:
         _border(W, set_, k)
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True)
 def _change_until_feasible(
     W: Floats, set_: PivotingState, y_free: Floats, out: Floats, most: int
 ) -> tuple[int, float]:
@@ -212,7 +203,9 @@ def _change_until_feasible(
     (changes, residual) : made, or -1 where more than `most` would be needed; the largest residual of a closed
         gap relative to the largest |y_free|
     """
-    active, wanted, size = set_.active, set_.wanted, _largest(y_free)
+    active, wanted, size = set_.active, set_.wanted, 0.0
+    for i in range(len(y_free)):
+        size = max(size, abs(y_free[i]))
     slack = (1e-13 * size / set_.counts.largest, 1e-14 * size)  # round-off of a force and an opening
     best, patience, changes = len(active) + 1, _PATIENCE, 0
     while True:
@@ -234,14 +227,6 @@ def _change_until_feasible(
             wanted[i] = active[i] != _is_infeasible(set_, out, slack, i)
         _adopt(W, set_)
         changes += count
-
-
-@njit(cache=True)
-def _solve_anew(W: Floats, set_: PivotingState, y_free: Floats, out: Floats, most: int) -> tuple[int, float]:
-    """Make the inverse on the set anew, and solve from there."""
-    copy(set_.active, set_.wanted)
-    _rebuild(W, set_)
-    return _change_until_feasible(W, set_, y_free, out, most)
 
 
 @njit(cache=True)
@@ -286,7 +271,9 @@ def solve_unilateral(
     if steady and changes < 0:
         return np.inf
     if changes < 0 or residual > 1e-2 * tolerance or set_.counts.updates > _REFRESH:
-        changes, residual = _solve_anew(A, set_, known, out, most)
+        copy(set_.active, set_.wanted)
+        _rebuild(A, set_)
+        changes, residual = _change_until_feasible(A, set_, known, out, most)
     if not residual <= tolerance:
         memory.failure.gap = out.argmin()
         return residual

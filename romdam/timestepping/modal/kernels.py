@@ -107,9 +107,9 @@ def gap_jumps(model: ModalModel, runs: Ints, q: Floats, w: Floats) -> None:
     for a in range(len(runs)):
         w[runs[a]] = 0.0
     for t in range(len(model.tiles)):
-        tile = _tile(model.tiles, t)
-        for r in range(_PLACE(0), tile.number, _PLACE(_BAND)):
-            band = _band(tile, r)
+        r0, r1, c0, c1, start = model.tiles[t]
+        for r in range(r0, r1, _BAND):
+            band = _band(r, r1, (c0, c1), start + (r - r0) * (c1 - c0))
             for a in range(len(runs)):
                 _dot_rows(model.values, band, q[runs[a]], w[runs[a]])
 
@@ -120,9 +120,9 @@ def modal_forces(model: ModalModel, runs: Ints, p: Floats, r: Floats) -> None:
     for a in range(len(runs)):
         r[runs[a]] = 0.0
     for t in range(len(model.tiles)):
-        tile = _tile(model.tiles, t)
-        for i in range(_PLACE(0), tile.number, _PLACE(_BAND)):
-            band = _band(tile, i)
+        r0, r1, c0, c1, start = model.tiles[t]
+        for i in range(r0, r1, _BAND):
+            band = _band(i, r1, (c0, c1), start + (i - r0) * (c1 - c0))
             for a in range(len(runs)):
                 _add_rows(model.values, band, p[runs[a]], r[runs[a]])
 
@@ -132,9 +132,9 @@ def residual_jumps(R: Floats, runs: Ints, p: Floats, goal: Floats) -> None:
     """goal = R p of some runs, R symmetric: what the modes that are no states tend to."""
     for a in range(len(runs)):
         goal[runs[a]] = 0.0
-    whole, values = _whole(R), R.reshape(R.size)
-    for i in range(_PLACE(0), whole.number, _PLACE(_BAND)):
-        band = _band(whole, i)
+    values, N = R.reshape(R.size), len(R)
+    for i in range(0, N, _BAND):
+        band = _band(i, N, (0, N), i * N)
         for a in range(len(runs)):
             _add_rows(values, band, p[runs[a]], goal[runs[a]])
 
@@ -142,27 +142,16 @@ def residual_jumps(R: Floats, runs: Ints, p: Floats, goal: Floats) -> None:
 @njit(cache=True, forceinline=True)
 def add_rows(A: Floats, p: Floats, y: Floats) -> None:
     """y += A^T p, rows without force left out."""
-    _add_rows(A.reshape(A.size), _whole(A), p, y)
+    values, (rows, n) = A.reshape(A.size), A.shape
+    for i in range(0, rows, _BAND):
+        _add_rows(values, _band(i, rows, (0, n), i * n), p, y)
 
 
 @njit(cache=True, forceinline=True)
-def _tile(tiles: Ints, t: int) -> Rows:
-    """All rows of a block of G."""
-    r0, r1, c0, c1, start = tiles[t]
-    return Rows(_PLACE(start), _PLACE(r1 - r0), _PLACE(c1 - c0), _PLACE(r0), _PLACE(c0))
-
-
-@njit(cache=True, forceinline=True)
-def _whole(A: Floats) -> Rows:
-    """All rows of a matrix."""
-    return Rows(_PLACE(0), _PLACE(len(A)), _PLACE(A.shape[1]), _PLACE(0), _PLACE(0))
-
-
-@njit(cache=True, forceinline=True)
-def _band(rows: Rows, i: np.uint64) -> Rows:
-    """The rows from the i-th on that are taken for all runs before the next ones."""
-    number = min(_PLACE(_BAND), rows.number - i)
-    return Rows(rows.first + i * rows.length, number, rows.length, rows.row + i, rows.column)
+def _band(row: int, end: int, columns: tuple[int, int], first: int) -> Rows:
+    """Rows before `end` that all runs take before the next ones; their values begin at place `first`."""
+    (begin, stop), number = columns, min(_BAND, end - row)
+    return Rows(_PLACE(first), _PLACE(number), _PLACE(stop - begin), _PLACE(row), _PLACE(begin))
 
 
 @njit(cache=True, **_SUMS)
