@@ -310,6 +310,8 @@ def _gap_residual(A, b, cohesion, mu, p):
 )
 @example(seed=105, mu=(0.3, 0.3), c=(0.5, 0.5))
 @example(seed=877, mu=(0.3, 0.3), c=(0.0, 0.0))
+@example(seed=10603, mu=(2.0, 2.0), c=(0.5, 0.5))  # closed alone where the normal stiffness is negative
+@example(seed=6271, mu=(2.0, 2.0), c=(0.0, 0.0))  # two sliding directions within two degrees
 @settings(max_examples=300, deadline=None)
 def test_one_gap_is_solved_exactly(seed, mu, c):
     """Any positive definite coupling of normal and tangent, stiff against soft by up to 1e4."""

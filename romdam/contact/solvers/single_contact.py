@@ -28,49 +28,92 @@ _ROUND_OFF = 1e-12
 
 @njit(cache=True)
 def _slide(
-    A: Floats, b: Floats, bound: tuple[float, float], angle: float
-) -> tuple[float, float, float, float]:
-    """Force on the limit at an angle: (p_n, shear, y_t across it, y_t along it); p_n < 0 where none fits.
+    A: Floats, b: Floats, bound: tuple[float, float], closed: bool, angle: float
+) -> tuple[float, float, float]:
+    """Force on the limit at an angle: (p_n, y_t across it, y_t along it); p_n < 0 where none fits.
 
-    y_t of a closed gap is times the stiffness of its normal direction, which takes it through its poles.
+    y_t of a closed gap is times the stiffness of its normal direction: like y_t of an open one it has no
+    poles then, and across it is a trigonometric polynomial of degree two. Where that stiffness is negative,
+    mu large and the coupling strong, a gap can be closed that could be open too.
     """
     cohesion, mu = bound
     e_j, e_k = math.cos(angle), math.sin(angle)
     pull = A[NORMAL, SHEAR_J] * e_j + A[NORMAL, SHEAR_K] * e_k
-    push, stiff = max(-b[NORMAL] - cohesion * pull, 0.0), A[NORMAL, NORMAL] + mu * pull
+    push, stiff = -b[NORMAL] - cohesion * pull, A[NORMAL, NORMAL] + mu * pull
     s_j, s_k = (
         A[SHEAR_J, SHEAR_J] * e_j + A[SHEAR_J, SHEAR_K] * e_k,
         A[SHEAR_K, SHEAR_J] * e_j + A[SHEAR_K, SHEAR_K] * e_k,
     )
-    if push == 0.0:
-        stiff = 1.0
-    y_j = stiff * (b[SHEAR_J] + cohesion * s_j) + push * (A[SHEAR_J, NORMAL] + mu * s_j)
-    y_k = stiff * (b[SHEAR_K] + cohesion * s_k) + push * (A[SHEAR_K, NORMAL] + mu * s_k)
-    across, along = e_j * y_k - e_k * y_j, e_j * y_j + e_k * y_k
-    p_n = push / stiff if stiff > 0.0 else -1.0
-    return p_n, cohesion + mu * p_n, across, along
+    y_j, y_k = b[SHEAR_J] + cohesion * s_j, b[SHEAR_K] + cohesion * s_k
+    if not closed:
+        p_n = 0.0 if push <= _ROUND_OFF * (abs(b[NORMAL]) + abs(cohesion * pull)) else -1.0
+        return p_n, e_j * y_k - e_k * y_j, e_j * y_j + e_k * y_k
+    y_j = stiff * y_j + push * (A[SHEAR_J, NORMAL] + mu * s_j)
+    y_k = stiff * y_k + push * (A[SHEAR_K, NORMAL] + mu * s_k)
+    along = (e_j * y_j + e_k * y_k) * math.copysign(1.0, stiff)
+    return push / stiff if stiff != 0.0 else -1.0, e_j * y_k - e_k * y_j, along
+
+
+@njit(cache=True)
+def _bottom(
+    A: Floats, b: Floats, bound: tuple[float, float], closed: bool, ends: tuple[float, float]
+) -> float:
+    """Angle in between where y_t across it is smallest, or where its sign is another one than at the ends."""
+    left, right = ends
+    sign = math.copysign(1.0, _slide(A, b, bound, closed, left)[1])
+    for _ in range(_BISECTIONS):
+        third = (right - left) / 3.0
+        lower = sign * _slide(A, b, bound, closed, left + third)[1]
+        upper = sign * _slide(A, b, bound, closed, right - third)[1]
+        if lower <= 0.0:
+            return left + third
+        if lower < upper:
+            right -= third
+        else:
+            left += third
+    return right
+
+
+@njit(cache=True)
+def _slides_between(
+    A: Floats, b: Floats, bound: tuple[float, float], closed: bool, ends: tuple[float, float], p: Floats
+) -> bool:
+    """Slide against the jump at the angle in between where y_t across it vanishes; whether that can be."""
+    left, right = ends
+    rising = _slide(A, b, bound, closed, right)[1] > _slide(A, b, bound, closed, left)[1]
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (left + right)
+        if (_slide(A, b, bound, closed, middle)[1] > 0.0) == rising:
+            right = middle
+        else:
+            left = middle
+    p_n, _, along = _slide(A, b, bound, closed, left)
+    if p_n < 0.0 or along > 0.0:
+        return False
+    t = bound[0] + bound[1] * p_n
+    p[NORMAL], p[SHEAR_J], p[SHEAR_K] = p_n, t * math.cos(left), t * math.sin(left)
+    return True
 
 
 @njit(cache=True)
 def _sliding(A: Floats, b: Floats, bound: tuple[float, float], p: Floats) -> bool:
     """Slide on the resultant limit against the jump; whether there is such a solution."""
-    before = _slide(A, b, bound, 0.0)[2]
-    for n in range(_ANGLES):
-        left, right = 2.0 * math.pi * n / _ANGLES, 2.0 * math.pi * (n + 1) / _ANGLES
-        after = _slide(A, b, bound, right)[2]
-        if before * after <= 0.0:
-            for _ in range(_BISECTIONS):
-                middle = 0.5 * (left + right)
-                if (_slide(A, b, bound, middle)[2] > 0.0) == (after > before):
-                    right = middle
-                else:
-                    left = middle
-            p_n, t, across, along = _slide(A, b, bound, left)
-            jumps = abs(across) > 1e-6 * max(abs(before), abs(after))  # no root: a gap that would pull opens
-            if p_n >= 0.0 and along <= 0.0 and not jumps:
-                p[NORMAL], p[SHEAR_J], p[SHEAR_K] = p_n, t * math.cos(left), t * math.sin(left)
+    cell = 2.0 * math.pi / _ANGLES
+    for closed in (False, True):
+        before, here = _slide(A, b, bound, closed, -cell)[1], _slide(A, b, bound, closed, 0.0)[1]
+        for n in range(_ANGLES):
+            angle = cell * n
+            after = _slide(A, b, bound, closed, angle + cell)[1]
+            low, high, middle = angle, angle + cell, angle + cell
+            if here * after > 0.0 and abs(here) <= min(abs(before), abs(after)):  # two roots in a cell?
+                low = angle - cell
+                middle = _bottom(A, b, bound, closed, (low, high))
+            crosses = _slide(A, b, bound, closed, middle)[1] * here <= 0.0
+            if crosses and _slides_between(A, b, bound, closed, (low, middle), p):
                 return True
-        before = after
+            if crosses and middle < high and _slides_between(A, b, bound, closed, (middle, high), p):
+                return True
+            before, here = here, after
     return False
 
 
