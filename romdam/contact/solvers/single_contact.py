@@ -90,7 +90,8 @@ def _slides_between(
     p_n, _, along = _slide(A, b, bound, closed, left)
     if p_n < 0.0 or along > 0.0:
         return False
-    t = bound[0] + bound[1] * p_n
+    cohesion, mu = bound
+    t = cohesion + mu * p_n
     p[NORMAL], p[SHEAR_J], p[SHEAR_K] = p_n, t * math.cos(left), t * math.sin(left)
     return True
 
