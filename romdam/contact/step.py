@@ -17,7 +17,7 @@ from romdam.contact.softening import begin_step, bond_forces, commit_laws, relea
 from romdam.contact.solvers.gauss_seidel import solve_frictional
 from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
-from romdam.core.arrays import Floats
+from romdam.core.arrays import PLACE, Floats
 from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit
 
 SOLVERS: dict[type, Callable[..., Any]] = {PivotingState: solve_unilateral, FrictionalState: solve_frictional}
@@ -213,7 +213,7 @@ def _move(
     d = len(y) // max(n, 1)
     stored, lost = 0.0, 0.0
     for i in range(n):
-        b = d * i
+        b = PLACE(d * i)
         p_c, ratio, compliance = memory.force[b], problem.theta_ratio[b], problem.compliance[b]
         jump[i, NORMAL] = y[b] - compliance * p_c - ratio * memory.spring[b]
         memory.spring[b] = jump[i, NORMAL] if jump[i, NORMAL] < 0.0 else 0.0

@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Singles = NDArray[np.float32]
+PLACE = np.uint64  # of an entry in a hot loop: numba asks of a signed one whether it counts from the end
 Record = Any  # a numpy record, or an array of them: `record_type` names its fields
 
 T = TypeVar("T")

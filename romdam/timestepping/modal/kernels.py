@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from romdam.core.arrays import Floats
+from romdam.core.arrays import PLACE, Floats
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
 from romdam.timestepping.modal.arrays import Ints, ModalModel, ModalState
 from romdam.timestepping.modal.propagator import (
@@ -34,8 +34,7 @@ from romdam.timestepping.modal.propagator import (
 
 _FOUR = 4  # rows at a time: as many sums as keep the processor busy
 _BAND = 16  # rows that stay in the first cache while all runs take them
-_PLACE = np.uint64  # unsigned: numba looks at every signed place, whether it counts from the end
-_1, _2, _3, _4 = _PLACE(1), _PLACE(2), _PLACE(3), _PLACE(_FOUR)
+_1, _2, _3, _4 = PLACE(1), PLACE(2), PLACE(3), PLACE(_FOUR)
 _NOTHING = 1e-30  # [N] of relaxed force: digits below it would become subnormal, which is slow
 _SUMS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "nsz"}}
 
@@ -151,7 +150,7 @@ def add_rows(A: Floats, p: Floats, y: Floats) -> None:
 def _band(row: int, end: int, columns: tuple[int, int], first: int) -> Rows:
     """Rows before `end` that all runs take before the next ones; their values begin at place `first`."""
     (begin, stop), number = columns, min(_BAND, end - row)
-    return Rows(_PLACE(first), _PLACE(number), _PLACE(stop - begin), _PLACE(row), _PLACE(begin))
+    return Rows(PLACE(first), PLACE(number), PLACE(stop - begin), PLACE(row), PLACE(begin))
 
 
 @njit(cache=True, **_SUMS)

@@ -26,7 +26,7 @@ import numpy as np
 from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import commit_gaps, solve_gaps
-from romdam.core.arrays import Floats, at
+from romdam.core.arrays import PLACE, Floats, at
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
 from romdam.timestepping.modal.arrays import (
     BASE,
@@ -113,7 +113,7 @@ def _keeps_within(problem: GapProblem, memory: GapMemory, old_force: Floats, mos
     n = len(problem.gap)
     d = len(memory.force) // max(n, 1)
     for i in range(n):
-        b = d * i
+        b = PLACE(d * i)
         if not problem.self_flexibility[b] * abs(memory.force[b] - old_force[b]) <= most:
             return False
     return True
@@ -200,14 +200,14 @@ def _accept(
     stored, friction, fed = commit_gaps(problem, memory, work.y[run], state.jump, state.force, state.state)
     changed, d = False, state.force.shape[1]
     for i in range(len(state.closed)):
-        closed = memory.force[d * i] > -memory.limits.tension[i]
+        closed = memory.force[PLACE(d * i)] > -memory.limits.tension[i]
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
     if model.conserving is None:
         for b in range(len(state.mean)):
             state.mean[b] = memory.force[b]
         for i in range(len(problem.tension)):
-            state.mean[d * i] -= problem.tension[i] * state.jump[i, NORMAL]
+            state.mean[PLACE(d * i)] -= problem.tension[i] * state.jump[i, NORMAL]
     for i in range(len(memory.water)):
         state.water[i] = memory.water[i]
         state.mean[d * i] += memory.water[i]
@@ -235,7 +235,7 @@ def _move(
 ) -> None:
     """Modes, residual flexibility, works and peaks of a run at the end of its accepted step."""
     step, l, variant = _step_of(levels, runs, run), runs.clock[run].level, runs.variant[run].step
-    d, dt = state.impulse.shape[1], step.dt
+    dt = step.dt
     input_, joint, loss = advance(step, state, (work.f_1[run], work.r[run]), work.q_free[run])
     if len(model.R):
         joint_r, loss_r = relax(model, state, levels.decay[variant, l], work.w[run])
@@ -252,9 +252,9 @@ def _move(
     energies.input += input_
     energies.damping += loss
     energies.joint_work += joint
-    for i in range(len(state.impulse)):
-        for a in range(d):
-            state.impulse[i, a] += dt * state.mean[d * i + a]
+    impulse = state.impulse.reshape(state.impulse.size)
+    for b in range(len(impulse)):
+        impulse[b] += dt * state.mean[b]
     base_steps = runs.clock[run].base_steps + _reach(levels, runs, run)
     _raise_peaks(state, levels.step.dt[variant, BASE] * base_steps)
 
