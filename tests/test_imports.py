@@ -35,7 +35,7 @@ ALLOWED = {
     "error": {"contact", "linalg", "results", "timestepping"},
     "visual": {"postprocess", "results"},
     "export": {"contact", "fem", "reduction", "scene"},
-    "pipelines": EVERY_ROOM,
+    "pipelines": EVERY_ROOM | {"surroundings"},  # of the process that workers are forked from
     "terminal": {"error", "pipelines", "postprocess"},
     "commands": {"examples", "pipelines", "records", "results", "surroundings", "terminal", "visual"},
     "cli": {"commands", "surroundings"},

@@ -22,6 +22,7 @@ from typing import Any
 
 from romdam.core.errors import RomdamError, WorkerError
 from romdam.core.threads import VARIABLES
+from romdam.surroundings import load_unsearched, search_what_comes
 
 _TRIES = 3  # of a task whose worker dies
 _RAISED = 1  # exit code of a Python process that an exception has ended
@@ -132,7 +133,9 @@ def _deaf_to_interrupts() -> Iterator[None]:
 def serve(fd: int, module: str) -> None:
     """Serve as the nursery: load a module, fork workers, and hand on what they give."""
     caller = Connection(fd)
+    load_unsearched()
     import_module(module)
+    search_what_comes()  # in the workers too: their first search takes 0.2 s otherwise
     with suppress(EOFError, ConnectionError):  # the caller is gone
         count, function, shared, tasks = caller.recv()
         for answer in _answers(caller, count, function, (shared, tasks)):

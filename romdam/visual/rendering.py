@@ -25,7 +25,15 @@ Bounds = tuple[Floats, Floats]
 
 SIZE = (1000, 900)
 EDGES = "#404040"
-_PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
+_PROBE = """
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkRenderingCore import vtkRenderWindow
+
+window = vtkRenderWindow()
+window.SetOffScreenRendering(True)
+window.Render()
+raise SystemExit(not window.SupportsOpenGL())
+"""  # of PyVista itself it would take 1.1 CPU-s for 0.4
 _LIBRARIES = (
     "install Mesa's, on Debian and Ubuntu with: apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1, "
     "or run under xvfb-run"
