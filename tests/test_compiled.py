@@ -6,9 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import romdam
+from romdam.core.arrays import record_type
 
 PROBE = """
 import sys
@@ -117,3 +119,34 @@ def test_a_function_is_compiled_again_when_what_it_calls_has_changed(tmp_path):
     assert laws.read_text().count(start) == 1
     laws.write_text(laws.read_text().replace(start, f"return True\n    {start}"))
     assert stuck() == ["False", "0"]
+
+
+STEPS = """
+import sys
+sys.path.insert(0, {contact!r})
+from gap_problems import random_case, solve
+for mu in (0.0, 0.6):
+    memory = None
+    for seed in range(4):
+        memory = solve(random_case(seed, 6, (mu, mu)), memory)[3]
+        print(*memory.force)
+"""
+
+
+def test_steps_are_the_same_without_compiling():
+    """A debugger stops in the kernels with NUMBA_DISABLE_JIT=1, and sees what the compiled ones do."""
+    code = STEPS.format(contact=str(Path(__file__).parent / "contact"))
+
+    def forces(**environment: str) -> np.ndarray:
+        command, environment = [sys.executable, "-c", code], os.environ | environment
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        return np.array([float(number) for number in done.stdout.split()])
+
+    compiled, interpreted = forces(), forces(NUMBA_DISABLE_JIT="1")
+    assert len(compiled) == 4 * 6 + 4 * 18 and compiled.any()
+    np.testing.assert_allclose(interpreted, compiled, rtol=1e-9, atol=1e-9 * compiled.max())
+
+
+def test_no_field_of_a_record_hides_behind_numpys_own():
+    with pytest.raises(AssertionError, match="size"):
+        record_type(size=int)

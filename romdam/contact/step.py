@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,6 @@ from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import PLACE, Floats
 from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit
-
-SOLVERS: dict[type, Callable[..., Any]] = {PivotingState: solve_unilateral, FrictionalState: solve_frictional}
 
 
 @njit(**VIEWS)
@@ -85,31 +82,28 @@ def _transform(by: Floats, jumps: Floats) -> None:
     copy(by @ jumps, jumps)
 
 
-def _solve(
-    problem: GapProblem,
-    memory: GapMemory,
-    closed: NDArray[np.bool_],
-    y_free: Floats,
-    y: Floats,
-    control: tuple[float, bool],
-) -> float:
+def _without_friction(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
+    """Solve by pivoting, which gets what it reads: each array more to pass is seven words at every step."""
+    matrices, solved = (problem.W, problem.Z), (memory.force, memory.failure, memory.solver)
+    return solve_unilateral(matrices, solved, closed, y_free, y, control)
+
+
+def _with_friction(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
+    return solve_frictional(problem, memory, closed, y_free, y, control)
+
+
+_SOLVERS = {PivotingState: _without_friction, FrictionalState: _with_friction}
+
+
+def _solve(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
     """Solve for the present limits, by the solver whose state the memory holds."""
-    return float(SOLVERS[type(memory.solver)](problem, memory, closed, y_free, y, control))
+    return _SOLVERS[type(memory.solver)](problem, memory, closed, y_free, y, control)
 
 
 @overload(_solve, jit_options=CALLED)
-def _compiled_solve(
-    problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any
-) -> Callable[..., Any]:
+def _compiled_solve(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
     """Compile the solver that the type of the memory asks for, and no other."""
-    solver = SOLVERS[memory[memory.fields.index("solver")].instance_class]
-
-    def compiled(
-        problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any
-    ) -> Callable[..., Any]:
-        return solver(problem, memory, closed, y_free, y, control)
-
-    return compiled
+    return _SOLVERS[memory[memory.fields.index("solver")].instance_class]
 
 
 @njit(cache=True)
@@ -129,7 +123,7 @@ def _energies(problem: GapProblem, dashpot_share: Floats, jump: Floats, force: F
     return energy
 
 
-@njit(**VIEWS)
+@njit(**VIEWS, forceinline=True)
 def commit_gaps(
     problem: GapProblem,
     memory: GapMemory,
@@ -159,7 +153,7 @@ def commit_gaps(
     return _commit(problem.laws, problem, memory, y, (jump, force, state))
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _commit(
     laws: Laws | None,
     problem: GapProblem,
@@ -204,7 +198,7 @@ def _commit_with_laws(
     return after.sum(), lost, fed
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _move(
     problem: GapProblem, memory: GapMemory, y: Floats, gaps: tuple[Floats, Floats, NDArray[np.uint8]]
 ) -> tuple[float, float]:

@@ -25,8 +25,11 @@ T = TypeVar("T")
 def record_type(**fields: type) -> np.dtype[np.record]:
     """Return the type of numbers that change together, each reached by its name, in kernels too.
 
-    A record is one word to a compiled function, an array of one element seven.
+    A record is one word to a compiled function, an array of one element seven. From Python, numpy's own
+    attributes (`size`) would hide a field of the same name.
     """
+    hidden = [name for name in fields if hasattr(np.record, name)]
+    assert not hidden, hidden
     return np.dtype((np.record, np.dtype(list(fields.items()), align=True)))  # type: ignore[return-value]
 
 

@@ -118,6 +118,8 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     options = {"forceinline": False} | options
 
     def compiled(function: Callable[..., Any]) -> Any:
+        if _SETTINGS.DISABLE_JIT:  # to debug
+            return function
         made: Any
         try:
             made = numba.njit(**options)(function)

@@ -22,7 +22,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.solvers.state import (
     CLOSED_SET,
     OPEN_SET,
@@ -31,7 +30,7 @@ from romdam.contact.solvers.state import (
     SOLUTION,
     PivotingState,
 )
-from romdam.core.arrays import Floats, at
+from romdam.core.arrays import Floats, Record, at
 from romdam.core.jit import copy, njit
 
 _PATIENCE = 3  # block changes without progress before single changes take over (Judice and Pires)
@@ -65,7 +64,7 @@ def _minus_product(A: Floats, x: Floats, n: int, y: Floats) -> None:
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _border(W: Floats, set_: PivotingState, k: int) -> None:
     """Close gap k: border the inverse by its row and column."""
-    inverse, order, n = set_.inverse, set_.order, set_.counts.size
+    inverse, order, n = set_.inverse, set_.order, set_.counts.number
     b, column = set_.scratch[SET_FORCE], set_.scratch[SET_RIGHT]
     for i in range(n):
         column[i] = W[k, order[i]]
@@ -82,14 +81,14 @@ def _border(W: Floats, set_: PivotingState, k: int) -> None:
         inverse[n, i] = factor
     inverse[n, n] = scale
     order[n] = k
-    set_.counts.size = n + 1
+    set_.counts.number = n + 1
     set_.active[k] = True
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _deflate(set_: PivotingState, k: int) -> None:
     """Open gap k: take its row and column out of the inverse; the last gap takes its place."""
-    inverse, order, n = set_.inverse, set_.order, set_.counts.size
+    inverse, order, n = set_.inverse, set_.order, set_.counts.number
     at = 0
     while order[at] != k:
         at += 1
@@ -105,14 +104,14 @@ def _deflate(set_: PivotingState, k: int) -> None:
         row, factor = inverse[i], tail[i] * scale
         for j in range(last):
             row[j] -= factor * tail[j]
-    set_.counts.size = last
+    set_.counts.number = last
     set_.active[k] = False
 
 
 @njit(cache=True)
 def _rebuild(W: Floats, set_: PivotingState) -> None:
     """Make the inverse anew for the wanted set."""
-    set_.counts.size, set_.counts.updates = 0, 0
+    set_.counts.number, set_.counts.updates = 0, 0
     set_.active[:] = False
     for k in range(len(set_.wanted)):
         if set_.wanted[k]:
@@ -149,7 +148,7 @@ def _evaluate(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> fl
     -------
     float, the largest opening that the forces leave at a closed gap, which is round-off [m]
     """
-    inverse, order, n = set_.inverse, set_.order, set_.counts.size
+    inverse, order, n = set_.inverse, set_.order, set_.counts.number
     force, right = set_.scratch[SET_FORCE], set_.scratch[SET_RIGHT]
     for i in range(n):
         right[i] = y_free[order[i]]
@@ -231,18 +230,19 @@ def _change_until_feasible(
 
 @njit(cache=True)
 def solve_unilateral(
-    problem: GapProblem,
-    memory: GapMemory,
+    matrices: tuple[Floats, Floats],
+    solved: tuple[Floats, Record, PivotingState],
     closed: NDArray[np.bool_],
     y_free: Floats,
     y: Floats,
     control: tuple[float, bool],
 ) -> float:
-    """Solve for the joint force; p goes to memory.force and W p + y_free to y.
+    """Solve for the joint force p, and W p + y_free.
 
     Parameters
     ----------
-    problem, memory : see `romdam.contact.problem`
+    matrices : W and Z of `romdam.contact.problem.GapProblem`
+    solved : p (n,) that is found [N]; failure and solver of `romdam.contact.problem.GapMemory`
     closed : (n,) closed gaps to start from
     y_free : (n,) [m]
     y : (n,) result [m]
@@ -252,13 +252,14 @@ def solve_unilateral(
     -------
     float, the relative residual reached; above the tolerance (or inf) means no convergence
     """
+    (W, Z), (force, failure, solver) = matrices, solved
     n, size, (tolerance, steady) = len(closed), 0, control
     for i in range(n):
         size += int(closed[i])
-    dual = 2 * size > n and len(problem.Z) > 0
-    set_, A, known = at(memory.solver, OPEN_SET if dual else CLOSED_SET), problem.W, y_free
+    dual = 2 * size > n and len(Z) > 0
+    set_, A, known = at(solver, OPEN_SET if dual else CLOSED_SET), W, y_free
     if dual:
-        A, known = problem.Z, y
+        A, known = Z, y
         _minus_product(A, y_free, n, y)
     if set_.counts.largest == 0.0:
         for i in range(n):
@@ -275,12 +276,12 @@ def solve_unilateral(
         _rebuild(A, set_)
         changes, residual = _change_until_feasible(A, set_, known, out, most)
     if not residual <= tolerance:
-        memory.failure.gap = out.argmin()
+        failure.gap = out.argmin()
         return residual
     set_.counts.iterations += changes
     set_.counts.most_iterations = max(set_.counts.most_iterations, changes)
     for i in range(n):
         loaded = set_.active[i] != dual
-        memory.force[i] = max(out[i], 0.0) if loaded else 0.0
+        force[i] = max(out[i], 0.0) if loaded else 0.0
         y[i] = 0.0 if loaded else out[i]
     return residual

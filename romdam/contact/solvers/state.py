@@ -17,7 +17,7 @@ CLOSED_SET, OPEN_SET = 0, 1  # the active sets of the two ways to solve without 
 SET_FORCE, SET_RIGHT, SOLUTION = 0, 1, 2  # rows of the pivoting's scratch
 SWEPT, START, PUT_BACK = 0, 1, 2  # rows of the sweeps' scratch
 
-PIVOTING = record_type(size=int, updates=int, iterations=int, most_iterations=int, largest=float)
+PIVOTING = record_type(number=int, updates=int, iterations=int, most_iterations=int, largest=float)
 SWEEPS = record_type(
     gathered=int, known=bool, hasty=bool, newton_steps=int, iterations=int, most_iterations=int
 )
@@ -34,7 +34,7 @@ class PivotingState(NamedTuple):
     active, wanted : (n,) whether a gap is in the set, and whether it is to be
     inverse : (n, n) the inverse on the set in its leading rows
     order : (n,) the gaps of the set in the order of those rows
-    counts : `PIVOTING`: size of the set, its changes since the inverse was made anew, in all, most in a step;
+    counts : `PIVOTING`: gaps in the set, its changes since the inverse was made anew, in all, most in a step;
         the largest entry on the diagonal of W (or Z), zero before it is known
     scratch : (3, n) forces on the set, a right-hand side, forces and openings of all gaps
     """

@@ -101,29 +101,29 @@ def _add_rows(A: Floats, rows: Rows, p: Floats, y: Floats) -> None:
 
 
 @njit(**VIEWS)
-def gap_jumps(model: ModalModel, runs: Ints, q: Floats, w: Floats) -> None:
+def gap_jumps(tiles: Ints, values: Floats, runs: Ints, q: Floats, w: Floats) -> None:
     """w = G q of some runs, block by block."""
     for a in range(len(runs)):
         w[runs[a]] = 0.0
-    for t in range(len(model.tiles)):
-        r0, r1, c0, c1, start = model.tiles[t]
+    for t in range(len(tiles)):
+        r0, r1, c0, c1, start = tiles[t]
         for r in range(r0, r1, _BAND):
             band = _band(r, r1, (c0, c1), start + (r - r0) * (c1 - c0))
             for a in range(len(runs)):
-                _dot_rows(model.values, band, q[runs[a]], w[runs[a]])
+                _dot_rows(values, band, q[runs[a]], w[runs[a]])
 
 
 @njit(**VIEWS)
-def modal_forces(model: ModalModel, runs: Ints, p: Floats, r: Floats) -> None:
+def modal_forces(tiles: Ints, values: Floats, runs: Ints, p: Floats, r: Floats) -> None:
     """r = G^T p of some runs, block by block."""
     for a in range(len(runs)):
         r[runs[a]] = 0.0
-    for t in range(len(model.tiles)):
-        r0, r1, c0, c1, start = model.tiles[t]
+    for t in range(len(tiles)):
+        r0, r1, c0, c1, start = tiles[t]
         for i in range(r0, r1, _BAND):
             band = _band(i, r1, (c0, c1), start + (i - r0) * (c1 - c0))
             for a in range(len(runs)):
-                _add_rows(model.values, band, p[runs[a]], r[runs[a]])
+                _add_rows(values, band, p[runs[a]], r[runs[a]])
 
 
 @njit(**VIEWS)

@@ -206,7 +206,7 @@ def _accept(
     if model.conserving is None:
         for b in range(len(state.mean)):
             state.mean[b] = memory.force[b]
-        for i in range(len(problem.tension)):
+        for i in range(len(problem.tension) if len(problem.tension_transform) else 0):
             state.mean[PLACE(d * i)] -= problem.tension[i] * state.jump[i, NORMAL]
     for i in range(len(memory.water)):
         state.water[i] = memory.water[i]
@@ -311,7 +311,7 @@ def _step_all_runs(
     rows, finest, accepted = work.active[: _gather_active(runs, work)], len(levels.size) - 1, 0
     for a in range(len(rows)):
         _head_for(levels, runs, states, work, rows[a])
-    gap_jumps(model, rows, work.q_free, work.w)
+    gap_jumps(model.tiles, model.values, rows, work.q_free, work.w)
     for a in range(len(rows)):
         run = rows[a]
         state = at(states, run)
@@ -324,7 +324,7 @@ def _step_all_runs(
         work.accepted[accepted] = run
         accepted += 1
     moved = work.accepted[:accepted]
-    modal_forces(model, moved, states.mean, work.r)
+    modal_forces(model.tiles, model.values, moved, states.mean, work.r)
     if len(model.R):
         acted = states.force.reshape(states.mean.shape) if model.conserving is not None else states.mean
         residual_jumps(model.R, moved, acted, work.w)
