@@ -135,7 +135,6 @@ def settings_for(job: Job, prepared: Prepared, motion: GroundMotion, finest: flo
         steps=_steps(prepared, motion, interval, transient.finest_step, finest),
         tolerance=transient.tolerance,
         initial_state=job.config.loads.initial_state,
-        coordinates=_needs_coordinates(job),
     )
 
 
@@ -151,13 +150,6 @@ def _steps(
         return prepared.integrator.steps(configured, motion.dt, interval)
     coarse = whole_steps(interval or motion.dt, motion.dt)
     return coarse if chosen is None else prepared.integrator.steps(chosen, coarse.base, coarse.interval)
-
-
-def _needs_coordinates(job: Job) -> bool:
-    """Tell whether anything is made of the histories' coordinates; of a suite that keeps peaks, often not."""
-    outputs, suite = job.config.outputs, job.config.suite
-    peaks = job.config.pipeline == "suite" and suite is not None and suite.keep == "peaks"
-    return not peaks or outputs.error_estimate or outputs.stress is not None
 
 
 def ground_at_steps(

@@ -153,7 +153,6 @@ def _sampled(
     """The statement from windows of the record, and the finer model's run over all of it."""
     (job, run, motion), (fine, full) = made, models
     finer, end = prepare(job, fine.system), float(run.time[-1])
-    settings = replace(settings, coordinates=True)
     ground = ground_at_steps(motion, settings.steps.base, end)
     with clock.stage("finer_run", "running the finer model") as progress:
         history = simulate_one(finer, ground, settings, progress)

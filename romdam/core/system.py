@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -273,6 +274,33 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
 
 
 @dataclass(frozen=True)
+class Coordinates:
+    """Unknowns of a reduced system and their rates at the written rows, made when they are read.
+
+    Attributes
+    ----------
+    make : gives (q, v), both (rows, n), of a slice of the rows
+    """
+
+    make: Callable[[slice], tuple[Floats, Floats]]
+
+    @classmethod
+    def of(cls, q: Floats, v: Floats) -> Coordinates:
+        """Those that are there already, (nt, n) each."""
+        return cls(lambda rows: (q[rows], v[rows]))
+
+    @cached_property
+    def whole(self) -> tuple[Floats, Floats]:
+        """(q, v) of all rows, (nt, n) each."""
+        return self.make(slice(None))
+
+    def row(self, number: int) -> tuple[Floats, Floats]:
+        """(q, v) of one row, (n,) each."""
+        q, v = self.make(slice(number, number + 1))
+        return q[0], v[0]
+
+
+@dataclass(frozen=True)
 class History:
     """Result of an integration, at the times that were asked for; d is `GapLaw.directions`.
 
@@ -285,7 +313,7 @@ class History:
         zero at the first [N]
     state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
-    q, v : (nt, n) unknowns and their rates of a reduced system; None at full order
+    coordinates : of a reduced system; None at full order
     supports : (nt, m) displacement of supports of their own motion, see `PseudoStatic`; empty without any [m]
     energy : name -> (nt,) [J], see `romdam.timestepping.energy.TERMS`
     peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks`; of
@@ -307,8 +335,7 @@ class History:
     disp: Floats
     vel: Floats
     acc: Floats
-    q: Floats | None
-    v: Floats | None
+    coordinates: Coordinates | None
     energy: dict[str, Floats]
     peaks: dict[str, Floats]
     stats: dict[str, float]
@@ -318,3 +345,13 @@ class History:
     bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def q(self) -> Floats | None:
+        """(nt, n) unknowns of a reduced system; None at full order."""
+        return None if self.coordinates is None else self.coordinates.whole[0]
+
+    @property
+    def v(self) -> Floats | None:
+        """(nt, n) their rates."""
+        return None if self.coordinates is None else self.coordinates.whole[1]

@@ -80,16 +80,12 @@ def run_window(
     ----------
     history, ground, settings : see `estimate_error`
     """
-    assert history.q is not None and history.v is not None
     first, last, stride = rows.start, rows.stop - 1, settings.steps.stride
-    static = settings.initial_state == "static"
-    start = replace(
-        start_at(history, finer.prepared.system.law, first, _jump_of_forces(history, finer, first), static),
-        q=finer.embed @ history.q[first],
-        v=finer.embed @ history.v[first],
-    )
+    static, law = settings.initial_state == "static", finer.prepared.system.law
+    own = start_at(history, law, first, _jump_of_forces(history, finer, first), static)
+    start = replace(own, q=finer.embed @ own.q, v=finer.embed @ own.v)
     shaken = ground[:, first * stride : last * stride + 1]
-    only = replace(settings, start=start, coordinates=False, only_jumps=True)
+    only = replace(settings, start=start, only_jumps=True)
     return simulate_one(finer.prepared, shaken, only)
 
 
@@ -141,10 +137,10 @@ def continued(opening: Floats, finer: Floats, rows: slice, rest: int) -> Floats:
 def _jump_of_forces(history: History, finer: FinerModel, row: int) -> Floats:
     """The jumps (ng, d) of a row that joint forces see."""
     system, jump = finer.prepared.system, history.jump[row]
-    assert history.q is not None
     if system.at_point is None:
         return jump
-    more = system.at_point @ (finer.embed @ history.q[row])
+    assert history.coordinates is not None
+    more = system.at_point @ (finer.embed @ history.coordinates.row(row)[0])
     if system.pseudo_static is not None:
         more += system.pseudo_static.at_point @ history.supports[row]
     return jump - more.reshape(jump.shape)
@@ -156,8 +152,8 @@ def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool
     A bond counts as lost where a row so far shows its gap open or sliding, an unloaded start aside; `static`
     is a start in equilibrium, which counts.
     """
-    assert history.q is not None and history.v is not None
-    memory = None
+    assert history.coordinates is not None
+    memory, (q, v) = None, history.coordinates.row(row)
     if law.laws:
         has_moved = (history.state[0 if static else 1 : row + 1] != STICK).any(axis=0)
         rate = _slip_rate(history, row)
@@ -167,7 +163,7 @@ def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool
             return each.resumed(values, Past(law.gap[i], opening, sliding, bool(has_moved[i]), rate[i]))
 
         memory = law_memory(law, resumed)
-    return Start(history.q[row], history.v[row], jump, history.traction[row], memory)
+    return Start(q, v, jump, history.traction[row], memory)
 
 
 def _slip_rate(history: History, row: int) -> Floats:

@@ -37,10 +37,7 @@ class Settings:
     initial_state : "static" (equilibrium under the static loads) or "undeformed" (at rest)
     start : state to go on from, instead of `initial_state` (modal integrators)
     shift : (nt, directions * ng) jumps added at every base step, linear in between (modal integrators) [m]
-    coordinates : whether histories carry the coordinates q and v, which take as long to make as a step for
-        every row (modal integrators)
-    only_jumps : whether histories have all rows of the jumps alone, for a comparison, and of everything else
-        the first one (modal integrators)
+    only_jumps : whether histories have rows of the jumps alone, for a comparison (modal integrators)
     """
 
     steps: Steps
@@ -48,5 +45,4 @@ class Settings:
     initial_state: str = "static"
     start: Start | None = None
     shift: Floats | None = None
-    coordinates: bool = True
     only_jumps: bool = False

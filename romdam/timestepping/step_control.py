@@ -119,8 +119,7 @@ class _Motions:
         steps = integrator.steps(coarse.base / 2.0**halvings, coarse.base, coarse.interval)
         settings = replace(self.settings, steps=steps)
         if only_compared:
-            only_jumps = len(self.prepared[0].system.law) > 0
-            settings = replace(settings, coordinates=False, only_jumps=only_jumps)
+            settings = replace(settings, only_jumps=len(self.prepared[0].system.law) > 0)
         grounds = []
         for i, trial in trials.items():
             ground = self.grounds[i](steps.base)

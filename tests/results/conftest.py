@@ -21,7 +21,7 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import History
+from romdam.core.system import Coordinates, History
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
 from romdam.results.dataset import Timing
@@ -77,15 +77,15 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     q, v = (rng.normal(size=(STEPS, 7)) for _ in range(2))
     stats = {"steps": 40.0, "loop_cpu_seconds": 0.1, "finest_step": 0.0025}
     state = rng.integers(0, 3, size=(STEPS, gaps)).astype(np.uint8)
-    q, v = (q, v) if reduced else (None, None)
+    coordinates = Coordinates.of(q, v) if reduced else None
     disp, vel, acc = motion
     mean = 0.5 * traction
     strength = 0.6 * traction[..., :1] * np.ones(2) if directions == 3 else np.zeros((0, gaps, 2))
     bonded = rng.random(size=(len(strength), gaps)) < 0.5
     return History(
         time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
-        water=traction[:, :, 0], q=q, v=v, energy=energy, peaks=peaks, stats=stats, integrator="modal",
-        strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
+        water=traction[:, :, 0], coordinates=coordinates, energy=energy, peaks=peaks, stats=stats,
+        integrator="modal", strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
         supports=1e-3 * rng.normal(size=(STEPS, 3)),
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from romdam.core import integrators
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS, IntegratorEntry
 from romdam.core.motion import GroundMotion
-from romdam.core.system import History
+from romdam.core.system import Coordinates, History
 from romdam.pipelines.simulation import prepare, settings_for, simulate_motion
 from romdam.timestepping import simulate as at_steps
 from romdam.timestepping.integrators.protocol import not_converged
@@ -70,8 +70,8 @@ class CentralDifferences:
         time = np.arange(len(rows)) * settings.steps.interval
         stats = {"steps": float(len(u) - 1), "finest_step": dt, "loop_cpu_seconds": 0.0}
         return History(
-            time, none, none, none, none[..., 0], disp, 0.0 * disp, 0.0 * disp, rows, rows, rest, {}, stats,
-            self.name,
+            time, none, none, none, none[..., 0], disp, 0.0 * disp, 0.0 * disp,
+            Coordinates.of(rows, rows), rest, {}, stats, self.name,
         )  # fmt: skip
 
 

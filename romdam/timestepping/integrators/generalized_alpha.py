@@ -29,7 +29,7 @@ from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, record
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import Complex, History, System
+from romdam.core.system import Complex, Coordinates, History, System
 from romdam.core.threads import cpu_time
 from romdam.linalg.factor import Factor
 from romdam.timestepping.energy import ENERGIES, ledger
@@ -254,7 +254,6 @@ class _Rows:
 
     def history(self, stats: dict[str, float]) -> History:
         """The finished history."""
-        q, v = (None, None) if self.unknowns is None else self.unknowns
         strength, bonded = shear_strength(self.system.law.mu, self.problem.laws, self.memory, self.force)
         return History(
             time=np.arange(len(self.jump), dtype=np.float64) * self.steps.interval,
@@ -266,8 +265,7 @@ class _Rows:
             disp=self.disp,
             vel=self.vel,
             acc=self.acc,
-            q=q,
-            v=v,
+            coordinates=None if self.unknowns is None else Coordinates.of(*self.unknowns),
             energy=ledger(self.energies, self.kinetic, self.strain, self.numerical),
             peaks=named_peaks(self.peaks),
             stats=stats,

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
 from romdam.core.arrays import Floats, Ints, at, stacked
 from romdam.core.system import System
 from romdam.timestepping.equilibrium import system_gap_problem
-from romdam.timestepping.modal.arrays import BASE, HistoryBuffer, ModalModel, StepHierarchy
+from romdam.timestepping.modal.arrays import BASE, ModalModel, StepHierarchy
 from romdam.timestepping.modal.propagator import Propagator, modal_propagator, response_to_force
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.steps import Steps
@@ -46,6 +45,11 @@ class ModeSplit:
     G: Floats
     G_quasi: Floats
     taper: Floats
+
+    @property
+    def key(self) -> tuple[bytes, bytes]:
+        """What tells it from others of the same system."""
+        return self.dynamic.tobytes(), self.taper.tobytes()
 
 
 def make_split(system: System, dynamic: Ints, quasi_static: Ints, taper: Floats) -> ModeSplit:
@@ -166,7 +170,7 @@ def step_levels(
     problems = [
         [
             variant.cache.get_or_compute(
-                ("problem", *_key(split), dt, own.tobytes()),
+                ("problem", *split.key, dt, own.tobytes()),
                 partial(_offset_problem, variant.system, split, (H, dt, own), most_ratio),
             )
             for H, dt, own in zip(motions[i].H, motions[i].step.dt, motions[i].own, strict=True)
@@ -209,7 +213,7 @@ def _motion(
     tau = _relaxation_time(whole.system, of_whole)
     decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
     levels = [
-        prepared.cache.get_or_compute(("level", *_key(split), dt), partial(_level, split, k, c, dt))
+        prepared.cache.get_or_compute(("level", *split.key, dt), partial(_level, split, k, c, dt))
         for dt in sizes
     ]
     step, half = stacked([step for step, _ in levels]), np.stack([half for _, half in levels])
@@ -220,11 +224,6 @@ def _motion(
     if symmetry is not None:
         own = _single(whole, symmetry, of_whole, sizes, decay)
     return _Motion(step, decay, H, own, half)
-
-
-def _key(split: ModeSplit) -> tuple[bytes, bytes]:
-    """What tells a split from others of the same system."""
-    return split.dynamic.tobytes(), split.taper.tobytes()
 
 
 def _level(split: ModeSplit, k: Floats, c: Floats, dt: float) -> tuple[Propagator, Floats]:
@@ -243,7 +242,7 @@ def _single(
     k_dynamic, c_dynamic = k[split.dynamic], c[split.dynamic]
     responses = [
         whole.cache.get_or_compute(
-            ("response", *_key(split), dt), partial(response_to_force, k_dynamic, c_dynamic, dt)
+            ("response", *split.key, dt), partial(response_to_force, k_dynamic, c_dynamic, dt)
         )
         for dt in sizes
     ]
@@ -282,40 +281,3 @@ def run_memory(problem: GapProblem, variant: Ints) -> GapMemory:
     """
     fresh = [gap_memory(at(problem, (i, BASE)))._replace(solver=None) for i in range(len(problem.gap))]
     return stacked([fresh[i] for i in variant])
-
-
-def whole_motion(system: System, split: ModeSplit, buffer: HistoryBuffer) -> tuple[Floats, Floats]:
-    """All modes' displacements and velocities from the dynamic ones and the relaxed joint forces."""
-    q, v = np.zeros((len(buffer.q), system.size)), np.zeros((len(buffer.q), system.size))
-    q[:, split.dynamic], v[:, split.dynamic] = buffer.q * split.taper, buffer.v * split.taper
-    tapered = np.flatnonzero(split.taper < 1.0)
-    if len(tapered):
-        k = system.K.diagonal()[split.dynamic[tapered]]
-        left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k
-        q[:, split.dynamic[tapered]] += buffer.s @ (split.G[:, tapered] * left)
-    if len(split.quasi_static):
-        k = system.K.diagonal()[split.quasi_static]
-        q[:, split.quasi_static] = (buffer.s @ split.G_quasi + system.force[split.quasi_static]) / k
-    return q, v
-
-
-def observed_displacement(
-    system: System, split: ModeSplit, buffer: HistoryBuffer, seen: csr_matrix
-) -> Floats:
-    """Displacements (nt, rows) that `seen` (rows, n) takes from the modes that `whole_motion` has."""
-    k = system.K.diagonal()
-    flexible = seen[:, split.quasi_static].toarray().T / k[split.quasi_static, None]
-    relaxed, states = split.G_quasi @ flexible, seen[:, split.dynamic]
-    tapered = np.flatnonzero(split.taper < 1.0)
-    if len(tapered):
-        left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.dynamic[tapered]]
-        relaxed += (split.G[:, tapered] * left) @ states[:, tapered].toarray().T
-    disp = (buffer.q * split.taper) @ states.T + system.force[split.quasi_static] @ flexible
-    if relaxed.any():
-        disp += buffer.s @ relaxed
-    return np.asarray(disp)
-
-
-def observed_velocity(system: System, split: ModeSplit, buffer: HistoryBuffer) -> Floats:
-    """Velocities of the observed nodes, (nt, 3 * probes), as `whole_motion` has them."""
-    return np.asarray((buffer.v * split.taper) @ system.observe[:, split.dynamic].T)

@@ -15,10 +15,9 @@ from romdam.contact.solvers.state import SolverState, condensed_contacts, iterat
 from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import History, System
 from romdam.core.threads import cpu_time
-from romdam.timestepping.energy import ENERGIES, ledger
-from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over, with_water
+from romdam.timestepping.energy import ENERGIES
+from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over
 from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.modal.arrays import (
     BASE,
@@ -33,15 +32,13 @@ from romdam.timestepping.modal.arrays import (
     StepHierarchy,
     new_work,
 )
+from romdam.timestepping.modal.histories import ROWS, history_of_rows, some_rows
 from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
     ModeSplit,
     modal_model,
-    observed_displacement,
-    observed_velocity,
     run_memory,
     step_levels,
-    whole_motion,
 )
 from romdam.timestepping.peaks import first_peaks, named_peaks, peaks_at_points
 from romdam.timestepping.prepared import Prepared, Simulation
@@ -52,7 +49,6 @@ from romdam.timestepping.support_motion import with_carried_points
 if TYPE_CHECKING:
     from romdam.timestepping.modal.integrator import ModalIntegrator
 
-_ROWS = tuple(name for name in HistoryBuffer._fields if name != "stride")
 _STEPS = 400  # of every run between two reports of progress
 
 
@@ -172,7 +168,7 @@ def _begin(arrays: Arrays) -> None:
     """Write the first row of every run, and bring the external force at both ends of its first base step."""
     model, runs, states, work = arrays.model, arrays.runs, arrays.states, arrays.work
     now = states._asdict() | {"memory": runs.memory.history}
-    for name in _ROWS:
+    for name in ROWS:
         getattr(arrays.buffer, name)[runs.rows] = now[name]
     work.f_0[:] = states.f
     work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
@@ -316,8 +312,8 @@ def _outcomes(
         }
         acc = runs.acc[:, runs.samples[run] :][:, : runs.last[run] + 1 : buffer.stride]
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
-        written = buffer._replace(**{name: getattr(buffer, name)[rows] for name in _ROWS})
-        history = _history(prepared, (model, split), written, acc, settings)
+        written = some_rows(buffer, rows)
+        history = history_of_rows(prepared, (model, split), written, acc, settings)
         history = with_carried_points(history, prepared.system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
         laws, force = at(levels.problem.laws, (runs.variant[run].problem, BASE)), history.traction
@@ -340,54 +336,3 @@ def _stats(runs: Batch, states: ModalState, run: int) -> dict[str, float]:
         "largest_residual": float(tries.residual),
         "condensed_contacts": condensed_contacts(solver) / max(tries.accepted + tries.refused, 1),
     }
-
-
-def _at_points(system: System, split: ModeSplit, buffer: HistoryBuffer) -> Floats:
-    """Jumps at the gaps' very positions."""
-    if system.at_point is None:
-        return buffer.jump
-    return buffer.jump + observed_displacement(system, split, buffer, system.at_point).reshape(
-        buffer.jump.shape
-    )
-
-
-def _history(
-    prepared: Prepared,
-    arrays: tuple[ModalModel, ModeSplit],
-    buffer: HistoryBuffer,
-    acc: Floats,
-    settings: Settings,
-) -> History:
-    """The written rows of one run, without peaks and stats."""
-    (model, split), system = arrays, prepared.system
-    time = np.arange(len(buffer.q), dtype=np.float64) * settings.steps.interval
-    jump = _at_points(system, split, buffer)
-    if settings.only_jumps:
-        buffer, acc = buffer._replace(**{name: getattr(buffer, name)[:1] for name in _ROWS}), acc[:, :1]
-    q, v = whole_motion(system, split, buffer) if settings.coordinates else (None, None)
-    disp = observed_displacement(system, split, buffer, system.observe)
-    k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
-    seen = system.observe.toarray().T[split.dynamic]
-    rate = model.static @ seen + acc.T @ (model.load @ seen)
-    rate += with_water(buffer.force, buffer.water).reshape(len(disp), -1) @ (split.G @ seen)
-    rate -= buffer.v @ (c[:, None] * seen) + buffer.q @ (k[:, None] * seen)
-    strain = 0.5 * (buffer.q**2) @ k
-    if len(model.R):
-        strain += 0.5 * np.einsum("ti,ij,tj->t", buffer.s, model.R, buffer.s, optimize=True)
-    return History(
-        time=time,
-        jump=jump,
-        traction=buffer.force,
-        water=buffer.water,
-        mean_traction=buffer.impulse / settings.steps.interval,
-        state=buffer.state,
-        disp=disp,
-        vel=observed_velocity(system, split, buffer),
-        acc=rate,
-        q=q,
-        v=v,
-        energy=ledger(buffer.energies, 0.5 * (buffer.v**2).sum(axis=1), strain),
-        peaks={},
-        stats={},
-        integrator=prepared.integrator.name,
-    )

@@ -25,13 +25,14 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
-from romdam.core.system import GapLaw, History, System
+from romdam.core.system import Coordinates, GapLaw, History, System
 
 _SAME = 1e-5  # relative, of frequencies squared
 _TOLD = 1e-5  # of the largest, by which values differ
@@ -145,7 +146,7 @@ def _jumps(system: System, active: Ints, forces: Floats, s: float) -> Floats:
 
 def expand(history: History, symmetry: Symmetry) -> History:
     """Give the history of all gaps and modes."""
-    gaps = symmetry.gaps
+    gaps, merged = symmetry.gaps, history.coordinates
     share = symmetry.signs / symmetry.count[gaps, None]
     peaks = {name: values[gaps] for name, values in history.peaks.items()}
     peaks["compression"] = peaks["compression"] * share[:, NORMAL]
@@ -158,9 +159,14 @@ def expand(history: History, symmetry: Symmetry) -> History:
         strength=history.strength[:, gaps] / symmetry.count[gaps, None],
         bonded=history.bonded[:, gaps],
         peaks=peaks,
-        q=None if history.q is None else history.q @ symmetry.modes.T,
-        v=None if history.v is None else history.v @ symmetry.modes.T,
+        coordinates=None if merged is None else Coordinates(partial(_expanded, symmetry.modes, merged)),
     )
+
+
+def _expanded(modes: csr_matrix, merged: Coordinates, rows: slice) -> tuple[Floats, Floats]:
+    """All modes' coordinates in some rows."""
+    q, v = merged.make(rows)
+    return q @ modes.T, v @ modes.T
 
 
 def _clusters(system: System) -> Ints:
