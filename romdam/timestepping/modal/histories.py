@@ -105,8 +105,9 @@ def _make_observed(system: System, split: ModeSplit, name: str) -> _Observed:
         left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.dynamic[tapered]]
         forces += (split.G[:, tapered] * left) @ states[:, tapered].toarray().T
     states = states.multiply(split.taper).tocsr()
-    few = seen is system.observe  # probes; the gaps' positions are as many as jumps
-    return _Observed(states.toarray() if few else states, forces, system.force[split.quasi_static] @ flexible)
+    if name == "observe":  # probes are few; the gaps' positions are as many as jumps
+        states = states.toarray()
+    return _Observed(states, forces, system.force[split.quasi_static] @ flexible)
 
 
 def _at_points(prepared: Prepared, split: ModeSplit, buffer: HistoryBuffer) -> Floats:
