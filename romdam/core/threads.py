@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -52,6 +53,7 @@ _MOST = 2  # Python threads of a job: they take turns at the interpreter, and ea
 _lock = RLock()
 _jobs: list[int] = []  # a Python thread for each `one_thread` that it is in
 _ceilings: dict[str, int] = {}  # library -> its threads before the first of them
+_held: list[int] = []  # the threads that libraries were set to last, and how many modules were loaded then
 _own = local()  # `helped`: CPU seconds that other threads have spent for this one
 
 
@@ -69,6 +71,7 @@ def one_thread() -> Iterator[None]:
             if not _jobs:
                 _set_threads(max(_ceilings.values(), default=1))
                 _ceilings.clear()
+                _held.clear()
 
 
 @contextmanager
@@ -151,9 +154,15 @@ def _add_help(seconds: float) -> None:
 
 
 def _set_threads(count: int) -> None:
-    """Set what every library loaded by now may start, at most what it had at first."""
+    """Set what every library loaded by now may start, at most what it had at first.
+
+    A library comes with a module: without a new one it is as it was set. To list them takes 2 ms.
+    """
     from threadpoolctl import ThreadpoolController  # here: `import romdam` stays without it
 
+    if _held == [count, len(sys.modules)]:
+        return
+    _held[:] = count, len(sys.modules)
     libraries = ThreadpoolController().lib_controllers
     for library in libraries:
         most = _ceilings.setdefault(library.filepath, library.get_num_threads())

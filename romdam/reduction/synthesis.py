@@ -14,7 +14,7 @@ from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.arrays import Floats
@@ -377,11 +377,9 @@ def _held_interior(block: Block, fixed: NDArray[np.bool_], interface: Interface)
 
     Retained DOFs in turned frames are not counted: at worst the shift is used where none is needed.
     """
-    held, turn, retained = fixed.copy(), interface.turn, interface.retained.reshape(-1, 3)
-    for node in np.flatnonzero(retained.any(axis=1)):
-        frame = turn[3 * node : 3 * node + 3, 3 * node : 3 * node + 3].toarray()
-        if np.array_equal(frame, np.eye(3)):
-            held[node] |= retained[node]
+    in_turned = (interface.turn - eye_array(fixed.size)).nonzero()[0] // 3
+    held = fixed | interface.retained.reshape(fixed.shape)
+    held[in_turned] = fixed[in_turned]
     return has_no_rigid_body_mode(block, held)
 
 

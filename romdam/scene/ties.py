@@ -213,6 +213,8 @@ def merged_parts(fixed: Mapping[str, Bools], ties: tuple[Tie, ...]) -> dict[str,
         where nodes follow each other round in a circle.
     """
     names, nodes = list(fixed), {name: len(held) for name, held in fixed.items()}
+    if not ties:
+        return {name: Part(name, (name,), {name: np.arange(count)}, count) for name, count in nodes.items()}
     first = dict(zip(names, np.cumsum([0, *nodes.values()][:-1]), strict=True))
     total = sum(nodes.values())
     pairs = np.array([(names.index(t.blocks[0]), names.index(t.blocks[1])) for t in ties]).reshape(-1, 2)
