@@ -134,19 +134,24 @@ def _grown(
 ) -> Iterator[_Ritz]:
     """The Krylov space of D M, grown block by block; within what is M-orthogonal to `against`.
 
-    Its dense eigenproblem is solved each time it has grown by an eighth: at every block it would cost more
-    than the solutions.
+    A new block has parts in the two before it, by the symmetry of D; those are taken out first, then what
+    round-off has left of any. The dense eigenproblem is solved each time the space has grown by an eighth: at
+    every block it would cost more than the solutions.
     """
     blocks = [] if against is None else [against]
-    fixed, T, due = len(blocks), np.zeros((0, 0)), 0.0
-    V = _independent(own, _apart(own, blocks, start))
+    fixed, T, due, images = len(blocks), np.zeros((0, 0)), 0.0, list[Floats]()
+    V = _independent(own, _apart(own, blocks, _apart(own, blocks, start)))
     while V.shape[1]:
         blocks.append(V)
-        W = flexibility(own @ V)
-        MW = own @ W
+        images = [*images[-1:], own @ V]
+        W = flexibility(images[-1])
+        parts = [image.T @ W for image in images]  # W has round-off alone of the blocks before those
+        for block, part in zip(blocks[-len(images) :], parts, strict=True):
+            W -= block @ part
         T = np.pad(T, ((0, V.shape[1]),) * 2)
-        T[:, -V.shape[1] :] = np.vstack([block.T @ MW for block in blocks[fixed:]])
-        T[-V.shape[1] :] = T[:, -V.shape[1] :].T
+        edge = np.vstack(parts)
+        T[-len(edge) :, -V.shape[1] :] = edge
+        T[-V.shape[1] :, -len(edge) :] = edge.T
         W = _apart(own, blocks, W)
         gram = W.T @ (own @ W)
         ended = np.sqrt(gram.diagonal().max()) <= _NONE * T.diagonal().max()
@@ -161,11 +166,10 @@ def _grown(
 
 
 def _apart(own: csr_matrix, blocks: list[Floats], W: Floats) -> Floats:
-    """W less its part in the blocks, in place; twice, for the round-off of the first time."""
-    for _ in range(2):
-        MW = own @ W
-        for block in blocks:
-            W -= block @ (block.T @ MW)
+    """W less its part in the blocks, in place."""
+    MW = own @ W
+    for block in blocks:
+        W -= block @ (block.T @ MW)
     return W
 
 
