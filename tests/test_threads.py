@@ -1,6 +1,7 @@
 """Libraries keep to one thread but where more pay; no bit of a job depends on what they may start."""
 
 import os
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +11,7 @@ from threading import Barrier
 
 import numpy as np
 import pytest
+import threadpoolctl
 import yaml
 from scipy import linalg
 from scipy.sparse import csr_matrix, diags_array
@@ -70,6 +72,21 @@ def test_what_the_user_allows_is_not_exceeded():
         with one_thread(), threads_for(10_000, 100):
             assert allowed() == {2}
         assert allowed() == {2}
+
+
+def test_libraries_are_listed_again_once_a_module_has_come(monkeypatch):
+    listed, real = [], threadpoolctl.ThreadpoolController
+    monkeypatch.setattr(threadpoolctl, "ThreadpoolController", lambda: listed.append(1) or real())
+    with one_thread():
+        for _ in range(3):
+            with threads_for(1, 100):
+                pass
+        assert len(listed) == 1
+        monkeypatch.setitem(sys.modules, "a_module_with_a_library", threads)
+        with threads_for(1, 100):
+            assert len(listed) == 2
+    with one_thread():
+        assert len(listed) == 4, "what another job has set is not relied on"
 
 
 def test_outside_a_job_nothing_is_changed():
