@@ -47,6 +47,7 @@ class BlockBasis:
     omega2 : (m,) ascending [1/s2]
     participation : (m, 3) vectors^T M r for unit translations r along x, y, z [sqrt(kg)]
     report : numbers on the reduction, plain JSON values
+    within : (m, k) of the finer basis of an estimate, the modes of the one that it contains in its own
     """
 
     vectors: Basis
@@ -54,3 +55,4 @@ class BlockBasis:
     omega2: Floats
     participation: Floats
     report: dict[str, object]
+    within: Floats | None = None

@@ -40,7 +40,9 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     matrix = np.zeros((fine.system.size, coarse.system.size))
     for name, block in scene.blocks.items():
         a, b = fine.basis[name], coarse.basis[name]
-        if block.material.rho > 0.0:
+        if a.within is not None:
+            matrix[a.columns, b.columns] = a.within
+        elif block.material.rho > 0.0:
             matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble_mass(block)))
     for part in scene_parts(scene).values():
         if has_no_mass(part, scene):

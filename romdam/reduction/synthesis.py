@@ -238,16 +238,16 @@ def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[
     """Block name -> what its basis is stored under."""
     if has_no_mass(part, scene):
         return massless_keys(part, scene, acting)
-    free = _by_free_modes(part, scene, acting, choice)
-    if free is not None:
-        return merged_keys(part, scene, acting, free)
+    free = _by_free_modes(part, scene, acting, [choice])
+    if free:
+        return merged_keys(part, scene, acting, *free)
     (name,) = part.blocks
     interface = joint_interface(acting.operators[name], scene.fixed[name])
     return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice, acting.wet(name))}
 
 
-def _by_free_modes(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> ModeChoice | None:
-    """The free-interface modes to keep of a part; None where Craig and Bampton's way serves it.
+def _by_free_modes(part: Part, scene: Scene, acting: Acting, choices: list[ModeChoice]) -> list[ModeChoice]:
+    """The free-interface modes to keep of a part; none where Craig and Bampton's way serves it.
 
     It does not where the part has a viscous boundary, whose forces are to be answered statically right.
 
@@ -261,7 +261,11 @@ def _by_free_modes(part: Part, scene: Scene, acting: Acting, choice: ModeChoice)
         if not by_springs and not sees_more_nodes_than_gaps(
             acting.operators[name], interface, acting.directions
         ):
-            return None
+            return []
+    return [_with_more_modes(choice) for choice in choices]
+
+
+def _with_more_modes(choice: ModeChoice) -> ModeChoice:
     if choice.count is None or choice.keeps_all or not choice.residual_vectors:
         return choice
     more = max(choice.residual_vectors, choice.count // 2)
@@ -280,9 +284,9 @@ def _reduced_part(
         refuse_loose_nodes(scene.blocks[name], "reduction")
     if has_no_mass(part, scene):
         return [massless_bases(part, scene, acting, choices[0], store)] * len(choices)
-    free = [_by_free_modes(part, scene, acting, choice) for choice in choices]
-    if free[0] is not None:
-        return merged_bases(part, scene, acting, [choice for choice in free if choice is not None], store)
+    free = _by_free_modes(part, scene, acting, choices)
+    if free:
+        return merged_bases(part, scene, acting, free, store)
     (name,) = part.blocks
     asked = scene.blocks[name], acting.operators[name], scene.fixed[name]
     bases = _reduced_block(*asked, choices, store, acting.wet(name))
@@ -351,15 +355,15 @@ def _reduce(
     K, M = (turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
     held = _held_interior(block, fixed, interface)
     motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
-    wet = None if wet is None else wet.over(turn.T[:, free])
+    spread = turn.T[:, free]
+    wet = None if wet is None else wet.over(spread)
     own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}", wet)
     carried = inertia(block, mass)
     for sub in reduce_block(own, choice):
-        whole = np.zeros((len(free), len(sub.omega2)))
-        whole[free] = sub.basis
-        vectors = Dense(np.asarray(turn.T @ whole))
+        vectors = Dense(spread @ sub.basis)
         report = sub.report() | choice.report()
-        yield BlockBasis(vectors, slice(0, len(sub.omega2)), sub.omega2, vectors.project(carried), report)
+        columns, participation = slice(0, len(sub.omega2)), vectors.project(carried)
+        yield BlockBasis(vectors, columns, sub.omega2, participation, report, sub.within)
 
 
 def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> Floats:

@@ -91,26 +91,34 @@ ALL_MODES = ModeChoice(count=_ALL)
 
 @dataclass(frozen=True)
 class Substructure:
-    """A reduced block in its own open-joint modes.
+    """A reduced block in its own open-joint modes, basis @ mix.
 
     Attributes
     ----------
     omega2 : (m,) ascending [1/s2]
-    basis : (n, m) M-orthonormal open-joint modes over the free DOFs
+    basis : (n, k) vectors over the free DOFs
+    mix : (k, m) what makes M-orthonormal modes of them
     retained, fixed_interface, residual_vectors : how many retained DOFs, modes and residual vectors span it
     highest : frequency of the highest fixed-interface mode kept [Hz], 0 if there is none
     orthonormality : largest entry of Phi^T M Phi - I
+    within : (m, l) of a finer one, the first one's modes in its own; None of the first
     residual : largest |K phi - omega^2 M phi| of the fixed-interface modes, relative to omega^2 |M phi|
     """
 
     omega2: Floats
     basis: Floats
+    mix: Floats
     retained: int
     fixed_interface: int
     highest: float
     orthonormality: float
     residual: float
     residual_vectors: int = 0
+    within: Floats | None = None
+
+    def formed(self) -> Substructure:
+        """The same with its modes for a basis."""
+        return replace(self, basis=self.basis @ self.mix, mix=np.eye(len(self.omega2)))
 
     def report(self) -> dict[str, object]:
         """The numbers on the reduction, as plain values."""
@@ -154,16 +162,22 @@ class FreeBlock:
 
 
 class FixedInterfaceModes(NamedTuple):
-    """Fixed-interface modes Phi and their omega^2, and how good they are.
-
-    highest [Hz], largest entry of Phi^T M Phi - I, largest relative residual; see `Substructure`.
-    """
+    """Fixed-interface modes Phi, their omega^2 and Phi^T M Phi; see `Substructure` for `residual`."""
 
     omega2: Floats
     Phi: Floats
-    highest: float
-    orthonormality: float
+    gram: Floats
     residual: float
+
+    @property
+    def highest(self) -> float:
+        """Highest frequency [Hz], 0 if there is none."""
+        return highest_hz(self.omega2)
+
+    @property
+    def orthonormality(self) -> float:
+        """Largest entry of Phi^T M Phi - I."""
+        return float(np.abs(self.gram - np.eye(len(self.gram))).max(initial=0.0))
 
 
 def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
@@ -183,24 +197,27 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
     choice = _within(choice, interior, block.place)
     if choice.keeps_all or choice.count == interior:
         omega2, basis = dense_modes(K, M)
-        sizes = len(retained) - interior, interior
-        yield from repeat(Substructure(without_roundoff(omega2), basis, *sizes, highest_hz(omega2), 0.0, 0.0))
+        known = np.eye(len(omega2)), len(retained) - interior, interior, highest_hz(omega2)
+        yield from repeat(Substructure(without_roundoff(omega2), basis, *known, 0.0, 0.0))
     Psi, modes, solver = _ritz_vectors(block, choice)
     T = _assemble_basis(Psi, modes.Phi, retained)
-    mass = T.T @ (M @ T)
+    mass = _mass(block, T, modes.gram)
     omega2, V = diagonalise(_stiffness(block, T, modes.omega2, mass), mass, block.place)
     sub = Substructure(
         omega2=omega2,
-        basis=T @ V,
+        basis=T,
+        mix=V,
         retained=Psi.shape[1],
         fixed_interface=modes.Phi.shape[1],
         highest=modes.highest,
         orthonormality=modes.orthonormality,
         residual=modes.residual,
     )
-    for count, wet in ((choice.residual_vectors, None), (FINER_VECTORS, block.wet)):
-        sub = _with_residual_vectors(block, sub, solver, (count, wet))
-        yield replace(sub, omega2=without_roundoff(sub.omega2))
+    sub = _with_residual_vectors(block, sub, solver, (choice.residual_vectors, None)).formed()
+    yield replace(sub, omega2=without_roundoff(sub.omega2))
+    finer = _with_residual_vectors(block, sub, solver, (FINER_VECTORS, block.wet))
+    within = finer.mix[: len(sub.omega2)].T
+    yield replace(finer.formed(), omega2=without_roundoff(finer.omega2), within=within)
 
 
 def _within(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
@@ -233,9 +250,8 @@ def fixed_interface_modes(
 ) -> FixedInterfaceModes:
     """Lowest modes of the interior; `solver` is of K - shift M."""
     omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, solver, shift)
-    gram = Phi.T @ (M @ Phi)
-    off = float(np.abs(gram - np.eye(len(gram))).max(initial=0.0))
-    return FixedInterfaceModes(omega2, Phi, highest_hz(omega2), off, eigen_residual(K, M, omega2, Phi))
+    MPhi = M @ Phi
+    return FixedInterfaceModes(omega2, Phi, Phi.T @ MPhi, eigen_residual(K, MPhi, omega2, Phi))
 
 
 def highest_hz(omega2: Floats) -> float:
@@ -243,9 +259,9 @@ def highest_hz(omega2: Floats) -> float:
     return float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0
 
 
-def eigen_residual(K: csr_matrix | Symmetric, M: csr_matrix, omega2: Floats, Phi: Floats) -> float:
+def eigen_residual(K: csr_matrix | Symmetric, MPhi: Floats, omega2: Floats, Phi: Floats) -> float:
     """Largest relative eigenvalue residual of the elastic modes."""
-    inertia = M @ Phi * omega2
+    inertia = MPhi * omega2
     size = np.linalg.norm(inertia, axis=0)
     elastic = omega2 > FREE_SHIFT
     if not elastic.any():
@@ -258,6 +274,13 @@ def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
     T = over_interior(retained, np.hstack([Psi, Phi]))
     T[retained, :boundary] = np.eye(boundary)
     return T
+
+
+def _mass(block: FreeBlock, T: Floats, gram: Floats) -> Floats:
+    """T^T M T, of which the modes' part is known."""
+    boundary = T.shape[1] - len(gram)
+    edge = T.T @ (block.M @ T[:, :boundary])
+    return np.block([[edge[:boundary], edge[boundary:].T], [edge[boundary:], gram]])
 
 
 def _stiffness(block: FreeBlock, T: Floats, omega2: Floats, mass: Floats) -> Floats:
@@ -291,28 +314,36 @@ def _with_residual_vectors(
     block: FreeBlock, sub: Substructure, solver: Solver, which: tuple[int, WetMass | None]
 ) -> Substructure:
     """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced."""
-    (count, wet), K, M, X, retained = which, block.K, block.M, sub.basis, block.retained
-    count = min(count, X.shape[0] - X.shape[1])
+    (count, wet), K, M, retained = which, block.K, block.M, block.retained
+    T, V = sub.basis, sub.mix
+    count = min(count, len(T) - V.shape[1])
     if not count:
         return sub
-    added = None if wet is None else wet.of(wet.operator @ X)
-    lowest, low = lowest_with(added, sub.omega2, X, count)
+    added = None if wet is None else wet.of(wet.operator @ T @ V)
+    lowest, some = lowest_with(added, sub.omega2, V, count)
+    low = T @ some
     unbalanced = K @ low - (M @ low) * lowest
     if wet is not None:
         unbalanced -= wet.inertia(low * lowest)
     D = over_interior(retained, solver.solve(unbalanced[~retained]))
-    D = independent(D - X @ (X.T @ (M @ D)), M)
-    D -= X @ (X.T @ (M @ D))
-    stiffness, mass = _bordered(np.diag(sub.omega2), X, D, K), _bordered(np.eye(X.shape[1]), X, D, M)
-    omega2, V = diagonalise(stiffness, mass, block.place)
-    basis = np.hstack([X, D]) @ V
-    return replace(sub, omega2=omega2, basis=basis, residual_vectors=sub.residual_vectors + D.shape[1])
+    D = independent(D - T @ (V @ _onto(sub, M @ D)), M)
+    D -= T @ (V @ _onto(sub, M @ D))
+    stiffness, mass = _bordered(np.diag(sub.omega2), sub, D, K), _bordered(np.eye(V.shape[1]), sub, D, M)
+    omega2, C = diagonalise(stiffness, mass, block.place)
+    mix = np.vstack([V @ C[: V.shape[1]], C[V.shape[1] :]])
+    more = sub.residual_vectors + D.shape[1]
+    return replace(sub, omega2=omega2, basis=np.hstack([T, D]), mix=mix, residual_vectors=more)
 
 
-def _bordered(inner: Floats, X: Floats, D: Floats, A: csr_matrix) -> Floats:
-    """[X D]^T A [X D] of a symmetric A, of which X^T A X is known."""
+def _onto(sub: Substructure, forces: Floats) -> Floats:
+    """Forces (n, k) on the modes (m, k)."""
+    return np.asarray(sub.mix.T @ (sub.basis.T @ forces))
+
+
+def _bordered(inner: Floats, sub: Substructure, D: Floats, A: csr_matrix) -> Floats:
+    """[X D]^T A [X D] of a symmetric A and the modes X, of which X^T A X is known."""
     AD = A @ D
-    edge = X.T @ AD
+    edge = _onto(sub, AD)
     return np.block([[inner, edge], [edge.T, D.T @ AD]])
 
 
@@ -326,18 +357,11 @@ def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> 
 
 def independent(D: Floats, M: csr_matrix) -> Floats:
     """M-orthonormal vectors that span D's, without directions that are round-off."""
-    size, U = np.linalg.eigh(_unit_diagonal(D.T @ (M @ D)))
-    keep = size > _DEPENDENT * size[-1]
-    return np.asarray((D / _norms(D, M)) @ (U[:, keep] / np.sqrt(size[keep])))
-
-
-def _norms(D: Floats, M: csr_matrix) -> Floats:
-    return np.sqrt(np.maximum((D * (M @ D)).sum(axis=0), np.finfo(float).tiny))
-
-
-def _unit_diagonal(gram: Floats) -> Floats:
+    gram = D.T @ (M @ D)
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
-    return gram * scale * scale[:, None]
+    size, U = np.linalg.eigh(gram * scale * scale[:, None])
+    keep = size > _DEPENDENT * size[-1]
+    return np.asarray(D @ (scale[:, None] * U[:, keep] / np.sqrt(size[keep])))
 
 
 def without_roundoff(omega2: Floats) -> Floats:

@@ -370,7 +370,7 @@ def _residual(merged: _MergedPart, level: _Level) -> float:
     for first in range(0, level.modes, together):
         some = slice(first, min(first + together, level.modes))
         Phi = level.T.combined(level.V[:, some])[merged.first]
-        found = max(found, eigen_residual(merged.K, merged.M, level.omega2[some], Phi))
+        found = max(found, eigen_residual(merged.K, merged.M @ Phi, level.omega2[some], Phi))
     return found
 
 
@@ -380,6 +380,7 @@ def _report(merged: _MergedPart, level: _Level, residual: float) -> dict[str, ob
     sub = Substructure(
         omega2=level.omega2,
         basis=np.zeros((0, 0)),
+        mix=np.zeros((0, 0)),
         retained=len(level.omega2) - level.modes,
         fixed_interface=level.modes,
         highest=float(np.sqrt(max(low[-1], 0.0)) / (2.0 * np.pi)) if level.modes else 0.0,

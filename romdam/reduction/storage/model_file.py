@@ -73,6 +73,8 @@ def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     group["basis"].attrs["first"] = basis.columns.start
     group["omega2"] = basis.omega2
     group["participation"] = basis.participation
+    if basis.within is not None:
+        group["within"] = basis.within
     group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report))
 
 
@@ -99,6 +101,7 @@ def read_block(group: h5py.Group) -> BlockBasis:
         omega2=omega2[()],
         participation=participation[()],
         report=json.loads(group.attrs["report"]),
+        within=group["within"][()] if "within" in group else None,
     )
 
 
