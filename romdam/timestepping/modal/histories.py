@@ -39,7 +39,7 @@ def history_of_rows(
     buffer : its rows
     acc : (loads, nt) what shakes the model in them
     """
-    split, system = arrays[1], prepared.system
+    (_, split), system = arrays, prepared.system
     coordinates, energy = None, dict[str, Floats]()
     time = np.arange(len(buffer.q), dtype=np.float64) * settings.steps.interval
     jump = _at_points(prepared, split, buffer)
