@@ -18,6 +18,7 @@ from romdam.error.replay import (
     replay,
     replay_start,
 )
+from romdam.reduction.basis import Dense
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
@@ -157,6 +158,19 @@ def test_what_embeds_the_coarse_basis_is_the_product_with_the_mass():
     unknown = {name: replace(own, within=None) for name, own in fine.basis.items()}
     by_mass = embedding(built, coarse, replace(fine, basis=unknown)).toarray()
     assert np.abs(embedding(built, coarse, fine).toarray() - by_mass).max() < 1e-12
+
+
+def test_a_finer_basis_of_another_machine_is_embedded_by_the_mass():
+    """Two that share a store may each leave one of the pair, whose modes have other signs."""
+    built = scene(raw())
+    coarse, fine = reduce_scene_twice(built, CHOICES[1], DAMPING)
+    name, own = next(iter(coarse.basis.items()))
+    signs = np.where(np.arange(len(own.omega2)) == 3, -1.0, 1.0)
+    turned = replace(own, vectors=Dense(own.vectors.rows() * signs))
+    other = replace(coarse, basis=coarse.basis | {name: turned})
+    expected = embedding(built, coarse, fine).toarray()
+    expected[:, own.columns] *= signs
+    assert np.abs(embedding(built, other, fine).toarray() - expected).max() < 1e-12
 
 
 @pytest.mark.parametrize("model", ["westergaard", "incompressible"])
