@@ -5,6 +5,7 @@ define what passes between rooms; a room may import the types of any room.
 """
 
 import ast
+import os
 import subprocess
 import sys
 import tomllib
@@ -226,6 +227,24 @@ def test_command_searches_for_cycles_rarely_and_not_as_it_ends():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert out.split()[-2:] == ["500000", "True"]
+
+
+def test_command_loads_libraries_whose_threads_wait_asleep():
+    """0.2 CPU-s with two cores and OpenBLAS' own way of waiting, 0.0006 so; what a user has set stays."""
+    code = (
+        "import os, sys, time; from romdam.surroundings import check_surroundings;"
+        "check_surroundings(); others = lambda: time.process_time() - time.thread_time(); before = others();"
+        "import numpy, scipy.linalg; time.sleep(0.2);"
+        "print(others() - before, os.environ['OPENBLAS_THREAD_TIMEOUT'])"
+    )
+    for given, expected in ((None, "18"), ("26", "26")):
+        surroundings = {k: v for k, v in os.environ.items() if k != "OPENBLAS_THREAD_TIMEOUT"}
+        surroundings |= {} if given is None else {"OPENBLAS_THREAD_TIMEOUT": given}
+        command = [sys.executable, "-c", code]
+        out = subprocess.run(command, capture_output=True, text=True, check=True, env=surroundings).stdout
+        seconds, kept = out.split()
+        assert kept == expected
+        assert given is not None or float(seconds) < 0.02
 
 
 def test_lazy_names_exist_and_unknown_ones_do_not():
