@@ -28,5 +28,5 @@ def eigh(K: Floats, M: Floats | None = None, kind: int = 1) -> tuple[Floats, Flo
     from scipy import linalg
 
     with threads_for(len(K), DENSE_EIGENPROBLEM):
-        values, vectors = linalg.eigh(K, M, type=kind)
+        values, vectors = linalg.eigh(K, M, type=kind, driver="evd" if M is None else "gvd")
     return np.asarray(values), np.asarray(vectors)

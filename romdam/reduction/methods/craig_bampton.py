@@ -326,10 +326,11 @@ def _with_residual_vectors(
     if wet is not None:
         unbalanced -= wet.inertia(low * lowest)
     D = over_interior(retained, solver.solve(unbalanced[~retained]))
-    D = independent(D - T @ (V @ _onto(sub, M @ D)), M)
-    D -= T @ (V @ _onto(sub, M @ D))
-    stiffness, mass = _bordered(np.diag(sub.omega2), sub, D, K), _bordered(np.eye(V.shape[1]), sub, D, M)
-    omega2, C = diagonalise(stiffness, mass, block.place)
+    for _ in range(2):  # what round-off leaves of the modes, and of the others, the second takes away
+        D = independent(D - T @ (V @ _onto(sub, M @ D)), M)
+    KD = K @ D
+    edge, own = _onto(sub, KD), D.T @ KD
+    omega2, C = eigh(np.block([[np.diag(sub.omega2), edge], [edge.T, 0.5 * (own + own.T)]]))
     mix = np.vstack([V @ C[: V.shape[1]], C[V.shape[1] :]])
     more = sub.residual_vectors + D.shape[1]
     return replace(sub, omega2=omega2, basis=np.hstack([T, D]), mix=mix, residual_vectors=more)
@@ -338,13 +339,6 @@ def _with_residual_vectors(
 def _onto(sub: Substructure, forces: Floats) -> Floats:
     """Forces (n, k) on the modes (m, k)."""
     return np.asarray(sub.mix.T @ (sub.basis.T @ forces))
-
-
-def _bordered(inner: Floats, sub: Substructure, D: Floats, A: csr_matrix) -> Floats:
-    """[X D]^T A [X D] of a symmetric A and the modes X, of which X^T A X is known."""
-    AD = A @ D
-    edge = _onto(sub, AD)
-    return np.block([[inner, edge], [edge.T, D.T @ AD]])
 
 
 def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> tuple[Floats, Floats]:
