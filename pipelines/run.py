@@ -113,6 +113,11 @@ class Model:
         """The open-joint system."""
         return self.prepared.system
 
+    @property
+    def mesh_unknowns(self) -> int:
+        """Three for each node, held ones too."""
+        return sum(block.points.size for block in self.scene.blocks.values())
+
 
 class Goal(NamedTuple):
     """The folder of results, and what is made in it beside them."""
@@ -212,7 +217,7 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
-    with beside(partial(_shared, model, goal, clock)) as shared:
+    with beside(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
         rows, last = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
     failures = {name: one for name, one in read.items() if isinstance(one, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message}
@@ -229,7 +234,7 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
 def _run_all(
     job: Job, model: Model, motions: Sequence[GroundMotion], target: Target, clock: Clock, *, lone: bool
 ) -> tuple[dict[str, Row], Made | None]:
-    """Run the records of a job, the figures of each drawn beside the next; one that fails is a row.
+    """Run the records of a job, the figures of each drawn before the next or beside it; a failure is a row.
 
     Returns
     -------
@@ -242,7 +247,7 @@ def _run_all(
     """
     rows, last, unseen = dict[str, Row](), None, replace(clock, show=silent)
     for motion in motions:
-        with beside(partial(_drawn, last, target[0], unseen)) as drawn:
+        with beside(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
             try:
                 last = run_motion(job, model, motion, target, clock)
                 rows[motion.name] = Row("", kept=Kept(last.path.name, "", "", {})) if lone else last.row(job)
@@ -344,7 +349,8 @@ def run_motion(
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
-    with beside(partial(_estimated, job, model, motion, history, clock)) as estimated:
+    estimating = partial(_estimated, job, model, motion, history, clock)
+    with beside(estimating, model.mesh_unknowns) as estimated:
         with clock.stage("stress", "summing up the stress"):
             history, stress = stress_of(model.scene, model.stress, history)
         estimate = estimated()

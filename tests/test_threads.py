@@ -22,6 +22,7 @@ from romdam.config.load import Job, parse_config
 from romdam.core import threads
 from romdam.core.errors import ConvergenceError, WriteError
 from romdam.core.threads import (
+    BESIDE,
     DENSE_EIGENPROBLEM,
     beside,
     cpu_time,
@@ -185,13 +186,13 @@ def test_a_task_beside_the_body_goes_on_with_it_and_ends_before():
         return "made"
 
     with one_thread():
-        with beside(task) as made:
+        with beside(task, BESIDE) as made:
             body.set()
             assert made() == made() == "made"
-        with pytest.raises(KeyError), beside(partial(ended.append, 2)):
+        with pytest.raises(KeyError), beside(partial(ended.append, 2), BESIDE):
             raise KeyError
         assert ended == [1, 2]
-        with beside(partial(divmod, 1, 0)) as failing:
+        with beside(partial(divmod, 1, 0), BESIDE) as failing:
             for _ in range(2):
                 with pytest.raises(ZeroDivisionError):
                     failing()
@@ -200,8 +201,16 @@ def test_a_task_beside_the_body_goes_on_with_it_and_ends_before():
 def test_one_thread_that_the_user_allows_does_everything_itself():
     with threadpool_limits(1, user_api="blas"), one_thread():
         assert set(side_by_side([threading.get_ident] * 4)) == {threading.get_ident()}
-        with beside(threading.get_ident) as made:
+        with beside(threading.get_ident, BESIDE) as made:
             assert made() == threading.get_ident()
+
+
+def test_tasks_of_a_small_model_are_done_first():
+    with one_thread():
+        with beside(threading.get_ident, BESIDE - 1) as made:
+            assert made() == threading.get_ident()
+        with beside(threading.get_ident, BESIDE) as made:
+            assert made() != threading.get_ident()
 
 
 def test_cpu_of_what_worked_for_a_thread_is_its_own():
@@ -215,7 +224,7 @@ def test_cpu_of_what_worked_for_a_thread_is_its_own():
         list(side_by_side([task] * 4))
         assert cpu_time() - start >= 0.2 > time.thread_time() - alone
         start = cpu_time()
-        with beside(task):
+        with beside(task, BESIDE):
             pass
         assert cpu_time() - start < 0.05, "what goes on beside it has a clock of its own"
 
@@ -247,8 +256,9 @@ def arch_job():
     return Job(parse_config(raw, path.name), path)
 
 
-def test_an_arch_dam_has_the_same_bits_on_one_thread_and_two(tmp_path, arch_job):
+def test_an_arch_dam_has_the_same_bits_on_one_thread_and_two(tmp_path, arch_job, monkeypatch):
     """Its reduction, stress and estimate work on two cores; files beside it are named by content."""
+    monkeypatch.setattr(threads, "BESIDE", 0)
     made = []
     for count in (1, 2):
         with threadpool_limits(count, user_api="blas"):
@@ -262,8 +272,10 @@ def test_an_arch_dam_has_the_same_bits_on_one_thread_and_two(tmp_path, arch_job)
     assert one.attrs["error_estimate"] == two.attrs["error_estimate"]
 
 
-def test_what_is_written_beside_the_march_fails_as_before_it(tmp_path, quick_job, monkeypatch):
+@pytest.mark.parametrize("least", [0, threads.BESIDE])
+def test_what_is_written_beside_the_march_fails_as_before_it(tmp_path, quick_job, monkeypatch, least):
     """The error is that of the whole job, not of one record, also where the march has failed meanwhile."""
+    monkeypatch.setattr(threads, "BESIDE", least)
 
     def full(*_: object) -> None:
         raise WriteError("the disk is full")
