@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix, vstack
+from scipy.sparse import bsr_matrix, csr_matrix, vstack
 
 from romdam.contact.laws.catalogue import find_law, law_order
 from romdam.core.arrays import Floats
@@ -100,12 +100,17 @@ def _operators(
     return operators
 
 
+def gap_axes(joint: Joint, directions: int) -> csr_matrix:
+    """Vectors at a joint's gaps in the first of their own axes, (directions * gaps, 3 * gaps)."""
+    gaps = len(joint.gap)
+    frames = (joint.axes[:, :directions], np.arange(gaps), np.arange(gaps + 1))
+    return bsr_matrix(frames, shape=(directions * gaps, 3 * gaps)).tocsr()
+
+
 def _one_side(
     joint: Joint, both: tuple[csr_matrix, csr_matrix], block: str, nodes: int, directions: int
 ) -> csr_matrix:
-    rows = directions * len(joint.gap)
-    total = csr_matrix((rows, 3 * nodes))
-    axes = block_diag([frame[:directions] for frame in joint.axes], format="csr")
+    total, axes = csr_matrix((directions * len(joint.gap), 3 * nodes)), gap_axes(joint, directions)
     for side, sign in ((0, -1.0), (1, 1.0)):
         if joint.blocks[side] != block:
             continue

@@ -12,12 +12,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix, vstack
+from scipy.sparse import csr_matrix, vstack
 
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Joint, Scene, Section
 from romdam.fem.assembly import assemble
-from romdam.fem.gaps import gap_operators
+from romdam.fem.gaps import gap_axes, gap_operators
 from romdam.fem.loads import static_force, thermal_force
 from romdam.fem.parts import unknowns
 from romdam.scene.elements import Floats
@@ -111,7 +111,7 @@ def gap_section_operator(scene: Scene, directions: int) -> Floats:
 def _at_gaps(scene: Scene, section: Section, joint: Joint, directions: int) -> Floats:
     """The section's virtual motions of a joint's gaps times their forces, (6, directions * gaps)."""
     total = np.zeros((COMPONENTS, directions * len(joint.area)))
-    axes = block_diag([frame[:directions] for frame in joint.axes], format="csr")
+    axes = gap_axes(joint, directions)
     step = gaps_above(joint, section, scene.blocks)
     for sign, block, nodes, weights in zip((-1, 1), joint.blocks, joint.nodes, joint.weights, strict=True):
         if block in section.step:
