@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from scipy.sparse import csr_matrix
 from small_scenes import DAMPING, raw, scene
 
 from romdam.config.sections.job import ModelConfig
 from romdam.fem.unreduced import assemble_full
+from romdam.reduction.methods.craig_bampton import independent
 from romdam.reduction.synthesis import reduce_scene
 
 
@@ -35,6 +37,15 @@ def test_corrected_basis_is_orthonormal():
         T = made.basis[name].vectors.rows()
         assert np.abs(T.T @ (assemble(block)[1] @ T) - np.eye(T.shape[1])).max() < 1e-9
     assert made.system.size < full.size
+
+
+def test_of_answers_that_are_nothing_no_residual_vector_is_left():
+    M = csr_matrix(np.diag([1.0, 2.0, 3.0]))
+    none = independent(np.zeros((3, 2)), M)
+    assert none.shape == (3, 0)
+    assert independent(none, M).shape == (3, 0)
+    one = independent(np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 0.0]]), M)
+    np.testing.assert_allclose(np.abs(one[:, 0]), np.array([1.0, 1.0, 0.0]) / np.sqrt(3.0), rtol=1e-14)
 
 
 def test_dependent_residual_vectors_are_dropped():

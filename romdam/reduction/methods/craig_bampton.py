@@ -354,7 +354,7 @@ def independent(D: Floats, M: csr_matrix) -> Floats:
     gram = D.T @ (M @ D)
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
     size, U = np.linalg.eigh(gram * scale * scale[:, None])
-    keep = size > _DEPENDENT * size[-1]
+    keep = size > _DEPENDENT * size.max(initial=0.0)
     return np.asarray(D @ (scale[:, None] * U[:, keep] / np.sqrt(size[keep])))
 
 
