@@ -6,6 +6,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from test_cli import SMALL, call
@@ -14,7 +15,7 @@ import romdam
 from romdam.core.files import hold
 from romdam.core.sealed import is_sealed
 from romdam.pipelines.check import check
-from romdam.reduction import synthesis
+from romdam.reduction import single_block
 from romdam.reduction.storage import user_cache
 from romdam.reduction.storage.user_cache import cache_folder, entries, open_store, remove
 
@@ -31,13 +32,13 @@ def job(tmp_path):
 @pytest.fixture
 def counted(monkeypatch):
     """Names of the blocks that are reduced, one entry each time."""
-    done, real = [], synthesis._reduce
+    done, real = [], single_block._reduce
 
     def reduce(block, *rest):
         done.append(block.name)
         return real(block, *rest)
 
-    monkeypatch.setattr(synthesis, "_reduce", reduce)
+    monkeypatch.setattr(single_block, "_reduce", reduce)
     return done
 
 
@@ -68,10 +69,15 @@ def test_a_check_fills_it_for_the_run(tmp_path, job, counted):
     assert counted == before != []
 
 
+@pytest.mark.parametrize("finer", [False, True])
 @pytest.mark.parametrize("damage", ["cut", "changed", "empty", "text"])
-def test_damaged_blocks_are_refused_by_their_seal_and_made_again(tmp_path, job, counted, caplog, damage):
+def test_damaged_blocks_are_refused_by_their_seal_and_made_again(
+    tmp_path, job, counted, caplog, damage, finer
+):
     cold = results(job, tmp_path / "cold", cache_folder())
-    made, blocks = len(counted), [entry.path for entry in entries(cache_folder())]
+    made, every = len(counted), [entry.path for entry in entries(cache_folder())]
+    blocks = [path for path in every if is_finer(path) == finer]
+    assert 2 * len(blocks) == len(every)
     for path in blocks:
         whole = path.read_bytes()
         middle = len(whole) // 2
@@ -87,7 +93,12 @@ def test_damaged_blocks_are_refused_by_their_seal_and_made_again(tmp_path, job, 
     assert len(counted) == 2 * made
     assert all(str(path) in caplog.text for path in blocks) and "reducing again" in caplog.text
     assert all(np.array_equal(*pair) for pair in zip(cold, again, strict=True))
-    assert all(is_sealed(path) for path in blocks)
+    assert all(is_sealed(path) for path in every)
+
+
+def is_finer(path):
+    with h5py.File(path) as file:
+        return "mix" in file
 
 
 def test_other_code_finds_nothing(tmp_path, job, counted, monkeypatch):

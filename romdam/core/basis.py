@@ -47,7 +47,6 @@ class BlockBasis:
     omega2 : (m,) ascending [1/s2]
     participation : (m, 3) vectors^T M r for unit translations r along x, y, z [sqrt(kg)]
     report : numbers on the reduction, plain JSON values
-    within : (m, k) of the finer basis of an estimate, the modes of the one that it contains in its own
     """
 
     vectors: Basis
@@ -55,4 +54,3 @@ class BlockBasis:
     omega2: Floats
     participation: Floats
     report: dict[str, object]
-    within: Floats | None = None

@@ -1,19 +1,20 @@
-"""The three ways in which a basis exists: in memory, in a file, and as a product that is not formed.
+"""The ways in which a basis exists: in memory, in a file, and as a product that is not formed.
 
 A basis of a million unknowns is a file that is mapped. Turned into other coordinates it would have to stand
-in memory, 8 bytes for every unknown and coordinate, so that only the rows in use are turned.
+in memory, 8 bytes for every unknown and coordinate, so that only the rows in use are turned. A finer basis
+that contains another is kept as what it has besides.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
-from romdam.core.basis import Basis, Rows
+from romdam.core.basis import Basis, BlockBasis, Rows
 
 
 @dataclass(frozen=True)
@@ -91,3 +92,67 @@ class Lazy:
     def under(self, operator: csr_matrix) -> Floats:
         """An operator on every vector."""
         return np.asarray(self.left.under(operator) @ self.right)
+
+
+@dataclass(frozen=True)
+class Augmented:
+    """[inner, more] mix: a finer basis that contains the one of a block.
+
+    Attributes
+    ----------
+    inner : the block's basis of k modes
+    more : (n, r) vectors beside them
+    mix : (k + r, m) the modes in terms of both
+    """
+
+    inner: BlockBasis
+    more: Floats
+    mix: Floats
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """DOFs and vectors."""
+        return len(self.more), self.mix.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes if it were formed."""
+        return 8 * self.shape[0] * self.shape[1]
+
+    @property
+    def within(self) -> Floats:
+        """(m, k) modes of the inner basis in terms of these; both are M-orthonormal."""
+        return self._upper.T
+
+    @property
+    def _upper(self) -> Floats:
+        return self.mix[: len(self.inner.omega2)]
+
+    @property
+    def _lower(self) -> Floats:
+        return self.mix[len(self.inner.omega2) :]
+
+    def rows(self, which: Rows = slice(None)) -> Floats:
+        """Some rows (k, m)."""
+        return np.asarray(self.inner.vectors.rows(which) @ self._upper + self.more[which] @ self._lower)
+
+    def apply(self, q: Floats) -> Floats:
+        """Displacement of coordinates."""
+        return np.asarray(self.inner.vectors.apply(self._upper @ q) + self.more @ (self._lower @ q))
+
+    def project(self, force: Floats) -> Floats:
+        """Force on the coordinates."""
+        inner = self.inner.vectors.project(force)
+        return np.asarray(self._upper.T @ inner + self._lower.T @ (self.more.T @ force))
+
+    def under(self, operator: csr_matrix) -> Floats:
+        """An operator on every vector."""
+        return np.asarray(
+            self.inner.vectors.under(operator) @ self._upper + (operator @ self.more) @ self._lower
+        )
+
+
+def with_inner(basis: BlockBasis, inner: BlockBasis) -> BlockBasis:
+    """A finer basis over the one that it contains, which lies elsewhere by now."""
+    assert isinstance(basis.vectors, Augmented)
+    return replace(basis, vectors=replace(basis.vectors, inner=inner))

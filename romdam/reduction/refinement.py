@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.basis import BlockBasis
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
+from romdam.reduction.basis import Augmented
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.methods.massless import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
@@ -21,8 +21,6 @@ from romdam.reduction.water import on_unknowns
 from romdam.scene.ties import scene_parts
 
 _RESIDUAL_VECTORS = 10
-_LOOKED_AT = 300  # rows of two bases, to see whether one contains the other
-_ROUND_OFF = 1e-9  # of their largest entry
 _ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
 
 
@@ -43,8 +41,8 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     matrix = np.zeros((fine.system.size, coarse.system.size))
     for name, block in scene.blocks.items():
         a, b = fine.basis[name], coarse.basis[name]
-        if a.within is not None and _is_of(a, b):
-            matrix[a.columns, b.columns] = a.within
+        if isinstance(a.vectors, Augmented) and a.vectors.inner.vectors is b.vectors:
+            matrix[a.columns, b.columns] = a.vectors.within
         elif block.material.rho > 0.0:
             matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble_mass(block)))
     for part in scene_parts(scene).values():
@@ -55,18 +53,3 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
         onto, of = (on_unknowns(m.system.size, m.basis, fine.water.coupling) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)
     return csr_matrix(matrix)
-
-
-def _is_of(fine: BlockBasis, coarse: BlockBasis) -> bool:
-    """Tell whether these are the modes that the finer basis says it contains, by rows from the middle.
-
-    They are another machine's, with other signs, where two that share a store have each left one of the pair.
-    """
-    assert fine.within is not None
-    middle = coarse.vectors.shape[0] // 2
-    some = slice(max(middle - _LOOKED_AT // 2, 0), middle + _LOOKED_AT // 2)
-    own = coarse.vectors.rows(some)
-    if fine.within.shape[1] != own.shape[1]:
-        return False
-    off = np.abs(own - fine.vectors.rows(some) @ fine.within)
-    return bool(off.max(initial=0.0) <= _ROUND_OFF * np.abs(own).max(initial=0.0))

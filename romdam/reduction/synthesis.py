@@ -6,48 +6,39 @@ modes. With rigid rock every block is a part; blocks with a merged interface are
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array, eye_array
+from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
-from romdam.core.scene import Block, Scene
+from romdam.core.scene import Scene
 from romdam.core.system import GapLaw, System
-from romdam.fem.assembly import assemble, inertia
 from romdam.fem.damping import further_damping, modal_coefficients
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.pseudo_static import pseudo_static, support_inertia
-from romdam.fem.water.added_mass import AddedMass, WetMass, added_mass
-from romdam.linalg.multigrid import Motions
+from romdam.fem.water.added_mass import AddedMass, added_mass
 from romdam.linalg.solvers import Solving, candidates
-from romdam.reduction.basis import Dense
-from romdam.reduction.interface import Interface, joint_interface, sees_more_nodes_than_gaps
+from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
 from romdam.reduction.methods.acting import Acting
-from romdam.reduction.methods.craig_bampton import ALL_MODES, FreeBlock, ModeChoice, reduce_block
+from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.methods.free_interface import merged_bases, merged_keys
 from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys, refuse_wet
-from romdam.reduction.methods.out_of_core import LargeBlock, is_large, reduce_large, turned
 from romdam.reduction.moving_supports import with_supports
+from romdam.reduction.single_block import reduced_block
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.water import with_water
 from romdam.reduction.waves import with_reservoir
 from romdam.scene.meshes.quality import refuse_loose_nodes
-from romdam.scene.supports import has_no_rigid_body_mode, rigid_motions
 from romdam.scene.ties import Part, scene_parts
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -289,7 +280,7 @@ def _reduced_part(
         return merged_bases(part, scene, acting, free, store)
     (name,) = part.blocks
     asked = scene.blocks[name], acting.operators[name], scene.fixed[name]
-    bases = _reduced_block(*asked, choices, store, acting.wet(name))
+    bases = reduced_block(*asked, choices, store, acting.wet(name))
     return [{name: basis} for basis in bases]
 
 
@@ -316,75 +307,12 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
     return ModeChoice(model.modes, model.cutoff, model.residual_vectors, solving=solving)
 
 
-def _reduced_block(
-    block: Block,
-    operator: csr_matrix,
-    fixed: NDArray[np.bool_],
-    choices: list[ModeChoice],
-    store: BlockStore | None,
-    wet: WetMass | None = None,
-) -> list[BlockBasis]:
-    """The bases of one block over all its DOFs in global axes: from the store, or made and kept there."""
-    interface, choice = joint_interface(operator, fixed), choices[0]
-    large = is_large(interface, choice)
-    if store is None and not large:
-        return list(islice(_reduce(block, interface, fixed, choice, wet), len(choices)))
-    store = store or BlockStore.passing()
-    keys = [block_key(block, fixed, interface, one, wet) for one in choices]
-    found = [basis for key in keys if (basis := store.read(key)) is not None]
-    if len(found) < len(keys) and large:
-        held = _held_interior(block, fixed, interface)
-        return reduce_large(LargeBlock(block, fixed, interface, held, wet), choice, store, keys)
-    if len(found) < len(keys):
-        made = zip(keys, _reduce(block, interface, fixed, choice, wet), strict=False)
-        found = [store.write(key, block, basis) for key, basis in made]
-    return found
-
-
-def _reduce(
-    block: Block,
-    interface: Interface,
-    fixed: NDArray[np.bool_],
-    choice: ModeChoice,
-    wet: WetMass | None,
-) -> Iterator[BlockBasis]:
-    """The basis of one block, then a finer one; see `reduce_block`."""
-    log.info("block %s: reducing", block.name)
-    stiffness, mass = assemble(block)
-    turn, free = interface.turn, ~fixed.ravel()
-    K, M = (turned(matrix, turn)[free][:, free] for matrix in (stiffness, mass))
-    held = _held_interior(block, fixed, interface)
-    motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
-    spread = turn.T[:, free]
-    wet = None if wet is None else wet.over(spread)
-    own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}", wet)
-    carried = inertia(block, mass)
-    for sub in reduce_block(own, choice):
-        vectors = Dense(spread @ sub.basis)
-        report = sub.report() | choice.report()
-        columns, participation = slice(0, len(sub.omega2)), vectors.project(carried)
-        yield BlockBasis(vectors, columns, sub.omega2, participation, report, sub.within)
-
-
 def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> Floats:
     """Modal static force on the joints' structure; weight follows from the participation."""
-    loaded = np.flatnonzero(forces)  # a large basis is read from disk row by row
-    rows = slice(None) if 2 * len(loaded) > len(forces) else loaded  # most of them are not copied
-    surface = part.vectors.rows(rows).T @ forces[rows]
+    surface = part.vectors.under(csr_matrix(forces[None]))[0]  # of a basis on disk the loaded rows are read
     if not weight_acts(scene, name):
         return surface
     return np.asarray(part.participation @ scene.gravity + surface)
-
-
-def _held_interior(block: Block, fixed: NDArray[np.bool_], interface: Interface) -> bool:
-    """True where supports and retained DOFs, held, stop every rigid motion.
-
-    Retained DOFs in turned frames are not counted: at worst the shift is used where none is needed.
-    """
-    in_turned = (interface.turn - eye_array(fixed.size)).nonzero()[0] // 3
-    held = fixed | interface.retained.reshape(fixed.shape)
-    held[in_turned] = fixed[in_turned]
-    return has_no_rigid_body_mode(block, held)
 
 
 def _observe(scene: Scene, basis: dict[str, BlockBasis], size: int) -> csr_matrix:

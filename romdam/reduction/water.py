@@ -133,7 +133,6 @@ def _changed(part: BlockBasis, change: _Change, omega2: Floats) -> BlockBasis:
     return replace(
         part,
         vectors=Lazy(part.vectors, V),
-        within=None,
         columns=columns,
         omega2=omega2[columns],
         participation=V.T @ part.participation,

@@ -40,6 +40,10 @@ def model_lines(path: str | Path) -> list[str]:
 
 
 def _block_lines(name: str, group: h5py.Group) -> list[str]:
+    if "mix" in group:
+        (all_of_them, columns), more = group["mix"].shape, group["basis"].shape[2]
+        of = f"{all_of_them - more} modes of another file, {more} residual vectors beside them"
+        return [f"block {name}, finer basis of an error estimate", f"  coordinates  {columns}: {of}"]
     try:
         block = read_block(group)
     except ResultError as error:

@@ -93,7 +93,7 @@ def main() -> None:
         )
         synthesis._by_free_modes = lambda *_: []
         for method in ("nodes", "gaps", "free"):
-            synthesis._reduced_block = partial(basis, method)
+            synthesis.reduced_block = partial(basis, method)
             for count in (5, 10, 20, 40):
                 system = synthesis.reduce_scene(built, ModeChoice(count), DAMPING).system
                 start = time.process_time()
@@ -101,10 +101,10 @@ def main() -> None:
                 seconds = time.process_time() - start
                 size = f"{method:5} {count:3} modes {system.size:4} unknowns"
                 print(f"  {size} {100 * error:7.3f} %  {seconds:.2f} s")
-        synthesis._reduced_block, synthesis._by_free_modes = KEPT
+        synthesis.reduced_block, synthesis._by_free_modes = KEPT
 
 
-KEPT = synthesis._reduced_block, synthesis._by_free_modes
+KEPT = synthesis.reduced_block, synthesis._by_free_modes
 
 if __name__ == "__main__":
     main()

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.sparse import random_array
 
-from romdam.reduction.basis import Dense, Lazy, Mapped
+from romdam.core.basis import BlockBasis
+from romdam.reduction.basis import Augmented, Dense, Lazy, Mapped
 
 rng = np.random.default_rng(0)
 LEFT, RIGHT = rng.standard_normal((30, 7)), rng.standard_normal((7, 5))
@@ -16,12 +17,25 @@ def mapped(array, folder):
     return Mapped.of(folder / "basis", 16, array.shape)
 
 
+def inner(vectors):
+    columns = vectors.shape[1]
+    return BlockBasis(vectors, slice(0, columns), np.ones(columns), np.zeros((columns, 3)), {})
+
+
 KINDS = {
     "dense": lambda folder: Dense(WHOLE),
     "mapped": lambda folder: mapped(WHOLE, folder),
     "lazy": lambda folder: Lazy(Dense(LEFT), RIGHT),
     "lazy over mapped": lambda folder: Lazy(mapped(LEFT, folder), RIGHT),
     "lazy over lazy": lambda folder: Lazy(Lazy(Dense(LEFT), np.eye(7)), RIGHT),
+    "augmented": lambda folder: Augmented(inner(Dense(LEFT[:, :4])), LEFT[:, 4:], RIGHT),
+    "augmented over mapped": lambda folder: Augmented(
+        inner(mapped(LEFT[:, :4].copy(), folder)), LEFT[:, 4:], RIGHT
+    ),
+    "augmented by nothing": lambda folder: Augmented(inner(Dense(LEFT)), LEFT[:, :0], RIGHT),
+    "lazy over augmented": lambda folder: Lazy(
+        Augmented(inner(Dense(LEFT[:, :4])), LEFT[:, 4:], np.eye(7)), RIGHT
+    ),
 }
 
 

@@ -16,11 +16,13 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Material, Scene
 from romdam.core.system import with_parameters
 from romdam.fem.gaps import gap_law
-from romdam.reduction import synthesis
-from romdam.reduction.basis import Dense
+from romdam.reduction import single_block
+from romdam.reduction.basis import Augmented, Dense, Mapped
 from romdam.reduction.methods.craig_bampton import FINER_VECTORS
+from romdam.reduction.storage import model_file
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.synthesis import ReducedModel, reduce_scene
+from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
+from romdam.results.model_info import model_lines
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
 
@@ -33,13 +35,13 @@ MODEL = ModelConfig(modes=6, residual_vectors=2)
 def counted(monkeypatch):
     """Names of the blocks that are reduced, one entry each time."""
     done = []
-    real = synthesis._reduce
+    real = single_block._reduce
 
     def reduce(block, *rest):
         done.append(block.name)
         return real(block, *rest)
 
-    monkeypatch.setattr(synthesis, "_reduce", reduce)
+    monkeypatch.setattr(single_block, "_reduce", reduce)
     return done
 
 
@@ -71,13 +73,71 @@ def test_second_reduction_reads_every_block_and_changes_no_bit(tmp_path, counted
 
 def test_the_finer_basis_is_kept_beside_and_both_are_found(tmp_path, counted):
     store, built = BlockStore(tmp_path), scene(raw())
-    made = synthesis.reduce_scene_twice(built, MODEL, DAMPING, store)
+    made = reduce_scene_twice(built, MODEL, DAMPING, store)
     assert counted == list(made[0].basis), "each block is factored once for both"
-    found = synthesis.reduce_scene_twice(built, MODEL, DAMPING, store)
+    found = reduce_scene_twice(built, MODEL, DAMPING, store)
     assert identical(reduced(store, built), made[0])
     assert len(counted) == len(made[0].basis), "nothing may be reduced again"
     assert all(identical(a, b) for a, b in zip(made, found, strict=True))
     assert made[1].system.size > made[0].system.size + FINER_VECTORS
+    for name, finer in found[1].basis.items():
+        assert (
+            isinstance(finer.vectors, Augmented)
+            and finer.vectors.inner.vectors is found[0].basis[name].vectors
+        )
+
+
+def test_of_a_finer_basis_the_file_has_what_the_other_has_not(tmp_path):
+    coarse, fine = reduce_scene_twice(scene(raw()), MODEL, DAMPING, BlockStore(tmp_path))
+    columns = {}
+    for path in tmp_path.glob("block-*.h5"):
+        with h5py.File(path) as file:
+            if "mix" in file:
+                columns[path] = file["basis"].shape[2]
+    more = [len(fine.basis[name].omega2) - len(own.omega2) for name, own in coarse.basis.items()]
+    assert sorted(columns.values()) == sorted(more) and 0 < max(more) <= FINER_VECTORS
+    for path, own in columns.items():
+        lines = model_lines(path)
+        assert "block (cache), finer basis of an error estimate" in lines
+        assert lines[-1].endswith(f"modes of another file, {own} residual vectors beside them")
+
+
+def test_a_finer_basis_stands_on_the_mapped_one(tmp_path, monkeypatch):
+    """The one in memory goes when it is written."""
+    built, known = scene(raw()), reduce_scene_twice(scene(raw()), MODEL, DAMPING)
+    monkeypatch.setattr(model_file, "_MAPPED", 1.0)
+    for _ in range(2):  # made, and read
+        models = reduce_scene_twice(built, MODEL, DAMPING, BlockStore(tmp_path))
+        for own, finer in zip(models[0].basis.values(), models[1].basis.values(), strict=True):
+            assert isinstance(own.vectors, Mapped)
+            assert isinstance(finer.vectors, Augmented) and finer.vectors.inner.vectors is own.vectors
+        assert all(identical(a, b) for a, b in zip(known, models, strict=True))
+
+
+def test_a_finer_basis_over_one_of_another_reduction_is_made_again(tmp_path, counted, caplog):
+    """Two machines that share a store each leave one of the pair: the other's modes have other signs."""
+    store, built = BlockStore(tmp_path), scene(raw())
+    coarse, fine = reduce_scene_twice(built, MODEL, DAMPING, store)
+    name = next(iter(coarse.basis))
+    own = replace(coarse.basis[name], columns=slice(0, len(coarse.basis[name].omega2)))
+    signs = np.where(np.arange(len(own.omega2)) == 3, -1.0, 1.0)
+    turned = replace(
+        own,
+        vectors=Dense(own.vectors.rows() * signs),
+        participation=own.participation * signs[:, None],
+    )
+    for path in tmp_path.glob("block-*.h5"):
+        with h5py.File(path) as file:
+            found, key = "mix" not in file and np.array_equal(file["omega2"], own.omega2), file.attrs["key"]
+        if found:
+            store.write(key, built.blocks[name], turned)
+            break
+    before = len(counted)
+    with caplog.at_level(logging.WARNING):
+        again = reduce_scene_twice(built, MODEL, DAMPING, store)
+    assert counted[before:] == [name]
+    assert "the basis that it contains is of another reduction" in caplog.text
+    assert all(identical(a, b) for a, b in zip((coarse, fine), again, strict=True))
 
 
 def test_joints_damping_and_loads_reduce_nothing(tmp_path, counted):

@@ -91,22 +91,23 @@ ALL_MODES = ModeChoice(count=_ALL)
 
 @dataclass(frozen=True)
 class Substructure:
-    """A reduced block in its own open-joint modes, basis @ mix.
+    """A reduced block in its own open-joint modes, [basis, more] mix.
 
     Attributes
     ----------
     omega2 : (m,) ascending [1/s2]
     basis : (n, k) vectors over the free DOFs
-    mix : (k, m) what makes M-orthonormal modes of them
+    more : (n, r) residual vectors beside them
+    mix : (k + r, m) what makes M-orthonormal modes of both
     retained, fixed_interface, residual_vectors : how many retained DOFs, modes and residual vectors span it
     highest : frequency of the highest fixed-interface mode kept [Hz], 0 if there is none
     orthonormality : largest entry of Phi^T M Phi - I
-    within : (m, l) of a finer one, the first one's modes in its own; None of the first
     residual : largest |K phi - omega^2 M phi| of the fixed-interface modes, relative to omega^2 |M phi|
     """
 
     omega2: Floats
     basis: Floats
+    more: Floats
     mix: Floats
     retained: int
     fixed_interface: int
@@ -114,11 +115,13 @@ class Substructure:
     orthonormality: float
     residual: float
     residual_vectors: int = 0
-    within: Floats | None = None
 
     def formed(self) -> Substructure:
         """The same with its modes for a basis."""
-        return replace(self, basis=self.basis @ self.mix, mix=np.eye(len(self.omega2)))
+        formed, known = self.basis @ self.mix[: self.basis.shape[1]], np.eye(len(self.omega2))
+        if self.more.shape[1]:
+            formed += self.more @ self.mix[self.basis.shape[1] :]
+        return replace(self, basis=formed, more=np.zeros((len(formed), 0)), mix=known)
 
     def report(self) -> dict[str, object]:
         """The numbers on the reduction, as plain values."""
@@ -183,7 +186,8 @@ class FixedInterfaceModes(NamedTuple):
 def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
     """Reduce a block and diagonalise it with its joints open; then a finer one from the same factors.
 
-    The finer basis has residual vectors of the modes of the first, which it contains, its water in place.
+    The finer one has residual vectors of the modes of the first, its water in place, beside the basis of the
+    first: it is not formed.
 
     Raises
     ------
@@ -198,7 +202,8 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
     if choice.keeps_all or choice.count == interior:
         omega2, basis = dense_modes(K, M)
         known = np.eye(len(omega2)), len(retained) - interior, interior, highest_hz(omega2)
-        yield from repeat(Substructure(without_roundoff(omega2), basis, *known, 0.0, 0.0))
+        none = np.zeros((len(basis), 0))
+        yield from repeat(Substructure(without_roundoff(omega2), basis, none, *known, 0.0, 0.0))
     Psi, modes, solver = _ritz_vectors(block, choice)
     T = _assemble_basis(Psi, modes.Phi, retained)
     mass = _mass(block, T, modes.gram)
@@ -206,6 +211,7 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
     sub = Substructure(
         omega2=omega2,
         basis=T,
+        more=T[:, :0],
         mix=V,
         retained=Psi.shape[1],
         fixed_interface=modes.Phi.shape[1],
@@ -216,8 +222,7 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
     sub = _with_residual_vectors(block, sub, solver, (choice.residual_vectors, None)).formed()
     yield replace(sub, omega2=without_roundoff(sub.omega2))
     finer = _with_residual_vectors(block, sub, solver, (FINER_VECTORS, block.wet))
-    within = finer.mix[: len(sub.omega2)].T
-    yield replace(finer.formed(), omega2=without_roundoff(finer.omega2), within=within)
+    yield replace(finer, omega2=without_roundoff(finer.omega2))
 
 
 def _within(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
@@ -332,8 +337,8 @@ def _with_residual_vectors(
     edge, own = _onto(sub, KD), D.T @ KD
     omega2, C = eigh(np.block([[np.diag(sub.omega2), edge], [edge.T, 0.5 * (own + own.T)]]))
     mix = np.vstack([V @ C[: V.shape[1]], C[V.shape[1] :]])
-    more = sub.residual_vectors + D.shape[1]
-    return replace(sub, omega2=omega2, basis=np.hstack([T, D]), mix=mix, residual_vectors=more)
+    residual = sub.residual_vectors + D.shape[1]
+    return replace(sub, omega2=omega2, more=D, mix=np.ascontiguousarray(mix), residual_vectors=residual)
 
 
 def _onto(sub: Substructure, forces: Floats) -> Floats:

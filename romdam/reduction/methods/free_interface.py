@@ -380,6 +380,7 @@ def _report(merged: _MergedPart, level: _Level, residual: float) -> dict[str, ob
     sub = Substructure(
         omega2=level.omega2,
         basis=np.zeros((0, 0)),
+        more=np.zeros((0, 0)),
         mix=np.zeros((0, 0)),
         retained=len(level.omega2) - level.modes,
         fixed_interface=level.modes,

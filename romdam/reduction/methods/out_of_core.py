@@ -107,6 +107,7 @@ def reduce_large(
         sub = Substructure(
             omega2=without_roundoff(low),
             basis=np.zeros((0, 0)),
+            more=np.zeros((0, 0)),
             mix=np.zeros((0, 0)),
             retained=boundary,
             fixed_interface=len(modes.omega2),

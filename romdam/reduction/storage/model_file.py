@@ -7,6 +7,8 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
     cells           (nc, nodes per cell) node numbers, VTK order; attribute element
     basis           (n, 3, m) open-joint modes, M-orthonormal, zero at supports [kg-0.5];
                     attribute first: the block's first column of the reduced coordinates (0 in a cache file)
+    mix             (k + r, m) of a finer basis alone: its modes in terms of those of another file (k) and of
+                    what `basis` has in their place (n, 3, r); attribute of: fingerprint of the others
     omega2          (m,) [1/s2]
     participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
     attributes      layout, key, report (JSON)
@@ -33,9 +35,10 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import Basis, BlockBasis
 from romdam.core.errors import ResultError, shown
 from romdam.core.files import sweep_parts
+from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Block
 from romdam.core.sealed import creating, reading, text_of
-from romdam.reduction.basis import Dense, Mapped
+from romdam.reduction.basis import Augmented, Dense, Mapped
 from romdam.reduction.storage.keys import LAYOUT
 
 log = logging.getLogger(__name__)
@@ -45,9 +48,18 @@ _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
-    """Write a block into a group of an open file."""
+    """Write a block into a group of an open file, of one that contains another what it has besides."""
+    if isinstance(own := basis.vectors, Augmented):
+        group["mix"] = own.mix
+        group["mix"].attrs["of"] = _fingerprint(own.inner)
+        basis = replace(basis, vectors=Dense(own.more))
     for _ in rows_written(group, block, basis):
         pass
+
+
+def _fingerprint(basis: BlockBasis) -> str:
+    """Of a reduction: another machine's modes have other last bits, or other signs."""
+    return fingerprint((basis.omega2, basis.participation))
 
 
 def rows_written(group: h5py.Group, block: Block, basis: BlockBasis) -> Iterator[Floats]:
@@ -73,44 +85,57 @@ def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     group["basis"].attrs["first"] = basis.columns.start
     group["omega2"] = basis.omega2
     group["participation"] = basis.participation
-    if basis.within is not None:
-        group["within"] = basis.within
     group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report))
 
 
-def read_block(group: h5py.Group) -> BlockBasis:
+def read_block(group: h5py.Group, inner: BlockBasis | None = None) -> BlockBasis:
     """Read a block from a group of an open file.
+
+    Parameters
+    ----------
+    inner : the basis that a finer one contains
 
     Raises
     ------
     ResultError
-        where it has another layout, or its arrays do not fit each other.
+        where it has another layout, its arrays do not fit each other, or it contains another basis.
     """
     if text_of(group, "layout") != LAYOUT:
         raise ResultError(f"layout {shown(text_of(group, 'layout'))}, expected {LAYOUT!r}")
     data, first = group["basis"], int(group["basis"].attrs["first"])
     nodes, _, columns = data.shape
     omega2, participation = group["omega2"], group["participation"]
-    shapes = (data.shape, group["points"].shape, omega2.shape, participation.shape)
-    expected = ((nodes, 3, columns), (nodes, 3), (columns,), (columns, 3))
+    if "mix" in group:
+        _, columns = group["mix"].shape
+    shapes = (data.shape[:2], group["points"].shape, omega2.shape, participation.shape)
+    expected = ((nodes, 3), (nodes, 3), (columns,), (columns, 3))
     if shapes != expected or data.dtype != np.float64:
         raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
     return BlockBasis(
-        vectors=_vectors(data),
+        vectors=_augmented(group, inner) if "mix" in group else _vectors(data),
         columns=slice(first, first + columns),
         omega2=omega2[()],
         participation=participation[()],
         report=json.loads(group.attrs["report"]),
-        within=group["within"][()] if "within" in group else None,
     )
 
 
-def read_block_file(path: Path, key: str | None = None) -> BlockBasis:
+def _augmented(group: h5py.Group, inner: BlockBasis | None) -> Augmented:
+    if inner is None or text_of(group["mix"], "of") != _fingerprint(inner):
+        raise ResultError("the basis that it contains is of another reduction")
+    more, mix = group["basis"], group["mix"]
+    if len(mix) != len(inner.omega2) + more.shape[2] or 3 * len(more) != inner.vectors.shape[0]:
+        raise ResultError(f"its basis {more.shape} does not fit the one that it contains")
+    return Augmented(inner, np.asarray(more[()]).reshape(-1, more.shape[2]), np.asarray(mix[()]))
+
+
+def read_block_file(path: Path, key: str | None = None, inner: BlockBasis | None = None) -> BlockBasis:
     """Read the block of a cache file; see `read_block`.
 
     Parameters
     ----------
     key : what it must be of; not asked if not given
+    inner : the basis that a finer one contains
 
     Raises
     ------
@@ -120,7 +145,7 @@ def read_block_file(path: Path, key: str | None = None) -> BlockBasis:
     with reading(path, only_sealed=True) as file:
         if key not in (None, text_of(file, "key")):
             raise ResultError(f"made for key {shown(text_of(file, 'key'))}")
-        return read_block(file)
+        return read_block(file, inner)
 
 
 def _vectors(data: h5py.Dataset) -> Basis:
@@ -166,13 +191,18 @@ class BlockStore:
         """Path of the block of a key."""
         return self.folder / f"block-{key[:16]}.h5"
 
-    def read(self, key: str) -> BlockBasis | None:
-        """The block of a key; None where there is none, or the file is damaged or foreign."""
+    def read(self, key: str, inner: BlockBasis | None = None) -> BlockBasis | None:
+        """The block of a key; None where there is none, or the file is damaged or foreign.
+
+        Parameters
+        ----------
+        inner : the basis that a finer one contains
+        """
         path = self.path(key)
         if not path.is_file():
             return None
         try:
-            return read_block_file(path, key)
+            return read_block_file(path, key, inner)
         except ResultError as error:
             log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
             return None
@@ -189,9 +219,9 @@ class BlockStore:
         with creating(self.path(key), basis.vectors.nbytes) as file:
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             write_block(file, block, basis)
-        if basis.vectors.nbytes < _MAPPED:
-            return basis
-        return replace(basis, vectors=self._written(key))
+        if isinstance(basis.vectors, Dense) and basis.vectors.nbytes >= _MAPPED:
+            return replace(basis, vectors=self._written(key))
+        return basis
 
     def write_streamed(
         self,

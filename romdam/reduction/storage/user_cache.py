@@ -80,9 +80,9 @@ class UserCache(BlockStore):
         super().__init__(folder)
         self._used: set[Path] = set()
 
-    def read(self, key: str) -> BlockBasis | None:
+    def read(self, key: str, inner: BlockBasis | None = None) -> BlockBasis | None:
         """As `BlockStore`; what is found counts as used now."""
-        found = super().read(key)
+        found = super().read(key, inner)
         if found is not None:
             log.info("%s: the reduced block is found", self.path(key))
             self._use(key)
