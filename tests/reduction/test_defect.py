@@ -161,6 +161,18 @@ def test_what_embeds_the_coarse_basis_is_the_product_with_the_mass(choice):
     assert np.abs(embedding(built, coarse, fine).toarray() - by_mass).max() < 1e-12
 
 
+def test_another_reduction_than_the_one_within_is_embedded_by_the_mass():
+    built = scene(raw())
+    coarse, fine = reduce_scene_twice(built, CHOICES[1], DAMPING)
+    name, own = next(iter(coarse.basis.items()))
+    signs = np.where(np.arange(len(own.omega2)) == 3, -1.0, 1.0)
+    turned = replace(own, vectors=Dense(own.vectors.rows() * signs))
+    other = replace(coarse, basis=coarse.basis | {name: turned})
+    expected = embedding(built, coarse, fine).toarray()
+    expected[:, own.columns] *= signs
+    assert np.abs(embedding(built, other, fine).toarray() - expected).max() < 1e-12
+
+
 @pytest.mark.parametrize("model", ["westergaard", "incompressible"])
 def test_finer_basis_answers_the_inertia_of_the_water(model):
     """Without it the lowest frequency stays 3 % off, and the estimate is 0.6 to 0.7 of the true error."""
