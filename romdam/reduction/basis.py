@@ -121,8 +121,9 @@ class Augmented:
 
     @property
     def within(self) -> Floats:
-        """(m, k) modes of the inner basis in terms of these; both are M-orthonormal."""
-        return self._upper.T
+        """(m, k) modes of the inner basis in terms of these."""
+        Q, R = np.linalg.qr(self.mix)
+        return np.asarray(np.linalg.solve(R, Q[: len(self.inner.omega2)].T))
 
     @property
     def _upper(self) -> Floats:

@@ -11,14 +11,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.arrays import Floats
+from romdam.core.basis import Basis
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
-from romdam.reduction.basis import Augmented
+from romdam.reduction.basis import Augmented, Lazy
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.methods.massless import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
 from romdam.reduction.water import on_unknowns
-from romdam.scene.ties import scene_parts
+from romdam.scene.ties import Part, scene_parts
 
 _RESIDUAL_VECTORS = 10
 _ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
@@ -39,17 +41,32 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     motion elsewhere. A part without mass has the same basis in both.
     """
     matrix = np.zeros((fine.system.size, coarse.system.size))
-    for name, block in scene.blocks.items():
-        a, b = fine.basis[name], coarse.basis[name]
-        if isinstance(a.vectors, Augmented) and a.vectors.inner.vectors is b.vectors:
-            matrix[a.columns, b.columns] = a.vectors.within
-        elif block.material.rho > 0.0:
-            matrix[a.columns, b.columns] += a.vectors.project(b.vectors.under(assemble_mass(block)))
     for part in scene_parts(scene).values():
+        first = part.blocks[0]
+        rows, columns = (model.basis[first].columns for model in (fine, coarse))
         if has_no_mass(part, scene):
-            rows, columns = (model.basis[part.blocks[0]].columns for model in (fine, coarse))
             matrix[rows, columns] = np.eye(rows.stop - rows.start)
+            continue
+        known = _within(fine.basis[first].vectors, coarse.basis[first].vectors)
+        matrix[rows, columns] += _by_mass(part, scene, coarse, fine) if known is None else known
     if fine.water is not None:
         onto, of = (on_unknowns(m.system.size, m.basis, fine.water.coupling) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)
     return csr_matrix(matrix)
+
+
+def _within(fine: Basis, coarse: Basis) -> Floats | None:
+    """T_fine^T M T_coarse of a basis that stands on the coarse one, M without the water's; None of others."""
+    if isinstance(fine, Lazy) and isinstance(coarse, Lazy):
+        inner = _within(fine.left, coarse.left)
+        return None if inner is None else np.asarray(fine.right.T @ inner @ coarse.right)
+    return fine.within if isinstance(fine, Augmented) and fine.inner.vectors is coarse else None
+
+
+def _by_mass(part: Part, scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> Floats:
+    found: Floats = np.zeros(())
+    for name in part.blocks:
+        block, (a, b) = scene.blocks[name], (model.basis[name].vectors for model in (fine, coarse))
+        if block.material.rho > 0.0:
+            found = found + a.project(b.under(assemble_mass(block)))
+    return found

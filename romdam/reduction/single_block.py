@@ -58,7 +58,7 @@ def reduced_block(
         return list(islice(_reduce(block, interface, fixed, choice, wet), len(choices)))
     store = store or BlockStore.passing()
     keys = [block_key(block, fixed, interface, one, wet) for one in choices]
-    found = _kept(store, keys)
+    found = store.read_each(keys)
     if len(found) < len(keys) and large:
         held = _held_interior(block, fixed, interface)
         return reduce_large(LargeBlock(block, fixed, interface, held, wet), choice, store, keys)
@@ -66,17 +66,6 @@ def reduced_block(
         made = _reduce(block, interface, fixed, choice, wet)
         found = [store.write(keys[0], block, next(made))]
         found += [store.write(key, block, with_inner(next(made), found[0])) for key in keys[1:]]
-    return found
-
-
-def _kept(store: BlockStore, keys: list[str]) -> list[BlockBasis]:
-    """The first bases that the store has; a finer one is read as one that contains the first."""
-    found: list[BlockBasis] = []
-    for key in keys:
-        basis = store.read(key, *found[:1])
-        if basis is None:
-            break
-        found.append(basis)
     return found
 
 

@@ -19,10 +19,12 @@ from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import Solving
+from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods import attachment_modes, free_interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
@@ -93,9 +95,10 @@ def test_open_cantilevers_on_rigid_rock_are_their_own_blocks():
         assert np.abs(np.sqrt(system.K.diagonal()[system.parts[name]] / own) - 1).max() < 1e-8
 
 
-def test_basis_is_orthonormal_and_statically_exact():
+@pytest.mark.parametrize("finer", [False, True])
+def test_basis_is_orthonormal_and_statically_exact(finer):
     scene = dam()
-    model, mesh = reduced(scene, cutoff=4.0), full(scene)
+    model, mesh = reduce_scene_twice(scene, ModeChoice(cutoff=4.0), DAMPING)[finer], full(scene)
     T = basis_over_unknowns(scene, model.basis, model.system.size)
     assert np.abs(T.T @ (mesh.M @ T) - np.eye(model.system.size)).max() < 1e-8
     k = model.system.K.diagonal()
@@ -283,6 +286,39 @@ def test_finer_basis_of_further_modes_contains_the_coarse_one(small, monkeypatch
     exact = reduced(scene).system.K.diagonal()[: modes[1]]
     off = fine.system.K.diagonal()[: modes[1]] / exact - 1.0
     assert np.abs(off[: modes[0]]).max() < 1e-6 and np.abs(off[: modes[0] + 3]).max() < 0.05
+
+
+@pytest.mark.parametrize("on", [dam, massless])
+def test_of_all_modes_the_finer_basis_is_the_same(on, tmp_path):
+    scene, choice = on(), ModeChoice(count=100_000, capped=True)
+    for _ in range(2):  # made, and read
+        coarse, fine = reduce_scene_twice(scene, choice, DAMPING, BlockStore(tmp_path))
+        assert np.array_equal(fine.system.K.diagonal(), coarse.system.K.diagonal())
+        assert np.abs(fine.system.B.toarray() - coarse.system.B.toarray()).max() == 0.0
+        assert np.abs(embedding(scene, coarse, fine).toarray() - np.eye(fine.system.size)).max() < 1e-14
+
+
+def test_further_vectors_that_a_basis_knows_leave_no_direction(tmp_path):
+    """Of two, one is a mode and a static answer; what is left is the Ritz basis of all of them."""
+    rng = np.random.default_rng(1)
+    shape = rng.standard_normal((12, 12))
+    K, M = shape @ shape.T + np.eye(12), np.diag(rng.uniform(1.0, 2.0, 12))
+    exact, Phi = eigh(K, M)
+    right = rng.standard_normal((12, 3))
+    A = np.linalg.solve(K, right)
+    values = np.hstack([A, Phi[:, :4], Phi[:, :1] + A[:, 1:2], Phi[:, 5:6] + 0.1 * Phi[:, 8:9]])
+    T = OutOfCoreMatrix(tmp_path / "T", "key", values.shape)
+    T.fill(9, lambda first, last: values[:, first:last])
+    pencil = attachment_modes.Pencil(Symmetric(csr_matrix(K)), csr_matrix(M), 0.0, np.arange(12))
+    work, some = right.T @ values, T.narrowed(7)
+    known = attachment_modes.diagonalised(some, 4, pencil, work[:, :7])
+    omega2, mix = attachment_modes.with_more(T, 2, pencil, work, known)
+    X = np.hstack([values[:, :7] @ known[1], values[:, 7:]]) @ mix
+    span = np.linalg.qr(np.delete(values, 7, axis=1))[0]
+    np.testing.assert_allclose(omega2, eigh(span.T @ K @ span, span.T @ M @ span)[0], rtol=1e-10)
+    np.testing.assert_allclose(X.T @ M @ X, np.eye(8), atol=1e-10)
+    np.testing.assert_allclose(X.T @ K @ X, np.diag(omega2), atol=1e-10 * omega2[-1])
+    np.testing.assert_allclose(omega2[:4], exact[:4], rtol=1e-10)
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-6])

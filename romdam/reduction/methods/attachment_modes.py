@@ -1,4 +1,4 @@
-"""Open-joint modes and, beside them, static answers made M-orthonormal and diagonal in K."""
+"""Open-joint modes and, beside them, static answers made M-orthonormal and diagonal in K; further vectors."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ _LOST = 2e-14  # the same, of what stood there before the modes' part was taken 
 # least 1/omega2 of an attachment mode relative to the first mode's: it is a spring beyond that, and from
 # 1e-13 on the first mode would count as its round-off
 _STIFF = 1e-12
+_KNOWN_ENERGY = 1e-8  # of a vector of unit energy, what others do not know of it and is not round-off
 _KNOWN = 1e-10  # squared length of a unit vector's rest, below which T's vectors know it but for round-off
 
 
@@ -30,9 +31,7 @@ class Pencil(NamedTuple):
     rows: Ints
 
 
-def diagonalised(
-    T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats, near: int = 0
-) -> tuple[Floats, Floats]:
+def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -> tuple[Floats, Floats]:
     """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
 
     The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
@@ -45,7 +44,6 @@ def diagonalised(
     T : A and, after it, vectors that span the modes
     modes : how many of these
     work : R^T T, (a, m)
-    near : how many vectors span what is near modes only, which K couples with the rest of A
     """
     K, M, shift, rows = pencil
     a, moving = T.shape[1] - modes, M.diagonal() > 0.0
@@ -66,10 +64,36 @@ def diagonalised(
     mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low, work.diagonal())
     V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
     omega2 = np.concatenate([low, 1.0 / slow])
-    if near:
-        omega2, W = _coupled(omega2, ((work[:, a:] @ C).T - low[:, None] * part) @ mix)
-        V = V @ W
     return np.concatenate([without_roundoff(omega2[:modes] + shift), omega2[modes:] + shift]), V
+
+
+def with_more(
+    T: OutOfCoreMatrix, more: int, pencil: Pencil, work: Floats, known: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """omega^2 of the basis [T_1 V, T_2], T_2 the last `more` columns of T, and what makes its modes of both.
+
+    By way of the flexibility: with vectors of unit energy springs are small and not large, and answers to
+    joint forces hang on the energies alone. What X = T_1 V knows of T_2 is taken out of its energy.
+
+    Parameters
+    ----------
+    work : R^T T, (a, m)
+    known : omega^2 and V of T_1, see `diagonalised`
+    """
+    (K, M, shift, rows), (omega2, V), first = pencil, known, T.shape[1] - more
+    mass, of_modes = T.against(K, M, rows, (first, len(work)))
+    stiffness = np.vstack([work[:, first:], of_modes - shift * mass[len(work) :]])
+    of_X, of_T = 1.0 / np.sqrt(omega2 - shift), 1.0 / np.sqrt(stiffness[first:].diagonal())
+    between, coupling = (of_X[:, None] * (V.T @ A[:first]) * of_T for A in (mass, stiffness))
+    own, rest = (of_T[:, None] * A[first:] * of_T for A in (mass, stiffness))
+    size, U = eigh(rest - coupling.T @ coupling)
+    keep = size > _KNOWN_ENERGY
+    U = U[:, keep] / np.sqrt(size[keep])
+    P = np.block([[np.eye(len(of_X)), -coupling @ U], [np.zeros((more, len(of_X))), U]])
+    slow, W = eigh(P.T @ np.block([[np.diag(of_X**2), between], [between.T, own]]) @ P)
+    slow = np.maximum(slow[::-1], _STIFF * slow[-1])
+    mix = np.concatenate([of_X, of_T])[:, None] * (P @ W[:, ::-1]) / np.sqrt(slow)
+    return without_roundoff(1.0 / slow + shift), mix
 
 
 def beside(T: OutOfCoreMatrix, static: int, D: Floats, pencil: Pencil) -> Floats:
@@ -85,19 +109,6 @@ def beside(T: OutOfCoreMatrix, static: int, D: Floats, pencil: Pencil) -> Floats
     size, U = np.linalg.eigh(D.T @ (M @ D))
     keep = size > _KNOWN
     return np.asarray(D @ (U[:, keep] / np.sqrt(size[keep])))
-
-
-def _coupled(stiffness: Floats, coupling: Floats) -> tuple[Floats, Floats]:
-    """omega^2 and unit vectors of a diagonal stiffness whose first unknowns are coupled with the last ones.
-
-    By way of the flexibility, in which springs are small and not large.
-    """
-    scale, first = 1.0 / np.sqrt(stiffness), len(coupling)
-    unit = np.eye(len(stiffness))
-    unit[:first, first:] = coupling * scale[:first, None] * scale[first:]
-    unit[first:, :first] = unit[:first, first:].T
-    flexibility, W = eigh(np.linalg.inv(unit) * scale * scale[:, None])
-    return 1.0 / np.maximum(flexibility[::-1], _STIFF * flexibility[-1]), W[:, ::-1]
 
 
 def _directions(flexibility: Floats, mass: Floats, low: Floats, whole: Floats) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
     basis           (n, 3, m) open-joint modes, M-orthonormal, zero at supports [kg-0.5];
                     attribute first: the block's first column of the reduced coordinates (0 in a cache file)
     mix             (k + r, m) of a finer basis alone: its modes in terms of those of another file (k) and of
-                    what `basis` has in their place (n, 3, r); attribute of: fingerprint of the others
+                    the vectors that `basis` has here (n, 3, r); attribute of: fingerprint of the other's
     omega2          (m,) [1/s2]
     participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
     attributes      layout, key, report (JSON)
@@ -32,7 +32,7 @@ import numpy as np
 
 import romdam
 from romdam.core.arrays import Floats
-from romdam.core.basis import Basis, BlockBasis
+from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError, shown
 from romdam.core.files import sweep_parts
 from romdam.core.fingerprint import fingerprint
@@ -50,11 +50,15 @@ _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file, of one that contains another what it has besides."""
     if isinstance(own := basis.vectors, Augmented):
-        group["mix"] = own.mix
-        group["mix"].attrs["of"] = _fingerprint(own.inner)
+        _write_mix(group, own.inner, own.mix)
         basis = replace(basis, vectors=Dense(own.more))
     for _ in rows_written(group, block, basis):
         pass
+
+
+def _write_mix(group: h5py.Group, inner: BlockBasis, mix: Floats) -> None:
+    group["mix"] = mix
+    group["mix"].attrs["of"] = _fingerprint(inner)
 
 
 def _fingerprint(basis: BlockBasis) -> str:
@@ -126,7 +130,7 @@ def _augmented(group: h5py.Group, inner: BlockBasis | None) -> Augmented:
     more, mix = group["basis"], group["mix"]
     if len(mix) != len(inner.omega2) + more.shape[2] or 3 * len(more) != inner.vectors.shape[0]:
         raise ResultError(f"its basis {more.shape} does not fit the one that it contains")
-    return Augmented(inner, np.asarray(more[()]).reshape(-1, more.shape[2]), np.asarray(mix[()]))
+    return Augmented(inner, _vectors(more).array, np.asarray(mix[()]))
 
 
 def read_block_file(path: Path, key: str | None = None, inner: BlockBasis | None = None) -> BlockBasis:
@@ -148,7 +152,7 @@ def read_block_file(path: Path, key: str | None = None, inner: BlockBasis | None
         return read_block(file, inner)
 
 
-def _vectors(data: h5py.Dataset) -> Basis:
+def _vectors(data: h5py.Dataset) -> Dense:
     """The basis of a dataset (n, 3, m); a large one in one piece is mapped."""
     offset, shape = data.id.get_offset(), (3 * data.shape[0], data.shape[2])
     if data.nbytes < _MAPPED or offset is None:
@@ -207,6 +211,16 @@ class BlockStore:
             log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
             return None
 
+    def read_each(self, keys: list[str]) -> list[BlockBasis]:
+        """The bases of one block up to the first that is not there; the second is read over the first."""
+        found: list[BlockBasis] = []
+        for key in keys:
+            basis = self.read(key, *found[:1])
+            if basis is None:
+                break
+            found.append(basis)
+        return found
+
     def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
         """Keep a block under its key; the same block, mapped from its file where it is large.
 
@@ -231,34 +245,42 @@ class BlockStore:
         rows: Iterator[Floats],
         inertia: Floats,
         report: dict[str, object],
+        over: tuple[BlockBasis, Floats] | None = None,
     ) -> BlockBasis:
         """Keep a block whose basis comes some rows at a time, and map it.
 
         Parameters
         ----------
-        rows : the basis (3 nodes, m) from the first node to the last
+        rows : the basis (3 nodes, m) from the first node to the last; of one that contains another what it
+            has besides
         inertia : M r (3 n, 3) for unit translations r
+        over : the basis that it contains, and the mix of both; None where it contains none
 
         Raises
         ------
         ResultError
             where the folder or the disk refuses it.
         """
-        size = (len(block.points), 3, len(omega2))
-        participation, first = np.zeros((len(omega2), 3)), 0
+        size = (len(block.points), 3, len(omega2) if over is None else len(over[1]) - len(over[0].omega2))
+        participation, first = np.zeros((size[2], 3)), 0
         with creating(self.path(key), 8 * int(np.prod(size))) as file:
             data = file.create_dataset("basis", shape=size, dtype="f8")
             for piece in rows:
                 last = first + len(piece) // 3
-                data[first:last] = piece.reshape(-1, 3, size[2])
+                data[first:last] = piece.reshape(last - first, 3, size[2])
                 participation += piece.T @ inertia[3 * first : 3 * last]
                 first = last
-            basis = BlockBasis(Dense(np.zeros((0, 0))), slice(0, size[2]), omega2, participation, report)
+            if over is not None:
+                _write_mix(file, *over)
+                participation = over[1].T @ np.vstack([over[0].participation, participation])
+            none = Dense(np.zeros((0, 0)))
+            basis = BlockBasis(none, slice(0, len(omega2)), omega2, participation, report)
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             _write_beside(file, block, basis)
-        return replace(basis, vectors=self._written(key))
+        own = self._written(key)
+        return replace(basis, vectors=own if over is None else Augmented(over[0], own.array, over[1]))
 
-    def _written(self, key: str) -> Basis:
+    def _written(self, key: str) -> Dense:
         """The basis in a file that this store has just written."""
         with h5py.File(self.path(key), "r") as file:
             return _vectors(file["basis"])

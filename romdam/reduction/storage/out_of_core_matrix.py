@@ -13,6 +13,7 @@ import weakref
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Self, TypeVar
@@ -183,8 +184,40 @@ class OutOfCoreMatrix:
         rows : of T that M is of, None for all
         less : (rows, k) and (k, m) whose product T is first made less by, there
         """
-        total, held = np.zeros((self.shape[1],) * 2), dict[int, Floats]()
-        few = 8 * M.shape[0] * self.shape[1] <= _HELD
+        total, columns = np.zeros((self.shape[1],) * 2), self._reader(M.shape[0], rows, less)
+        for k, right in enumerate(self._blocks(first)):
+            product, lefts = M @ columns(right), self._blocks(first)[: k + 1]
+            forms = self.each(partial(_times, columns, left, [product]) for left in lefts)
+            for left, (form,) in zip(lefts, forms, strict=True):
+                total[left, right], total[right, left] = form, form.T
+        return total[first:, first:]
+
+    def against(
+        self, A: csr_matrix | Symmetric, M: csr_matrix, rows: Ints, own: tuple[int, int]
+    ) -> list[Floats]:
+        """T^T M T and T^T A T of all columns with those from `first` on; see `gram` for `rows`.
+
+        Parameters
+        ----------
+        own : `first`, and the column from which on T^T A T is asked for
+        """
+        (first, since), columns = own, self._reader(M.shape[0], rows)
+        found = [np.zeros((self.shape[1], self.shape[1] - first)) for _ in (M, A)]
+        for right in self._blocks(first):
+            X, to = columns(right), slice(right.start - first, right.stop - first)
+            both = [M @ X, A @ X]
+            asked = [(left, both if left.stop > since else both[:1]) for left in self._blocks()]
+            forms = self.each(partial(_times, columns, *one) for one in asked)
+            for (left, _), made in zip(asked, forms, strict=True):
+                for total, form in zip(found, made, strict=False):
+                    total[left, to] = form
+        return [found[0], found[1][since:]]
+
+    def _reader(
+        self, size: int, rows: Ints | None, less: tuple[Floats, Floats] | None = None
+    ) -> Callable[[slice], Floats]:
+        """What gives blocks of columns, `size` rows of them; they are kept where all are few. See `gram`."""
+        held, few = dict[int, Floats](), 8 * size * self.shape[1] <= _HELD
 
         def columns(some: slice) -> Floats:
             if some.start in held:
@@ -197,17 +230,16 @@ class OutOfCoreMatrix:
                 held[some.start] = X
             return X
 
-        for k, right in enumerate(self._blocks(first)):
-            product = M @ columns(right)
-            for left in self._blocks(first)[: k + 1]:
-                total[left, right] = columns(left).T @ product
-                total[right, left] = total[left, right].T
-        return total[first:, first:]
+        return columns
+
+    def pieces(self, ends: list[int], first: int = 0) -> Iterator[Floats]:
+        """The columns from `first` on, rows ends[k] to ends[k + 1] at a time."""
+        for low, high in pairwise(ends):
+            yield self._columns(slice(first, self.shape[1]), slice(low, high))
 
     def times(self, V: Floats, ends: list[int]) -> Iterator[Floats]:
         """T @ V, rows ends[k] to ends[k + 1] at a time."""
-        for first, last in pairwise(ends):
-            yield self._columns(slice(0, self.shape[1]), slice(first, last)) @ V
+        yield from (piece @ V for piece in self.pieces(ends))
 
     def each(self, tasks: Iterable[Callable[[], T]]) -> list[T]:
         """Results of tasks that read it, side by side where what a second one holds is little."""
@@ -217,6 +249,12 @@ class OutOfCoreMatrix:
     def _blocks(self, first: int = 0) -> list[slice]:
         width = self.shape[1]
         return [slice(k, min(k + _TOGETHER, width)) for k in range(first, width, _TOGETHER)]
+
+
+def _times(columns: Callable[[slice], Floats], left: slice, products: list[Floats]) -> list[Floats]:
+    """X^T P of a block of columns X and of every P."""
+    X = columns(left)
+    return [X.T @ product for product in products]
 
 
 @contextmanager

@@ -105,9 +105,10 @@ class UserCache(BlockStore):
         rows: Iterator[Floats],
         inertia: Floats,
         report: dict[str, object],
+        over: tuple[BlockBasis, Floats] | None = None,
     ) -> BlockBasis:
         """As `BlockStore`."""
-        basis = super().write_streamed(key, block, omega2, rows, inertia, report)
+        basis = super().write_streamed(key, block, omega2, rows, inertia, report, over)
         self._use(key)
         return basis
 
