@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import subprocess
 import sys
 import textwrap
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 import romdam
 from romdam import cli
+from romdam.config.sections.transient import TransientConfig
 
 SMALL = """
 materials:
@@ -103,6 +105,8 @@ def test_run_then_info_then_plot(config, tmp_path):
     assert {"pulse.nc", "pulse-joint_opening.png", ds.attrs["model_file"]} <= names
     code, stdout, _ = call("info", out / "pulse.nc")
     assert code == 0 and "not stated" in stdout and "pulse" in stdout
+    (hint,) = re.findall(r"error not estimated; transient\.(\w+) instead of transient\.(\w+) does", stdout)
+    assert set(hint) <= set(TransientConfig.model_fields)
     code, stdout, _ = call("plot", out / "pulse.nc", "--out", tmp_path / "figures")
     assert code == 0 and (tmp_path / "figures" / "pulse-energy.png").is_file()
 

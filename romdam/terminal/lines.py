@@ -92,7 +92,7 @@ _NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
 def _time_error(attrs: Mapping[str, object]) -> str:
     """State what is known of the time-stepping error."""
     if "solver_estimated_time_error" not in attrs:
-        return "error not estimated; transient.accuracy instead of dt does"
+        return "error not estimated; transient.accuracy instead of transient.finest_step does"
     estimate, wanted = (float(str(attrs[f"solver_{k}"])) for k in ("estimated_time_error", "accuracy"))
     verdict = "" if estimate <= wanted else ", NOT reached at the finest step allowed"
     return f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}), by refining the step"
