@@ -4,6 +4,7 @@ import dataclasses
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -20,6 +21,7 @@ from romdam.linalg.factor import Factor
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import Solving
 from romdam.linalg.symmetric import Symmetric
+from romdam.reduction.basis import Dense
 from romdam.reduction.methods import attachment_modes, free_interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
@@ -260,6 +262,34 @@ def test_bases_of_a_part_are_kept_and_found(tmp_path):
     other = dataclasses.replace(scene, gravity=np.zeros(3))
     reduce_scene(other, ModeChoice(cutoff=4.0), DAMPING, store)
     assert len(list(tmp_path.iterdir())) == len(files)  # weight is in the span of the basis
+
+
+def test_blocks_of_one_part_that_two_reductions_left_are_made_again(tmp_path, caplog):
+    """Of one the frequencies differ in their last bit, as another machine's do, and a mode's sign."""
+    scene, store = dam(), BlockStore(tmp_path)
+    made = reduce_scene(scene, ModeChoice(cutoff=4.0), DAMPING, store)
+    own = next(iter(made.basis.values()))
+    signs = np.where(np.arange(len(own.omega2)) == 2, -1.0, 1.0)
+    other = dataclasses.replace(
+        own,
+        vectors=Dense(own.vectors.rows() * signs),
+        omega2=np.nextafter(own.omega2, np.inf),
+        participation=own.participation * signs[:, None],
+    )
+    paths = [path for path in tmp_path.glob("block-*.h5") if same_block(path, own)]
+    assert len(paths) == 1
+    with h5py.File(paths[0]) as file:
+        key = file.attrs["key"]
+    store.write(key, next(iter(scene.blocks.values())), other)
+    found = reduce_scene(scene, ModeChoice(cutoff=4.0), DAMPING, store)
+    assert "blocks of one part are of different reductions; reducing again" in caplog.text
+    assert np.array_equal(made.system.B.toarray(), found.system.B.toarray())
+    assert np.array_equal(made.system.load, found.system.load)
+
+
+def same_block(path, own):
+    with h5py.File(path) as file:
+        return np.array_equal(file["participation"], own.participation)
 
 
 @pytest.mark.parametrize("small", [True, False])

@@ -98,10 +98,19 @@ def merged_bases(
 
 
 def _kept(store: BlockStore, keys: list[dict[str, str]]) -> list[dict[str, BlockBasis]]:
-    """The bases that the store has of every block."""
+    """The bases that the store has of every block, as far as all are of one reduction.
+
+    Two machines that share a store may each leave some blocks of a part: their modes have other signs.
+    """
+    found: list[dict[str, BlockBasis]] = []
     blocks = {name: store.read_each([own[name] for own in keys]) for name in keys[0]}
-    levels = min(len(bases) for bases in blocks.values())
-    return [{name: bases[level] for name, bases in blocks.items()} for level in range(levels)]
+    for level in range(min(len(bases) for bases in blocks.values())):
+        bases = {name: own[level] for name, own in blocks.items()}
+        if len({own.omega2.tobytes() for own in bases.values()}) > 1:
+            log.warning("%s: blocks of one part are of different reductions; reducing again", store.folder)
+            break
+        found.append(bases)
+    return found
 
 
 def merged_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
