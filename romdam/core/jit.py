@@ -1,8 +1,8 @@
 """Compiled functions: a cache that may be missing or damaged, whether views count references, and `at`.
 
-A function that compiled code calls is lowered and no more (`_Linked`), where numba is the one this was
-tried with; numba by itself optimises it, with all below it, at every level of calls, and makes each a way in
-from Python.
+A function that compiled code calls is lowered and no more (`_Linked`), and one that Python calls is optimised
+once all that it calls is in it (`_Whole`), where numba is the one this was tried with; numba by itself
+optimises both, with all below, at every level of calls, and makes each a way in from Python.
 
 Every view (a row of a run's state) takes an atomic increment and a decrement, dozens per step. The time loop
 itself makes no arrays, so it needs none; what it calls says so where it does make some, for the option is
@@ -12,6 +12,7 @@ handed down to the functions that are called. Both let Python's other threads go
 from __future__ import annotations
 
 import functools
+import gc
 import logging
 import operator
 import os
@@ -42,7 +43,8 @@ log = logging.getLogger(__name__)
 _SETTINGS: Any = numba.config
 _KERNELS = ("contact", "timestepping")  # rooms whose compiled functions call each other
 _TOLD = 1.0  # seconds of compiling that are worth a line
-_TRIED = (0, 68)  # the numba that `_Linked` and `_Lowered` were tried with
+_RARELY = (50_000, 20, 20)  # objects made between two looks for garbage; looks before older ones are in them
+_TRIED = (0, 68)  # the numba that `_Linked`, `_Whole` and `_Compiler` were tried with
 
 # no arrays are made there, nor by what is called; or some may be
 VIEWS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
@@ -76,11 +78,18 @@ class _Linked(JITCodeLibrary):
         """Keep none."""
 
 
-@register_pass(mutates_CFG=False, analysis_only=True)
-class _LinkOnly(AnalysisPass):
-    """Let a function be lowered to linked code."""
+class _Whole(JITCodeLibrary):
+    """Code that Python calls: not optimised before all that it calls is linked in, and then as a whole."""
 
-    _name = "romdam_link_only"
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _ChooseLibrary(AnalysisPass):
+    """Let a function be lowered to linked code, or to a whole."""
+
+    _name = "romdam_choose_library"
 
     def __init__(self) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
@@ -88,25 +97,30 @@ class _LinkOnly(AnalysisPass):
     def run_pass(self, state: Any) -> bool:
         """Give the function its library, which it otherwise gets when it is lowered."""
         codegen, name = state.targetctx.codegen(), state.func_id.func_qualname
-        state.library = _Linked(codegen, name)  # type: ignore[no-untyped-call]
+        if state.flags.no_cpython_wrapper:
+            state.library = _Linked(codegen, name)  # type: ignore[no-untyped-call]
+        else:
+            state.library = _Whole(codegen, name)  # type: ignore[no-untyped-call]
+            state.library.enable_object_caching()
         return False
 
 
-class _Lowered(CompilerBase):
-    """Numba's own passes, for functions that only compiled ones call."""
+class _Compiler(CompilerBase):
+    """Numba's own passes, and the choice of a library."""
 
     def define_pipelines(self) -> list[PassManager]:
         """List the one way to compile."""
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(_LinkOnly, IRProcessing)
+        passes.add_pass_after(_ChooseLibrary, IRProcessing)
         passes.finalize()
         return [passes]
 
 
-# options of functions that only compiled ones call
-CALLED: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _Lowered}
+_ENTRY: Any = {"no_cfunc_wrapper": True, "pipeline_class": _Compiler}
 if numba.version_info.short != _TRIED:
-    CALLED = {}
+    _ENTRY = {}
+# options of functions that only compiled ones call
+CALLED: Any = _ENTRY and _ENTRY | {"no_cpython_wrapper": True}
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -115,7 +129,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     Where the cache cannot be written, or is damaged, that costs time and nothing else. `forceinline` is for
     the function itself: numba would hand it down to all that is called, which takes twice as long to compile.
     """
-    options = {"forceinline": False} | options
+    options = {"forceinline": False} | _ENTRY | options
 
     def compiled(function: Callable[..., Any]) -> Any:
         if _SETTINGS.DISABLE_JIT:  # to debug
@@ -130,12 +144,38 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         if hasattr(made._cache, "_cache_file"):
             _guard(made._cache)
             _stamp(made._cache, Path(function.__code__.co_filename).parent)
+        made.compile = _without_collecting(made.compile)
         if CALLED:
             called = numba.njit(**options | CALLED | {"cache": False})(function)
-            made.get_call_template, made.get_overload = called.get_call_template, called.get_overload
+            made.get_call_template, made.get_overload = _template(called), called.get_overload
         return made
 
     return compiled
+
+
+def _without_collecting(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Compile with few looks for garbage: at numba's millions of objects, they take an eighth of the time."""
+
+    def compiled(signature: Any) -> Any:
+        before = gc.get_threshold()
+        gc.set_threshold(*_RARELY)
+        try:
+            return compile_(signature)
+        finally:
+            gc.set_threshold(*before)
+
+    return compiled
+
+
+def _template(called: Any) -> Callable[[Any, Any], Any]:
+    """Types of calls of a function, one for all values: numba would compile it for 0 and for integers."""
+
+    def template(args: Any, kws: Any) -> Any:
+        tuples_too = (types.Literal, types.Tuple)
+        plain = [types.unliteral(kind) if isinstance(kind, tuples_too) else kind for kind in args]
+        return called.get_call_template(plain, kws)
+
+    return template
 
 
 def _cached_elsewhere(function: Callable[..., Any], options: dict[str, Any]) -> Any:

@@ -27,6 +27,7 @@ _SIGNATURES = {
     "release": types.boolean(_ROW, _ROW, _NUMBER, _FLAG, _FLAG),
     "commit": types.void(_ROW, _ROW, _NUMBER, _FLAG, _NUMBER, _NUMBER),
 }
+_POINTED: dict[str, Any] = {"cache": True, "_nrt": False, "no_cfunc_wrapper": False}
 
 
 class Functions(NamedTuple):
@@ -41,7 +42,7 @@ class _Pointer(types.WrapperAddressProtocol):
     """A compiled function that others may call without knowing it."""
 
     def __init__(self, function: Callable[..., Any], signature: Any) -> None:
-        self._function, self._signature = njit(cache=True, _nrt=False)(function), signature
+        self._function, self._signature = njit(**_POINTED)(function), signature
         self._function.compile(signature.args)
         compiled = self._function.get_compile_result(signature)
         self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)

@@ -19,14 +19,13 @@ Cottle, Pang, Stone, The Linear Complementarity Problem (SIAM, 2009), 2.3: princ
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import project_shear, slides
 from romdam.contact.problem import Limits
 from romdam.contact.solvers.state import FrictionalState
-from romdam.core.arrays import Floats, Singles
-from romdam.core.jit import ARRAYS, njit
+from romdam.core.arrays import Bools, Floats, Ints, Singles
+from romdam.core.jit import ARRAYS, copy, njit
 
 _WORTH = 8  # M is made anew for one more contact in so many, and given up for fewer condensed ones
 _REGULAR = 1e-12  # of the largest diagonal: a singular matrix is inverted too, and refused
@@ -43,7 +42,7 @@ def sticks(limits: Limits, p: Floats, i: int) -> bool:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _exchange(M: Singles, size: int, k: NDArray[np.int64], P: Singles, X: Singles) -> None:
+def _exchange(M: Singles, size: int, k: Ints, P: Singles, X: Singles) -> None:
     """Exchange forces and displacements of some directions in r = M z: known ones become unknowns.
 
     M goes through memory once, however many directions there are.
@@ -80,10 +79,25 @@ def _exchange(M: Singles, size: int, k: NDArray[np.int64], P: Singles, X: Single
 
 
 @njit(**ARRAYS)
-def release(solver: FrictionalState, going: NDArray[np.bool_]) -> None:
+def _directions(chosen: Bools, which: bool) -> Ints:
+    """Directions of the gaps that are chosen, or of those that are not, in threes."""
+    count = 0
+    for i in range(len(chosen)):
+        count += int(chosen[i] == which)
+    found, count = np.empty(3 * count, dtype=np.int64), 0
+    for i in range(len(chosen)):
+        if chosen[i] == which:
+            for r in range(3):
+                found[count + r] = 3 * i + r
+            count += 3
+    return found
+
+
+@njit(**ARRAYS)
+def release(solver: FrictionalState, going: Bools) -> None:
     """Make some condensed contacts unknowns of the sweeps again; what these have gathered is void."""
     sweeps, sticking = solver.sweeps, solver.sticking
-    M, size, k = sticking.pivot, len(sticking.pivot), np.flatnonzero(np.repeat(going, 3))
+    M, size, k = sticking.pivot, len(sticking.pivot), _directions(going, True)
     own, rows = np.empty((len(k), len(k))), np.empty((len(k), size), dtype=np.float32)
     for a in range(len(k)):
         for b in range(len(k)):
@@ -117,24 +131,25 @@ def release_sliding(limits: Limits, solver: FrictionalState, p: Floats) -> None:
 
     All are where these are many: an exchange of m directions costs m N^2, more than condensing saves.
     """
-    sticking, going = solver.sticking, np.zeros(len(limits.mu), dtype=np.bool_)
+    sticking, going, gone = solver.sticking, np.zeros(len(limits.mu), dtype=np.bool_), 0
     for i in range(len(going)):
         if sticking.condensed[i] and not sticks(limits, p, i):
             going[i] = True
+            gone += 1
             n, j, k = 3 * i + NORMAL, 3 * i + SHEAR_J, 3 * i + SHEAR_K
             p[n] = max(p[n], 0.0)
             limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p[n]
             limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p[n]
             p[j], p[k], _ = project_shear(p[j], p[k], limit_j, limit_k)
-    number, gone = sticking.counts.number, going.sum()
+    number = sticking.counts.number
     if _WORTH * (number - gone) < len(going) or _WORTH * gone > number:
         release_all(solver)
-    elif going.any():
+    elif gone:
         release(solver, going)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def multiply(M: Singles, chosen: NDArray[np.bool_], z: Singles, out: Floats) -> None:
+def multiply(M: Singles, chosen: Bools, z: Singles, out: Floats) -> None:
     """out += M z in the rows of the chosen gaps."""
     for i in range(len(chosen)):
         if chosen[i]:
@@ -146,12 +161,13 @@ def multiply(M: Singles, chosen: NDArray[np.bool_], z: Singles, out: Floats) -> 
 
 
 @njit(**ARRAYS)
-def _condense(W: Floats, solver: FrictionalState, wanted: NDArray[np.bool_]) -> None:
+def _condense(W: Floats, solver: FrictionalState, wanted: Bools) -> None:
     """Make M for the wanted contacts, or condense none where they determine each other."""
     release_all(solver)
-    sticking, flags = solver.sticking, np.repeat(wanted, 3)
-    s, f, M = np.flatnonzero(flags), np.flatnonzero(~flags), sticking.pivot
-    W_ss, W_sf, largest = np.empty((len(s), len(s))), np.empty((len(s), len(f))), np.diag(W).max()
+    s, f, M = _directions(wanted, True), _directions(wanted, False), solver.sticking.pivot
+    W_ss, W_sf, largest = np.empty((len(s), len(s))), np.empty((len(s), len(f))), 0.0
+    for b in range(len(W)):
+        largest = max(largest, W[b, b])
     for a in range(len(s)):
         for b in range(len(s)):
             W_ss[a, b] = W[s[a], s[b]]
@@ -159,8 +175,10 @@ def _condense(W: Floats, solver: FrictionalState, wanted: NDArray[np.bool_]) -> 
         for b in range(len(f)):
             W_sf[a, b] = W[s[a], f[b]]
     Z = np.linalg.inv(W_ss)
-    if not np.abs(Z).max() * largest < _CONDITION:
-        return
+    for a in range(len(s)):
+        for b in range(len(s)):
+            if not abs(Z[a, b]) * largest < _CONDITION:
+                return
     X = np.dot(Z, W_sf)
     S = np.dot(W_sf.T.copy(), X)
     for a in range(len(s)):
@@ -171,8 +189,8 @@ def _condense(W: Floats, solver: FrictionalState, wanted: NDArray[np.bool_]) -> 
     for a in range(len(f)):
         for b in range(len(f)):
             M[f[a], f[b]] = W[f[a], f[b]] - S[a, b]
-    sticking.condensed[:] = wanted
-    sticking.counts.number = wanted.sum()
+    copy(wanted, solver.sticking.condensed)
+    solver.sticking.counts.number = len(s) // 3
 
 
 @njit(**ARRAYS)
@@ -188,4 +206,7 @@ def note_sticking(W: Floats, limits: Limits, solver: FrictionalState, p: Floats)
         new += int(wait[i] == 0 and not sticking.condensed[i])
     counts.total += counts.number
     if _WORTH * new >= len(wait):
-        _condense(W, solver, (wait == 0) | sticking.condensed)
+        wanted = np.zeros(len(wait), dtype=np.bool_)
+        for i in range(len(wait)):
+            wanted[i] = wait[i] == 0 or sticking.condensed[i]
+        _condense(W, solver, wanted)

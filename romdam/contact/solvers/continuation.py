@@ -74,7 +74,7 @@ def continue_from_no_friction(
     """
     tolerance, kept = control
     solved, share, step, hasty = 0.0, 1.0, 2.0 * _FIRST_SHARE, memory.solver.sweeps.counts.hasty
-    force = np.zeros_like(y)
+    force = np.zeros(len(y))
     while True:
         eased = Limits(cohesion=limits.cohesion, mu=share * limits.mu, tension=limits.tension)
         residual = newton(W, eased, memory, y_free, y, tolerance)
@@ -84,7 +84,8 @@ def continue_from_no_friction(
         if (good and share == 1.0) or len(kept) or hasty:
             return residual
         if good:
-            solved, step, force = share, _LONGER * step, memory.force.copy()
+            solved, step = share, _LONGER * step
+            copy(memory.force, force)
         else:
             step *= 0.5
         if step < _LEAST_SHARE:

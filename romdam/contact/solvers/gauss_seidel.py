@@ -188,7 +188,7 @@ def _move(
     sweeps, sticking = solver.sweeps, solver.sticking
     count, rest = _gather(W, limits, solver, p, y), sweeps.scratch[PUT_BACK]
     order, x = sweeps.order[:count], sweeps.scratch[SWEPT, : 3 * count]
-    moved = np.zeros(3 * count, np.float32)
+    moved = np.zeros(3 * count, dtype=np.float32)
     for b in range(3 * count):
         x[b] = p[3 * order[b // 3] + b % 3]
     z = _put_back(solver, y, rest)

@@ -203,26 +203,23 @@ def _classify(W: Floats, limits: Limits, p: Floats, y: Floats, heading: Floats, 
 def _directions(
     limits: Limits, heading: Floats, free: Bools, columns: Floats, rows: Floats, index: NDArray[np.int64]
 ) -> None:
-    """Unknown directions of force (columns) and equation directions of y (rows), (m, 3) each."""
+    """Unknown directions of force (columns) and equation directions of y (rows), (m, 3) zeros each."""
     m = 0
     for i in range(len(free)):
         if free[i, NORMAL]:
-            columns[m] = (
-                1.0,
-                limits.mu[i, ALONG_J] * heading[i, ALONG_J],
-                limits.mu[i, ALONG_K] * heading[i, ALONG_K],
-            )
-            rows[m] = (1.0, 0.0, 0.0)
+            columns[m, NORMAL] = rows[m, NORMAL] = 1.0
+            columns[m, SHEAR_J] = limits.mu[i, ALONG_J] * heading[i, ALONG_J]
+            columns[m, SHEAR_K] = limits.mu[i, ALONG_K] * heading[i, ALONG_K]
             index[m] = i
             m += 1
         turns = on_resultant(limits, i) and not free[i, SHEAR_K]
         for axis in (SHEAR_J, SHEAR_K):
             if free[i, axis]:
-                direction = (0.0, 1.0, 0.0) if axis == SHEAR_J else (0.0, 0.0, 1.0)
+                along_j, along_k = (1.0, 0.0) if axis == SHEAR_J else (0.0, 1.0)
                 if turns:
-                    direction = (0.0, -heading[i, ALONG_K], heading[i, ALONG_J])
-                columns[m] = direction
-                rows[m] = direction
+                    along_j, along_k = -heading[i, ALONG_K], heading[i, ALONG_J]
+                columns[m, SHEAR_J] = rows[m, SHEAR_J] = along_j
+                columns[m, SHEAR_K] = rows[m, SHEAR_K] = along_k
                 index[m] = i
                 m += 1
 
@@ -267,7 +264,7 @@ def _update(
 ) -> bool:
     """One Newton step for the states at hand; p is replaced; False where the step is not finite."""
     heading, free, unknowns = state
-    columns, rows = np.empty((unknowns, 3)), np.empty((unknowns, 3))
+    columns, rows = np.zeros((unknowns, 3)), np.zeros((unknowns, 3))
     index = np.empty(unknowns, dtype=np.int64)
     _directions(limits, heading, free, columns, rows, index)
     _slave(limits, p, heading, free)
@@ -284,8 +281,12 @@ def _update(
             along = heading[i, ALONG_J] * y[b + SHEAR_J] + heading[i, ALONG_K] * y[b + SHEAR_K]
             limit = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p[b]
             J[a, a] += max(-along, 0.0) / max(limit, 1e-12 * abs(right[a]) / W[b, b] + 1e-300)
-    if not (np.isfinite(J).all() and np.isfinite(right).all()):
-        return False
+    for a in range(unknowns):
+        finite = math.isfinite(right[a])
+        for b in range(unknowns):
+            finite = finite and math.isfinite(J[a, b])
+        if not finite:
+            return False
     step = np.linalg.solve(J, right)
     for a in range(unknowns):
         b = 3 * index[a]

@@ -19,7 +19,7 @@ import numpy as np
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.core.arrays import Floats
-from romdam.core.jit import njit
+from romdam.core.jit import copy, njit
 
 _ANGLES = 96  # the quartic has at most four roots
 _BISECTIONS = 60
@@ -137,11 +137,11 @@ def _combination(
     A: Floats, b: Floats, limits: tuple[Floats, Floats], states: tuple[bool, int, int], p: Floats
 ) -> bool:
     """Solve for one combination of states: closed or open, each shear stuck (0) or sliding (its sign)."""
-    cohesion, mu = limits
-    closed, move_j, move_k = states
+    (cohesion, mu), (closed, move_j, move_k) = limits, states
     moves = (move_j, move_k)
-    J, right = np.eye(3), np.zeros(3)
+    J, right = np.zeros((3, 3)), np.zeros(3)
     for r in range(3):
+        J[r, r] = 1.0
         if closed if r == 0 else moves[r - 1] == 0:
             J[r, NORMAL], J[r, SHEAR_J], J[r, SHEAR_K], right[r] = (
                 A[r, NORMAL],
@@ -156,13 +156,13 @@ def _combination(
             J[SHEAR_J + a, NORMAL], right[SHEAR_J + a] = -moves[a] * mu[a], moves[a] * cohesion[a]
         else:
             return False
-    solution = np.linalg.solve(J, right).astype(np.float64)
+    solution = np.linalg.solve(J, right)
     good = solution[NORMAL] >= 0.0 if closed else _row(A, NORMAL, solution, b) >= 0.0
     for a in range(2):
         limit = cohesion[a] + mu[a] * solution[NORMAL]
         good = good and _fits(_row(A, SHEAR_J + a, solution, b), solution[SHEAR_J + a], limit, moves[a])
     if good:
-        p[NORMAL], p[SHEAR_J], p[SHEAR_K] = solution
+        copy(solution, p)
     return good
 
 
@@ -186,7 +186,7 @@ def solve_gap(A: Floats, b: Floats, cohesion: Floats, mu: Floats, p: Floats) -> 
                 and math.hypot(stuck[SHEAR_J], stuck[SHEAR_K])
                 <= cohesion[ALONG_J] + mu[ALONG_J] * stuck[NORMAL]
             ):
-                p[NORMAL], p[SHEAR_J], p[SHEAR_K] = stuck
+                copy(stuck, p)
                 return True
         return math.isfinite(cohesion[ALONG_J]) and _sliding(A, b, (cohesion[ALONG_J], mu[ALONG_J]), p)
     for closed in (False, True):
