@@ -77,7 +77,7 @@ class OutOfCoreMatrix:
             last, _, digest = line.partition(" ")
             if not (last.isdecimal() and self.done < int(last) <= self.shape[1]):
                 break
-            if _digest(self._block(self.done, int(last))) != digest:
+            if _digest(self._read(self.done, int(last))) != digest:
                 log.warning("%s: damaged from column %d on; made again from there", self.path, self.done)
                 break
             self._ends.append(int(last))
@@ -135,13 +135,10 @@ class OutOfCoreMatrix:
             self._own.rmdir()
         self._release()
 
-    def _block(self, first: int, last: int, rows: slice = slice(None)) -> Floats:
-        """Some rows of a block of columns as it stands in the file, fewer where that ends early."""
-        low, high, _ = rows.indices(self.shape[0])
-        width = last - first
-        at = 8 * (self.shape[0] * first + low * width)
-        found = np.fromfile(self.path, dtype=float, count=(high - low) * width, offset=at)
-        return found.reshape(-1, width) if len(found) == (high - low) * width else found
+    def _read(self, first: int, last: int) -> Floats:
+        """What stands in the file of a block of columns, less where that ends early."""
+        rows = self.shape[0]
+        return np.fromfile(self.path, dtype=float, count=rows * (last - first), offset=8 * rows * first)
 
     def _columns(self, some: slice, rows: slice = slice(None)) -> Floats:
         """Rows of some columns, (rows, columns)."""
@@ -150,9 +147,9 @@ class OutOfCoreMatrix:
         for first, last in pairwise(self._ends):
             a, b = max(first, some.start), min(last, some.stop)
             if a < b:
-                found[:, a - some.start : b - some.start] = self._block(first, last, rows)[
-                    :, a - first : b - first
-                ]
+                shape, start = (self.shape[0], last - first), 8 * self.shape[0] * first
+                block = np.memmap(self.path, dtype=float, mode="r", offset=start, shape=shape)
+                found[:, a - some.start : b - some.start] = block[low:high, a - first : b - first]
         return found
 
     def before(self, A: csr_matrix | Floats) -> Floats:
