@@ -14,6 +14,7 @@ from romdam.postprocess.stress.summary import (
     DCR_LEVELS,
     StressHistory,
     duration_above,
+    outer_histories,
     principal_stresses,
     stress_along,
     summarise,
@@ -62,6 +63,19 @@ def test_duration_above_the_strength_of_a_sine_is_its_closed_form():
 def test_duration_is_exact_for_straight_pieces():
     saw = np.array([[0.0], [2.0], [0.0], [-2.0], [4.0]])
     assert duration_above(saw, 1.0, 0.1)[0] == pytest.approx(0.1 * (0.5 + 0.5 + 0.5))
+
+
+def test_outer_histories_are_exact_where_they_are_largest_smallest_or_exceed_a_level():
+    rng, t = np.random.default_rng(7), np.linspace(0.0, 6.0, 400)[:, None, None, None]
+    waves = np.sin((1.0 + 4.0 * rng.random((9, 5, 6))) * t) * rng.standard_normal((9, 5, 6))
+    smooth = waves.sum(axis=2)
+    exact, (major, minor) = principal_stresses(smooth)[..., [0, 2]], outer_histories(smooth, 1.5)
+    for found, history in ((major, exact[..., 0]), (-minor, -exact[..., 1])):
+        assert np.array_equal(found.argmax(axis=0), history.argmax(axis=0))
+        assert np.array_equal(found.max(axis=0), history.max(axis=0))
+        assert np.array_equal(found[0], history[0]) and (found <= history + 1e-12).all()
+        assert 0.0 < (found != history).mean() < 1.0, "some are bounds"
+    assert np.array_equal(duration_above(major, 1.5, 0.1), duration_above(exact[..., 0], 1.5, 0.1))
 
 
 def sites_and_history():

@@ -117,22 +117,50 @@ def principal_stresses(stress: Floats) -> Floats:
     ----------
     Smith, Commun. ACM 4 (1961) 168.
     """
-    first, mean, size, angle = _major(stress)
-    third = mean + 2.0 * size * np.cos(angle + 2.0 * np.pi / 3.0)
+    mean, size = _deviator(stress)
+    first, third = _outer(stress, mean, size)
     return np.stack([first, 3.0 * mean - first - third, third], axis=-1)
 
 
-def _major(stress: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Major principal stress; mean, size of the deviator and angle, which the others follow from."""
+def _deviator(stress: Floats) -> tuple[Floats, Floats]:
+    """Mean, and size of the deviator: principal stresses are the mean and up to twice the size from it."""
     xx, yy, zz, xy, yz, xz = np.moveaxis(stress, -1, 0)
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
-    size = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + yz * yz + xz * xz)) / 6.0)
+    return mean, np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + yz * yz + xz * xz)) / 6.0)
+
+
+def _outer(stress: Floats, mean: Floats, size: Floats) -> tuple[Floats, Floats]:
+    """Major and minor principal stress."""
+    xx, yy, zz, xy, yz, xz = np.moveaxis(stress, -1, 0)
+    a, b, c = xx - mean, yy - mean, zz - mean
     determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
     cube = 2.0 * size**3
     ratio = np.divide(determinant, cube, out=np.zeros_like(cube), where=cube > 0.0)
     angle = np.arccos(np.clip(ratio, -1.0, 1.0)) / 3.0
-    return mean + 2.0 * size * np.cos(angle), mean, size, angle
+    first = mean + 2.0 * size * np.cos(angle)
+    return first, mean + 2.0 * size * np.cos(angle + 2.0 * np.pi / 3.0)
+
+
+def outer_histories(stress: Floats, level: float = np.inf) -> tuple[Floats, Floats]:
+    """Major and minor principal stress (nt, k) of histories (nt, k, 6) where they matter, bounds elsewhere.
+
+    They are exact at the first time, where they may be a history's largest and smallest, and at both ends of
+    intervals that may exceed a level. Elsewhere the mean and once the deviator's size stand for them, which
+    the major one is never below and the minor one never above: at 9 of 10 times on an arch dam's faces, which
+    takes half the time.
+    """
+    mean, size = _deviator(stress)
+    major, minor, most, least = mean + size, mean - size, mean + 2.0 * size, mean - 2.0 * size
+    needed, exceeding = (most >= major.max(axis=0)) | (least <= minor.min(axis=0)), most > level
+    needed[:1] = True
+    needed |= exceeding
+    needed[1:] |= exceeding[:-1]
+    needed[:-1] |= exceeding[1:]
+    nodes, times = np.nonzero(needed.T)  # along histories, as they lie
+    where = times, nodes
+    major[where], minor[where] = _outer(stress[where], mean[where], size[where])
+    return major, minor
 
 
 def stress_along(stress: Floats, direction: Floats) -> Floats:
@@ -151,18 +179,26 @@ def duration_above(stress: Floats, level: float, dt: float) -> Floats:
     USACE EM 1110-2-6051 (2003) and EM 1110-2-6053 (2007): cumulative inelastic duration of stress excursions.
     """
     over = stress - level
-    size, above = np.abs(over), np.maximum(over, 0.0)
-    size, above = size[:-1] + size[1:], above[:-1] + above[1:]
-    return np.asarray(dt * np.divide(above, size, out=np.zeros_like(size), where=size > 0.0).sum(axis=0))
+    return np.asarray(_seconds_above(over[:-1], over[1:], dt).sum(axis=0))
+
+
+def _seconds_above(start: Floats, end: Floats, dt: float) -> Floats:
+    """Time that intervals spend above zero, linear from their start to their end [s]."""
+    size, above = np.abs(start) + np.abs(end), np.maximum(start, 0.0) + np.maximum(end, 0.0)
+    return np.asarray(dt * np.divide(above, size, out=np.zeros_like(size), where=size > 0.0))
 
 
 def _durations(stress: Floats, levels: Floats, dt: float) -> Floats:
-    """Durations (k, levels) of histories (nt, k) above levels; most histories exceed few of them."""
-    largest, found = stress.max(axis=0), np.zeros((stress.shape[1], len(levels)))
-    for k, level in enumerate(levels):
-        exceeding = largest > level
-        found[exceeding, k] = duration_above(stress[:, exceeding], level, dt)
-    return found
+    """Durations (k, levels) of histories (nt, k) above ascending levels; few intervals exceed any."""
+    over = stress > levels[0]
+    nodes, times = np.nonzero((over[:-1] | over[1:]).T)
+    ends, found = np.stack([stress[times, nodes], stress[times + 1, nodes]]), []
+    for level in levels:
+        exceeding = (ends > level).any(axis=0)
+        nodes, ends = nodes[exceeding], ends[:, exceeding]
+        seconds = _seconds_above(ends[0] - level, ends[1] - level, dt)
+        found.append(np.bincount(nodes, seconds, minlength=stress.shape[1]))
+    return np.stack(found, axis=1)
 
 
 def summarise(sites: StressSites, history: StressHistory, time: Floats) -> StressSummary:
@@ -209,20 +245,24 @@ def _of_part(
 ) -> dict[str, NDArray[np.generic]]:
     """What a summary keeps of a few nodes' histories."""
     name, rows = part
-    stress = history.at(name, rows)
-    measures = _measures(stress, sites.blocks[name], rows)
+    stress, strength = history.at(name, rows), np.inf if sites.strength is None else sites.strength
+    measures = _measures(stress, sites.blocks[name], rows, strength)
     found = _envelopes(measures)
     if sites.strength is not None:
         found |= _excursions(stress, measures["principal"][0], sites.strength, dt)
     return found
 
 
-def _measures(stress: Floats, nodes: StressNodes, rows: slice) -> dict[str, tuple[Floats, Floats]]:
-    """Measure -> its histories for the largest and for the smallest value, (nt, rows) each."""
-    principal = principal_stresses(stress)
+def _measures(
+    stress: Floats, nodes: StressNodes, rows: slice, strength: float = np.inf
+) -> dict[str, tuple[Floats, Floats]]:
+    """Measure -> its histories for the largest and for the smallest value, (nt, rows) each.
+
+    See `outer_histories` for what stands where the principal ones are neither, nor above the strength.
+    """
     vertical, arch = (stress_along(stress, axes[rows]) for axes in (nodes.up, nodes.arch))
     return {
-        "principal": (principal[..., 0], principal[..., 2]),
+        "principal": outer_histories(stress, strength),
         "vertical": (vertical, vertical),
         "arch": (arch, arch),
     }
@@ -240,7 +280,7 @@ def _envelopes(measures: dict[str, tuple[Floats, Floats]]) -> dict[str, NDArray[
 
 def _excursions(stress: Floats, major: Floats, strength: float, dt: float) -> dict[str, NDArray[np.generic]]:
     """Durations above the strength of the major principal stress, and of that of the change since rest."""
-    change, *_ = _major(stress - stress[0])
+    change, _ = outer_histories(stress - stress[0], strength)
     levels = DCR_LEVELS * strength
     above = [_durations(histories, levels, dt) for histories in (major, change)]
     return {"duration": above[0], "duration of change": above[1], "change": change.max(axis=0)}
