@@ -90,7 +90,9 @@ class Lazy:
         return np.asarray(self.right.T @ self.left.project(force))
 
     def under(self, operator: csr_matrix) -> Floats:
-        """An operator on every vector."""
+        """An operator on every vector, the product with `right` where it has fewer rows."""
+        if operator.shape[0] > self.shape[0]:
+            return np.asarray(operator @ self.rows())
         return np.asarray(self.left.under(operator) @ self.right)
 
 

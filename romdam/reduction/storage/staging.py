@@ -60,7 +60,8 @@ def _from_basis(basis: dict[str, BlockBasis], weight: dict[str, Floats]) -> dict
     force = np.zeros(max(block.columns.stop for block in basis.values()))
     stiffness = np.ones_like(force)
     for name, block in basis.items():
-        force[block.columns] += block.vectors.project(weight[name])
+        if weight[name].any():  # rock may have none
+            force[block.columns] += block.vectors.project(weight[name])
         stiffness[block.columns] = block.omega2
     q = force / stiffness
     return {name: block.vectors.apply(q[block.columns]).reshape(-1, 3) for name, block in basis.items()}
