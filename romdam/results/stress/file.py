@@ -72,6 +72,10 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
         where the folder or the disk refuses it.
     """
 
+    digest = _digest(
+        (name, part.columns.start, (part.nodes, part.fields, part.offset)) for name, part in blocks.items()
+    )
+
     def fill(file: h5py.File) -> str:
         for name, part in blocks.items():
             group = file.create_group(f"blocks/{name}")
@@ -79,13 +83,10 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
             group["fields"].attrs["first"] = part.columns.start
             if part.carried:
                 group["fields"].attrs["carried"] = part.carried
-        return _digest(
-            (name, part.columns.start, (part.nodes, part.fields, part.offset))
-            for name, part in blocks.items()
-        )
+        return digest
 
     size = sum(part.fields.nbytes + part.offset.nbytes for part in blocks.values())
-    return write_beside(folder, ("stress", FORMAT), fill, size)
+    return write_beside(folder, ("stress", FORMAT), fill, size, digest)
 
 
 def _digest(blocks: Iterable[tuple[str, int, tuple[NDArray[Any], Floats, Floats]]]) -> str:
