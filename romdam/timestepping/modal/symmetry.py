@@ -152,15 +152,21 @@ def expand(history: History, symmetry: Symmetry) -> History:
     peaks["compression"] = peaks["compression"] * share[:, NORMAL]
     return replace(
         history,
-        jump=history.jump[:, gaps] * symmetry.signs,
-        traction=history.traction[:, gaps] * share,
-        mean_traction=history.mean_traction[:, gaps] * share,
+        jump=_times(history.jump.take(gaps, axis=1), symmetry.signs),
+        traction=_times(history.traction.take(gaps, axis=1), share),
+        mean_traction=_times(history.mean_traction.take(gaps, axis=1), share),
         state=history.state[:, gaps],
         strength=history.strength[:, gaps] / symmetry.count[gaps, None],
         bonded=history.bonded[:, gaps],
         peaks=peaks,
         coordinates=None if merged is None else Coordinates(partial(_expanded, symmetry.modes, merged)),
     )
+
+
+def _times(values: Floats, factors: Floats) -> Floats:
+    """Their products, in place of the values: new memory takes eight times as long."""
+    values *= factors
+    return values
 
 
 def _expanded(modes: csr_matrix, merged: Coordinates, rows: slice) -> tuple[Floats, Floats]:
