@@ -18,8 +18,8 @@ from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_modes import FIRST, with_modes
 from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting
-from romdam.pipelines.run import Clock, Model, Stage, build_model, silent
-from romdam.pipelines.simulation import refuse_large, settings_for
+from romdam.pipelines.run import Clock, Stage, build_model, silent
+from romdam.pipelines.simulation import Model, refuse_large, settings_for
 from romdam.pipelines.sizes import refuse_lengths, run_bytes
 from romdam.records.record_set import load_motions
 from romdam.reduction.closed_joints import MOST, closed_frequencies

@@ -24,7 +24,8 @@ from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.responses import response_of
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, read_report_data, report_data
-from romdam.results.suite.summary import SUMMARY, Place, kept_results, open_summary
+from romdam.results.suite.rows import Place
+from romdam.results.suite.summary import SUMMARY, kept_results, open_summary
 from romdam.scene.build import build_scene
 from romdam.visual.report.sections import write_report
 from romdam.visual.report.subject import Subject, Topic, responses

@@ -20,9 +20,8 @@ from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.system import History, System
+from romdam.core.system import History
 from romdam.core.threads import beside, cpu_time, one_thread
-from romdam.error.estimate import FinerModel
 from romdam.error.statement import ErrorStatement, read_verification
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
@@ -31,7 +30,7 @@ from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
 from romdam.pipelines.given import Read, job_and_motions, records_of, usable
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
-from romdam.pipelines.simulation import prepare, simulate_motion
+from romdam.pipelines.simulation import Model, prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.summary import (
@@ -44,15 +43,14 @@ from romdam.pipelines.summary import (
 from romdam.postprocess.concerns import concerns
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
-from romdam.reduction.synthesis import ReducedModel, reduce_scene
+from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import Timing, build_dataset, write_dataset
 from romdam.results.fields import Result, open_result, write_model
 from romdam.results.stored_run import FOLDER, folder_from
-from romdam.results.stress.file import StressFields, write_stress
+from romdam.results.stress.file import write_stress
 from romdam.results.suite.report_data import DATA
 from romdam.results.suite.rows import Kept, Row
 from romdam.results.variables import Case
-from romdam.timestepping.prepared import Prepared
 
 log = logging.getLogger(__name__)
 
@@ -93,30 +91,6 @@ class Outcome:
         kind = f"Outcome, {len(self.results)} results, {len(self.failures)} records failed"
         title = self.results[0].dataset.attrs["title"] if self.results else "nothing was run"
         return card(str(title), kind, records | self.failures)
-
-
-@dataclass(frozen=True)
-class Model:
-    """A scene and its prepared system; no `reduced` at full order, no `finer` without an error estimate.
-
-    `stress` holds, block by block, the stress of the reduced coordinates where it is asked for.
-    """
-
-    scene: Scene
-    prepared: Prepared
-    reduced: ReducedModel | None
-    finer: FinerModel | None = None
-    stress: dict[str, StressFields] = field(default_factory=dict)
-
-    @property
-    def system(self) -> System:
-        """The open-joint system."""
-        return self.prepared.system
-
-    @property
-    def mesh_unknowns(self) -> int:
-        """Three for each node, held ones too."""
-        return sum(block.points.size for block in self.scene.blocks.values())
 
 
 class Goal(NamedTuple):

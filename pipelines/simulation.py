@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 from romdam.config.load import Job
 from romdam.core.arrays import Floats
 from romdam.core.errors import placed
 from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
 from romdam.core.system import History, System
+from romdam.error.estimate import FinerModel
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
 from romdam.records.processing.support_motions import with_supports
+from romdam.reduction.synthesis import ReducedModel
+from romdam.results.stress.file import StressFields
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
@@ -21,6 +26,30 @@ from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import history_of, simulate
 from romdam.timestepping.step_control import simulate_to
 from romdam.timestepping.steps import Steps, whole_steps
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene and its prepared system; no `reduced` at full order, no `finer` without an error estimate.
+
+    `stress` holds, block by block, the stress of the reduced coordinates where it is asked for.
+    """
+
+    scene: Scene
+    prepared: Prepared
+    reduced: ReducedModel | None
+    finer: FinerModel | None = None
+    stress: dict[str, StressFields] = field(default_factory=dict)
+
+    @property
+    def system(self) -> System:
+        """The open-joint system."""
+        return self.prepared.system
+
+    @property
+    def mesh_unknowns(self) -> int:
+        """Three for each node, held ones too."""
+        return sum(block.points.size for block in self.scene.blocks.values())
 
 
 def prepare(

@@ -194,6 +194,13 @@ def test_run_loads_no_library_that_few_scenes_need():
     assert out.split() == []
 
 
+def test_workers_of_a_suite_that_keeps_peaks_load_nothing_that_writes_files():
+    heavy = ("xarray", "pandas", "h5netcdf", "matplotlib")
+    code = f"import romdam.pipelines.suites.runs, sys; print(*[m for m in {heavy!r} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.split() == []
+
+
 def test_main_job_from_records_to_figures_loads_what_it_needs(tmp_path):
     """Where dask is installed, pint and xarray load it, and it loads scipy.special."""
     rare = ("scipy.fft", "scipy.interpolate", "scipy.io", "scipy.optimize", "scipy.signal", "scipy.spatial")

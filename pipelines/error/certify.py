@@ -35,8 +35,8 @@ from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.fem.parts import basis_over_unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.moving_supports import scene_of
-from romdam.pipelines.run import Clock, Model, Stage, reduced_model, silent
-from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
+from romdam.pipelines.run import Clock, Stage, reduced_model, silent
+from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import load_motions
 from romdam.reduction.refinement import embedding, much_finer

@@ -22,8 +22,8 @@ from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.doubts import tell_doubts
 from romdam.pipelines.moving_supports import refuse_drifting
-from romdam.pipelines.run import Clock, Model, Stage, build_model, silent, with_modes_chosen
-from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
+from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
+from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.processing.resampling import strongest_part

@@ -19,6 +19,7 @@ from romdam.pipelines.run import Clock, Stage, reduced_model, silent, write_shar
 from romdam.pipelines.stresses import stress_fields
 from romdam.pipelines.suites.cluster import Pool, open_pool
 from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
+from romdam.pipelines.suites.kept import write_kept
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
@@ -150,7 +151,8 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     job = replace(job, path=job.path.absolute(), base=job.folder.absolute())
     suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
     if suite.keeps_results:
-        suite = replace(suite, files=write_shared(prepare_folder(suite.folder), model))
+        files = write_shared(prepare_folder(suite.folder), model)
+        suite = replace(suite, files=files, write=write_kept)
     return suite
 
 

@@ -22,10 +22,8 @@ from romdam.core.threads import one_thread
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.error.estimate import estimate_run
-from romdam.pipelines.run import Model
-from romdam.pipelines.simulation import prepare, simulate_motions
+from romdam.pipelines.simulation import Model, prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of
-from romdam.pipelines.suites.kept import write_kept
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
@@ -128,5 +126,5 @@ def _row(
     case = Case(model.scene, motion, history, stress)
     stated["wall_seconds"] = time.perf_counter() - wall
     stated["cpu_seconds"] = time.process_time() - cpu
-    kept = write_kept(suite, run, case, estimate) if suite.keeps_results else None
+    kept = None if suite.write is None else suite.write(suite, run, case, estimate)
     return Row(run.key, "", row_values(case, stated), kept)

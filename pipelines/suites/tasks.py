@@ -7,6 +7,7 @@ design's.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,9 +17,12 @@ from romdam.config.sections.suite import SuiteConfig
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.error.statement import ErrorStatement
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.run import Model
-from romdam.results.suite.summary import Place as RunPlace
+from romdam.pipelines.simulation import Model
+from romdam.results.suite.rows import Kept
+from romdam.results.suite.rows import Place as RunPlace
+from romdam.results.variables import Case
 from romdam.scene.joints import with_properties
 
 
@@ -69,6 +73,7 @@ class Suite:
     samples : what they vary
     folder : where results that are kept whole are written
     files : what they share: attribute -> file name
+    write : writes the result of a run; None where no run is kept whole. Workers load what it needs with it
     """
 
     job: Job
@@ -76,6 +81,7 @@ class Suite:
     samples: Samples
     folder: Path
     files: dict[str, str]
+    write: Callable[[Suite, Run, Case, ErrorStatement | None], Kept] | None = None
 
     @property
     def config(self) -> SuiteConfig:

@@ -16,10 +16,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 import romdam
 from romdam.core.errors import ResultError
@@ -27,6 +26,9 @@ from romdam.core.files import check_file, replacing
 from romdam.core.fingerprint import fingerprint
 from romdam.core.sealed import changing, reading, text_of
 from romdam.error.metrics import FLOOR, RelativeError
+
+if TYPE_CHECKING:  # workers write no file
+    import xarray as xr
 
 log = logging.getLogger(__name__)
 

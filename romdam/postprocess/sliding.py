@@ -10,11 +10,14 @@ Monograph 19 (1977): the shear-friction factor of safety Q = (C A + N tan phi) /
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from romdam.core.arrays import Floats
+
+if TYPE_CHECKING:  # workers write no file
+    import xarray as xr
 
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
 _OPEN, _STICK, _SLIP = range(3)
@@ -85,7 +88,8 @@ def sliding(dataset: xr.Dataset) -> list[Sliding]:
 
 def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
     """Mean slip of block J over block I along every joint's mean plane since the start, (time, joint) [m]."""
-    slip = xr.zeros_like(dataset.sliding_safety_factor).rename("mean_slip")
+    factor = dataset.sliding_safety_factor
+    slip = factor.copy(data=np.zeros_like(factor.values)).rename("mean_slip")
     for name in dataset.joint.values:
         normal = _mean_normal(dataset.isel(gap=dataset.gap_joint.values == name))
         along = _along(dataset.joint_displacement.sel(joint=name).values, normal)

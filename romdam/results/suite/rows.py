@@ -18,6 +18,8 @@ from romdam.results.sliding import SLIDING_ROWS
 from romdam.results.stress.faces import headline_stress, of_faces
 from romdam.results.variables import VARIABLES
 
+Place = tuple[int, int, int]  # numbers of record, scale and sample
+
 OPEN, SLIP = 0, 2
 _HALF = 0.5  # of a joint's area
 DONE, FAILED = 0, 1

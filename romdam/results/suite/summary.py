@@ -30,10 +30,9 @@ from romdam.postprocess.responses import RUNS
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
-from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, attributes_of, dims_of
+from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Place, Row, attributes_of, dims_of
 from romdam.results.variables import COORDINATES
 
-Place = tuple[int, int, int]  # numbers of record, scale and sample
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
 _SINGLE = ("gap_peak_opening",)  # maps, in single precision
 _FOLDER, _BESIDE = "results_folder", "."  # attribute of the summary; a plain job's results lie beside it

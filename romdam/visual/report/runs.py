@@ -11,7 +11,7 @@ import xarray as xr
 from romdam.postprocess.extremes import worst_runs
 from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
-from romdam.results.suite.summary import Place
+from romdam.results.suite.rows import Place
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.parts import (
     Cell,

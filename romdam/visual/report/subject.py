@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.postprocess.responses import RUNS
-from romdam.results.suite.summary import Place
+from romdam.results.suite.rows import Place
 from romdam.visual.suite_plots import unit_text
 
 _NOT_RESPONSES = (
