@@ -1,5 +1,7 @@
 """Measures of stress against LAPACK and closed forms; the summary and the file against whole histories."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -118,6 +120,13 @@ def test_summary_is_that_of_the_whole_histories(monkeypatch):
     np.testing.assert_allclose(found.probes[:, 0], whole[:, 6])
     expected = duration_above(principal[..., 2], DCR_LEVELS[3] * 1.5, 0.5)
     np.testing.assert_allclose(found.duration[:, 3], expected)
+
+
+def test_durations_of_stress_that_exceeds_nothing_are_no_integers():
+    sites, history = sites_and_history()
+    found = summarise(replace(sites, strength=1e9), history, np.arange(40) * 0.5)
+    for seconds in (found.duration, found.duration_of_change):
+        assert seconds.dtype == np.float64 and not seconds.any()
 
 
 @pytest.fixture(scope="module")

@@ -197,7 +197,8 @@ def _durations(stress: Floats, levels: Floats, dt: float) -> Floats:
         exceeding = (ends > level).any(axis=0)
         nodes, ends = nodes[exceeding], ends[:, exceeding]
         seconds = _seconds_above(ends[0] - level, ends[1] - level, dt)
-        found.append(np.bincount(nodes, seconds, minlength=stress.shape[1]))
+        total = np.bincount(nodes, seconds, minlength=stress.shape[1])
+        found.append(total.astype(np.float64))  # NumPy counts nothing in integers
     return np.stack(found, axis=1)
 
 
