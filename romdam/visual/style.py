@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
 
 from romdam.core.arrays import Floats
 
@@ -33,6 +34,7 @@ STYLE: dict[Any, Any] = {
     "ytick.major.width": 0.7,
     "savefig.facecolor": "white",
 }
+_LABEL_INCHES = 0.46  # from a vertical axis to its name: ticks and "−1000"
 LINES = ("-", "--", ":")  # of what shares a colour
 _NEAR = 0.99  # cosine of the angle below which a direction has an axis' name
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -87,8 +89,18 @@ def finish(figure: Figure, axes: list[Axes], dataset: xr.Dataset, title: str) ->
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(float(dataset.time[0]), float(dataset.time[-1]))
     axes[0].set_title(f"{title}  ·  {dataset.attrs['record']}", loc="left")
-    figure.align_ylabels()
+    align_labels(axes)
     return figure
+
+
+def align_labels(axes: Iterable[Axes]) -> None:
+    """Put the names of vertical axes at one distance, where numbers of `scaled` values have room.
+
+    `Figure.align_ylabels` measures every panel's numbers for every panel's name: a third of drawing.
+    """
+    for ax in axes:
+        shift = ScaledTranslation(-_LABEL_INCHES, 0.0, ax.figure.dpi_scale_trans)
+        ax.yaxis.set_label_coords(0.0, 0.5, transform=ax.transAxes + shift)
 
 
 def directions(dataset: xr.Dataset) -> dict[str, Floats]:

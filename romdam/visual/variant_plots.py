@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from romdam.visual.style import COLOURS, GREY, STYLE, scaled
+from romdam.visual.style import COLOURS, GREY, STYLE, align_labels, scaled
 
 _MOST = 12  # rows of a figure
 _DASHES = ("-", "--", ":", "-.")
@@ -77,7 +77,7 @@ def _figure(comparison: xr.Dataset, values: xr.DataArray, dim: str, words: str) 
             ax.set_xlabel("time [s]")
         handles, labels = panels[0][0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)))
-        figure.align_ylabels()
+        align_labels(figure.axes)
     return figure
 
 
