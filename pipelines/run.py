@@ -27,7 +27,7 @@ from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.doubts import tell_doubts
-from romdam.pipelines.error.estimate import estimate_run, reduced_models
+from romdam.pipelines.error.estimate import reduced_models, with_estimates
 from romdam.pipelines.given import Read, job_and_motions, records_of, usable
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import Model, prepare, simulate_motion
@@ -327,7 +327,8 @@ def run_motion(
     with beside(estimating, model.mesh_unknowns) as estimated:
         with clock.stage("stress", "summing up the stress"):
             history, stress = stress_of(model.scene, model.stress, history)
-        estimate = estimated()
+        made, estimate = estimated()
+        history = replace(history, stats=made.stats)
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         case = Case(model.scene, motion, history, stress)
@@ -346,12 +347,12 @@ def run_motion(
 
 def _estimated(
     job: Job, model: Model, motion: GroundMotion, history: History, clock: Clock
-) -> ErrorStatement | None:
-    """The estimate of a run's error, None where the model has no finer one."""
+) -> tuple[History, ErrorStatement | None]:
+    """Estimate a run's error, see `with_estimates`; nothing is timed where none is made."""
     if model.finer is None:
-        return None
+        return history, None
     with replace(clock, show=silent).stage("estimate", "estimating the error"):
-        return estimate_run(job, model.finer, motion, history)
+        return with_estimates(job, model, motion, history)
 
 
 def draw(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:

@@ -1,21 +1,26 @@
-"""The estimate of the reduction error that every reduced run makes of itself: the order of the stages."""
+"""The estimates of its error that every reduced run makes of itself: the order of the stages."""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 from romdam.config.coupling import coupling
 from romdam.config.load import Job
+from romdam.core.errors import ConvergenceError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import cpu_time
-from romdam.error.estimate import FinerModel, estimate_error
+from romdam.error.estimate import FinerModel, estimate_error, estimate_time_error
 from romdam.error.statement import ErrorStatement
-from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
+from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
+from romdam.timestepping.prepared import Prepared
+
+log = logging.getLogger(__name__)
 
 
 def can_estimate(job: Job) -> bool:
@@ -54,3 +59,37 @@ def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: His
     ground = ground_at_steps(motion, settings.steps.base, duration, system)
     statement = estimate_error(finer, history, ground, settings)
     return replace(statement, details={"cpu_seconds": cpu_time() - start})
+
+
+def with_estimates(
+    job: Job, model: Model, motion: GroundMotion, history: History
+) -> tuple[History, ErrorStatement | None]:
+    """Estimate the error of a run's steps, which joins its stats, and of leaving out modes.
+
+    There is neither where the model has no finer one nor, with a warning, where one does not converge.
+    """
+    if model.finer is None:
+        return history, None
+    try:
+        statement = estimate_run(job, model.finer, motion, history)
+        if "estimated_time_error" not in history.stats:
+            of_steps = estimate_steps(job, model.prepared, motion, history)
+            history = replace(history, stats=history.stats | {"estimated_time_error": of_steps})
+    except ConvergenceError as error:
+        log.warning("%s: its error is not estimated: %s", motion.name, error)
+        return history, None
+    return history, statement
+
+
+def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: History) -> float:
+    """Estimate what the steps of a run have changed in its openings, relative, in L2.
+
+    Raises
+    ------
+    ConvergenceError
+        where a step does not converge.
+    """
+    half, settings = history.stats["finest_step"] / 2.0, settings_for(job, prepared, motion)
+    steps = prepared.integrator.steps(half, motion.dt, settings.steps.interval)
+    ground = ground_at_steps(motion, steps.base, job.config.transient.duration, prepared.system)
+    return estimate_time_error(prepared, history, ground, replace(settings, steps=steps))

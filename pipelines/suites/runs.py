@@ -21,7 +21,7 @@ from romdam.core.system import History, System, with_parameters
 from romdam.core.threads import one_thread
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.error.estimate import estimate_run
+from romdam.pipelines.error.estimate import with_estimates
 from romdam.pipelines.simulation import Model, prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
@@ -118,9 +118,9 @@ def _row(
 ) -> Row:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
-    (motion, history), stated, estimate = made, dict[str, float](), None
-    if model.finer is not None:
-        estimate = estimate_run(suite.job, model.finer, motion, history)
+    (motion, history), stated = made, dict[str, float]()
+    history, estimate = with_estimates(suite.job, model, motion, history)
+    if estimate is not None:
         stated["estimated_reduction_error"] = estimate.errors["opening"].l2
     history, stress = stress_of(model.scene, model.stress, history)
     case = Case(model.scene, motion, history, stress)

@@ -7,6 +7,8 @@ same places i (gaps, or components of displacement). Both measures are relative 
     peak        |max_ti |x| - max_ti |y|| / max_ti |y|
     peak of     |max_ti x - max_ti y| / max_ti y, of openings, since how far a joint opens is what is asked;
     openings    over max_ti |y| where no gap opens
+    bound of    max |x - y| / max_ti y, over the times and gaps at which x or y is within NEAR of the largest
+    the peak    opening: two peaks may agree by chance, or lie at other instants; this is never less
 
 Each is 0 where y is 0 throughout. A joint's error is measured on its own gaps alone and relative to its own
 history; but a joint that hardly moves, by less than FLOOR of all, is measured by FLOOR of all: in L2 by that
@@ -15,13 +17,14 @@ share of the root mean square over all joints' gaps, in its peak by that share o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from romdam.core.arrays import Floats
 
+NEAR = 0.2  # of the largest opening: what lies so near to it is looked at where a peak is bounded
 FLOOR = 0.01  # of what all joints do: a joint that does less is measured by that
 
 
@@ -57,13 +60,23 @@ def opening_peak(opening: Floats, better: Floats, least: float = 0.0) -> float:
     return _over(float(opening.max() - better.max()), max(_largest(better), least))
 
 
+def peak_bound(opening: Floats, better: Floats, least: float = 0.0) -> float:
+    """Bound of what the peak of openings (nt, ng) [m] is off, relative to `least` or more, see the module."""
+    largest = _largest(better)
+    near = np.maximum(opening, better) >= better.max() - NEAR * largest
+    return _over(float(np.abs(opening - better)[near].max()), max(largest, least))
+
+
 def largest_difference(values: Floats, better: Floats) -> float:
     """max |x - y| / max |y|, wherever each is found."""
     return _over(float(np.abs(values - better).max(initial=0.0)), float(np.abs(better).max(initial=0.0)))
 
 
 def opening_error(
-    opening: Floats, better: Floats, joints: Mapping[str, slice] | None = None
+    opening: Floats,
+    better: Floats,
+    joints: Mapping[str, slice] | None = None,
+    peak: Callable[[Floats, Floats, float], float] = opening_peak,
 ) -> RelativeError:
     """Compare openings.
 
@@ -71,13 +84,14 @@ def opening_error(
     ----------
     opening, better : (nt, ng) [m]
     joints : name -> slice of its gaps
+    peak : `opening_peak`, or `peak_bound`
     """
     mean = FLOOR * float(np.linalg.norm(better)) / np.sqrt(max(better.size, 1))
-    peak = FLOOR * _largest(better)
+    least = FLOOR * _largest(better)
 
     def of_gaps(own: slice) -> RelativeError:
         pair = opening[:, own], better[:, own]
-        return RelativeError(relative_l2(*pair, mean), opening_peak(*pair, peak))
+        return RelativeError(relative_l2(*pair, mean), peak(*pair, least))
 
     each = {name: of_gaps(own) for name, own in (joints or {}).items()}
     return replace(of_gaps(slice(None)), joints=each)
