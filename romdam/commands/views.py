@@ -27,7 +27,7 @@ def info(
     from romdam.terminal import open_terminal
     from romdam.terminal.documents import info_document, print_document
     from romdam.terminal.lines import info_lines
-    from romdam.terminal.tables import peaks_table, sliding_tables
+    from romdam.terminal.tables import error_tables, peaks_table, sliding_tables
 
     _, say = open_terminal(quiet, verbose, as_json)
     if result.suffix == ".h5":
@@ -43,7 +43,7 @@ def info(
             return
         say(*info_lines(opened.dataset))
         results = {str(opened.dataset.attrs["record"]): opened.dataset}
-        say(peaks_table(results), *sliding_tables(results))
+        say(peaks_table(results), *error_tables(results), *sliding_tables(results))
 
 
 def show(

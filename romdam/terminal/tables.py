@@ -34,6 +34,20 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     return table
 
 
+def error_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
+    """Estimated errors of the openings, a row for each record and joint; none where nothing is estimated."""
+    head = ("modes, L2 [%]", "modes, peak, at most [%]", "steps, all joints, L2 [%]")
+    table = _table("Estimated error of the openings", ("record", "joint"), head)
+    for record, dataset in results.items():
+        of_steps = dataset.attrs.get("solver_estimated_time_error")
+        steps = "-" if of_steps is None else f"{100 * float(of_steps):.2g}"
+        for joint in dataset.joint.values if "estimated_error_l2" in dataset else ():
+            row = dataset.sel(joint=joint)
+            errors = (row.estimated_error_l2, row.estimated_error_peak)
+            table.add_row(record, str(joint), *(f"{100 * float(value):.2g}" for value in errors), steps)
+    return [table] if table.row_count else []
+
+
 def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     """Sliding of every block on the one below it, a row for each record and joint; none without shear."""
     from romdam.postprocess.sliding import HEAD, sliding_rows
