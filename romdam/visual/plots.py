@@ -27,6 +27,7 @@ from romdam.visual.style import (
     STYLE,
     axis_name,
     finish,
+    fit_panels,
     legend_below,
     mark_peak,
     new_figure,
@@ -192,6 +193,7 @@ def opening_comparison(histories: dict[str, tuple[Array, Array]], title: str) ->
         axes[0].set_xlabel("time [s]")
         axes[0].set_title(title, loc="left")
         legend_below(figure, axes)
+        fit_panels(figure, axes)
     return figure
 
 

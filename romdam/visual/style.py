@@ -35,6 +35,10 @@ STYLE: dict[Any, Any] = {
     "savefig.facecolor": "white",
 }
 _LABEL_INCHES = 0.46  # from a vertical axis to its name: ticks and "−1000"
+_LEFT, _RIGHT = 0.84, 0.22  # inches beside panels: names of two lines; half a number
+_ABOVE, _BELOW, _BETWEEN = 0.32, 0.5, 0.14  # inches
+_LEGEND_ROW, _LEGEND_PAD = 0.19, 0.14  # inches of a legend
+_COLUMNS = 4  # of a legend at most
 LINES = ("-", "--", ":")  # of what shares a colour
 _NEAR = 0.99  # cosine of the angle below which a direction has an axis' name
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -43,8 +47,8 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, 
 def new_figure(
     rows: int, height: float, ratios: tuple[float, ...] | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """Panels under one another with a common time axis; `height` of each in inches."""
-    figure = Figure(figsize=(7.2, height * rows + 0.6), layout="constrained")
+    """Panels under one another with a common time axis, `height` of each in inches; see `fit_panels`."""
+    figure = Figure(figsize=(7.2, height * rows + 0.6))
     grid = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=ratios)
     return figure, list(grid[:, 0])
 
@@ -61,14 +65,14 @@ def scaled(values: xr.DataArray, unit: str) -> tuple[xr.DataArray, float, str]:
     return values / size, 1.0 / size, prefix + unit
 
 
-def legend_below(figure: Figure, axes: Iterable[Axes], columns: int = 4) -> None:
+def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
     """A legend under the panels, where it covers neither titles nor data; each label once."""
     found: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
     figure.legend(
-        found.values(), found.keys(), loc="outside lower center", ncols=min(columns, max(1, len(found)))
+        found.values(), found.keys(), loc="outside lower center", ncols=min(_COLUMNS, max(1, len(found)))
     )
 
 
@@ -89,7 +93,23 @@ def finish(figure: Figure, axes: list[Axes], dataset: xr.Dataset, title: str) ->
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(float(dataset.time[0]), float(dataset.time[-1]))
     axes[0].set_title(f"{title}  ·  {dataset.attrs['record']}", loc="left")
+    return fit_panels(figure, axes)
+
+
+def fit_panels(figure: Figure, axes: list[Axes]) -> Figure:
+    """Give the panels of `new_figure` what titles, names, numbers and legends leave.
+
+    All of them have one size, so nothing is measured: a constrained layout takes two fifths of the drawing.
+    """
     align_labels(axes)
+    legends = [-(-len(one.get_texts()) // _COLUMNS) for one in figure.legends]
+    bottom = _BELOW + sum(_LEGEND_PAD + _LEGEND_ROW * rows for rows in legends)
+    wide, high = figure.get_size_inches()
+    each = (high - _ABOVE - bottom - (len(axes) - 1) * _BETWEEN) / len(axes)
+    figure.subplots_adjust(
+        left=_LEFT / wide, right=1.0 - _RIGHT / wide, top=1.0 - _ABOVE / high, bottom=bottom / high,
+        hspace=_BETWEEN / each,
+    )  # fmt: skip
     return figure
 
 

@@ -3,6 +3,7 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -64,12 +65,42 @@ def test_figure_is_drawn_once_and_is_that_of_savefig(case, job, timing, tmp_path
     dataset, drawn, draw = build_dataset(case, job, timing, None), [], Figure.draw
     monkeypatch.setattr(Figure, "draw", lambda *given: (drawn.append(given[0]), draw(*given)))
     with mpl.rc_context(STYLE):
-        save_figure(FIGURES["energy"](dataset), tmp_path / "once.png")
+        save_figure(FIGURES["opening_envelope"](dataset), tmp_path / "once.png")
         assert len(drawn) == 1
-        FIGURES["energy"](dataset).savefig(tmp_path / "twice.png", dpi=160)
+        FIGURES["opening_envelope"](dataset).savefig(tmp_path / "twice.png", dpi=160)
         assert len(drawn) == 3
     once, twice = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("once", "twice"))
     np.testing.assert_array_equal(once, twice)
+
+
+def numbers_in_view(axis, k):
+    low, high = sorted(axis.get_view_interval())
+    return [one for one in axis.get_ticklabels() if low <= one.get_position()[k] <= high]
+
+
+def test_panels_leave_room_for_names_numbers_titles_and_legends(case, job, timing):
+    """Nothing that stands around the panels overlaps anything else, or is cut."""
+    dataset, seen = build_dataset(case, job, timing, None), 0
+    dataset["energy_residual"] = -1.7e4 * dataset.energy_residual / abs(dataset.energy_residual).max()
+    for draw in FIGURES.values():
+        with mpl.rc_context(STYLE):
+            figure = draw(dataset)
+            if figure is None or figure.get_layout_engine() is not None:
+                continue
+            seen, canvas = seen + 1, FigureCanvasAgg(figure)
+            canvas.draw()
+            last = figure.axes[-1]
+            texts = [one for ax in figure.axes for one in (ax.yaxis.label, *numbers_in_view(ax.yaxis, 1))]
+            texts += [last.xaxis.label, *numbers_in_view(last.xaxis, 0), *figure.legends]
+            texts += [one for ax in figure.axes for one in (ax.title, ax._left_title)]
+            boxes = [
+                one.get_window_extent() for one in texts if not hasattr(one, "get_text") or one.get_text()
+            ]
+            whole = figure.bbox
+        for k, box in enumerate(boxes):
+            assert whole.x0 <= box.x0 and whole.y0 <= box.y0 and box.x1 <= whole.x1 and box.y1 <= whole.y1
+            assert not any(box.overlaps(other) for other in boxes[:k])
+    assert seen >= 4
 
 
 def labelled(ax):
