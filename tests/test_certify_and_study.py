@@ -10,6 +10,7 @@ import yaml
 from cf_files import flaws
 from test_cli import SMALL, call
 
+import romdam
 from romdam.config import load_config
 from romdam.core.errors import ConvergenceError
 from romdam.error.metrics import relative_l2
@@ -48,6 +49,22 @@ def test_every_run_states_an_estimate(folder):
         assert 0.0 < dataset.attrs["error_estimate_opening_l2"] < 0.5
         assert dataset.estimated_error_l2.values == [dataset.attrs["error_estimate_opening_l2"]]  # one joint
         assert dataset.estimated_error_peak.dims == ("joint",)
+
+
+def test_a_run_states_what_its_steps_are_worth(folder, tmp_path):
+    """Within a factor of two of what a sixteenth of the step changes; by `accuracy` where that is given."""
+    raw, opening, stated = yaml.safe_load(SMALL), [], []
+    raw["records"][0]["file"] = str(folder / "pulse.txt")
+    raw["outputs"] = raw.get("outputs", {}) | {"plots": False, "output_interval": 0.01}
+    for transient in ({"finest_step": 2e-3}, {"finest_step": 1.25e-4}, {"accuracy": 0.01}):
+        raw["transient"] = transient
+        lone = romdam.run(raw, tmp_path / "out").results[0].dataset
+        opening.append(lone.opening.values)
+        stated.append(lone.attrs["solver_estimated_time_error"])
+        assert ("solver_accuracy" in lone.attrs) == ("accuracy" in transient)
+    true = np.linalg.norm(opening[0] - opening[1]) / np.linalg.norm(opening[1])
+    assert 0.5 * true < stated[0] < 2.0 * true and true > 1e-4
+    assert stated[1] < 0.3 * stated[0]
 
 
 def test_estimate_can_be_left_out_and_is_absent_where_it_means_nothing(folder, tmp_path):

@@ -13,6 +13,8 @@ from romdam.error.metrics import (
     largest_difference,
     magnitude_error,
     opening_error,
+    opening_peak,
+    peak_bound,
     relative_l2,
 )
 from romdam.error.statement import ErrorStatement, sentences
@@ -49,6 +51,26 @@ def test_sign_counts_in_openings_and_not_in_displacements():
     assert magnitude_error(values, better).peak == pytest.approx(0.5)
     assert magnitude_error(values, better).l2 == pytest.approx(1.0 / np.sqrt(5.0))
     assert largest_difference(values, better) == pytest.approx(0.5)
+
+
+def test_peaks_that_agree_by_chance_are_bounded_by_what_differs_near_them():
+    """Two histories with one peak, at other times and gaps: 10 and 9 stand against 8.5 and 10."""
+    better = np.array([[0.0, 1.0], [10.0, 8.5], [3.0, 7.9]])
+    values = np.array([[0.0, 4.0], [9.0, 10.0], [3.0, 2.0]])
+    assert opening_peak(values, better) == 0.0
+    assert peak_bound(values, better) == pytest.approx(0.15), "7.9 is farther than a fifth from the peak"
+    assert peak_bound(better, values) == pytest.approx(0.15)
+    assert opening_error(values, better, peak=peak_bound).peak == pytest.approx(0.15)
+    assert opening_error(values, better).peak == 0.0
+    assert peak_bound(values, better, 20.0) == pytest.approx(1.5 / 20.0)
+
+
+def test_bound_of_a_peak_is_never_less_than_what_it_is_off():
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        better = rng.normal(size=(30, 4)) - rng.uniform(-1.0, 5.0)
+        values = better + rng.uniform(0.0, 0.5) * rng.normal(size=(30, 4))
+        assert peak_bound(values, better) >= opening_peak(values, better)
 
 
 def test_energy_is_compared_in_its_norm():
