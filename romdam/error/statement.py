@@ -89,7 +89,7 @@ class ErrorStatement:
         joints = self.errors["opening"].joints
         if self.kind != "estimate" or not joints:
             return
-        for measure, what in (("l2", "of the openings in L2"), ("peak", "of the largest opening")):
+        for measure, what in (("l2", "of the openings in L2"), ("peak", "of the largest opening, at most")):
             values = np.array([getattr(joints[str(name)], measure) for name in dataset.joint.values])
             name = f"estimated relative error {what}, from leaving out modes"
             about = {"long_name": name, "units": "1", "comment": _RELATIVE}

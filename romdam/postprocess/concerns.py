@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+_ROUGH = 0.05  # time-stepping error of a step that was given, from which on it is worth a word
 LEDGER_LIMIT = 1e-3  # of the largest energy exchanged; round-off is below 1e-9
 
 
@@ -26,5 +27,11 @@ def concerns(stats: Mapping[str, float]) -> list[str]:
             f"the time-stepping error is about {100 * stats['estimated_time_error']:.2g} %, wanted was "
             f"{100 * stats['accuracy']:g} %: not reached at the finest step allowed, "
             f"{stats['finest_step']:.3g} s; state the error, or give transient.finest_step a finer step"
+        )
+    if "accuracy" not in stats and not stats.get("estimated_time_error", 0.0) <= _ROUGH:
+        found.append(
+            f"the steps change the openings by about {100 * stats['estimated_time_error']:.2g} % in L2, as "
+            f"half of them shows: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
+            "transient.accuracy; where that changes nothing, histories hang on anything, and peaks count"
         )
     return found

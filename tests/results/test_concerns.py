@@ -32,6 +32,14 @@ def test_a_missed_accuracy_is_said(error):
     assert "time-stepping error" in text and "wanted was 1 %" in text
 
 
+@pytest.mark.parametrize("error", [0.051, math.nan])
+def test_rough_steps_that_were_given_are_said(error):
+    given = {"estimated_time_error": error, "finest_step": 2.5e-3}
+    (text,) = concerns(given)
+    assert "half of them shows" in text and "than 0.0025 s" in text
+    assert concerns(given | {"estimated_time_error": 0.049}) == []
+
+
 def test_both_are_counted_in_a_suite():
     errors = (("record", "scale", "sample"), [[[0.008, 0.02]], [[0.011, 0.009]]])
     ledger = (("record", "scale", "sample"), [[[1e-12, 3e-3]], [[np.nan, 1e-12]]])
