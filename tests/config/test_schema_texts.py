@@ -99,6 +99,20 @@ def bounds(metadata: list[Any]) -> list[tuple[str, float]]:
     ]
 
 
+FRAGMENT = re.compile(
+    r"(Of|By|From|Without|Across|Along|Up|Through|Below|Beside|Between|To|On|At|That|So|The same"
+    r"|What|Where|Whether|How)\b"
+)
+
+
+def test_a_key_is_told_by_itself_with_a_noun_first():
+    """Editors and the reference show a key's text without its neighbours: "Of the samples." tells nothing."""
+    fragments = [
+        f"{key}: {node['description']}" for key, node, _ in keys() if FRAGMENT.match(node["description"])
+    ]
+    assert not fragments, fragments
+
+
 def test_the_schema_beside_the_examples_is_that_of_the_code():
     assert json.loads(SCHEMA.read_text()) == schema(), "romdam schema --out configs/romdam.schema.json"
 

@@ -21,7 +21,7 @@ class ComparisonConfig(Model):
     reference: str | None = None
     """The variant that all are measured against, the first if not given."""
     component: Axis = "y"
-    """Of the displacements that are compared and drawn."""
+    """Component of the displacements that are compared and drawn."""
     relative: dict[Name, tuple[str, str]] = Field(default_factory=dict)
     """Name -> two of `outputs.nodes`; the second's displacement relative to the first is compared."""
 

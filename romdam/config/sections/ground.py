@@ -24,11 +24,12 @@ class ViscousConfig(Model):
     faces: Annotated[tuple[FaceRef, ...], Field(min_length=1)]
     """Names of faces of the block, or planes."""
     distance: Annotated[Length, Field(gt=0.0)] | None = None
-    """Of the faces from the dam; if not given, from the middle of the foot of what stands on the rock."""
+    """Distance of the faces from the dam; if not given, from the middle of the foot of what stands on the
+    rock."""
 
 
 class GroundConfig(Model):
-    """What rock with viscous faces is shaken by.
+    """Motion that rock with viscous faces is shaken by.
 
     `uniform`: the record is the motion all along the contact, and acts on the dam's mass alone. `free_field`:
     the record is that of the rock's level surface far from the dam, and comes up through the rock as vertical
@@ -36,7 +37,8 @@ class GroundConfig(Model):
     """
 
     input: Literal["uniform", "free_field"] = "uniform"
-    """How the record reaches the dam."""
+    """Way in which the record reaches the dam: as the motion all along the contact, or as waves through the
+    rock."""
     viscous: tuple[ViscousConfig, ...] = ()
     """Faces that waves leave through, and a free field comes through."""
     rock: tuple[str, ...] = ()

@@ -73,7 +73,7 @@ class BoxConfig(Model):
         Annotated[Length, Positive, Tag("number")] | Annotated[Edges, Tag("list")],
         by_shape("one edge length, or three such as [2.5 m, 2.5 m, 5 m]"),
     ]
-    """Of all edges, or of those along x, y and z; it divides the box."""
+    """Size of the elements, one for all edges or those along x, y and z; it divides the box."""
     element: ElementName = "hex8"
     """Shape and order of the elements."""
 
@@ -89,9 +89,9 @@ class BlockConfig(Model):
     material: str
     """A name of `materials`."""
     mass: bool = True
-    """Whether it has mass; without, it is stiff only."""
+    """Mass of the block counts; without it the block is stiff only."""
     weight: bool = True
-    """Whether gravity acts on it."""
+    """Gravity acts on the block."""
     box: BoxConfig | None = None
     mesh: MeshFileConfig | None = None
     matrices: MatricesConfig | None = None
@@ -116,9 +116,9 @@ class RayleighConfig(Model):
     """C = alpha M + beta K of the solids, from two frequencies and one ratio, or the coefficients."""
 
     frequencies: tuple[Annotated[Frequency, Positive], Annotated[Frequency, Positive]] | None = None
-    """Where the ratio is met."""
+    """Two frequencies at which damping has this ratio."""
     ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
-    """Of critical damping."""
+    """Damping ratio, of critical damping, at the two frequencies."""
     alpha: Annotated[AngularFrequency, NonNegative] | None = None
     """Coefficient of the mass matrix."""
     beta: Annotated[Time, NonNegative] | None = None
@@ -149,7 +149,7 @@ class DampingConfig(Model):
 
     rayleigh: RayleighConfig | None = None
     modal: ModalRatios | None = None
-    """One ratio for all modes, or one each."""
+    """Damping ratio of all open-joint modes, or a list of one for each."""
 
     @model_validator(mode="after")
     def _at_most_one(self) -> Self:
@@ -183,17 +183,19 @@ class ModelConfig(Model):
     """
 
     order: Literal["reduced", "full"] = "reduced"
-    """Whether blocks are reduced; `full` keeps the unreduced mesh."""
+    """Order of the model: blocks are reduced, or `full` keeps the unreduced mesh."""
     modes: ModeCount | None = None
     """Fixed-interface modes of each block."""
     cutoff: Annotated[Frequency, Positive] | None = None
     """Frequency up to which fixed-interface modes are kept, in place of `modes`."""
     residual_vectors: ResidualVectors = 0
-    """So many lowest open-joint modes of a block each add what they leave unbalanced to its basis."""
+    """Number of lowest open-joint modes of which each adds what it leaves unbalanced in a block to the
+    block's basis."""
     solver: Literal["auto", "superlu", "multifrontal", "pardiso", "pardiso_single", "multigrid"] = "auto"
-    """What large blocks are reduced with; auto: the quickest that is installed and fits in the memory."""
+    """Solver that large blocks are reduced with; auto: the quickest that is installed and fits in the
+    memory."""
     memory: Annotated[Memory, Positive] | None = None
-    """Most that a reduction may take; four fifths of the machine's if not given."""
+    """Memory that a reduction may take; four fifths of the machine's if not given."""
 
     @model_validator(mode="after")
     def _basis(self) -> Self:
@@ -211,20 +213,20 @@ class OutputsConfig(Model):
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     stress: StressConfig | None = None
     output_interval: Annotated[Time, Positive] | None = None
-    """Between two rows of the histories; the record's own step if not given."""
+    """Interval between two rows of the histories; the record's own step if not given."""
     plots: bool = True
-    """Whether figures are drawn beside each result, and the page of several runs."""
+    """Figures are drawn beside each result, and the page of several runs."""
     xlsx: bool = False
-    """Whether the summary of several runs is written as a spreadsheet too (needs the extra `xlsx`)."""
+    """Summary of several runs as a spreadsheet too (needs the extra `xlsx`)."""
     error_estimate: bool = True
-    """Whether every result says how far the modes left out have moved it."""
+    """Estimate in every result of how far the modes left out have moved it."""
 
 
 class Config(Model):
     """One job: scene, records, model, time integration and outputs."""
 
     title: str = ""
-    """Of figures and reports."""
+    """Title of figures and reports."""
     blocks: dict[Name, BlockConfig] = Field(default_factory=dict)
     arch_dam: ArchDamConfig | None = None
     gravity_dam: GravityDamConfig | None = None

@@ -100,7 +100,7 @@ class UserLaw(Model):
     sha256: str
     """SHA-256 of the file."""
     file: str = Field(exclude=True)
-    """Where it is read."""
+    """File that the law is read from."""
     values: dict[str, Any]
     """Values of the law's own keys."""
 

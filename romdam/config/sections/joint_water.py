@@ -29,9 +29,9 @@ class DrainsConfig(Model):
     at: Annotated[Length, Positive]
     """Distance downstream of the heel."""
     rule: Literal["usace", "usbr"]
-    """Formula of the head there."""
+    """Formula of the head at the drains."""
     effectiveness: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] | None = None
-    """E; `usbr` has 2/3 if not given."""
+    """Effectiveness E of the drains; `usbr` has 2/3 if not given."""
     gallery: Length | None = None
     """Elevation of the gallery's floor, to which the drains rise: below it they lower no head."""
 
@@ -61,14 +61,14 @@ class JointWaterConfig(Model):
     level: Length
     """Elevation of the reservoir."""
     downstream: Direction | None = None
-    """From heel to toe."""
+    """Direction from heel to toe."""
     tailwater: Length | None = None
     """Elevation of the water at the toe."""
     drains: DrainsConfig | None = None
     waterstop: Annotated[Length, Positive] | None = None
     """Distance downstream of the upstream edge."""
     crack: Literal["unchanged", "full"] = "unchanged"
-    """What an open gap has: the diagram's pressure too (USACE, FERC), or at once that of `level` (ICOLD)."""
+    """Pressure in an open gap: the diagram's too (USACE, FERC), or at once that of `level` (ICOLD)."""
     density: Annotated[Density, Positive] = 1000.0
     """Density of the water."""
 

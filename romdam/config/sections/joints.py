@@ -49,12 +49,12 @@ class JointProperties(JointLaws):
     gap: InitialGap = 0.0
     """Initial opening: a length, or a table of lengths."""
     gaps: Literal["nodes", "corners"] = "nodes"
-    """Where gaps stand: at every node of the faces, or at corners of quadratic facets only."""
+    """Places of the gaps: every node of the faces, or corners of quadratic facets only."""
     normal: NormalRule = "face"
     """Direction in which gaps open: the face's, the line between two nodes, or a vector from the first
     block to the second."""
     tolerance: Tolerance = 1e-3
-    """How far apart two nodes may be that coincide, beside the initial gap."""
+    """Distance up to which two nodes coincide, beside the initial gap."""
     discretization: Discretization = "auto"
     """Gaps between coinciding nodes, or at corners of faces coupled by mortar, which need not match; auto:
     node to node where nodes of linear faces coincide or `gaps: corners` asks for it, else mortar."""
@@ -136,7 +136,7 @@ class TieConfig(Model):
     between: tuple[str, str]
     """Names of the two blocks."""
     tolerance: Tolerance = 1e-3
-    """How far apart two nodes may be that coincide."""
+    """Distance up to which two nodes coincide."""
     discretization: Discretization = "auto"
     """Coinciding nodes are one, or by mortar those of one face follow the other, whose mesh need not match;
     auto: mortar where nodes do not coincide."""

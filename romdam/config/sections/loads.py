@@ -23,7 +23,7 @@ class PressureConfig(Model):
     face: FaceRef
     """Name of a face of the block, or a plane."""
     value: Pressure
-    """Positive into the block."""
+    """Pressure, positive into the block."""
 
 
 class ForceConfig(Model):
@@ -34,9 +34,9 @@ class ForceConfig(Model):
     at: Vector
     """Position of the node."""
     force: tuple[Force, Force, Force]
-    """Along x, y and z."""
+    """Force along x, y and z."""
     tolerance: Tolerance = 1e-3
-    """How far the nearest node may be."""
+    """Distance up to which the nearest node counts."""
 
 
 class HydrostaticConfig(Model):
@@ -53,7 +53,7 @@ class TemperatureConfig(Model):
     """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
 
     change: TemperatureChange
-    """From the temperature without stress; negative cools."""
+    """Change from the temperature without stress; negative cools."""
     blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Names of `blocks`."""
 
@@ -67,15 +67,15 @@ class LoadsConfig(Model):
     gravity: tuple[Acceleration, Acceleration, Acceleration] | None = None
     """Acceleration that makes weight, for example [0, 0, -9.81]."""
     weight: Literal["monolithic", "staged"] = "monolithic"
-    """Whether it acts on the finished dam, or before the joints are grouted (staged: they carry none of
-    it)."""
+    """Structure that weight acts on: the finished dam, or the blocks before the joints are grouted (staged:
+    joints carry none of it)."""
     hydrostatic: tuple[HydrostaticConfig, ...] = ()
     temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
     joint_water: tuple[JointWaterConfig, ...] = ()
     initial_state: Literal["static", "undeformed"] = "static"
-    """What a run starts from: equilibrium of the static loads, or no displacement at all."""
+    """State that a run starts from: equilibrium of the static loads, or no displacement at all."""
 
     @model_validator(mode="after")
     def _wet_once(self) -> Self:

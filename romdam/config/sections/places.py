@@ -31,9 +31,9 @@ class PlaneRef(Model):
     """All boundary facets of a block in the plane `axis` = `at`."""
 
     axis: Axis
-    """That the plane is normal to."""
+    """Axis that the plane is normal to."""
     at: Length
-    """Coordinate of the plane along it."""
+    """Coordinate of the plane along that axis."""
     tolerance: Tolerance = 1e-6
     """Distance from the plane that counts as on it."""
 
@@ -61,4 +61,4 @@ class NodeConfig(Model):
     at: Vector
     """Position of the node."""
     tolerance: Tolerance = 1e-3
-    """How far the nearest node may be."""
+    """Distance up to which the nearest node counts."""

@@ -18,7 +18,7 @@ BlockNames = Annotated[
 
 
 class RingConfig(Model):
-    """What headlines of stress leave out, because there it is that of the mesh."""
+    """Regions that headlines of stress leave out, because stress there is that of the mesh."""
 
     edges: Annotated[Length, Field(ge=0.0)] | None = None
     """Distance from re-entrant edges, and from where supports or other materials meet a free face; one

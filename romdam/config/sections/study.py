@@ -32,10 +32,10 @@ class StudyConfig(Model):
     finest_steps: Annotated[tuple[Annotated[Time, Positive], ...], Field(min_length=1)] | None = None
     """Steps that are tried; 1/4 to 1/32 of the record's if not given."""
     reference: Literal["auto", "all_modes", "full"] = "auto"
-    """What is compared with: all modes of the mesh, or the full order."""
+    """Model that is compared with: all modes of the mesh, or the full order."""
     reference_step: Annotated[Time, Positive] | None = None
     """Step of the reference; 1/16 of the finest step if not given."""
     duration: Annotated[Time, Positive] = 10.0
-    """Of the record from its start, over which is compared."""
+    """Time from the record's start over which is compared."""
     repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
     """Runs of each setting, whose median CPU time is told."""

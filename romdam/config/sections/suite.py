@@ -24,11 +24,11 @@ class IntensityConfig(Model):
     measure: Literal["pga", "sa"]
     """Peak ground acceleration or pseudo-spectral acceleration."""
     of: Of = "largest"
-    """What of the components has it."""
+    """Combination of the components that the measure is taken of."""
     period: Annotated[Time, Positive] | None = None
-    """Of the spectral acceleration."""
+    """Period of the spectral acceleration."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
-    """Of the spectral acceleration."""
+    """Damping ratio of the spectral acceleration."""
     values: Annotated[tuple[Annotated[Acceleration, Positive], ...], Field(min_length=1)]
     """Targets, one scale each."""
 
@@ -47,8 +47,7 @@ class ParameterConfig(Model):
     """
 
     path: Annotated[str, Field(min_length=1)]
-    """Where the number stands in this file, such as joints.J3.friction, or joints.*.friction for all
-    joints."""
+    """Path of the number in this file, such as joints.J3.friction, or joints.*.friction for all joints."""
     values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
     """All values, for the grid."""
     low: NumberOrText | None = None
@@ -56,9 +55,9 @@ class ParameterConfig(Model):
     high: NumberOrText | None = None
     """Largest value of a range."""
     count: Annotated[Whole, Field(ge=2, le=MOST_RUNS)] | None = None
-    """Makes the range a row of so many values, for the full grid."""
+    """Number of values from `low` to `high` in the full grid, at equal distances or ratios."""
     distribution: Literal["uniform", "loguniform"] = "uniform"
-    """Of a Latin hypercube, within the range."""
+    """Distribution of a Latin hypercube within the range."""
 
     @model_validator(mode="after")
     def _values_or_range(self) -> Self:
@@ -77,7 +76,7 @@ class LatinHypercubeConfig(Model):
     latin_hypercube: Annotated[Whole, Field(ge=1, le=MOST_RUNS)]
     """Number of samples."""
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
-    """Of the random numbers."""
+    """Seed of the random numbers."""
 
 
 class DesignTableConfig(Model):
@@ -91,9 +90,9 @@ class KeepConfig(Model):
     """Histories at an interval, in single precision unless asked otherwise."""
 
     output_interval: Annotated[Time, Positive]
-    """Between two rows of the histories."""
+    """Interval between two rows of the histories."""
     precision: Literal["single", "double"] = "single"
-    """Of the histories."""
+    """Precision of the numbers of the histories."""
 
 
 class SuiteConfig(Model):
@@ -118,16 +117,16 @@ class SuiteConfig(Model):
         | Annotated[LatinHypercubeConfig | DesignTableConfig, Tag("mapping")],
         by_shape('"grid", {latin_hypercube: 100, seed: 1}, or {table: samples.csv}', "grid"),
     ] = "grid"
-    """How samples are made of the parameters: the full grid of values, a Latin hypercube, or a table."""
+    """Design of the samples of the parameters: the full grid of values, a Latin hypercube, or a table."""
     keep: Annotated[
         Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
         by_shape('"peaks", "full", or {output_interval: 0.05 s}', "peaks", "full"),
     ] = "peaks"
-    """What lands beside the summary: nothing, whole results, or histories at an interval."""
+    """Files written beside the summary: none, whole results, or histories at an interval."""
     period: Annotated[Time, Positive] = 0.3
-    """Of the spectral acceleration among the records' measures."""
+    """Period of the spectral acceleration among the records' measures."""
     of: Of = "largest"
-    """What of the components the records' measures are of."""
+    """Combination of the components that the records' measures are of."""
     batch: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
     """Runs that are integrated together; as the memory allows if not given."""
     cache: Path | None = None

@@ -18,12 +18,12 @@ from romdam.config.sections.water import WaterConfig
 
 
 class SupportMotionConfig(Model):
-    """How a support moves where it does not move as the base does: `delay` and `factor`, or a `record`."""
+    """Motion of a support that does not move as the base does: `delay` and `factor`, or a `record`."""
 
     delay: Annotated[Time, Field(ge=0.0, le=100.0)] = 0.0
-    """By which the support moves later than each record says, which is the motion that arrives first."""
+    """Delay of the support's motion behind the record, which is the motion that arrives first."""
     factor: Annotated[Dimensionless, Field(gt=0.0, le=100.0)] = 1.0
-    """Of each record's motion, all components."""
+    """Factor on each record's motion, all components."""
     record: RecordConfig | None = None
     """The support's own motion, as an entry of `records`; it begins with the job's one record."""
 
@@ -48,7 +48,8 @@ class SupportConfig(Model):
     fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")
     """Components that do not move against the base."""
     motion: SupportMotionConfig | None = None
-    """Of these components, where it is not the base's; displacement is the records' integrated twice."""
+    """Motion of these components, where it is not the base's; displacement is the records' integrated
+    twice."""
 
 
 def refuse_wrong_motions(

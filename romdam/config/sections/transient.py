@@ -52,9 +52,9 @@ class TransientConfig(Model):
     finest_step: Annotated[Time, Positive] | None = None
     """The smallest step that the time stepping may take."""
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
-    """Wanted of the time stepping: the step is refined until its estimated error is below."""
+    """Accuracy of the time stepping: the step is refined until its estimated error is below."""
     duration: Annotated[Time, Positive] | None = None
-    """Ends a run before its record does."""
+    """Time at which a run ends, before its record does."""
     integrator: IntegratorName | None = None
     """Name of the time stepping; if not given adaptive with damping, conserving without any, and
     generalized_alpha at full order. modal has a fixed step."""

@@ -49,7 +49,7 @@ class WaterConfig(Model):
     """Elevation of the surface, along z."""
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
     model: Literal["westergaard", "incompressible", "compressible"]
-    """How the water answers."""
+    """Model of the water."""
     density: Annotated[Density, Positive] = 1000.0
     """Density of the water."""
     bottom: Length | None = None
@@ -57,9 +57,9 @@ class WaterConfig(Model):
     upstream: Direction | None = None
     """Horizontal direction in which the reservoir reaches; the mean normal of the wet faces if not given."""
     length: Annotated[Length, Positive] | None = None
-    """How far the reservoir reaches upstream; three depths if not given."""
+    """Length of the reservoir upstream; three depths if not given."""
     sound_speed: Annotated[Velocity, Positive] = 1440.0
-    """Of compressible water."""
+    """Speed of sound in compressible water."""
     bottom_reflection: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 1.0
     """Share of a pressure wave that the floor sends back (compressible): 1 rigid, 0 takes all up."""
     cutoff: Annotated[Frequency, Positive] = 50.0

@@ -54,11 +54,11 @@ class ArcsConfig(Model):
     """
 
     shape: Literal["circular", "parabolic"] = "circular"
-    """Of a horizontal section."""
+    """Shape of a horizontal section."""
     upstream_radius: Profile
     """Radius of the upstream face at the crown, over the elevation."""
     downstream_radius: Profile | None = None
-    """The same of the downstream face; concentric if not given."""
+    """Radius of the downstream face at the crown, over the elevation; concentric if not given."""
     thickening: Annotated[Dimensionless, Field(ge=0.0, le=5.0)] = 0.0
     """Part of the thickness that is added at the abutment, growing with the square of the angle from the
     crown."""
@@ -70,7 +70,7 @@ class PerimeterConfig(Model):
     material: str
     """A name of `materials`."""
     thickness: Size
-    """Across the contact."""
+    """Thickness of the layer, normal to the contact."""
 
 
 class ZoneConfig(Model):
@@ -88,9 +88,9 @@ class ZoneConfig(Model):
     z: Range | None = None
     """Range of the zone along z; everything if not given."""
     mass: bool = True
-    """Without it the rock is stiff only."""
+    """Mass of the rock counts; without it the rock is stiff only."""
     weight: bool = False
-    """Whether gravity acts on it; that of rock has acted before the dam is built."""
+    """Gravity acts on the rock; if not, its weight has acted before the dam is built."""
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:
@@ -111,16 +111,16 @@ class RockConfig(Model):
     """
 
     half_width: Size
-    """From the middle to the banks' ends."""
+    """Distance from the middle of the valley to the banks' ends."""
     upstream: Size
-    """How far the rock reaches upstream of y = 0."""
+    """Length of the rock upstream of y = 0."""
     downstream: Size
-    """How far the rock reaches downstream of y = 0."""
+    """Length of the rock downstream of y = 0."""
     depth: Size
-    """How far the rock reaches below z = 0."""
+    """Depth of the rock below z = 0."""
     zones: Annotated[dict[Name, ZoneConfig], Field(min_length=1, max_length=9)]
     boundary: Literal["fixed", "viscous"] = "fixed"
-    """What the base and the sides do."""
+    """Condition at the base and the sides: fixed, or dashpots and springs that take waves up."""
 
     @model_validator(mode="after")
     def _waves(self) -> Self:
@@ -142,11 +142,11 @@ class DivisionsConfig(Model):
     """
 
     along: Count = 2
-    """Along a cantilever's arc."""
+    """Number of elements along a cantilever's arc."""
     through: Count = 2
-    """Through the thickness."""
+    """Number of elements through the thickness."""
     up: Count = 6
-    """Up a cantilever."""
+    """Number of elements up a cantilever."""
     perimeter: Count = 1
     """Layers of the perimeter."""
     rock: Count = 4
@@ -184,7 +184,7 @@ class ArchDamConfig(Model):
     cantilevers: Annotated[Whole, Field(ge=1, le=99)] = 8
     """Number of cantilevers, a joint between each two."""
     material: str
-    """Of the cantilevers, a name of `materials`."""
+    """Material of the cantilevers, a name of `materials`."""
     element: GridElement = "tet10"
     """Shape and order of the elements."""
     divisions: DivisionsConfig = DivisionsConfig()
@@ -194,7 +194,7 @@ class ArchDamConfig(Model):
         Annotated[JointProperties, Tag("mapping")] | Annotated[Literal["tied"], Tag("word")],
         by_shape("what the joints do, such as {normal_stiffness: 20 GPa/m}, or tied", "tied"),
     ]
-    """What the joints between the cantilevers do; `tied`: there are none."""
+    """Properties of the joints between the cantilevers; `tied`: there are none."""
 
     @model_validator(mode="after")
     def _heights(self) -> Self:

@@ -29,7 +29,7 @@ class PlaneConfig(Model):
     point: Vector
     """Any point of it."""
     normal: Direction
-    """Of any length."""
+    """Normal vector of the plane, of any length."""
 
     _direction = field_validator("normal")(_some_direction)
 
@@ -58,7 +58,7 @@ class SurfaceFileConfig(Model):
     group: str | Whole | None = None
     """Physical group (or its number) of the facets; all of them if not given."""
     unit: LengthUnit = "m"
-    """Of the coordinates."""
+    """Unit of the coordinates."""
 
 
 class CutSurfaceConfig(Model):
@@ -88,7 +88,7 @@ class CutConfig(Model):
     into: tuple[Name, ...]
     """Names of the blocks, one more than surfaces."""
     through: Literal["faces", "elements"] = "faces"
-    """Follow faces of elements that are there, or cut elements in two."""
+    """Way of the cut: along faces of elements that are there, or through elements, which are cut in two."""
     teeth: Annotated[Dimensionless, Field(gt=0.0, le=0.5)] = 0.05
     """Largest distance of a joint's faces from the surface, as a share of their edges; nearer nodes are moved
     onto it."""

@@ -35,11 +35,11 @@ class MonolithJointsConfig(Model):
     """Joints by kind; `tied` makes the faces one."""
 
     base: Kind
-    """On the rock, below monoliths and beside steps; tied without rock."""
+    """Joints on the rock, below monoliths and beside steps; tied without rock."""
     contraction: Kind | None = None
-    """Between neighbours; required where there are several monoliths."""
+    """Joints between neighbouring monoliths; required where there are several."""
     lift: Kind | None = None
-    """At the elevations of `lifts`; required with them."""
+    """Joints at the elevations of `lifts`; required with them."""
 
 
 class GalleryConfig(Model):
@@ -48,11 +48,11 @@ class GalleryConfig(Model):
     floor: Length
     """Elevation of the floor."""
     height: Size
-    """From its floor to its roof."""
+    """Height from its floor to its roof."""
     upstream: Length
     """Coordinate y of its upstream wall."""
     width: Size
-    """From there downstream."""
+    """Width, from its upstream wall downstream."""
 
 
 class FoundationConfig(Model):
@@ -65,19 +65,19 @@ class FoundationConfig(Model):
     material: str
     """A name of `materials`."""
     mass: bool = True
-    """Without it the rock is stiff only."""
+    """Mass of the rock counts; without it the rock is stiff only."""
     weight: bool = False
-    """Whether gravity acts on it; it has settled before the dam is built."""
+    """Gravity acts on the rock; if not, it has settled before the dam is built."""
     depth: Size
-    """Below the lowest base."""
+    """Depth of the rock below the lowest base."""
     upstream: Size
-    """From the heel of the lowest base."""
+    """Length of the rock upstream of the heel of the lowest base."""
     downstream: Size
-    """From the toe of the lowest base."""
+    """Length of the rock downstream of the toe of the lowest base."""
     left: Extent = 0.0
-    """Beside the first monolith; makes block rock_left."""
+    """Width of the rock beside the first monolith; makes block rock_left."""
     right: Extent = 0.0
-    """Beside the last one; makes block rock_right."""
+    """Width of the rock beside the last monolith; makes block rock_right."""
     banks: tuple[Length, Length] | None = None
     """Elevations of the ground to the left and to the right; those of the next bases if not given."""
 
@@ -98,11 +98,12 @@ class GravityDivisionsConfig(Model):
     """
 
     along: Count = 2
-    """Along a monolith's width."""
+    """Number of elements along a monolith's width."""
     through: Count = 6
-    """From face to face."""
+    """Number of elements from face to face."""
     up: Count = 12
-    """Shared out between the elevations where something changes, at least one each."""
+    """Number of elements up the dam, shared out between the elevations where something changes, at least
+    one each."""
     depth: Count = 4
     """Layers of rock below."""
     upstream: Count = 3
@@ -137,7 +138,7 @@ class GravityDamConfig(Model):
     """Elevations of lift joints, which cut every monolith that reaches below them."""
     gallery: GalleryConfig | None = None
     material: str
-    """Of the monoliths."""
+    """Material of the monoliths, a name of `materials`."""
     element: GridElement = "hex8"
     """Shape and order of the elements."""
     divisions: GravityDivisionsConfig = GravityDivisionsConfig()

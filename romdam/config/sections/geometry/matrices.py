@@ -41,9 +41,9 @@ class MatricesConfig(Model):
     force: Path | None = None
     """Static force on every unknown, besides the loads of this file."""
     units: UnitSystem = "m-kg-s"
-    """Of all these files: mm-t-s has N and MPa, mm-kg-ms kN and GPa, mm-kg-s mN and kPa."""
+    """Units of all these files: mm-t-s has N and MPa, mm-kg-ms kN and GPa, mm-kg-s mN and kPa."""
     total_mass: Annotated[Mass, Field(gt=0.0)] | None = None
-    """What the block should have, in every direction; checked within a tenth."""
+    """Mass that the block should have, in every direction; checked within a tenth."""
     tolerance: Tolerance = 1e-3
     """Distance of a node of these files from that of the mesh which is the same."""
 

@@ -18,4 +18,4 @@ class MeshFileConfig(Model):
     group: str | Whole | None = None
     """Group, set or component (or a number) of the cells; all of them where it is left out."""
     unit: LengthUnit = "m"
-    """Of the coordinates."""
+    """Unit of the coordinates."""

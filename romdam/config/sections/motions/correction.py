@@ -26,9 +26,9 @@ class DetrendStep(Model):
 
     step: Literal["detrend"] = "detrend"
     order: Annotated[Whole, Field(ge=0, le=10)] = 1
-    """Of the polynomial."""
+    """Order of the polynomial."""
     of: Literal["acceleration", "velocity"] = "acceleration"
-    """What it is fitted to."""
+    """Quantity that the polynomial is fitted to."""
 
 
 class TaperStep(Model):
@@ -36,11 +36,11 @@ class TaperStep(Model):
 
     step: Literal["taper"] = "taper"
     fraction: Annotated[Dimensionless, Field(gt=0.0, le=0.5)] | None = None
-    """Of the record, on each side."""
+    """Fraction of the record that is tapered, on each side."""
     length: Annotated[Time, Positive] | None = None
-    """The same as a time."""
+    """Length that is tapered on each side, in place of `fraction`."""
     side: Literal["both", "start", "end"] = "both"
-    """Where it tapers."""
+    """Sides of the record that are tapered."""
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:
@@ -59,7 +59,7 @@ class CornersStep(Model):
 
     step: Literal["corners"] = "corners"
     method: Literal["given", "ridder", "snr"] = "given"
-    """How they are found."""
+    """Method by which the corners are found."""
     highpass: Annotated[Frequency, Positive] | None = None
     """Corner of the high-pass."""
     lowpass: Annotated[Frequency, Positive] | None = None
@@ -102,9 +102,9 @@ class PadStep(Model):
 
     step: Literal["pad"] = "pad"
     order: Order = 5
-    """Of the filter that follows."""
+    """Order of the filter that follows."""
     length: Annotated[Time, Positive] | None = None
-    """Of the zeros on each side; 1.5 order / corner seconds if not given."""
+    """Length of the zeros on each side; 1.5 order / corner seconds if not given."""
 
 
 class ButterworthStep(Model):
@@ -112,9 +112,10 @@ class ButterworthStep(Model):
 
     step: Literal["butterworth"] = "butterworth"
     order: Order = 5
-    """Of the filter."""
+    """Order of the filter."""
     causal: bool = False
-    """Once forwards; else forwards and backwards, without a shift of phase."""
+    """Direction of the filter: true runs it once forwards; false forwards and backwards, without a shift of
+    phase."""
     highpass: Annotated[Frequency, Positive] | None = None
     """Corner of the high-pass."""
     lowpass: Annotated[Frequency, Positive] | None = None
@@ -132,7 +133,7 @@ class DisplacementBaselineStep(Model):
 
     step: Literal["displacement_baseline"] = "displacement_baseline"
     order: Annotated[Whole, Field(ge=2, le=10)] = 6
-    """Of the polynomial."""
+    """Order of the polynomial."""
 
 
 class VelocityBaselineStep(Model):
@@ -143,7 +144,6 @@ class VelocityBaselineStep(Model):
 
     step: Literal["velocity_baseline"] = "velocity_baseline"
     knots: tuple[Annotated[Time, Positive], ...] = ()
-    """Times at which the velocity bends."""
     """Times at which the velocity bends."""
 
 

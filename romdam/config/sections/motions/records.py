@@ -65,11 +65,11 @@ class ComponentConfig(Model):
     """
 
     channel: Whole | str | None = None
-    """Column, code or the word each."""
+    """Column (from 1) or code of the channel, or the word each: one motion of every channel."""
     file: Path | None = None
-    """Of this channel, if not the entry's."""
+    """File of this channel, if not the entry's."""
     reverse: bool = False
-    """Whether its sign turns."""
+    """Sign of the samples is turned."""
 
     short_form: ClassVar[dict[str, object] | None] = {"type": ["integer", "string"]}
 
@@ -86,31 +86,31 @@ class ScaleConfig(Model):
     """
 
     factor: Annotated[Dimensionless, Field(gt=0.0)] | None = None
-    """Of the samples."""
+    """Factor on the samples of all components."""
     x: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
-    """Of this component alone."""
+    """Factor on the x component alone, applied first."""
     y: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
-    """Of this component alone."""
+    """Factor on the y component alone, applied first."""
     z: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
-    """Of this component alone."""
+    """Factor on the z component alone, applied first."""
     pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
-    """Wanted peak ground acceleration."""
+    """Peak ground acceleration to scale to."""
     sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
-    """Wanted spectral acceleration."""
+    """Spectral acceleration at `period` to scale to."""
     period: Annotated[Time, Field(gt=0.0)] | None = None
     """Period of the wanted spectral acceleration."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
     """Damping of the wanted spectral acceleration."""
     of: Of = "largest"
-    """What of the components reaches `pga` or `sa`."""
+    """Combination of the components that reaches `pga` or `sa`."""
     to: Literal["target"] | None = None
-    """By least squares of the logarithm to the entry's `target`."""
+    """Aim of one factor, by least squares of the logarithm: the entry's `target`."""
     factors: (
         tuple[Annotated[Dimensionless, Field(gt=0.0)], Annotated[Dimensionless, Field(gt=0.0)]] | None
     ) = None
     """Least and largest factor to the target; a record that needs another is refused, or not selected."""
     mean_at_least: Annotated[Dimensionless, Field(gt=0.0, le=2.0)] | None = None
-    """Of the target, below which the mean of the entry's records falls at no period of its range."""
+    """Share of the target that the mean of the entry's records reaches at every period of its range."""
 
     short_form: ClassVar[dict[str, object] | None] = {"type": ["number", "string"]}
 
@@ -171,9 +171,9 @@ class RecordConfig(Model):
     suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
     """A set of FEMA P-695, from the extra `suites`."""
     name: Annotated[str, Field(pattern=r"^[\w.+-]+$"), OfFile] | None = None
-    """Of the result; the file's if not given."""
+    """Name of the result; the file's if not given."""
     unit: str | None = None
-    """Of the values, such as g or cm/s2, where the file does not say it."""
+    """Unit of the values, such as g or cm/s2, where the file does not say it."""
     dt: Annotated[Time, Field(gt=0.0, ge=SHORTEST_DT, le=LONGEST_DT)] | None = None
     """Interval of the samples, where the file does not say it."""
     time_column: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
@@ -185,19 +185,19 @@ class RecordConfig(Model):
     """Azimuth of the model's x, from north to east; channels are rotated there by the azimuths in their
     files."""
     group: Literal["file", "station"] = "file"
-    """Whether each file is a record, or the files of one station and event are."""
+    """Files that make one record: each file alone, or those of one station and event."""
     gaps: Literal["error", "zero", "linear"] = "error"
-    """What missing samples are: refused, zeros, or lines between their neighbours."""
+    """Treatment of missing samples: refused, zeros, or lines between their neighbours."""
     align: Literal["error", "overlap"] = "overlap"
-    """Channels that do not start and end together: refused, or cut to what they share."""
+    """Treatment of channels that do not start and end together: refused, or cut to what they share."""
     correction: Correction = ()
     """A chain by its name, or steps that are applied in order; none if not given."""
     resampling: Literal["linear", "fourier"] = "linear"
-    """How samples between the record's own are made."""
+    """Interpolation between the record's own samples."""
     scale: ScaleConfig | None = None
     target: TargetConfig | None = None
     select: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
-    """So many of the entry's records are taken, those nearest to its `target`."""
+    """Number of the entry's records that are taken, those nearest to its `target`."""
     match: MatchConfig | None = None
     keep: dict[str, RangeConfig] = Field(default_factory=dict)
 

@@ -48,17 +48,17 @@ class Eurocode8Spectrum(Model):
     ag: Annotated[Acceleration, Positive]
     """Design ground acceleration on ground A, times the factor of importance."""
     type: Literal[1, 2] | None = None
-    """Of the spectrum."""
+    """Type of the spectrum."""
     ground: Literal["A", "B", "C", "D", "E"] | None = None
     """Type of ground."""
     S: Annotated[Dimensionless, Positive] | None = None
     """Soil factor."""
     TB: Annotated[Time, Positive] | None = None
-    """Where the plateau begins."""
+    """Period at which the plateau begins."""
     TC: Annotated[Time, Positive] | None = None
-    """Where the plateau ends."""
+    """Period at which the plateau ends."""
     TD: Annotated[Time, Positive] | None = None
-    """Where constant displacement begins."""
+    """Period at which constant displacement begins."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -88,7 +88,7 @@ class SpectrumConfig(Model):
     table: Path | None = None
     """CSV file: period in s, spectral acceleration in `unit`; a line at period 0 is passed over."""
     unit: str | None = None
-    """Of the table's spectral acceleration."""
+    """Unit of the table's spectral acceleration."""
     asce7: Asce7Spectrum | None = None
     """Two-period design spectrum of ASCE 7."""
     eurocode8: Eurocode8Spectrum | None = None
@@ -107,16 +107,16 @@ class SpectrumConfig(Model):
 
 
 class TargetConfig(Model):
-    """What `scale: target`, `match` and `select` aim at over a range of periods."""
+    """Spectrum that `scale: target`, `match` and `select` aim at over a range of periods."""
 
     spectrum: SpectrumConfig
-    """Wanted pseudo-acceleration."""
+    """Spectrum of pseudo-acceleration that is aimed at."""
     periods: tuple[Annotated[Time, Positive], Annotated[Time, Positive]]
-    """First and last period that count."""
+    """First and last period of the range that counts."""
     of: Of
-    """What of the components is held against it."""
+    """Combination of the components that is held against the target."""
     damping: Ratio = 0.05
-    """Of the spectrum."""
+    """Damping ratio of the spectrum."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
