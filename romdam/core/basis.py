@@ -42,10 +42,10 @@ class BlockBasis:
 
     Attributes
     ----------
-    vectors : (3 n, m) open-joint modes, M-orthonormal, zero at supports [1/sqrt(kg)]
+    vectors : (3 n, m) open-joint modes, of a modal mass of 1 kg, zero at supports
     columns : the block's slice of q
     omega2 : (m,) ascending [1/s2]
-    participation : (m, 3) vectors^T M r for unit translations r along x, y, z [sqrt(kg)]
+    participation : (m, 3) vectors^T M r for unit translations r along x, y, z [kg]
     report : numbers on the reduction, plain JSON values
     """
 

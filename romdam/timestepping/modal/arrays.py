@@ -27,7 +27,7 @@ class ModalModel(NamedTuple):
 
     Attributes
     ----------
-    static : (m,) static force [N/sqrt(kg)]
+    static : (m,) static force on the modes [N]
     load : (components, m) inertia force per unit ground acceleration, negative sign included
     tiles : (nt, 5) row start and end, column start and end of each non-zero block of G, offset of its values
     values : G's blocks, row-major, one after another
