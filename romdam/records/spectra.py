@@ -55,11 +55,6 @@ class Spectra:
         """(k, nd, np) pseudo-acceleration omega^2 sd [m/s2]."""
         return (2.0 * np.pi / self.periods) ** 2 * self.sd
 
-    @property
-    def psv(self) -> Array:
-        """(k, nd, np) pseudo-velocity omega sd [m/s]."""
-        return 2.0 * np.pi / self.periods * self.sd
-
 
 def response_spectra(
     acc: Array, dt: float, periods: Array, dampings: Array | tuple[float, ...] = (0.05,)

@@ -18,7 +18,7 @@ from romdam.linalg.solvers import Solving, make_solver
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
-from romdam.scene.meshes.files import mesh_file_block
+from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.quality import refuse_bad_cells
 from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import merged_parts
@@ -105,7 +105,8 @@ def test_a_loose_node_of_a_mesh_file_is_named_and_left_out(tmp_path, caplog):
     points = np.vstack([[5.0, 6.0, 7.5], block.points])
     meshio.write(tmp_path / "b.vtu", meshio.Mesh(points, [("tetra10", block.cells + 1)]))
     with caplog.at_level(logging.WARNING):
-        read = mesh_file_block("b", MeshFileConfig(file="b.vtu"), CONCRETE, tmp_path, "job: blocks.b.mesh")
+        config = MeshFileConfig(file="b.vtu")
+        read = MeshFiles(tmp_path).block("b", config, CONCRETE, "job: blocks.b.mesh")
     assert len(read.points) == len(block.points)
     assert "node 0 (at (5, 6, 7.5) in the file's unit) belongs to no element" in caplog.text
 

@@ -19,7 +19,7 @@ from romdam.scene.matrices.checks import check_matrices
 from romdam.scene.matrices.data import DIRECTIONS, Unknowns
 from romdam.scene.matrices.files import FileMatrices, read_matrices
 from romdam.scene.matrices.hdf5 import write_matrix, write_unknowns
-from romdam.scene.meshes.files import MeshFiles, mesh_file_block
+from romdam.scene.meshes.files import MeshFiles
 
 DATA = Path(__file__).parent / "data" / "calculix"
 PLACE = "job.yaml: blocks.right.matrices"
@@ -32,7 +32,7 @@ OF_CALCULIX = {
 def block():
     from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 
-    return mesh_file_block("right", MeshFileConfig(file="right.inp"), CONCRETE, DATA, "m")
+    return MeshFiles(DATA).block("right", MeshFileConfig(file="right.inp"), CONCRETE, "m")
 
 
 def read(folder, **keys):

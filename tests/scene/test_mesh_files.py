@@ -12,7 +12,7 @@ from romdam.core.errors import ConfigError, MeshError
 from romdam.fem.assembly import assemble
 from romdam.scene.elements import ELEMENTS, SOLIDS, facet_element
 from romdam.scene.facets import facet_areas, facet_normals
-from romdam.scene.meshes.files import mesh_file_block, read_mesh_file
+from romdam.scene.meshes.files import MeshFiles, read_mesh_file
 from romdam.scene.meshes.kinds import MIXED, facets_by_kind, kinds_of
 
 DATA = Path(__file__).parent / "data"
@@ -21,9 +21,8 @@ VOLUMES = {"lower": 3.0, "upper": 5.0}
 
 
 def read(file, folder=DATA, group=None, unit="m"):
-    return mesh_file_block(
-        "b", MeshFileConfig(file=file, group=group, unit=unit), CONCRETE, Path(folder), PLACE
-    )
+    config = MeshFileConfig(file=file, group=group, unit=unit)
+    return MeshFiles(Path(folder)).block("b", config, CONCRETE, PLACE)
 
 
 def error_of(file, folder, **keys):

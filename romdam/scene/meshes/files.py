@@ -47,7 +47,12 @@ FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
 
 
 class MeshFiles:
-    """The mesh files of a scene: each is read once, and what of it no block has used is said in the end."""
+    """The mesh files of a scene: each is read once, and what of it no block has used is said in the end.
+
+    Parameters
+    ----------
+    folder : that relative paths start at
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -55,7 +60,21 @@ class MeshFiles:
         self._used: dict[Path, list[Bools]] = {}
 
     def block(self, name: str, config: MeshFileConfig, material: Material, place: str) -> Block:
-        """Make a block of one group of a file, see `mesh_file_block`."""
+        """Make a block of the cells of one group of a file, in metres; nodes of other groups are left out.
+
+        Groups of facets (gmsh physical surfaces, Nastran shells by property, Abaqus shell element sets,
+        VTU cell values) become faces where they lie on the block's boundary; so do Abaqus node sets, as
+        the facets whose corners all belong to the set.
+
+        Parameters
+        ----------
+        place : file and key, for messages
+
+        Raises
+        ------
+        MeshError
+            for a file that cannot be read, a missing group, unsupported, inverted or overlapping elements.
+        """
         path = self.folder / config.file
         scale = to_si(f"1 {config.unit}", "m")
         if path not in self._read:
@@ -98,26 +117,6 @@ class MeshFiles:
                     source, path, sum(left.values()), total,
                     ", ".join(f"{n} {kind}" for kind, n in left.items()), ", ".join(groups) or "none",
                 )  # fmt: skip
-
-
-def mesh_file_block(name: str, config: MeshFileConfig, material: Material, folder: Path, place: str) -> Block:
-    """Read the cells of one group of a mesh file, in metres; nodes of other groups are left out.
-
-    Groups of facets (gmsh physical surfaces, Nastran shells by property, Abaqus shell element sets,
-    VTU cell values) become faces where they lie on the block's boundary; so do Abaqus node sets, as
-    the facets whose corners all belong to the set.
-
-    Parameters
-    ----------
-    folder : where a relative path starts
-    place : file and key, for messages
-
-    Raises
-    ------
-    MeshError
-        for a file that cannot be read, a missing group, unsupported, inverted or overlapping elements.
-    """
-    return MeshFiles(folder).block(name, config, material, place)
 
 
 def read_mesh_file(path: Path, place: str) -> MeshFile:
