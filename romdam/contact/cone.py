@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from romdam.core.jit import njit
-
-OPEN, STICK, SLIP = 0, 1, 2
+from romdam.core.system import SLIP as SLIP  # `error.estimate` has them from here
+from romdam.core.system import STICK as STICK
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
-from romdam.contact.cone import OPEN, SLIP, STICK, project_shear, slides
+from romdam.contact.cone import project_shear, slides
 from romdam.contact.problem import GapMemory, GapProblem, Laws
 from romdam.contact.softening import begin_step, bond_forces, commit_laws, release, set_limits
 from romdam.contact.solvers.gauss_seidel import solve_frictional
@@ -18,6 +18,7 @@ from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import PLACE, Floats
 from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit
+from romdam.core.system import OPEN, SLIP, STICK
 
 
 @njit(**VIEWS)

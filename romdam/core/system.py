@@ -15,6 +15,10 @@ from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.motion import SupportMotion
 
+OPEN, STICK, SLIP = 0, 1, 2  # `History.state`
+STATES = {"open": OPEN, "stick": STICK, "slip": SLIP}
+ENERGY_TERMS = ("input", "kinetic", "strain", "joint_stored", "damping", "friction", "contact", "residual")
+
 
 @dataclass(frozen=True)
 class LawSource:
@@ -311,11 +315,11 @@ class History:
     traction : (nt, ng, d) joint force on side J, compression positive, shear along j and k [N]
     mean_traction : (nt, ng, d) its mean, with that of `water`, over the interval that ends at each time;
         zero at the first [N]
-    state : (nt, ng) 0 open, 1 stick, 2 slip (a frictionless closed gap is 1)
+    state : (nt, ng) OPEN, STICK or SLIP (a frictionless closed gap is STICK)
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
     coordinates : of a reduced system; None at full order
     supports : (nt, m) displacement of supports of their own motion, see `PseudoStatic`; empty without any [m]
-    energy : name -> (nt,) [J], see `romdam.timestepping.energy.TERMS`
+    energy : name -> (nt,) [J], see `romdam.timestepping.energy`; `ENERGY_TERMS` in any case
     peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks`; of
         jumps that differ from those that joint forces see, of written rows and what these reach between them
     stats : counts and CPU seconds of the run

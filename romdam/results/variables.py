@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from romdam.core.system import STATES
 from romdam.results.case import Array, Attributes, Case, Variable
 from romdam.results.sliding import SLIDING_VARIABLES
 from romdam.results.stress.variables import STRESS_COORDINATES, STRESS_VARIABLES
@@ -89,8 +90,8 @@ def _energy(term: str, long_name: str) -> Variable:
 
 
 _FLAGS: Attributes = {
-    "flag_values": np.array([0, 1, 2], dtype=np.int8),
-    "flag_meanings": "open stick slip",
+    "flag_values": np.array(list(STATES.values()), dtype=np.int8),
+    "flag_meanings": " ".join(STATES),
 }
 
 COORDINATES: dict[str, Variable] = {

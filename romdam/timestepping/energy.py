@@ -18,18 +18,6 @@ import numpy as np
 from romdam.core.arrays import Floats, Record, record_type
 
 ENERGIES = record_type(input=float, damping=float, joint_work=float, friction=float, stored=float)
-TERMS = (
-    "input",
-    "kinetic",
-    "strain",
-    "joint_stored",
-    "damping",
-    "friction",
-    "contact",
-    "residual",
-)
-
-
 _EXCHANGED = ("input", "kinetic", "strain", "joint_stored")
 _AT_REST = 1e-9  # of the energy that rests in the scene: an exchange below it is round-off
 
@@ -47,7 +35,7 @@ def ledger(
 
     Returns
     -------
-    dict of (nt,) arrays with the keys of `TERMS`, and "numerical" where it is given
+    dict of (nt,) arrays with the keys of `romdam.core.system.ENERGY_TERMS`, and "numerical" where it is given
     """
     work_in, damping, joint_work, friction, stored = (works[name] for name in ENERGIES.names or ())
     contact = -joint_work - (stored - stored[0]) - friction

@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from romdam.core.system import SLIP
 from romdam.postprocess.sliding import mean_slip
 from romdam.visual.style import (
     COLOURS,
@@ -22,7 +23,6 @@ from romdam.visual.style import (
 
 _SHOWN = (0.8, 20.0)  # factors of safety
 _MOVES = 0.02  # of the largest component, below which one is not drawn
-_SLIP = 2  # in `joint_state`
 
 
 def component_panels(
@@ -59,7 +59,7 @@ def joint_slip(dataset: xr.Dataset) -> Figure | None:
     """Slip of the gap that slips most against time, and its range, one panel for each joint that slides."""
     if "slip" not in dataset:
         return None
-    slid, joints = (dataset.joint_state == _SLIP).any("time").values, dataset.gap_joint.values
+    slid, joints = (dataset.joint_state == SLIP).any("time").values, dataset.gap_joint.values
     names = [name for name in dataset.joint.values if slid[joints == name].any()]
     if not names:
         return None

@@ -24,7 +24,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from romdam.contact.cone import OPEN, SLIP, STICK, project_shear, slides
+from romdam.contact.cone import project_shear, slides
+from romdam.core.system import OPEN, SLIP, STICK
 
 Pair = tuple[float, float]
 

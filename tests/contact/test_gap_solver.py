@@ -10,14 +10,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from point_law import LAWS, Past
 
-from romdam.contact.cone import OPEN, SLIP, STICK, project_shear
+from romdam.contact.cone import project_shear
 from romdam.contact.problem import gap_memory, gap_problem
 from romdam.contact.solvers import continuation
 from romdam.contact.solvers import gauss_seidel as frictional
 from romdam.contact.solvers.single_contact import solve_gap
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.errors import ConfigError
-from romdam.core.system import GapLaw
+from romdam.core.system import OPEN, SLIP, STICK, GapLaw
 
 _SEED, _GAPS = st.integers(0, 2**31), st.integers(1, 60)
 # of the case's flexibility 1e-9 m/N: a thousandth to ten times its inverse, and rigid

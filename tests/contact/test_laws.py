@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from point_law import LAWS, Gap, Past
 
-from romdam.contact.cone import OPEN, SLIP, STICK, project_shear
+from romdam.contact.cone import project_shear
+from romdam.core.system import OPEN, SLIP, STICK
 
 
 def coulomb(jump, anchor, stiffness, mu):

@@ -21,12 +21,11 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import Coordinates, History
+from romdam.core.system import ENERGY_TERMS, Coordinates, History
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
 from romdam.results.dataset import Timing
 from romdam.results.variables import Case
-from romdam.timestepping.energy import TERMS
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 CUBE = np.array(
@@ -73,7 +72,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         "slip": slip.max(axis=0),
     }
     motion = rng.normal(size=(3, STEPS, 6))
-    energy = {term: rng.uniform(size=STEPS) for term in (*TERMS, "numerical")}
+    energy = {term: rng.uniform(size=STEPS) for term in (*ENERGY_TERMS, "numerical")}
     q, v = (rng.normal(size=(STEPS, 7)) for _ in range(2))
     stats = {"steps": 40.0, "loop_cpu_seconds": 0.1, "finest_step": 0.0025}
     state = rng.integers(0, 3, size=(STEPS, gaps)).astype(np.uint8)

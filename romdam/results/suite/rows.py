@@ -9,7 +9,7 @@ import numpy as np
 
 import romdam
 from romdam.core.arrays import Floats
-from romdam.core.system import History
+from romdam.core.system import ENERGY_TERMS, OPEN, SLIP, History
 from romdam.postprocess.sliding import REST
 from romdam.postprocess.stress.faces import HEADLINE
 from romdam.postprocess.stress.summary import MEASURES as STRESS
@@ -20,7 +20,6 @@ from romdam.results.variables import VARIABLES
 
 Place = tuple[int, int, int]  # numbers of record, scale and sample
 
-OPEN, SLIP = 0, 2
 _HALF = 0.5  # of a joint's area
 DONE, FAILED = 0, 1
 SOURCE = f"romdam {romdam.__version__}"
@@ -129,7 +128,6 @@ def _stat(name: str, units: str, long_name: str) -> Variable:
 _JOINT = ("joint",)
 _WITH_JOINTS, _WITH_SHEAR = VARIABLES["opening"].when, VARIABLES["slip"].when
 _PEAKS = ("peak_opening", "peak_slip", "peak_compression", "peak_compressive_stress", "gap_peak_opening")
-_ENERGIES = ("input", "kinetic", "strain", "joint_stored", "damping", "friction", "contact", "residual")
 # in the order of the summary; what a result holds too is the same variable
 ROWS: dict[str, Variable] = {
     **{name: VARIABLES[name] for name in _PEAKS},
@@ -189,7 +187,7 @@ ROWS: dict[str, Variable] = {
         headline_stress,
         of_faces,
     ),
-    **{f"energy_{term}": _at_the_end(f"energy_{term}") for term in _ENERGIES},
+    **{f"energy_{term}": _at_the_end(f"energy_{term}") for term in ENERGY_TERMS},
     "ledger_imbalance": _stat(
         "ledger_imbalance", "1", "largest imbalance of the energy ledger over the largest energy exchanged"
     ),
