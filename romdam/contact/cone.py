@@ -8,6 +8,8 @@ from romdam.core.jit import njit
 from romdam.core.system import SLIP as SLIP  # `error.estimate` has them from here
 from romdam.core.system import STICK as STICK
 
+_ON_LIMIT = 1e-9  # of a limit: a shear that is nearer to it slides
+
 
 @njit(cache=True)
 def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tuple[float, float, bool]:
@@ -30,7 +32,7 @@ def project_shear(t_j: float, t_k: float, limit_j: float, limit_k: float) -> tup
 @njit(cache=True)
 def slides(limit_j: float, limit_k: float, t_j: float, t_k: float) -> bool:
     """Tell whether a shear is on its limit (to round-off), never without one."""
-    near_j, near_k = (1.0 - 1e-9) * limit_j, (1.0 - 1e-9) * limit_k
+    near_j, near_k = (1.0 - _ON_LIMIT) * limit_j, (1.0 - _ON_LIMIT) * limit_k
     if limit_j == limit_k:
         return near_j > 0.0 and t_j**2 + t_k**2 >= near_j**2
     return (near_j > 0.0 and abs(t_j) >= near_j) or (near_k > 0.0 and abs(t_k) >= near_k)

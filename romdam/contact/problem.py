@@ -51,6 +51,8 @@ from romdam.core.system import GapLaw, LawRows
 _HALF_WAY = (
     70.0  # z_0: from 40 on the openings no longer gain; from 150 on the forces of stiff gaps alternate
 )
+_LEAST_UNILATERAL = 1e-12  # of K_n: what of it is unilateral where tension stiffness takes all of it
+_INVERTED = 1e-9  # of the unit matrix, what Z W may be off it
 
 
 class Laws(NamedTuple):
@@ -180,7 +182,7 @@ def gap_problem(
     (dt, most_ratio), K_n, K_nz, n = step, law.K_n, law.K_nz, len(law)
     d = max(1, len(H) // max(n, 1))
     _check_tension(K_n, K_nz, law.mu)
-    unilateral = np.maximum(K_n - K_nz, 1e-12 * np.where(np.isinf(K_n), 1.0, K_n))
+    unilateral = np.maximum(K_n - K_nz, _LEAST_UNILATERAL * np.where(np.isinf(K_n), 1.0, K_n))
     with np.errstate(invalid="ignore"):
         whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
     laws = _laws(law, unilateral, dt) if law.has_memory else None
@@ -309,7 +311,7 @@ def _dual(W: Floats) -> Floats:
         Z = np.linalg.inv(W)
     except np.linalg.LinAlgError:
         return nothing
-    good = np.abs(Z @ W - np.eye(len(W))).max() < 1e-9
+    good = np.abs(Z @ W - np.eye(len(W))).max() < _INVERTED
     return np.ascontiguousarray(0.5 * (Z + Z.T)) if good else nothing
 
 

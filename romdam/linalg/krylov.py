@@ -31,6 +31,7 @@ Apply = Callable[[Floats], Floats]
 RESIDUAL = 1e-7  # of a mode found: |D M x - mu x| relative to mu, in the norm of M
 _NEAR = 1e-2  # the same of the modes next to them
 _BESIDE = 2  # so many of those
+_BELOW = 1e-6  # relative, by which the omega^2 of a mode that was missed lies below the highest
 _GROWTH = 1.125  # of the space between two looks at its content
 _NONE = (
     1e-12  # length of a new direction, relative to T's largest diagonal entry, below which it is round-off
@@ -103,7 +104,7 @@ def krylov_modes(
         highest = limit if wanted.count is None else float(ritz.mu[count - 1])
         more = max(count, int((ritz.mu >= highest / beyond**2).sum()))
         X, mu = ritz.first(more), ritz.mu[:more]
-        lowest = limit if wanted.count is None else highest * (1.0 + 1e-6)
+        lowest = limit if wanted.count is None else highest * (1.0 + _BELOW)
         if not _missed(own, on_moving, X[:, :count], lowest):
             return (count, more), partial(_columns, lifted, (own @ X) / mu)
         width *= 2

@@ -32,6 +32,9 @@ _FIRST = 16  # modes looked for at first below a frequency
 _GUARDS = 8  # beside them; they join when fewer than half are left
 _MOST = 200  # iterations; 15 to 40 are usual
 _DEPENDENT = 1e-12
+_LEAST = 1e-6  # of the largest omega^2: residuals of slower modes are relative to that
+_NEAR = 1e-2  # residual of the modes next to those below a limit
+_BELOW = 1e-6  # relative, by which a mode that was missed lies below the highest
 _WIDTH = 16  # columns of a product at a time
 _ROWS = 65_536
 
@@ -105,7 +108,7 @@ def missed(
     spare = pencil.K.shape[0] - X.shape[1]
     if spare <= 0 or not len(omega2):
         return None
-    limit = wanted.limit if wanted.count is None else float(omega2[-1]) * (1.0 - 1e-6)
+    limit = wanted.limit if wanted.count is None else float(omega2[-1]) * (1.0 - _BELOW)
     low, Y = _ritz(pencil, _beside(pencil.M, X, random.standard_normal((len(X), min(_GUARDS, spare)))))
     P = np.zeros((len(X), 0))
     for _ in range(pencil.probe):
@@ -126,7 +129,7 @@ def _iterate(
     for _ in range(_MOST):
         MX = pencil.M @ X
         R = pencil.K @ X - MX * omega2
-        inertia = np.maximum(np.abs(omega2), 1e-6 * np.abs(omega2[-1])) * np.linalg.norm(MX, axis=0)
+        inertia = np.maximum(np.abs(omega2), _LEAST * np.abs(omega2[-1])) * np.linalg.norm(MX, axis=0)
         open_ = np.linalg.norm(R, axis=0) > RESIDUAL * inertia
         count = wanted.among(omega2)
         if count + _GUARDS // 2 > X.shape[1] and X.shape[1] < X.shape[0]:
@@ -152,7 +155,7 @@ def _iterate(
 def _converged(R: Floats, inertia: Floats, count: int) -> bool:
     """True where the first guards are near modes too, so that none of them can still come below the limit."""
     near = slice(count, count + 2)
-    return bool((np.linalg.norm(R[:, near], axis=0) <= 1e-2 * inertia[near]).all())
+    return bool((np.linalg.norm(R[:, near], axis=0) <= _NEAR * inertia[near]).all())
 
 
 def _combine(pencil: Pencil, omega2: Floats, X: Floats, D: Floats) -> tuple[Floats, Floats, Floats]:

@@ -43,6 +43,7 @@ _MOST_SHIFT = (2.0 * np.pi * 1000.0) ** 2  # [1/s2] where the blocks no longer m
 _MAX_ITERATIONS = 2000
 _DOUBTFUL = 30  # iterations, most scenes rest within 10, after which limit analysis is asked
 _REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
+_NO_MOTION = 1e-12  # [m] largest coordinate of q below which rest is not relative to it
 _SINGULAR = 1e-9  # of W's diagonal: a smaller part of W does not tell forces apart
 _YIELDING = 1e-4  # of W's mean diagonal, the proximal compliance where W is singular
 _TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can converge
@@ -232,7 +233,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         moved = free + step.X @ gaps.acting.ravel() - q
         q, calm = q + moved, calm + 1
         slowed = max(step.shift / _SHIFT, 1.0)
-        rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), 1e-12)
+        rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), _NO_MOTION)
         if rests and unsettled <= rest and _keeps_water(step.problem, memory, gaps):
             return q, gaps
         if calm % _CALM == 0 and step.shift > max(least, _SHIFT):

@@ -22,6 +22,7 @@ from romdam.core.system import System
 
 _SIDES = 16  # of the polygon: 2 % more than the disc
 _RIGID = 1e-12  # of the largest stiffness: a mode below it is a rigid motion
+_UPRIGHT = 1e-9  # of a side of the polygon along an axis: round-off of its cosine
 _BALANCED = 1e-6  # of the loads, what may be left
 _MOST, _HALVINGS = 8.0, 7  # times the strength that is tried, and how often that range is halved
 
@@ -83,7 +84,7 @@ def _cone(limits: Limits, factor: float, size: float) -> tuple[csr_matrix, Float
         angle = 2.0 * np.pi * side / _SIDES
         along = np.array([np.cos(angle), np.sin(angle)])
         a = int(abs(along[ALONG_K]) > abs(along[ALONG_J]))
-        gaps = np.flatnonzero((disc | (np.abs(along).max() > 1.0 - 1e-9)) & np.isfinite(cohesion[:, a]))
+        gaps = np.flatnonzero((disc | (np.abs(along).max() > 1.0 - _UPRIGHT)) & np.isfinite(cohesion[:, a]))
         values = np.column_stack([-factor * mu[gaps, a], np.tile(along, (len(gaps), 1))])
         rows.append((gaps, values))
         most.append(factor * cohesion[gaps, a] / size)

@@ -21,6 +21,14 @@ TUNED = {  # what is no code in files full of them
     ("pardiso.py", "SINGLE_TOLERANCE"), ("pardiso.py", "_TOLERANCE"), ("pardiso.py", "_WIDTH"),
     ("mode_split.py", "_SLOW"),
 }  # fmt: skip
+UNNAMED = {  # numbers below LEAST_NAMED in the midst of code; more of them get a name
+    ("conserving.py", 1e-9), ("conserving.py", 1e-10), ("step_control.py", 1e-9), ("steps.py", 1e-6),
+    ("steps.py", 1e-9),
+}  # fmt: skip
+LEAST_NAMED, NO_NUMBER = (
+    0.02,
+    1e-290,
+)  # between them lie tolerances; what is smaller only keeps from dividing by zero
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| `([\w/.]+\.py)` \|", re.M)
 
 
@@ -86,3 +94,27 @@ def test_the_table_holds_every_constant_with_its_value():
         key: (manual[key], code[key]) for key in code if not np.allclose(manual[key], code[key], 1e-4, 0)
     }
     assert not other, f"docs/constants.md has other values than the code: {other}"
+
+
+def test_no_number_that_decides_something_is_without_a_name():
+    """Round-off, tolerances and shares are module constants, so that the table above can hold them."""
+    unnamed = {
+        (path.name, number): f"{path.relative_to(ROOT)}:{line}: {number:g}"
+        for room in ROOMS[:4]
+        for path in sorted((ROOT / "romdam" / room).rglob("*.py"))
+        for line, number in _unnamed(ast.parse(path.read_text()))
+    }
+    new = [place for key, place in unnamed.items() if key not in UNNAMED]
+    assert not new, f"make them constants of the module and add rows to docs/constants.md: {new}"
+
+
+def _unnamed(tree):
+    """(line, number) of small numbers outside of constants of the module and defaults of settings."""
+    kinds = (ast.Assign, ast.AnnAssign)
+    named = {id(one) for node in tree.body if isinstance(node, kinds) for one in ast.walk(node)}
+    for node in (one for one in ast.walk(tree) if isinstance(one, ast.ClassDef)):
+        named |= {id(one) for field in node.body if isinstance(field, kinds) for one in ast.walk(field)}
+    floats = (one for one in ast.walk(tree) if isinstance(one, ast.Constant) and isinstance(one.value, float))
+    for one in floats:
+        if id(one) not in named and NO_NUMBER < abs(one.value) <= LEAST_NAMED:
+            yield one.lineno, one.value

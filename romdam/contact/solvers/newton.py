@@ -25,6 +25,7 @@ from romdam.core.jit import copy, njit
 
 _ITERATIONS = 30
 _REGULAR = 1e-14  # of the diagonal: gaps that determine each other (a singular H) share their force
+_LEAST_LIMIT = 1e-12  # of the force that closes a gap's residual: least limit that its turn is divided by
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
@@ -280,7 +281,7 @@ def _update(
         if rows[a, NORMAL] == 0.0 and on_resultant(limits, i) and not free[i, SHEAR_K]:
             along = heading[i, ALONG_J] * y[b + SHEAR_J] + heading[i, ALONG_K] * y[b + SHEAR_K]
             limit = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p[b]
-            J[a, a] += max(-along, 0.0) / max(limit, 1e-12 * abs(right[a]) / W[b, b] + 1e-300)
+            J[a, a] += max(-along, 0.0) / max(limit, _LEAST_LIMIT * abs(right[a]) / W[b, b] + 1e-300)
     for a in range(unknowns):
         finite = math.isfinite(right[a])
         for b in range(unknowns):

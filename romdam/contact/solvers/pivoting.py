@@ -36,6 +36,9 @@ from romdam.core.jit import copy, njit
 _PATIENCE = 3  # block changes without progress before single changes take over (Judice and Pires)
 _MOST_CHANGES_PER_GAP = 50
 _TINY = 1e-300
+_DEPENDENT = 1e-14  # of a gap's own flexibility: less is left of it where other closed gaps determine it
+_SLACK = 1e-13, 1e-14  # of the largest free opening: round-off of a force times the largest W, of an opening
+_LOST = 1e-2  # of the tolerance: with a residual above it the inverse is made anew
 _REFRESH = 2000  # changes after which the inverse is made anew, to stop round-off from piling up
 
 
@@ -72,7 +75,7 @@ def _border(W: Floats, set_: PivotingState, k: int) -> None:
     _minus_product(inverse, column, n, b)
     for i in range(n):
         schur += column[i] * b[i]
-    scale = 1.0 / max(schur, 1e-14 * W[k, k])  # a gap that the others determine already carries no more
+    scale = 1.0 / max(schur, _DEPENDENT * W[k, k])  # a gap that the others determine already carries no more
     for i in range(n):
         row, factor = inverse[i], b[i] * scale
         for j in range(n):
@@ -205,7 +208,7 @@ def _change_until_feasible(
     active, wanted, size = set_.active, set_.wanted, 0.0
     for i in range(len(y_free)):
         size = max(size, abs(y_free[i]))
-    slack = (1e-13 * size / set_.counts.largest, 1e-14 * size)  # round-off of a force and an opening
+    slack = (_SLACK[0] * size / set_.counts.largest, _SLACK[1] * size)
     best, patience, changes = len(active) + 1, _PATIENCE, 0
     while True:
         left = _evaluate(W, set_, y_free, out)
@@ -271,7 +274,7 @@ def solve_unilateral(
     changes, residual = _change_until_feasible(A, set_, known, out, most)
     if steady and changes < 0:
         return np.inf
-    if changes < 0 or residual > 1e-2 * tolerance or set_.counts.updates > _REFRESH:
+    if changes < 0 or residual > _LOST * tolerance or set_.counts.updates > _REFRESH:
         copy(set_.active, set_.wanted)
         _rebuild(A, set_)
         changes, residual = _change_until_feasible(A, set_, known, out, most)

@@ -39,6 +39,7 @@ FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's e
 FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
 _DEPENDENT = 1e-8  # eigenvalue of the residual vectors' Gram matrix, relative, below which one is dropped
 _ALL = 2**62
+_RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _SOME = 30  # modes below a frequency, before they are counted
 
 
@@ -365,5 +366,5 @@ def independent(D: Floats, M: csr_matrix) -> Floats:
 
 def without_roundoff(omega2: Floats) -> Floats:
     """Squared frequencies; those of rigid motions come out as round-off of the stiffest mode and are zero."""
-    floor = 1e-13 * omega2.max(initial=0.0)
+    floor = _RIGID * omega2.max(initial=0.0)
     return np.where(omega2 < floor, 0.0, omega2)

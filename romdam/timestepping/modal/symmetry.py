@@ -39,6 +39,8 @@ _TOLD = 1e-5  # of the largest, by which values differ
 _MOVED = 1e-2  # direction among the modes of a frequency; those that gaps move have 0.4 or more, others 1e-4
 _DRIVEN = 1e-5  # of the most driven mode; those that mirror nothing of the loads have 1e-7
 _EXACT = 1e-6  # of the largest jump, what may be left out
+_LEAST = 1e-9  # of the largest omega^2: modes below it are rigid motions, and no lowest frequency
+_SHIFTS, _ABOVE = 5, 1e3  # values of s at which merging is proved, up to so many times the largest omega^2
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ def _shifts(system: System) -> Floats:
     """s from the lowest frequencies to the highest."""
     k = system.K.diagonal()
     highest = k.max() if k.any() else 1.0
-    return np.geomspace(k[k > 1e-9 * highest].min(initial=highest), 1e3 * highest, 5)
+    return np.geomspace(k[k > _LEAST * highest].min(initial=highest), _ABOVE * highest, _SHIFTS)
 
 
 def _jumps(system: System, active: Ints, forces: Floats, s: float) -> Floats:
