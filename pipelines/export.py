@@ -33,7 +33,7 @@ _CUTS = 4  # steps to a sample of the record, where no finest step is configured
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What is wanted of a script.
+    """Options of a script.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a job is run with from Python: the records of its configuration, or ground motions in their place."""
+"""Input of a job from Python: the records of its configuration, or ground motions in their place."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ Joints = Literal["tied", "bonded", "open"]
 
 @dataclass(frozen=True)
 class ModesOptions:
-    """What is wanted of a job's natural modes.
+    """Options of a job's natural modes.
 
     Attributes
     ----------

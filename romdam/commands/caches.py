@@ -21,7 +21,7 @@ NoCache = Annotated[bool, typer.Option("--no-cache", help="Reduce anew, and keep
 
 
 class Action(StrEnum):
-    """What to do with the cache."""
+    """Action on the cache."""
 
     LIST = "list"
     CLEAR = "clear"

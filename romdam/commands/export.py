@@ -13,7 +13,7 @@ from romdam.commands.options import Config, Out, Quiet, Verbose
 
 
 class Target(StrEnum):
-    """What a job is written for."""
+    """Program that a job is written for."""
 
     OPENSEES = "opensees"
     CALCULIX = "calculix"

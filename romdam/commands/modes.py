@@ -13,7 +13,7 @@ from romdam.commands.options import Config, Out, Quiet, Verbose
 
 
 class JointState(StrEnum):
-    """What the joints do in a linear analysis."""
+    """State of the joints in a linear analysis."""
 
     TIED = "tied"
     BONDED = "bonded"

@@ -1,4 +1,4 @@
-"""What couples the modes of a reduced model, and what then cannot be had."""
+"""Settings that couple the modes of a reduced model, and those that then cannot be had."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Job:
 
     @property
     def stem(self) -> str:
-        """What files of this job are called by, where they have no other name."""
+        """Stem of the names of this job's files, where they have no other name."""
         return self.path.stem if self.given is None else "configuration"
 
     @property

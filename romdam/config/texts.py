@@ -1,4 +1,4 @@
-"""What the models of a configuration say of their keys: texts of the manual and of the schema."""
+"""Texts of the keys of a configuration, from its models, for the manual and the schema."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class _Linked(JITCodeLibrary):
 
     @property
     def codegen(self) -> _Linked:
-        """Where numba would tell the function's environment, which is the callers'."""
+        """Object that numba asks to tell the function's environment, which is the callers'."""
         return self
 
     def set_env(self, name: str, environment: object) -> None:

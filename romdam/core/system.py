@@ -156,7 +156,7 @@ class Drive(Protocol):
 
 @dataclass(frozen=True)
 class PseudoStatic:
-    """What moves with supports of their own motion: u_s d(t), which the system's displacement is added to.
+    """Motion with supports of their own motion: u_s d(t), which the system's displacement is added to.
 
     u_s is the static answer, joints open, to unit displacements of the supports, d their motion against the
     base along x, y and z of each. It strains blocks and opens gaps at once; its acceleration is a load.

@@ -39,7 +39,7 @@ def contents(name: str) -> dict[str, str]:
 
 
 def _folder() -> Traversable:
-    """Where `configs` and `data` lie: beside this module once installed, in a checkout at its top."""
+    """Folder of `configs` and `data`: beside this module once installed, in a checkout at its top."""
     here = files("romdam.examples")
     return here if (here / "configs").is_dir() else Path(__file__).parents[2]
 

@@ -24,7 +24,7 @@ _WORDS = 8  # of 8 characters on a line
 
 @dataclass(frozen=True)
 class Groups:
-    """What the commands name.
+    """Groups that the commands name.
 
     Attributes
     ----------

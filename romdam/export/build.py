@@ -168,7 +168,7 @@ def _law(scene: Scene, gap: Floats | None) -> GapLaw:
 
 
 def _stated(scene: Scene) -> Iterator[str]:
-    """What no code has as romdam has it."""
+    """State what no code has as romdam has it."""
     law = gap_law(scene)
     rigid = int(np.isinf(law.K_n).sum())
     if rigid:

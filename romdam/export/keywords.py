@@ -188,7 +188,7 @@ def _amplitudes(deck: Deck) -> list[str]:
 
 
 def shared_statements(deck: Deck) -> Iterator[str]:
-    """What both codes have otherwise than romdam."""
+    """State what both codes have otherwise than romdam."""
     if (deck.gaps.friction > 0.0).any():
         yield (
             "Friction has no limit: gaps with friction hold along both tangents with K_s, whether they are "

@@ -41,7 +41,7 @@ _RIGID = 1e-12  # of omega^2 held at u_b, relative to the largest, up to which a
 
 @dataclass(frozen=True)
 class BlockExport:
-    """What is written of a block, in SI.
+    """Matrices and loads of a block as they are written, in SI.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ def _named(block: Block, dof: Ints, motion: Ints, more: int = 0) -> Unknowns:
 
 
 def _why_not(scene: Scene, name: str) -> str:
-    """Why a reduced block cannot stand alone; empty where it can."""
+    """Reason why a reduced block cannot stand alone; empty where it can."""
     part = next(part for part in scene_parts(scene).values() if name in part.blocks)
     if len(part.blocks) > 1:
         return f"since ties make it one with {', '.join(b for b in part.blocks if b != name)}"

@@ -121,7 +121,7 @@ class _NodePairs:
         return csr_matrix((K, columns, 3 * start), shape=(3 * self.nodes, 3 * self.nodes))
 
     def _rows(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
-        """Where each row of M begins, and the pair of every entry."""
+        """Start of each row of M, and the pair of every entry."""
         index: Any = np.int32 if 9 * self.size < np.iinfo(np.int32).max else np.int64
         start = np.concatenate([[0], np.cumsum(np.repeat(self.degree, 3), dtype=index)]).astype(index)
         back = start[:-1] - np.repeat(self.start[:-1], 3).astype(index)

@@ -25,7 +25,7 @@ def rayleigh_coefficients(rayleigh: RayleighConfig | None) -> tuple[float, float
 
 
 def further_damping(block: Block, rayleigh: RayleighConfig | None) -> csr_matrix | None:
-    """What the damping of a block has besides Rayleigh's, (3 n, 3 n) [N s/m]; None where it has nothing.
+    """Damping of a block besides Rayleigh's, (3 n, 3 n) [N s/m]; None where it has nothing.
 
     Dashpots of absorbing faces, and a damping matrix that the block brings, which stands in Rayleigh's place.
     """

@@ -108,7 +108,7 @@ class Deconvolution:
 
 
 def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolution | None:
-    """What drives a scene with a free field; None without one.
+    """Input of a scene with a free field; None without one.
 
     Raises
     ------

@@ -97,7 +97,7 @@ def observed_section_forces(scene: Scene) -> csr_matrix:
 
 
 def gap_section_operator(scene: Scene, directions: int) -> Floats:
-    """What joint forces add to the forces on all sections, (6 sections, directions * ng) [-], [m]."""
+    """Share of joint forces in the forces on all sections, (6 sections, directions * ng) [-], [m]."""
     operators, joints = gap_operators(scene, directions), scene.joints.values()
     rows = [np.zeros((0, directions * sum(len(joint.area) for joint in joints)))]
     for section in scene.stress.sections if scene.stress is not None else ():

@@ -86,7 +86,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
 
 
 def _dashpots(scene: Scene, numbered: Unknowns, damping: DampingConfig) -> csr_matrix:
-    """What blocks are damped by besides Rayleigh damping, over the unknowns."""
+    """Damping of the blocks besides Rayleigh damping, over the unknowns."""
     size = next(iter(numbered.of_block.values())).shape[1]
     total = csr_matrix((size, size))
     for name, matrix in numbered.of_block.items():

@@ -57,7 +57,7 @@ class _Front:
 
 
 class _Rest(NamedTuple):
-    """What the elimination of a group leaves on its border: its rows, and the lower triangle of values."""
+    """Remainder of a group's elimination on its border: its rows, and the lower triangle of values."""
 
     group: int
     rows: Ints
@@ -150,7 +150,7 @@ class Multifrontal:
 
 
 def _coupled_nodes(matrix: csr_matrix, number: Ints) -> csr_matrix:
-    """Which nodes are coupled, as ones."""
+    """Couplings of nodes, as ones."""
     pattern = csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), matrix.shape)
     member = csr_matrix((np.ones(len(number)), number, np.arange(len(number) + 1)))
     graph = csr_matrix(member.T @ pattern @ member)

@@ -95,7 +95,7 @@ def target_curves(motions: Sequence[GroundMotion]) -> list[TargetCurves]:
 
 
 def target_of(motion: GroundMotion) -> dict[str, Any]:
-    """What a motion's provenance says of its target; empty where there is none."""
+    """Target of a motion, from its provenance; empty where there is none."""
     about = motion.provenance.get("target")
     return about if isinstance(about, dict) else {}
 

@@ -111,7 +111,7 @@ def _of_source(source: str, common: RecordConfig | Mapping[str, object] | None) 
 
 
 def _settings(common: RecordConfig | Mapping[str, object] | None) -> dict[str, object]:
-    """What is done to every record of a source: where nothing is said, each channel is a motion along y."""
+    """Settings of every record of a source: where nothing is said, each channel is a motion along y."""
     if isinstance(common, RecordConfig):
         common = common.model_dump(exclude_unset=True, exclude={"file", "files", "manifest", "suite"})
     settings = dict(common or {})

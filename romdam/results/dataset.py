@@ -150,7 +150,7 @@ def single_precision(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def _encoding(name: str, variable: xr.Variable, is_coordinate: bool) -> dict[str, Any]:
-    """How a variable lies in its file.
+    """Encoding of a variable in its file.
 
     Coordinates have no fill value. The names along a dimension are characters: CF's coordinate variables are
     numbers, and its checker dies of strings. Whole numbers and what is mostly zero, as forces of open gaps

@@ -253,7 +253,7 @@ def _with_slaves(part: Part, ties: list[Tie], fixed: Mapping[str, Bools]) -> Par
 
 
 def _means(part: Part, ties: list[Tie]) -> csr_matrix:
-    """What the slave nodes follow, (nodes, nodes); no entry in the rows of the others.
+    """Weights by which slave nodes follow others, (nodes, nodes); no entry in the rows of the others.
 
     A slave node that is one with a node of its master's face hangs there already.
     """
@@ -273,7 +273,7 @@ def _means(part: Part, ties: list[Tie]) -> csr_matrix:
 
 
 def _resolved(rows: csr_matrix, free: int) -> csr_matrix:
-    """What slave DOFs follow, with all that follows itself replaced: (I - C)^-1 D = ... (I + C^2) (I + C) D.
+    """Weights of what slave DOFs follow in the end: (I - C)^-1 D = ... (I + C^2) (I + C) D.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What commands say as one JSON object: keys that stay, units in their names, null for no number."""
+"""Answers of commands as one JSON object: keys that stay, units in their names, null for no number."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def _numbers(attrs: Mapping[str, Any], prefix: str) -> Document:
 
 
 def _json(attrs: Mapping[str, Any], name: str) -> Any:
-    """What an attribute holds as JSON; null where the result has none."""
+    """Value of an attribute that is JSON; null where the result has none."""
     return json.loads(str(attrs[name])) if str(attrs.get(name, "")).startswith("{") else None
 
 

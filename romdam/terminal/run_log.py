@@ -90,7 +90,7 @@ def run_log(folder: Path, config: Path, exit_code: Callable[[BaseException], int
 
 
 def _what(error: BaseException) -> str:
-    """What ended a run; of a mistake in the program all that is known."""
+    """Text on what ended a run; of a mistake in the program all that is known."""
     if isinstance(error, RomdamError) or not isinstance(error, Exception):
         return str(error) or type(error).__name__
     return traceback.format_exc().rstrip()
@@ -112,7 +112,7 @@ def _new_file(folder: Path, name: str) -> Path:
 
 
 def _head(config: Path) -> Iterator[str]:
-    """What is run, with what, where."""
+    """Head of a log: what is run, with what, where."""
     yield f"romdam {romdam.__version__}, Python {platform.python_version()}, {platform.platform()}"
     yield f"command: {shlex.join(['romdam', *sys.argv[1:]])}"
     yield f"folder: {os.getcwd()}; configuration: {config.absolute()}"

@@ -13,7 +13,7 @@ _MOST = 20  # files of a folder within the folder that are listed one by one
 
 
 def seen(folder: Path) -> Seen:
-    """What is in a folder and in its folders: path -> number, time of change and size of each file."""
+    """Content of a folder and of its folders: path -> number, time of change and size of each file."""
     found = {}
     for path in (*folder.glob("[!.]*"), *folder.glob("[!.]*/[!.]*")):
         if path.is_file():

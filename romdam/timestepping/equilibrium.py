@@ -159,7 +159,7 @@ def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapSt
 
 
 def _water_at_start(system: System) -> Floats:
-    """What laws put into the unloaded gaps (ng,), empty without any [N]."""
+    """Force of the water that laws put into the unloaded gaps (ng,), empty without any [N]."""
     N = len(system.law) * system.law.directions
     problem = system_gap_problem(system, np.zeros((N, N)))
     memory = gap_memory(problem)

@@ -1,4 +1,4 @@
-"""Whether joints can hold blocks that nothing else holds: limit analysis on their rigid motions.
+"""Limit analysis on rigid motions: tell whether joints can hold blocks that nothing else holds.
 
 At rest the forces of the gaps balance the loads in every rigid motion R of what floats, R^T (f + B^T p) = 0,
 with p_n >= 0 and |t| <= c + mu p_n. Where no p does that, whatever it would strain, there is no equilibrium.

@@ -1,4 +1,4 @@
-"""What supports of their own motion add to a run: jumps while it goes, and the rest to its history.
+"""Share of supports of their own motion in a run: jumps while it goes, and the rest to its history.
 
 The integrators have the displacement u that supports do not carry (`romdam.core.system.PseudoStatic`). Joint
 forces do work on jumps that are carried along too, which the supports supply: the ledger's input has it, and

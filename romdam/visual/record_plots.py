@@ -95,7 +95,7 @@ def _recorded(panels: Array, recorded: GroundMotion, curves: Curves, label: str)
 
 
 def _words(motion: GroundMotion) -> tuple[str, str]:
-    """What a motion is after what was done to it, and what it was before."""
+    """Words on a motion: what it is after what was done to it, and what it was before."""
     return ("matched", "scaled alone") if "matched" in target_of(motion) else ("corrected", "as recorded")
 
 

@@ -1,1 +1,1 @@
-"""What a notebook shows of an object."""
+"""HTML that a notebook shows of an object."""

@@ -1,4 +1,4 @@
-"""What the ground makes of an infinite channel of water: velocity of its walls, waves of its sections."""
+"""Motion of an infinite channel of water by the ground: velocity of its walls, waves of its sections."""
 
 from __future__ import annotations
 

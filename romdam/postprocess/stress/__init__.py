@@ -1,1 +1,1 @@
-"""What stress says: envelopes, percentiles of faces, sections."""
+"""Measures of stress: envelopes, percentiles of faces, sections."""

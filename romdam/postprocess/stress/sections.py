@@ -25,7 +25,7 @@ def section_forces(blocks: Iterable[tuple[Floats, Floats, Floats]]) -> Floats:
 
 
 def gap_section_forces(operator: Floats, contact: Floats, water: Iterable[Floats]) -> Floats:
-    """What joints add to the forces on all sections over time, (nt, sections, 6) [N], [N m].
+    """Share of the joints in the forces on all sections over time, (nt, sections, 6) [N], [N m].
 
     Parameters
     ----------

@@ -244,7 +244,7 @@ def _parts(sites: StressSites, samples: int) -> Iterator[tuple[str, slice]]:
 def _of_part(
     sites: StressSites, history: StressHistory, part: tuple[str, slice], dt: float
 ) -> dict[str, NDArray[np.generic]]:
-    """What a summary keeps of a few nodes' histories."""
+    """Summary of a few nodes' histories."""
     name, rows = part
     stress, strength = history.at(name, rows), np.inf if sites.strength is None else sites.strength
     measures = _measures(stress, sites.blocks[name], rows, strength)

@@ -154,7 +154,7 @@ def _selected(fits: list[Fit], count: int, others: list[str]) -> tuple[list[Fit]
 
 
 def _common_factor(fits: list[Fit], target: Target, scale: ScaleConfig | None) -> float:
-    """What brings the mean of all records up to `mean_at_least` of the target."""
+    """Factor that brings the mean of all records up to `mean_at_least` of the target."""
     if scale is None or scale.mean_at_least is None or not fits:
         return 1.0
     mean = np.mean([fit.factor * fit.psa for fit in fits], axis=0)

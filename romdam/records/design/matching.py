@@ -40,7 +40,7 @@ STATED = {"pga": "m/s2", "pgv": "m/s", "pgd": "m", "arias": "m/s", "d5_95": "s"}
 
 @dataclass(frozen=True)
 class Extremes:
-    """What oscillators answer.
+    """Largest answers of oscillators.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What acts on the blocks that are reduced: joints, static forces, moving supports, water."""
+"""Actions on the blocks that are reduced: joints, static forces, moving supports, water."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def with_more(
 
 
 def beside(T: OutOfCoreMatrix, static: int, D: Floats, pencil: Pencil) -> Floats:
-    """What T's vectors, the first `static` aside, lack of D (n, k): M-orthonormal, without round-off."""
+    """Part of D (n, k) that T's vectors, the first `static` aside, lack: M-orthonormal, without round-off."""
     M, rows = pencil.M, pencil.rows
     gram, size = T.gram(M, rows, static), np.sqrt((D * (M @ D)).sum(axis=0))
     D = D[:, size > 0.0] / size[size > 0.0]

@@ -29,7 +29,7 @@ def rigid_modes(K: csr_matrix, M: csr_matrix, motions: Floats) -> Floats:
 
 
 def unbalanced(loads: csc_matrix, rigid: Floats, M: csr_matrix) -> Ints:
-    """Which loads (n, a), of unit length, do more than accelerate a body rigidly."""
+    """Numbers of the loads (n, a), of unit length, that do more than accelerate a body rigidly."""
     inertia, along = M @ rigid, loads.T @ rigid
     left = 1.0 - ((2.0 * (loads.T @ inertia) - along @ (inertia.T @ inertia)) * along).sum(axis=1)
     return np.flatnonzero(left > _BALANCED)

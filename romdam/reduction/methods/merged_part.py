@@ -126,7 +126,7 @@ def merged_part(
 
 
 def _slaves(part: Part, dofs: Ints, free: Bools) -> tuple[Ints, csr_matrix] | None:
-    """Which of the blocks' DOFs, of so many numbers in the part, follow free ones, and how."""
+    """DOFs of the blocks, by numbers in the part, that follow free ones, and the rows by which they do."""
     if part.slaves is None:
         return None
     which = np.flatnonzero(dofs >= 3 * part.nodes)

@@ -53,11 +53,11 @@ class StressFields:
 
     @property
     def carried(self) -> int:
-        """How many of the fields are per displacement of a moving support."""
+        """Number of the fields that are per displacement of a moving support."""
         return self.fields.shape[2] - (self.columns.stop - self.columns.start)
 
     def coordinates(self, history: History) -> Floats:
-        """What the fields are per: reduced coordinates, and displacements of moving supports, (nt, m)."""
+        """Factors of the fields: reduced coordinates, and displacements of moving supports, (nt, m)."""
         assert history.q is not None
         q = history.q[:, self.columns]
         return np.hstack([q, history.supports]) if self.carried else q

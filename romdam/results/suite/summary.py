@@ -64,7 +64,7 @@ def unscaled(name: str, one: GroundMotion | str) -> SuiteRecord:
 
 
 def suite_of(job: Job) -> SuiteConfig:
-    """What a suite varies; a plain job varies nothing: of its `suite:` only `period` and `of` count."""
+    """Variations of a suite; a plain job varies nothing: of its `suite:` only `period` and `of` count."""
     stated = job.config.suite or SuiteConfig()
     return stated if job.config.pipeline == "suite" else SuiteConfig(period=stated.period, of=stated.of)
 
@@ -287,7 +287,7 @@ def open_suite(folder: str | Path) -> xr.DataTree:
 
 
 def kept_results(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
-    """Where a run stands -> file of its own result, of every run that has one."""
+    """Place of a run -> file of its own result, of every run that has one."""
     if "file" not in summary:  # romdam 0.1 named them so
         return _kept_before(summary, folder / RUNS_FOLDER)
     inside = folder if summary.attrs.get(_FOLDER) == _BESIDE else folder / RUNS_FOLDER

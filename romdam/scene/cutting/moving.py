@@ -59,7 +59,7 @@ def shift_onto(mesh: Mesh, surface: Surface, nodes: Ints, kept: Ints, reach: Flo
 
 
 def _onto(surface: Surface, points: Floats, nodes: Ints, projectors: Floats) -> Floats:
-    """Where nodes meet the surface along what projectors (k, 3, 3) leave free, (k, 3), by Newton's method."""
+    """Points (k, 3) of the surface along what projectors (k, 3, 3) leave nodes free, by Newton's method."""
     at = points[nodes]
     for _ in range(_STEPS):
         height, normal = surface.distance(at), surface.normal(at)

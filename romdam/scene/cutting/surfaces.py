@@ -23,7 +23,7 @@ class Surface(Protocol):
         """Unit gradient (n, 3) of the distance at points."""
 
     def beyond(self, points: Floats) -> Floats:
-        """How far points lie outside of the rim of what is known of the surface (n,) [m]."""
+        """Distance of points outside of the rim of what is known of the surface (n,) [m]."""
 
 
 @dataclass(frozen=True)

@@ -94,14 +94,14 @@ class Triangulated:
         return self._nearest(points).normal
 
     def beyond(self, points: Floats) -> Floats:
-        """How far points lie outside of its rim, along the surface (n,) [m]."""
+        """Distance of points outside of its rim, along the surface (n,) [m]."""
         near = self._nearest(points)
         away = points - near.point
         height = _dot(away, near.normal)
         return np.linalg.norm(away - height[:, None] * near.normal, axis=1) * near.rim
 
     def _nearest(self, points: Floats) -> _Nearest:
-        """Where the surface is nearest to points."""
+        """Points of the surface that are nearest to others."""
         corner = self.points[self.triangles]
         centre = corner.mean(axis=1)
         radius = np.linalg.norm(corner - centre[:, None], axis=2).max(axis=1)

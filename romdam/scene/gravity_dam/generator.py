@@ -199,7 +199,7 @@ def _shared(facets: list[Ints]) -> list[Bools]:
 def _faces(
     config: GravityDamConfig, lines: _Lines, name: str, where: Floats, shared: Bools
 ) -> dict[str, Bools]:
-    """Which facets, whose nodes stand at `where` in the grid (nf, nodes, 3), belong to every face."""
+    """Name -> facets of every face, their nodes at `where` in the grid (nf, nodes, 3)."""
     i, j, k = np.moveaxis(where, -1, 0)
 
     def at(tag: Floats, line: int) -> Bools:

@@ -37,7 +37,7 @@ class Outline:
         return cls(points[edges[count == 1]], downstream, across)
 
     def lines(self, points: Floats) -> tuple[Floats, Floats, Floats]:
-        """Where the lines through points (m, 3) begin and end along `downstream`; the toe's height [m]."""
+        """Begin and end of the lines through points (m, 3) along `downstream`; the toe's height [m]."""
         size = max(1, _AT_ONCE // len(self.ends))
         chunks = [self._lines(points[i : i + size]) for i in range(0, max(1, len(points)), size)]
         heel, toe, height = (np.concatenate(column) for column in zip(*chunks, strict=True))

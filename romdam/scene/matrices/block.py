@@ -159,7 +159,7 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
 
 
 def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
-    """What acts on nodes of a block: key, nodes, and (k, 3) which of their components."""
+    """Actions on nodes of a block: key, nodes, and (k, 3) which of their components."""
     shear = any(j.mu.any() or any(rows.shear for rows in j.laws) for j in scene.joints.values())
     pairs = [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
     pairs += [("loads.hydrostatic", water.facets.ravel()) for water in scene.water if water.block == name]

@@ -39,7 +39,7 @@ class Entries:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What every row of the matrices is.
+    """Unknowns of the rows of the matrices.
 
     Attributes
     ----------

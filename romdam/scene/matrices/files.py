@@ -45,7 +45,7 @@ _UNKNOWNS: dict[str, Callable[[Path, str], Unknowns]] = {
 
 @dataclass(frozen=True)
 class FileMatrices:
-    """What the files of a block hold, in SI.
+    """Content of the files of a block, in SI.
 
     Attributes
     ----------

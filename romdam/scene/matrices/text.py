@@ -50,7 +50,7 @@ def read_text(path: Path, key: str, place: str) -> Entries:
 
 
 def _market(path: Path, place: str) -> object:
-    """What SciPy reads, once the sizes that the head states are those of the file."""
+    """Matrix as SciPy reads it, once the sizes that the head states are those of the file."""
     from scipy.io import mminfo, mmread  # here: what reads MATLAB's files comes with it
 
     try:

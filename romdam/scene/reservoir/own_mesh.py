@@ -77,7 +77,7 @@ def reservoir_mesh(
 
 
 def lying_on(water: Surface, dam: Surface) -> Segments:
-    """Where facets of the water and of the dam lie on each other."""
+    """Places where facets of the water and of the dam lie on each other."""
     between = segments(water, dam, _TOUCH)
     return between.only(between.cosine < -np.cos(np.radians(STEEPEST)))
 

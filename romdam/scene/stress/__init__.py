@@ -1,1 +1,1 @@
-"""Where stress is written: nodes, faces, sections, and what is left out of headlines."""
+"""Places of stress: nodes, faces, sections, and those that are left out of headlines."""

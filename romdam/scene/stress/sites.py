@@ -25,7 +25,7 @@ _LEVEL = 1e-6  # length of a unit normal's horizontal part below which it has no
 
 @dataclass(frozen=True)
 class Structure:
-    """What stands: blocks and joints by name, ties, and block name -> (n, 3) True where a support holds."""
+    """Structure: blocks and joints by name, ties, and block name -> (n, 3) True where a support holds."""
 
     blocks: dict[str, Block]
     joints: dict[str, Joint]

@@ -70,7 +70,7 @@ def history_of_rows(
 
 
 class _Observed(NamedTuple):
-    """What is seen of all modes, as `_whole_motion` has them, from what the time loop keeps.
+    """Operators from what the time loop keeps to the motion of all modes, as `_whole_motion` has it.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class _Observed(NamedTuple):
 
 
 def _observed(prepared: Prepared, split: ModeSplit, name: str) -> _Observed:
-    """What one of the system's operators on all modes sees, made once."""
+    """Operators for what one of the system's own, on all modes, sees; made once."""
     make = partial(_make_observed, prepared.system, split, name)
     return prepared.cache.get_or_compute(("observed", name, *split.key), make)
 

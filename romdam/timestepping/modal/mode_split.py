@@ -48,7 +48,7 @@ class ModeSplit:
 
     @property
     def key(self) -> tuple[bytes, bytes]:
-        """What tells it from others of the same system."""
+        """Key that tells it from others of the same system."""
         return self.dynamic.tobytes(), self.taper.tobytes()
 
 

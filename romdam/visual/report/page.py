@@ -54,5 +54,5 @@ def _text(name: str) -> str:
 
 
 def _digest(text: str) -> str:
-    """What a page's policy calls an inline style or script."""
+    """Digest by which a page's policy knows an inline style or script."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

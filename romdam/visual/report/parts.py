@@ -108,7 +108,7 @@ class Table:
 
     @property
     def numeric(self) -> list[bool]:
-        """Whether each column has numbers alone."""
+        """Tell of each column whether it has numbers alone."""
         return [all(_is_number(row[k]) for row in self.rows) for k in range(len(self.rows[0]))]
 
     @property

@@ -80,7 +80,7 @@ def worst_section(subject: Subject) -> Section | None:
 
 
 def _beyond(subject: Subject, worst: xr.Dataset) -> str:
-    """What the largest response says of records that were not run."""
+    """Sentence on records that were not run, from the largest response."""
     factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
     largest, count = number(factor * float(worst.response.max())), int(worst.attrs["records"])
     share = none_exceeds(count)
@@ -122,7 +122,7 @@ def _table(columns: Sequence[_Column], places: Sequence[Place]) -> tuple[list[st
 
 
 def _columns(subject: Subject) -> list[_Column]:
-    """What a row says of a run: where it stands, what it answered, of what motion, and its files."""
+    """Columns of a run's row: where it stands, what it answered, of what motion, and its files."""
     summary = subject.summary
     columns = [_Column("record", lambda at: str(summary.record.values[at[0]]))]
     if summary.sizes["scale"] > 1 or summary.scale.values[0] != 1.0:
@@ -156,7 +156,7 @@ def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
 
 
 def _fate(summary: xr.Dataset) -> _Column:
-    """Whether a run is done, and why not."""
+    """Fate of a run: done, or why not."""
     status, message = summary.status.transpose(*RUNS).values, summary.message.transpose(*RUNS).values
     return _Column("outcome", lambda at: f"failed: {message[at]}" if status[at] else "done")
 

@@ -177,7 +177,7 @@ def _records(subject: Subject) -> Section:
 
 
 def _analysed(summary: xr.Dataset) -> str:
-    """What part of the records was analysed, in words."""
+    """Part of the records that was analysed, in words."""
     low, high = (float(q) for q in (summary.recorded_duration.min(), summary.recorded_duration.max()))
     recorded = f"{number(high)} s" if number(low) == number(high) else f"{number(low)} to {number(high)} s"
     text = f"Analysed: {number(float(summary.record_duration.max()))} s of records of {recorded}"

@@ -1,4 +1,4 @@
-"""What a viewer shows of a result: the surface of the dam and its fields, frame by frame."""
+"""Content of a viewer of a result: the surface of the dam and its fields, frame by frame."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def write_page(shown: Moving, path: Path) -> Path:
 
 
 def _data(shown: Moving) -> dict[str, object]:
-    """What `page.html` reads: texts and numbers as they are, arrays as base64 of little-endian numbers."""
+    """Data of `page.html`: texts and numbers as they are, arrays as base64 of little-endian numbers."""
     moved, most = _short(shown.moved)
     blocks = [
         {"name": one.name, "triangles": _packed(triangles, "<u4"), "edges": _packed(edges, "<u4")}

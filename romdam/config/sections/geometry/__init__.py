@@ -1,1 +1,1 @@
-"""What blocks are made from."""
+"""Sources of blocks: boxes, mesh files, matrices, whole dams, cuts."""

@@ -41,7 +41,7 @@ class Instance:
 
     @property
     def moved(self) -> bool:
-        """Whether its nodes stand elsewhere than its part's."""
+        """Tell whether its nodes stand elsewhere than its part's."""
         return bool((np.eye(3) != self.R).any() or self.t.any())
 
     def word(self, word: str) -> str:
@@ -51,7 +51,7 @@ class Instance:
         return f"{self.prefix}{word}" if word else word
 
     def keyword(self, keyword: Keyword) -> Keyword:
-        """What stands in the part, as it is in the assembly."""
+        """Keyword of the part as it is in the assembly."""
         name, options, lines = keyword
         label = _SETS.get(name) or _MADE.get(name, "")
         if label in options:

@@ -37,7 +37,7 @@ _SECTIONS = ("TITRE", "COOR_2D", "COOR_3D", "GROUP_MA", "GROUP_NO", "FIN")
 
 @dataclass
 class _Section:
-    """What stands between a keyword and FINSF."""
+    """Lines between a keyword and FINSF."""
 
     where: int
     keyword: str
