@@ -1,17 +1,22 @@
 """Mortar joints of scenes: what `discretization` chooses, curved faces, faces covered in part, refusals."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from mortar_blocks import cube, turn
 from scene_builders import box, two_boxes
 
-from romdam.core.errors import ConfigError
+import romdam
+from romdam.core.errors import ConfigError, MeshError
+from romdam.scene.build import build_scene
 from romdam.scene.facets import facet_areas
+from romdam.scene.mortar.clearance import sagittas
 from romdam.scene.mortar.gaps import mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 
+CONFIGS = Path(__file__).parents[2] / "configs"
 PLACE = "s.yaml: joints.c"
 
 
@@ -94,9 +99,9 @@ def test_a_curved_face_has_its_own_area_and_moves_as_one(left, right):
     assert gaps.area.sum() == pytest.approx(exact, rel={"hex8": 4e-3, "hex20": 2e-6, "tet10": 2e-5}[left])
 
 
-def _bent(block):
+def _bent(block, out=0.0):
     x, y, z = (block.points @ turn()).T
-    angle, radius = x / 20.0, 20.0 + (y - 12.0)
+    angle, radius = x / 20.0, 20.0 + out + (y - 12.0)
     return replace(block, points=np.column_stack([radius * np.sin(angle), radius * np.cos(angle), z]))
 
 
@@ -115,6 +120,53 @@ def test_faces_apart_are_refused(make):
     raw["blocks"]["right"]["box"]["origin"] = [0, 2.5, 0]
     with pytest.raises(ConfigError, match=r"joints.c: blocks 'left' and 'right' do not touch: .* is 0.5 m"):
         make(raw)
+
+
+@pytest.mark.parametrize("y", [2.1, 1.9, 2.002, 1.998])
+@pytest.mark.parametrize("key", ["joints", "ties"])
+@pytest.mark.parametrize("element", ["hex8", "hex20", "tet10"])
+def test_a_clearance_between_flat_faces_is_refused(make, y, key, element):
+    """Nodes opposite each other, and farther apart than the tolerance of 1 mm: no mesh of one face is."""
+    raw = two_boxes(element)
+    raw["blocks"]["right"]["box"]["origin"] = [0, y, 0]
+    raw[key] = {"c": {"between": ["left", "right"]} | ({"normal_stiffness": 1e9} if key == "joints" else {})}
+    if key == "ties":
+        del raw["joints"]
+    how, apart = "apart" if y > 2.0 else "inside each other", f"{abs(y - 2.0):.4g}"
+    said = rf"{key}.c: .* {apart} m {how} on average and {apart} m at .* limit 0.001 m \({key}.c.tolerance\)"
+    with pytest.raises(MeshError, match=said):
+        make(raw)
+    raw[key]["c"]["tolerance"] = 0.2
+    scene = make(raw)
+    assert len(scene.joints) + len(scene.ties) == 1
+
+
+def test_two_cantilevers_with_air_between_them_are_refused():
+    job = romdam.load_config(CONFIGS / "two_cantilevers.yaml").to_dict()
+    job["blocks"]["right"]["box"]["origin"] = [0.0, 0.3, 0.0]
+    job = romdam.load_config(job, folder=CONFIGS)
+    with pytest.raises(MeshError, match=r"0\.3 m apart on average and 0\.3 m at"):
+        build_scene(job.config, CONFIGS, "dam.yaml")
+
+
+@pytest.mark.parametrize(("left", "right"), [("hex8", "hex8"), ("hex20", "hex20"), ("tet10", "tet10")])
+@pytest.mark.parametrize("clearance", [0.15, -0.15])
+def test_a_clearance_between_curved_faces_is_more_than_their_curvature(left, right, clearance):
+    """Cylinder of radius 20 m, elements of 4 and 3 m: sagittas of 0.1 and 0.056 m, of halves a quarter."""
+    blocks = [_bent(cube("left", left, 3, 0.0)), _bent(cube("right", right, 4, 12.0), clearance)]
+    with pytest.raises(MeshError, match=r"limit 0\.001 m .* and 0\.[01]\d* m for the curvature"):
+        mortar_interface(*blocks, 1e-3, 0.5, PLACE)
+
+
+def test_what_curvature_allows_is_the_sagitta():
+    """h^2 / 8R of both faces on a cylinder, nothing on a plane; the mean distance is within two thirds."""
+    blocks = [_bent(cube("left", "hex8", 3, 0.0)), _bent(cube("right", "hex8", 4, 12.0))]
+    interface = mortar_interface(*blocks, 1e-3, 0.5, PLACE)
+    chords = [40.0 * np.sin(0.3 / n) for n in (3, 4)]
+    found = sagittas(interface.slave, interface.master, interface.segments)
+    assert found == pytest.approx(sum(h**2 for h in chords) / 160.0, rel=0.02)
+    area = interface.segments.area / interface.segments.area.sum()
+    assert 0.02 < area @ interface.segments.distance < 2.0 / 3.0 * area @ found
 
 
 def test_too_little_overlap_is_refused_with_the_areas(make):

@@ -54,7 +54,8 @@ class JointProperties(JointLaws):
     """Direction in which gaps open: the face's, the line between two nodes, or a vector from the first
     block to the second."""
     tolerance: Tolerance = 1e-3
-    """Distance up to which two nodes coincide, beside the initial gap."""
+    """Distance up to which two nodes coincide, and two faces by mortar beyond their curvature;
+    `gap` is not added."""
     discretization: Discretization = "auto"
     """Gaps between coinciding nodes, or at corners of faces coupled by mortar, which need not match; auto:
     node to node where nodes of linear faces coincide or `gaps: corners` asks for it, else mortar."""
@@ -136,7 +137,7 @@ class TieConfig(Model):
     between: tuple[str, str]
     """Names of the two blocks."""
     tolerance: Tolerance = 1e-3
-    """Distance up to which two nodes coincide."""
+    """Distance up to which two nodes coincide, and two faces by mortar beyond their curvature."""
     discretization: Discretization = "auto"
     """Coinciding nodes are one, or by mortar those of one face follow the other, whose mesh need not match;
     auto: mortar where nodes do not coincide."""

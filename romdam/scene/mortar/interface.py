@@ -12,6 +12,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Block
 from romdam.scene.facets import node_normals
 from romdam.scene.meshes.kinds import facets_by_kind
+from romdam.scene.mortar.clearance import refuse_clearance
 from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface, local_coordinates
 from romdam.scene.pairing import do_not_touch
@@ -107,6 +108,8 @@ def mortar_interface(
     ------
     ConfigError
         where nothing lies on each other, too little, or facets at too large an angle.
+    MeshError
+        where the faces are apart, or inside each other, by more than the tolerance and their curvature.
     """
     I, J = Surface.boundary(block_I), Surface.boundary(block_J)
     between = _facing(I, J, tolerance, place)
@@ -128,7 +131,9 @@ def mortar_interface(
     # of faces that are equal in this, too, the first by name, in whatever order they stand
     slave_is_J = (corners_J, I.block) > (corners_I, J.block) if equal else shares[1] > shares[0]
     slave, master = (J, I) if slave_is_J else (I, J)
-    return MortarInterface(slave, master, _facing(slave, master, tolerance, place), slave_is_J)
+    between = _facing(slave, master, tolerance, place)
+    refuse_clearance(slave, master, between, tolerance, place)
+    return MortarInterface(slave, master, between, slave_is_J)
 
 
 def _refuse_two_kinds(face: Surface, place: str) -> None:

@@ -1,0 +1,126 @@
+"""What of the distance of two faces their curvature explains, and what is a clearance.
+
+Facets that stand on one curved surface, meshed twice, are apart by their sagittas kappa h^2 / 8, and on
+average by two thirds of that, as parabolas are from chords. The curvature kappa across an edge is the angle
+of the normals of the two pieces that share it over the distance of their middles. It is zero on flat faces,
+however coarse, and there the tolerance is all that is allowed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from romdam.core.arrays import Floats, Ints
+from romdam.core.errors import MeshError
+from romdam.scene.mortar.segments import Segments
+from romdam.scene.mortar.surface import Pieces, Surface
+
+_CREASE = 45.0  # angle of neighbouring pieces from which on their edge is one of the body [degree]
+_ROUNDING = 1e-9  # of the tolerance, and of an angle that is none [rad]
+_OF_PARABOLA = 2.0 / 3.0  # its mean over its sagitta
+_STRAY = 1e-3  # of the area where faces meet, that may be farther apart at its rim
+
+
+def refuse_clearance(
+    slave: Surface, master: Surface, between: Segments, tolerance: float, place: str
+) -> None:
+    """Raise where two faces are farther apart, or farther inside each other, than meshes of one face are.
+
+    Parameters
+    ----------
+    between : segments of the two
+    tolerance : distance that is allowed beyond the facets' sagittas [m]
+    place : file and key, for messages
+
+    Raises
+    ------
+    MeshError
+    """
+    curved, least = sagittas(slave, master, between), tolerance * (1.0 + _ROUNDING)
+    allowed = least + curved
+    area = between.area / between.area.sum()
+    mean = float(area @ between.distance)
+    over = np.abs(between.distance) > allowed
+    if area[over].sum() <= _STRAY and abs(mean) <= least + _OF_PARABOLA * area @ curved:
+        return
+    raise MeshError(_too_far(slave, master, between, allowed, tolerance, place))
+
+
+def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
+    """Distance by which facets of one curved surface can be apart at every segment, (n,) [m].
+
+    Both faces take the larger curvature of the two, for one of them may be a single flat facet.
+    """
+    own, other = (_of_facets(*_bends(face), face) for face in (slave, master))
+    bend = np.maximum(own[0][between.slave], other[0][between.master])
+    square = own[1][between.slave] ** 2 + other[1][between.master] ** 2
+    return np.asarray(bend * square / 8.0 + own[2][between.slave] + other[2][between.master])
+
+
+def _of_facets(bend: Floats, length: Floats, warp: Floats, face: Surface) -> tuple[Floats, Floats, Floats]:
+    """The largest of the pieces of every facet."""
+    found = []
+    for values in (bend, length, warp):
+        most = np.zeros(len(face.facets))
+        np.maximum.at(most, face.pieces.facet, values)
+        found.append(most)
+    return found[0], found[1], found[2]
+
+
+def _bends(face: Surface) -> tuple[Floats, Floats, Floats]:
+    """Curvature [1/m] of every piece, its length along it and how far its corners lie off its plane [m]."""
+    pieces = face.pieces
+    first, second, along = _shared_edges(pieces)
+    angle = np.arccos(np.clip(np.einsum("nk,nk->n", pieces.normal[first], pieces.normal[second]), -1.0, 1.0))
+    smooth = (angle > _ROUNDING) & (angle < np.radians(_CREASE))
+    first, second, along, angle = first[smooth], second[smooth], along[smooth], angle[smooth]
+    lengths = [_across(pieces, piece, along) for piece in (first, second)]
+    bend = 2.0 * angle / (lengths[0] + lengths[1])
+    curvature, length = np.zeros(len(pieces.facet)), np.zeros(len(pieces.facet))
+    for piece, own in zip((first, second), lengths, strict=True):
+        np.maximum.at(curvature, piece, bend)
+        np.maximum.at(length, piece, own)
+    length = np.where(length > 0.0, length, 2.0 * pieces.radius)
+    offset = np.einsum("nck,nk->nc", pieces.corners - pieces.centre[:, None], pieces.normal)
+    return curvature, length, np.abs(offset).max(axis=1)
+
+
+def _shared_edges(pieces: Pieces) -> tuple[Ints, Ints, Floats]:
+    """Pairs of pieces that share an edge, and its direction (n, 3)."""
+    ends = pieces.corners, np.roll(pieces.corners, -1, axis=1)
+    owner = np.repeat(np.arange(len(pieces.facet)), 4)
+    a, b = (one.reshape(-1, 3) for one in ends)
+    real = np.flatnonzero((a != b).any(axis=1))
+    a, b, owner = a[real], b[real], owner[real]
+    number = np.unique(np.concatenate([a, b]), axis=0, return_inverse=True)[1].reshape(2, -1)
+    key = np.sort(number, axis=0)
+    order = np.lexsort(key)
+    same = np.flatnonzero((key[:, order[1:]] == key[:, order[:-1]]).all(axis=0))
+    i, j = order[same], order[same + 1]
+    along = b[i] - a[i]
+    return owner[i], owner[j], along / np.linalg.norm(along, axis=1, keepdims=True)
+
+
+def _across(pieces: Pieces, piece: Ints, along: Floats) -> Floats:
+    """Extent of pieces across directions in their planes (n,) [m]."""
+    across = np.cross(pieces.normal[piece], along)
+    at = np.einsum("nck,nk->nc", pieces.corners[piece], across)
+    return np.asarray(np.ptp(at, axis=1))
+
+
+def _too_far(
+    slave: Surface, master: Surface, between: Segments, allowed: Floats, tolerance: float, place: str
+) -> str:
+    worst = int(np.argmax(np.abs(between.distance) - allowed))
+    at = ", ".join(f"{x:.6g}" for x in slave.points[slave.facets[between.slave[worst]]].mean(axis=0))
+    mean = float(between.area @ between.distance / between.area.sum())
+    largest = float(between.distance[worst])
+    how = "apart" if mean > 0.0 else "inside each other"
+    key = place.split(": ")[-1]
+    return (
+        f"{place}: the faces of {slave.block!r} and {master.block!r} do not lie on each other: they are "
+        f"{abs(mean):.4g} m {how} on average and {abs(largest):.4g} m at ({at}), limit {tolerance:g} m "
+        f"({key}.tolerance) and {float(allowed[worst]) - tolerance:.3g} m for the curvature of their facets; "
+        f"move a block, and give a clearance as `gap` of a joint, mesh a curved face finer or alike on both "
+        f"sides, or raise {key}.tolerance"
+    )
