@@ -16,7 +16,7 @@ from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_modes import FIRST, with_modes
-from romdam.pipelines.doubts import doubts_of
+from romdam.pipelines.doubts import doubts_of, with_doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, silent
 from romdam.pipelines.simulation import Model, refuse_large, settings_for
@@ -94,6 +94,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     if job.config.model.modes == "auto":
         job = with_modes(job, FIRST)
     model = build_model(job, clock, open_store(cache), estimated=True)
+    job = with_doubts_of(model.scene, job)
     settings = settings_for(job, model.prepared, motions[0])
     steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
     for motion in motions:

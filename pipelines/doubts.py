@@ -1,17 +1,29 @@
-"""Questions that a careful reader has about a job, from its keys and its records; told, not refused."""
+"""Questions that a careful reader has about a job: keys, scene and records; told, not refused.
+
+References
+----------
+Hall, J. F. (2006), Problems encountered from the use (or misuse) of Rayleigh damping, Earthquake Engineering
+& Structural Dynamics 35, 525-545: mass-proportional damping acts on rigid motion as an external drag.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.fem.damping import rayleigh_coefficients
 from romdam.records.measures import content_frequency
+from romdam.scene.ties import Part, scene_parts
 
 _CONTENT = 0.9  # of the power of the acceleration lies below the frequency that the step is judged by
 _STEPS = 20.0  # of a period, for a step that follows it
+_SLIDES = (0.1, 0.5)  # [m/s] velocities of sliding at which its drag is told
+_G = 9.81  # [m/s2]
 
 log = logging.getLogger(__name__)
 
@@ -23,9 +35,57 @@ def tell_doubts(job: Job, motions: Sequence[GroundMotion]) -> None:
 
 
 def doubts_of(job: Job, motions: Sequence[GroundMotion]) -> tuple[str, ...]:
-    """A line for each doubt: of keys by names of before, of values, then of each record."""
+    """A line for each doubt: of keys by names of before, of values, of the scene, then of each record."""
     of_records = (f"{motion.name}: {text}" for motion in motions for text in _of_motion(job, motion))
-    return (*job.renamed, *doubts(job.config), *of_records)
+    return (*job.renamed, *doubts(job.config), *job.doubts, *of_records)
+
+
+def with_doubts_of(scene: Scene, job: Job) -> Job:
+    """The job with the doubts that its scene brings."""
+    return replace(job, doubts=tuple(_of_drag(job, scene)))
+
+
+def telling_doubts_of(scene: Scene, job: Job) -> Job:
+    """The same, each logged as a warning."""
+    job = with_doubts_of(scene, job)
+    for line in job.doubts:
+        log.warning("%s", line)
+    return job
+
+
+def _of_drag(job: Job, scene: Scene) -> Iterator[str]:
+    """Mass-proportional damping of blocks that slide: C = alpha M brakes rigid motion too."""
+    alpha, beta = rayleigh_coefficients(job.config.damping.rayleigh)
+    if alpha <= 0.0:
+        return
+    sliding = [name for part in scene_parts(scene).values() for name in _braked(part, scene)]
+    if not sliding:
+        return
+    slow, fast = (f"{alpha * v / _G:.2g} at {v:g} m/s" for v in _SLIDES)
+    yield (
+        f"damping.rayleigh has alpha = {alpha:.3g} 1/s, which acts on rigid motion too: "
+        f"{', '.join(sliding)}, held by joints with friction alone, slide against a drag alpha m v, as if "
+        f"friction were higher by {slow} and {fast}; it takes sliding to 1/e in {1.0 / alpha:.2g} s. "
+        f"Slips come out too small; `damping: {{modal: 5 %}}` or `rayleigh: {{alpha: 0, beta: {beta:.3g} s}}`"
+        " has no drag"
+    )
+
+
+def _braked(part: Part, scene: Scene) -> list[str]:
+    """Blocks of a part that friction alone holds, with mass and damping of their own."""
+    own = [
+        name
+        for name in part.blocks
+        if scene.blocks[name].material.rho > 0.0 and not _brings_damping(scene, name)
+    ]
+    joints = [j for j in scene.joints.values() if set(j.blocks) & set(part.blocks)]
+    rubs = any((j.mu > 0.0).any() or any(rows.shear for rows in j.laws) for j in joints)
+    return own if own and rubs and not part.stands_free(scene) else []
+
+
+def _brings_damping(scene: Scene, name: str) -> bool:
+    matrices = scene.blocks[name].matrices
+    return matrices is not None and matrices.C is not None
 
 
 def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:

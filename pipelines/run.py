@@ -26,7 +26,7 @@ from romdam.error.statement import ErrorStatement, read_verification
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
-from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.error.estimate import reduced_models, with_estimates
 from romdam.pipelines.given import Read, job_and_motions, records_of, usable
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -191,6 +191,7 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
+    job = telling_doubts_of(model.scene, job)
     with beside(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
         rows, last = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
     failures = {name: one for name, one in read.items() if isinstance(one, str)}

@@ -402,6 +402,29 @@ def test_what_is_unusual_is_said_by_check_and_by_run_and_kept(config, tmp_path):
     assert said in xr.open_dataset(tmp_path / "o" / "pulse.nc").attrs["configuration_doubts"]
 
 
+def test_a_drag_on_sliding_is_said_by_check_and_by_run_and_kept(config, tmp_path):
+    """5 % at 5 and 50 Hz have alpha = 2 * 0.05 * w1 w2 / (w1 + w2) = 2.86 1/s."""
+    raw = yaml.safe_load(SMALL)
+    raw["blocks"]["slab"] = {
+        "material": "concrete",
+        "box": {"origin": [0, 0, 20], "size": [5, 10, 5], "element_size": "5 m"},
+    }
+    raw["joints"]["bed"] = {"between": ["right", "slab"], "normal_stiffness": "16 GPa/m"}
+    said = "damping.rayleigh has alpha = 2.86 1/s, which acts on rigid motion too: slab, held by joints"
+    changes = {"blocks": raw["blocks"], "loads": {"gravity": [0, 0, -9.81]}}
+    edited(config, joints=raw["joints"], **changes)
+    assert said not in call("check", config)[1], "without friction nothing brakes but this"
+    raw["joints"]["bed"] |= {"shear_stiffness": "8 GPa/m", "friction": 0.1}
+    edited(config, joints=raw["joints"], **changes)
+    assert f"warning: {said}" in call("check", config)[1]
+    code, _, stderr = call_alone("run", config, "--out", tmp_path / "o")
+    assert code == 0 and said in stderr and "higher by 0.029 at 0.1 m/s and 0.15 at 0.5 m/s" in stderr
+    assert said in xr.open_dataset(tmp_path / "o" / "pulse.nc").attrs["configuration_doubts"]
+    for damping in ({"modal": "5 %"}, {"rayleigh": {"alpha": 0, "beta": "1e-3 s"}}):
+        edited(config, joints=raw["joints"], damping=damping, **changes)
+        assert "alpha" not in call("check", config)[1]
+
+
 def test_records_whose_files_would_be_one_are_refused(config):
     record = yaml.safe_load(SMALL)["records"][0]
     refuse(edited(config, records=[record, {**record, "name": "PULSE"}]), "'PULSE' and 'pulse'")

@@ -20,7 +20,7 @@ from romdam.core.threads import one_thread
 from romdam.error.comparison import Openings, compare_openings, read_reference
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.fem.unreduced import assemble_full
-from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
@@ -95,6 +95,7 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     refuse_drifting(job, [motion])
     tell_doubts(job, [motion])
     scene = scene_of(job)
+    job = telling_doubts_of(scene, job)
     steps = job.config.study.finest_steps or tuple(motion.dt / part for part in PARTS)
     setup = _Setup(job, scene, motion, steps, job.config.outputs.output_interval or motion.dt)
     if stored is None:

@@ -20,7 +20,7 @@ from romdam.error.verification import VerifiedRun, against_reference, full_order
 from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.check import full_order_seconds
-from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, simulate_motion
@@ -97,6 +97,7 @@ def verify(
     refuse_lengths(job, [motion], seconds)
     job = with_modes_chosen(job, motions, clock)
     model = build_model(job, clock)
+    job = telling_doubts_of(model.scene, job)
     reduced = _reduced(job, model, motion, seconds, clock)
     full = _full(job, model, (motion, seconds, reduced), clock, tell)
     about: dict[str, object] = {

@@ -23,7 +23,7 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.doubts import tell_doubts
+from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, with_modes_chosen
 from romdam.pipelines.sizes import refuse_lengths
@@ -113,6 +113,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     )
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
+        job = telling_doubts_of(scene, job)
         scene, contents = _sampled(job, scene, samples)
     samples = replace(samples, contents=tuple(contents))
     runs = _runs(records, _model_key(job, scene), contents)

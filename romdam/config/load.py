@@ -34,6 +34,7 @@ class Job:
     renamed : a warning for each key or word that stands in it by a name of before
     given : the mapping that it was made of; None where `path` is a file
     base : folder that relative paths start from, where it is not that of `path`
+    doubts : what its scene, once that is built, may hardly be meant to have
     """
 
     config: Config
@@ -41,6 +42,7 @@ class Job:
     renamed: tuple[str, ...] = ()
     given: Mapping[str, Any] | None = field(default=None, repr=False)
     base: Path | None = None
+    doubts: tuple[str, ...] = ()
 
     @property
     def folder(self) -> Path:

@@ -98,7 +98,7 @@ def job_labels(job: Job) -> dict[str, object]:
         "configuration_file": job.path.name,
         "configuration": json.dumps(job.config.model_dump(mode="json")),
         "configuration_sha256": job.digest,
-        "configuration_doubts": json.dumps(doubts(job.config)),
+        "configuration_doubts": json.dumps([*doubts(job.config), *job.doubts]),
     }
 
 

@@ -1,0 +1,129 @@
+"""What damping does to slip: a block and a coarser Koyna, with Rayleigh's, without its alpha, and modal.
+
+    python tests/benchmarks/bench_damping_slip.py [--block]
+
+The block is of 4 x 4 x 1 m on massless rock, friction 0.1, under Northridge, Mulholland 009 x 1.5; Newmark's
+rigid block has no damping. The dam is configs/koyna.yaml with one element along each monolith, two through
+and seven up, a cutoff of 25 Hz and 20 s of the record, without stress. Prints Markdown tables; nothing here
+passes or fails.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+import romdam
+from romdam.config.sections.job import DampingConfig
+from romdam.fem.damping import rayleigh_coefficients
+from romdam.postprocess.sliding import sliding
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from rigid_block import rigid_slip
+
+CONFIG = Path(__file__).parents[2] / "configs" / "koyna.yaml"
+RECORD = Path(__file__).parents[2] / "data" / "records" / "northridge_mul009_g_dt0.01.txt"
+BASES = ("base_2", "base_3", "base_4")
+MU, G = 0.1, 9.81
+DIVISIONS = {"along": 1, "through": 2, "up": 7, "depth": 2, "upstream": 1, "downstream": 1, "banks": 1}
+
+
+def rayleigh(low: float, high: float) -> dict[str, Any]:
+    return {"rayleigh": {"frequencies": [low, high], "ratio": 0.05}}
+
+
+def without_alpha(damping: dict[str, Any]) -> dict[str, Any]:
+    """The same beta alone."""
+    beta = rayleigh_coefficients(DampingConfig.model_validate(damping).rayleigh)[1]
+    return {"rayleigh": {"alpha": 0.0, "beta": beta}}
+
+
+CASES = {
+    "`rayleigh` of 3 and 20 Hz, 5 %": rayleigh(3.0, 20.0),
+    "`rayleigh` of 20 and 200 Hz, 5 %": rayleigh(20.0, 200.0),
+    "its $\\beta$ alone, of 3 and 20 Hz": without_alpha(rayleigh(3.0, 20.0)),
+    "`modal: 5 %`": {"modal": 0.05},
+}
+
+
+def block(damping: dict[str, Any]) -> dict[str, Any]:
+    box = {"origin": [0, 0, 0], "size": [4, 4, 1], "element_size": [2, 2, 1]}
+    stiff = {"E": 3e12, "nu": 0.2, "rho": 2400}
+    return {
+        "materials": {"stiff": stiff},
+        "blocks": {
+            "rock": {"material": "stiff", "mass": False, "box": box | {"origin": [0, 0, -1]}},
+            "block": {"material": "stiff", "box": box},
+        },
+        "supports": [{"block": "rock", "face": "zmin"}],
+        "joints": {
+            "base": {
+                "between": ["rock", "block"],
+                "normal_stiffness": 50e9,
+                "shear_stiffness": 50e9,
+                "friction": MU,
+            }
+        },
+        "loads": {"gravity": [0, 0, -G]},
+        "damping": damping,
+        "records": [
+            {
+                "name": "r",
+                "scale": 1.5,
+                "file": str(RECORD),
+                "unit": "9.81 m/s2",
+                "dt": 0.01,
+                "components": {"x": 1},
+            }
+        ],
+        "model": {"modes": "all"},
+        "transient": {"finest_step": 1.25e-3},
+        "outputs": {"plots": False, "error_estimate": False, "output_interval": 0.01},
+    }
+
+
+def koyna(damping: dict[str, Any]) -> dict[str, Any]:
+    raw: dict[str, Any] = yaml.safe_load(CONFIG.read_text())
+    raw["records"][0]["components"]["y"]["file"] = str(RECORD)
+    raw["outputs"] = {"plots": False, "error_estimate": False, "output_interval": 0.01}
+    raw["gravity_dam"]["divisions"] = DIVISIONS | {"growth": 1.7}
+    raw["model"] = {"order": "reduced", "cutoff": 25.0}
+    raw["transient"] = {"finest_step": 2.5e-3, "duration": 20.0}
+    return raw | {"damping": damping}
+
+
+def slips(raw: dict[str, Any]) -> dict[str, float]:
+    """Residual slip of every joint [mm]."""
+    dataset = romdam.run(romdam.load_config(raw)).results[0].dataset
+    return {one.joint: 1e3 * one.residual_slip for one in sliding(dataset)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--block", action="store_true", help="the block alone")
+    dam = not parser.parse_args().block
+    exact = rigid_slip(1.5 * G * np.loadtxt(RECORD).ravel(), 0.01, 0.0, MU * G)[-1]
+    print("| damping | $\\alpha$ [1/s] | block [mm] | Koyna, bases 2, 3, 4 [mm] |")
+    print("|---|---|---|---|")
+    print(f"| none: Newmark's rigid block | 0 | {1e3 * abs(exact):.1f} | |")
+    for name, damping in CASES.items():
+        alpha = rayleigh_coefficients(DampingConfig.model_validate(damping).rayleigh)[0]
+        own, of_dam = slips(block(damping))["base"], ""
+        if dam and "200" not in name:
+            found = slips(koyna(damping))
+            of_dam = " ".join(f"{found[base]:.0f}" for base in BASES)
+        print(f"| {name} | {alpha:.3g} | {own:.1f} | {of_dam} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
