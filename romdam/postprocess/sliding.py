@@ -20,21 +20,25 @@ if TYPE_CHECKING:  # workers write no file
     import xarray as xr
 
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
+_ROUNDING = 1e-12  # of the resultant, below which a direction carries nothing
 _OPEN, _STICK, _SLIP = range(3)
 
 
 def safety_factor(strength: Floats, shear: Floats) -> Floats:
     """Factor of safety against sliding, (...): strength over shear, NaN where there is no shear or no bound.
 
-    Equal strengths along j and k bound the resultant, as the gaps' laws do; else the lesser of two counts.
+    Equal strengths along j and k bound the resultant, as the gaps' laws do; else the lesser of the directions
+    counts that are bounded and loaded.
 
     Parameters
     ----------
     strength, shear : (..., 2) of whole joints along their local axes j and k [N]
     """
+    size = np.hypot(shear[..., 0], shear[..., 1])
+    counts = np.isfinite(strength) & (np.abs(shear) > _ROUNDING * size[..., None])
     with np.errstate(divide="ignore", invalid="ignore"):
-        resultant = strength[..., 0] / np.hypot(shear[..., 0], shear[..., 1])
-        each = (strength / np.abs(shear)).min(axis=-1)
+        resultant = strength[..., 0] / size
+        each = np.where(counts, strength / np.abs(shear), np.inf).min(axis=-1)
     factor = np.where(strength[..., 0] == strength[..., 1], resultant, each)
     return np.where(np.isfinite(factor), factor, np.nan)
 

@@ -48,13 +48,13 @@ def block(**joint):
     }
 
 
-def run(job, timing, acc, integrator="adaptive", **joint):
-    """Result of a block under ground acceleration along x, as a case and a dataset."""
+def run(job, timing, acc, integrator="adaptive", along=0, **joint):
+    """Result of a block under ground acceleration along x or another axis, as a case and a dataset."""
     import pathlib
 
     config = parse_config(block(**joint), "s.yaml")
     scene = build_scene(config, pathlib.Path(), "s.yaml")
-    ground = np.stack([acc, 0.0 * acc, 0.0 * acc])
+    ground = np.outer(np.eye(3)[along], acc)
     system = reduce_scene(scene, config.model, config.damping).system
     history = simulated(system, ground, DT, integrator=integrator, initial_state="static")
     case = Case(scene, GroundMotion("pulse", ground, DT, {}, ()), history)
@@ -65,6 +65,39 @@ def ramp(*corners):
     """Ground acceleration linear between (time, acceleration)."""
     t, a = np.array(corners).T
     return np.interp(np.arange(round(t[-1] / DT) + 1) * DT, t, a)
+
+
+@pytest.mark.parametrize(
+    ("strength", "shear", "factor"),
+    [
+        ([8.0, 0.0], [4.0, 0.0], 2.0),  # no friction along k, and no shear
+        ([8.0, 0.0], [4.0, 1e-15], 2.0),
+        ([8.0, np.inf], [4.0, 3.0], 2.0),  # a key holds along k
+        ([8.0, np.nan], [4.0, 3.0], 2.0),
+        ([np.nan, 6.0], [4.0, 3.0], 2.0),
+        ([8.0, 3.0], [4.0, 3.0], 1.0),
+        ([10.0, 10.0], [4.0, 3.0], 2.0),
+        ([np.nan, 6.0], [4.0, 0.0], np.nan),
+        ([0.0, 0.0], [0.0, 0.0], np.nan),
+        ([np.nan, np.nan], [4.0, 3.0], np.nan),
+    ],
+)
+def test_directions_that_are_bounded_and_loaded_count(strength, shear, factor):
+    found = safety_factor(np.array([strength]), np.array([shear]))
+    np.testing.assert_allclose(found, [factor], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "joint", [{"friction": [MU, 0.0]}, {"shear_key": {"depth": 0.05, "directions": ["k"]}}]
+)
+def test_a_block_that_slides_along_j_alone_slides(job, timing, joint):
+    """Along y, the local j of a level base: friction there, nothing or a key along k."""
+    acc = ramp((0.0, 0.0), (0.1, 6.0), (0.5, 6.0), (0.6, 0.0), (2.0, 0.0))
+    _, ds = run(job, timing, acc, along=1, **joint)
+    (one,) = sliding(ds)
+    assert abs(abs(ds.gap_tangent.values[0]) - [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]).max() < 1e-12
+    assert one.verdict == "slides" and one.sliding_time > 0.3 and one.residual_slip > 0.05
+    assert one.factor == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_block_that_holds_has_friction_over_inertia(job, timing):
