@@ -24,6 +24,12 @@ _ROUNDING = 1e-12  # of the resultant, below which a direction carries nothing
 _OPEN, _STICK, _SLIP = range(3)
 
 
+def row_seconds(time: Floats) -> Floats:
+    """Half of the intervals beside every written row, (nt,) [s]: what it stands for; they sum to the run."""
+    half = 0.5 * np.diff(time)
+    return np.asarray(np.append(half, 0.0) + np.append(0.0, half))
+
+
 def safety_factor(strength: Floats, shear: Floats) -> Floats:
     """Factor of safety against sliding, (...): strength over shear, NaN where there is no shear or no bound.
 
@@ -51,7 +57,8 @@ class Sliding:
     ----------
     joint, blocks : names of the joint, and of the blocks I and J
     factor, factor_time : least factor of safety, and when [s]; NaN where the joint carries no shear
-    sliding_time, open_time : time in which every closed gap slides, and in which no gap is closed [s]
+    sliding_time, open_time : time in which every closed gap slides, and in which no gap is closed, see
+        `row_seconds` [s]
     slipped : whether any gap has slid
     residual : (3,) mean displacement of J over I that is left, along x, y, z [m]
     residual_slip, largest_slip : its part along the joint's mean plane; the largest of a gap [m]
@@ -104,7 +111,7 @@ def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
 def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
     own, gaps = dataset.sel(joint=name), dataset.isel(gap=dataset.gap_joint.values == name)
     time, state = own.time.values, gaps.joint_state.values
-    factor, interval = own.sliding_safety_factor.values, float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    factor, seconds = own.sliding_safety_factor.values, row_seconds(time)
     least = int(np.nanargmin(factor)) if np.isfinite(factor).any() else 0
     moves, stays = (state == _SLIP).any(axis=1), (state == _STICK).any(axis=1)
     normal = _mean_normal(gaps)
@@ -116,8 +123,8 @@ def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
         blocks=(str(own.joint_blocks.values[0]), str(own.joint_blocks.values[1])),
         factor=float(factor[least]),
         factor_time=float(time[least]),
-        sliding_time=interval * float((moves & ~stays).sum()),
-        open_time=interval * float((state == _OPEN).all(axis=1).sum()),
+        sliding_time=float(seconds[moves & ~stays].sum()),
+        open_time=float(seconds[(state == _OPEN).all(axis=1)].sum()),
         slipped=bool(moves.any()),
         residual=residual,
         residual_slip=float(np.linalg.norm(_along(residual, normal))),

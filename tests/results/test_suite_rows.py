@@ -12,19 +12,31 @@ from romdam.results.suite.rows import ROWS
 
 from .conftest import make_case
 
-OPEN, STICK = 0, 1
+OPEN, STICK, SLIP = 0, 1, 2
 
 
 def test_open_durations_tell_one_gap_from_half_of_the_joint():
-    """J1 has gaps of 0.5 m2 each, J2 three; rows of 0.05 s: one gap of J2 open in 10, two in 6 of them."""
+    """J1 has gaps of 0.5 m2 each, J2 three; rows of 0.05 s: one gap of J2 open in 10, two in 6 of them.
+
+    Half an interval belongs to the first row.
+    """
     case = make_case()
     state = np.full((41, 5), STICK, dtype=np.uint8)
     state[:10, 2], state[:6, 3] = OPEN, OPEN
     case = dataclasses.replace(case, history=dataclasses.replace(case.history, state=state))
-    np.testing.assert_allclose(ROWS["any_gap_open_duration"].get(case), [0.0, 0.5])
-    np.testing.assert_allclose(ROWS["half_open_duration"].get(case), [0.0, 0.3])
+    np.testing.assert_allclose(ROWS["any_gap_open_duration"].get(case), [0.0, 0.475])
+    np.testing.assert_allclose(ROWS["half_open_duration"].get(case), [0.0, 0.275])
     np.testing.assert_allclose(ROWS["mean_open_share"].get(case), [0.0, 16 / 41 / 3])
     assert set(RENAMED.values()) >= {"any_gap_open_duration", "any_gap_sliding_duration"}
+
+
+@pytest.mark.parametrize("name", ["any_gap_open_duration", "half_open_duration", "any_gap_sliding_duration"])
+def test_no_duration_is_longer_than_the_run(name):
+    """41 rows of 0.05 s are 2 s."""
+    case = make_case()
+    state = np.full((41, 5), SLIP if "sliding" in name else OPEN, dtype=np.uint8)
+    case = dataclasses.replace(case, history=dataclasses.replace(case.history, state=state))
+    np.testing.assert_allclose(ROWS[name].get(case), [2.0, 2.0], rtol=1e-12)
 
 
 @pytest.mark.parametrize(("duration", "pga"), [(None, 3.0), (2.0, 1.0), (9.0, 3.0)])

@@ -10,7 +10,7 @@ import numpy as np
 import romdam
 from romdam.core.arrays import Floats
 from romdam.core.system import ENERGY_TERMS, OPEN, SLIP, History
-from romdam.postprocess.sliding import REST
+from romdam.postprocess.sliding import REST, row_seconds
 from romdam.postprocess.stress.faces import HEADLINE
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.case import Array, Case, Variable
@@ -80,8 +80,8 @@ def _time_in(state: int) -> Callable[[Case], Array]:
 
     def get(case: Case) -> Array:
         h = case.history
-        interval = float(h.time[1] - h.time[0]) if len(h.time) > 1 else 0.0
-        return interval * case.per_joint((h.state == state).T, lambda part: part.any(axis=0).sum())
+        seconds = row_seconds(h.time)
+        return case.per_joint((h.state == state).T, lambda part: seconds[part.any(axis=0)].sum())
 
     return get
 
@@ -94,9 +94,7 @@ def _open_share(case: Case) -> Array:
 
 
 def _half_open(case: Case) -> Array:
-    time = case.history.time
-    interval = float(time[1] - time[0]) if len(time) > 1 else 0.0
-    return np.asarray(interval * (_open_share(case) > _HALF).sum(axis=1))
+    return np.asarray((_open_share(case) > _HALF) @ row_seconds(case.history.time))
 
 
 def _peak_displacement(case: Case) -> Array:
