@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 
 from romdam.core.jit import njit
-from romdam.core.system import SLIP as SLIP  # `error.estimate` has them from here
-from romdam.core.system import STICK as STICK
 
 _ON_LIMIT = 1e-9  # of a limit: a shear that is nearer to it slides
 

@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_matrix, eye
 
-from romdam.contact.cone import SLIP, STICK
 from romdam.contact.laws.law import Law, Past
 from romdam.contact.problem import law_memory
 from romdam.core.arrays import Floats
-from romdam.core.system import GapLaw, History
+from romdam.core.system import SLIP, STICK, GapLaw, History
 from romdam.error.metrics import FLOOR, opening_error, peak_bound, relative_l2
 from romdam.error.statement import ErrorStatement, percent
 from romdam.timestepping.prepared import Prepared
