@@ -336,7 +336,7 @@ def run_motion(
         dataset = build_dataset(case, job, timing, files.get("model_file"))
         dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
-        dataset.attrs.update(read_verification(folder, job.digest))
+        dataset.attrs.update(read_verification(folder, dataset.attrs))
         if estimate is not None:
             estimate.write_to(dataset)
         dataset.attrs[FOLDER] = folder_from(folder, job.folder)

@@ -140,6 +140,33 @@ def test_verify_states_the_error_in_the_result(config, tmp_path):
     assert "in L2" in call("info", out / "pulse.nc")[1], "a later run keeps the statement"
 
 
+def test_verification_of_a_record_or_a_gap_table_of_before_is_not_stated(config, tmp_path, caplog):
+    """The configuration names files; what stands in them is what is run."""
+    (tmp_path / "gap.csv").write_text("x,y,z,gap\n0,0,0,0\n5,0,0,0\n0,0,20,0\n")
+    joint = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "gap": {"table": "gap.csv"}}
+    edited(config, joints={"gap": joint}, outputs={"plots": False})
+    out, record, table = tmp_path / "out", tmp_path / "pulse.txt", tmp_path / "gap.csv"
+    assert call("verify", config, "--out", out, "--duration", "0.4 s")[0] == 0
+    acc, gaps = record.read_text(), table.read_text()
+    changes = {
+        "of other samples of that record": (record, "\n".join(reversed(acc.splitlines()))),  # of one peak
+        "of another scene": (table, gaps.replace("20,0", "20,0.001")),
+    }
+    for said, (file, text) in changes.items():
+        file.write_text(text)
+        caplog.clear()
+        assert call("run", config, "--out", out)[0] == 0 and said in caplog.text
+        assert "not stated" in call("info", out / "pulse.nc")[1]
+        code, _, refused = call("certify", out / "pulse.nc")
+        assert code == 0, refused  # the run is of what is there now
+        record.write_text(acc)
+        table.write_text(gaps)
+        code, _, refused = call("certify", out / "pulse.nc")
+        assert code == 2 and ("its samples have changed" in refused or "another scene" in refused), refused
+    assert call("run", config, "--out", out)[0] == 0
+    assert "in L2" in call("info", out / "pulse.nc")[1]
+
+
 def test_verify_takes_the_strongest_part_and_says_so_and_what_it_costs(config, tmp_path, monkeypatch):
     monkeypatch.setattr("romdam.pipelines.error.verify.WINDOW", 0.3)
     code, stdout, stderr = call("verify", config, "--out", tmp_path / "part")

@@ -16,6 +16,7 @@ from romdam.config.coupling import coupling
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
+from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
@@ -119,7 +120,17 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
     run.refuse_other(scene.gap_position, run.q.shape[1])
+    stated = run.attributes.get("scene_sha256")
+    if _of_this_version(run) and stated is not None and stated != scene_digest(scene):
+        raise ResultError(
+            f"{run.path}: was made of another scene than {job.path} is now: a mesh, matrices or "
+            "a gap table have changed since; run the configuration again"
+        )
     return scene
+
+
+def _of_this_version(run: StoredRun) -> bool:
+    return str(run.attributes.get("source")) == f"romdam {romdam.__version__}"
 
 
 def _interval(run: StoredRun) -> float:
@@ -188,14 +199,11 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     stored = parse_config(raw, f"{run.path}: configuration")
     folder = run.path.parent / str(run.attributes.get(FOLDER, "."))
     job = Job(stored, folder / str(run.attributes["configuration_file"]))
-    ours = (
-        str(run.attributes.get("source")) == f"romdam {romdam.__version__}"
-    )  # else keys may have come since
-    if ours and job.digest != run.attributes["configuration_sha256"]:
+    if _of_this_version(run) and job.digest != run.attributes["configuration_sha256"]:
         raise ResultError(
             f"{run.path}: its attribute configuration is not the one of SHA-256 "
             f"{shown(run.attributes['configuration_sha256'])} that it states; run it again"
-        )
+        )  # of another version keys may have come since
     if config is None:
         return job
     named = load_config(config)
@@ -227,10 +235,11 @@ def _motion(job: Job, run: StoredRun) -> GroundMotion:
         if motion.name == name:
             motion = replace(motion, acc=factor * motion.acc)
             stored = float(str(run.attributes["record_peak_acceleration"]))
-            if not math.isclose(motion.peak, stored, rel_tol=1e-9):
+            stated = run.attributes.get("record_sha256", motion.digest)
+            if stated != motion.digest or not math.isclose(motion.peak, stored, rel_tol=1e-9):
                 raise ResultError(
-                    f"{run.path}: was made with another record {name!r} (peak {stored:.6g} m/s2, now "
-                    f"{motion.peak:.6g} m/s2); run the configuration again"
+                    f"{run.path}: was made with another record {name!r}, its samples have changed (peak "
+                    f"{stored:.6g} m/s2, now {motion.peak:.6g} m/s2); run the configuration again"
                 )
             return motion
     raise ResultError(f"{run.path}: its record {name!r} is not among those of {job.path}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from romdam.config.load import Job, Source, load_config
 from romdam.core.errors import ConfigError
 from romdam.core.files import prepare_folder
+from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
@@ -87,7 +88,7 @@ def verify(
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
-    first, motion = 0.0, motions[0]
+    first, motion, whole = 0.0, motions[0], motions[0]
     refuse_drifting(job, motions[:1])
     tell_doubts(job, motions[:1])
     moving = any(support.motion is not None for support in job.config.supports)  # they begin at rest
@@ -105,6 +106,8 @@ def verify(
         "first_second": first,
         "configuration_file": job.path.name,
         "configuration_sha256": job.digest,
+        "scene_sha256": scene_digest(model.scene),
+        "record_sha256": whole.digest,
         "cpu_seconds_reduction": clock.cpu["model"],
     }
     if stored is not None:

@@ -19,7 +19,7 @@ import romdam
 from romdam.config.load import Job, located
 from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
 from romdam.core.errors import ConfigError, RecordError
-from romdam.core.fingerprint import fingerprint
+from romdam.core.fingerprint import fingerprint, scene_content
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
@@ -256,12 +256,7 @@ def _model_key(job: Job, scene: Scene) -> str:
         "keep": "" if suite is None else str(suite.keep),
         "directions": gap_law(scene).directions,
     }
-    joints = {
-        name: {key: value for key, value in vars(joint).items() if key not in _OF_SAMPLES}
-        for name, joint in scene.joints.items()
-    }
-    rest = {name: value for name, value in vars(scene).items() if name != "joints"}
-    return fingerprint((LAYOUT, romdam.__version__, asked, joints, rest))
+    return fingerprint((LAYOUT, romdam.__version__, asked, *scene_content(scene, _OF_SAMPLES)))
 
 
 def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:

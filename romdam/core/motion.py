@@ -88,7 +88,12 @@ class GroundMotion:
     @property
     def provenance_of_arrays(self) -> dict[str, object]:
         """Account of samples that were arrays in Python, whatever they had been before."""
-        return {"given": "as arrays in Python, m/s2", "acceleration_sha256": fingerprint((self.acc, self.dt))}
+        return {"given": "as arrays in Python, m/s2", "acceleration_sha256": self.digest}
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the samples and their interval: of what is run, wherever it was read from."""
+        return fingerprint((self.acc, self.dt))
 
     def to_xarray(self) -> xr.DataArray:
         """The acceleration as a DataArray over component (x, y, z) and time [m/s2]."""

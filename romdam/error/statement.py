@@ -37,6 +37,7 @@ Kind = Literal["estimate", "certificate", "verification"]
 _RELATIVE = f"relative to the joint's own history, or to {FLOOR:.0%} of that of all joints where it is less"
 VERIFICATION_FILE = "verification.json"
 _SELF = "content_sha256"  # of everything else in that file
+_OF_WHAT = ("configuration_sha256", "scene_sha256", "record", "record_sha256")  # attributes of a result
 _MOST = 4e9  # bytes of a file that is read whole
 
 
@@ -121,7 +122,9 @@ def write_certificate(path: Path, statement: ErrorStatement) -> Path:
 
 
 def write_verification(folder: Path, statement: ErrorStatement) -> Path:
-    """Write verification.json, and put the statement into every result there of the same configuration.
+    """Write verification.json, and put the statement into every result there that it is true of.
+
+    That is of the same configuration and the same scene, and if of the same record, then of the same samples.
 
     Raises
     ------
@@ -131,13 +134,23 @@ def write_verification(folder: Path, statement: ErrorStatement) -> Path:
     path, document = folder / VERIFICATION_FILE, statement.document
     _write_json(path, document | {_SELF: fingerprint(json.dumps(document))})
     for result in sorted(folder.glob("*.nc")):
-        if _digest(result) == document["configuration_sha256"]:
+        labels = _labels(result)
+        if labels["configuration_sha256"] == document["configuration_sha256"] and not _other(
+            document, labels
+        ):
             _attach(result, statement.attributes)
     return path
 
 
-def read_verification(folder: Path, digest: str) -> dict[str, object]:
-    """Attributes for a result of the configuration `digest` from a verification made earlier; else none."""
+def read_verification(folder: Path, labels: Mapping[str, object]) -> dict[str, object]:
+    """Attributes for a result from a verification made earlier, where that is true of it; else none.
+
+    Parameters
+    ----------
+    labels : the result's attributes: SHA-256 of its configuration, its scene and its record, whose name too
+
+    Warns where the configuration is the same and what it is of is not.
+    """
     path = folder / VERIFICATION_FILE
     if not path.exists():
         return {}
@@ -151,7 +164,27 @@ def read_verification(folder: Path, digest: str) -> dict[str, object]:
     if own != fingerprint(json.dumps(document)):
         log.warning("%s: is not as it was written; `romdam verify` writes it again", path)
         return {}
-    return _attributes("verification", document) if document.get("configuration_sha256") == digest else {}
+    if document.get("configuration_sha256") != labels["configuration_sha256"]:
+        return {}
+    if other := _other(document, labels):
+        log.warning(
+            "%s: is not stated in the result of %s: %s; `romdam verify` states what is true of it",
+            path, labels["record"], other,
+        )  # fmt: skip
+        return {}
+    return _attributes("verification", document)
+
+
+def _other(document: Mapping[str, object], labels: Mapping[str, object]) -> str:
+    """Say what a verification is of that a result of its configuration is not; empty where both agree."""
+    if "scene_sha256" not in document or "record_sha256" not in document:
+        return "it does not say of which mesh and which samples it is"
+    if document["scene_sha256"] != labels["scene_sha256"]:
+        return "it is of another scene, a mesh, matrices or gaps have changed since, or the version"
+    same_record = document.get("record") == labels["record"]
+    if same_record and document["record_sha256"] != labels["record_sha256"]:
+        return "it is of other samples of that record"
+    return ""
 
 
 def _attributes(kind: Kind, document: dict[str, object]) -> dict[str, object]:
@@ -171,14 +204,14 @@ def _write_json(path: Path, document: Mapping[str, object]) -> None:
         unfinished.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
-def _digest(path: Path) -> str:
-    """The configuration's digest that a result states; a file that is damaged is left as it is."""
+def _labels(path: Path) -> dict[str, str]:
+    """What a result says that it is of; a file that is damaged is left as it is."""
     try:
         with reading(path) as file:
-            return text_of(file, "configuration_sha256")
+            return {name: text_of(file, name) for name in _OF_WHAT}
     except ResultError as error:
         log.warning("%s; it gets no statement of its error", error)
-        return ""
+        return dict.fromkeys(_OF_WHAT, "")
 
 
 def _attach(path: Path, attributes: dict[str, object]) -> None:

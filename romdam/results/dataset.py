@@ -22,6 +22,7 @@ import romdam
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.core.errors import ResultError
+from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.sealed import Opened, examine, sealing
 from romdam.postprocess.concerns import concerns
@@ -106,6 +107,7 @@ def record_labels(motion: GroundMotion) -> dict[str, object]:
     """Attributes that name the source of a result's ground motion."""
     return {
         "record": motion.name,
+        "record_sha256": motion.digest,
         "record_provenance": json.dumps(motion.provenance, default=str),
         "record_warnings": json.dumps(list(motion.warnings)),
     }
@@ -123,6 +125,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
             "date_created": _now(),
             "record_dt": motion.dt,
             "record_peak_acceleration": float(np.abs(motion.acc).max()),
+            "scene_sha256": scene_digest(case.scene),
             "run_warnings": json.dumps(concerns(case.history.stats)),
             "model_order": job.config.model.order,
             "base": _BASES[job.config.ground.input],

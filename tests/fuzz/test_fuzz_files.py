@@ -177,23 +177,25 @@ def parts(store: BlockStore, key: str) -> list[bytes] | None:
 
 
 def test_statements_that_changed_are_left_out(tmp_path, cases):
-    about = {"configuration_sha256": "abc", "peak_error": 0.01, "cpu": [1, 2]}
+    content = {"scene_sha256": "scene", "record": "a", "record_sha256": "samples"}
+    about = {"configuration_sha256": "abc", **content, "peak_error": 0.01, "cpu": [1, 2]}
+    ours, other = ({"configuration_sha256": digest, **content} for digest in ("abc", "abd"))
     errors = {"opening": RelativeError(0.1, 0.01, {"gap": RelativeError(0.2, 0.02)})}
     statement = ErrorStatement("verification", "off by 1 %", errors, about)
     path = write_verification(tmp_path, statement)
-    whole, expected = path.read_bytes(), read_verification(tmp_path, "abc")
+    whole, expected = path.read_bytes(), read_verification(tmp_path, ours)
     assert (
         json.loads(str(expected["verification"])) == statement.document
-        and read_verification(tmp_path, "abd") == {}
+        and read_verification(tmp_path, other) == {}
     )
     for case in range(cases(100, 1000)):
         damage_bytes(path, [path], np.random.default_rng([5, case]))
-        found = read_verification(tmp_path, "abc")
+        found = read_verification(tmp_path, ours)
         assert found in ({}, expected), f"case {case}: {found}"
         path.write_bytes(whole)
     for foreign in ("null", "[]", '{"configuration_sha256": "abc"}', "[" * 100_000, '{"a": NaN}'):
         (tmp_path / VERIFICATION_FILE).write_text(foreign)
-        assert read_verification(tmp_path, "abc") == {}
+        assert read_verification(tmp_path, ours) == {}
 
 
 @pytest.mark.parametrize("size", [0, 7, 8, 9, 48, 51, 52, 79, 96])
