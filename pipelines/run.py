@@ -15,7 +15,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from romdam.config.load import Job, Source
-from romdam.core.errors import ConfigError, RomdamError, placed
+from romdam.core.errors import ConfigError, placed, recoverable, told
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
@@ -193,9 +193,9 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     model = build_model(job, clock, store, estimated=True)
     job = telling_doubts_of(model.scene, job)
     with beside(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
-        rows, last = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
+        rows, last, undrawn = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
     failures = {name: one for name, one in read.items() if isinstance(one, str)}
-    failures |= {name: row.message for name, row in rows.items() if row.message}
+    failures |= {name: row.message for name, row in rows.items() if row.message} | undrawn
     paths = tuple(goal.folder / row.kept.file for row in rows.values() if row.kept is not None)
     files: tuple[Path, ...] = ()
     if summarised:
@@ -208,44 +208,45 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
 
 def _run_all(
     job: Job, model: Model, motions: Sequence[GroundMotion], target: Target, clock: Clock, *, lone: bool
-) -> tuple[dict[str, Row], Made | None]:
+) -> tuple[dict[str, Row], Made | None, dict[str, str]]:
     """Run the records of a job, the figures of each drawn before the next or beside it; a failure is a row.
 
     Returns
     -------
-    the rows of all, and the last run; None where that failed
+    the rows of all; the last run, None where that failed; and record -> why its figures could not be drawn
 
     Raises
     ------
     RomdamError
-        for a lone record that fails, and where what all records share cannot be made.
+        for a lone record that fails or whose figures do, and where what all records share cannot be made.
     """
     rows, last, unseen = dict[str, Row](), None, replace(clock, show=silent)
+    undrawn = dict[str, str]()
     for motion in motions:
         with beside(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
             try:
                 last = run_motion(job, model, motion, target, clock)
                 rows[motion.name] = Row("", kept=Kept(last.path.name, "", "", {})) if lone else last.row(job)
-            except RomdamError as error:
+            except recoverable() as error:
                 target[1]()  # an error of its own is one of all records
                 if lone:
                     raise
-                last, rows[motion.name] = None, Row("", str(error))
-            rows |= drawn()
-    return rows | _drawn(last, target[0], clock, lone=lone), last
+                last, rows[motion.name] = None, Row("", told(error))
+            undrawn |= drawn()
+    return rows, last, undrawn | _drawn(last, target[0], clock, lone=lone)
 
 
-def _drawn(made: Made | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, Row]:
-    """Draw the figures of a run, if it is to have some; its row where that fails, of several records."""
+def _drawn(made: Made | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, str]:
+    """Draw the figures of a run, if it is to have some; of several records, its name -> why that failed."""
     if made is None or not goal.figures:
         return {}
     try:
         with clock.stage("plots", "drawing figures"):
             draw(made.dataset, goal.folder, made.path.stem)
-    except RomdamError as error:
+    except recoverable() as error:
         if lone:
             raise
-        return {made.path.stem: Row("", str(error))}
+        return {made.path.stem: told(error)}
     return {}
 
 
@@ -329,7 +330,7 @@ def run_motion(
         with clock.stage("stress", "summing up the stress"):
             history, stress = stress_of(model.scene, model.stress, history)
         made, estimate = estimated()
-        history = replace(history, stats=made.stats)
+        history = replace(history, stats=made.stats, warnings=made.warnings)
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         case = Case(model.scene, motion, history, stress)

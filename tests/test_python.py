@@ -357,3 +357,35 @@ def test_figures_that_cannot_be_drawn_are_the_failure_of_their_own_record(raw, a
     outcome = romdam.run(raw, tmp_path / "out", motions=motions)
     assert outcome.failures == {"one": "no room for figures"}
     assert sorted(path.stem for path in (tmp_path / "out").glob("*.png")) == ["three", "two"]
+    assert [path.name for path in outcome.paths] == ["one.nc", "two.nc", "three.nc"] and not outcome.others
+    summary = romdam.open_suite(tmp_path / "out")
+    assert not summary.status.any() and np.isfinite(summary.peak_opening.values).all(), "the runs are good"
+
+
+def test_a_record_that_ends_in_a_singular_matrix_leaves_the_others(raw, acc, tmp_path, monkeypatch):
+    """Where it is not an error of romdam's own, too."""
+    simulate = pipeline.simulate_motion
+
+    def fail_on_one(job, prepared, motion, *rest):
+        if motion.name == "one":
+            raise np.linalg.LinAlgError("Singular matrix")
+        return simulate(job, prepared, motion, *rest)
+
+    monkeypatch.setattr(pipeline, "simulate_motion", fail_on_one)
+    motions = [romdam.GroundMotion.from_arrays(name, {"y": acc}, 0.01) for name in ("one", "two")]
+    outcome = romdam.run(raw, tmp_path / "out", motions=motions)
+    assert outcome.failures == {"one": "LinAlgError: Singular matrix"}
+    assert [path.name for path in outcome.paths] == ["two.nc"]
+
+
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError("singular"), FloatingPointError("overflow")])
+def test_an_estimate_that_fails_costs_the_estimate_only_and_says_why(raw, acc, monkeypatch, error):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr("romdam.pipelines.error.estimate.estimate_error", fail)
+    motion = romdam.GroundMotion.from_arrays("one", {"y": acc}, 0.01)
+    attrs = romdam.run(raw, motions=motion).results[0].dataset.attrs
+    (said,) = json.loads(attrs["run_warnings"])
+    assert said == f"its error is not estimated: {type(error).__name__}: {error}"
+    assert "error_estimate" not in attrs

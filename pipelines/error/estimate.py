@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from romdam.config.coupling import coupling
 from romdam.config.load import Job
-from romdam.core.errors import ConvergenceError
+from romdam.core.errors import recoverable, told
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
@@ -66,7 +66,8 @@ def with_estimates(
 ) -> tuple[History, ErrorStatement | None]:
     """Estimate the error of a run's steps, which joins its stats, and of leaving out modes.
 
-    There is neither where the model has no finer one nor, with a warning, where one does not converge.
+    There is neither where the model has no finer one nor where one of the two fails, as it does where a step
+    does not converge: the run says why in its warnings.
     """
     if model.finer is None:
         return history, None
@@ -75,9 +76,10 @@ def with_estimates(
         if "estimated_time_error" not in history.stats:
             of_steps = estimate_steps(job, model.prepared, motion, history)
             history = replace(history, stats=history.stats | {"estimated_time_error": of_steps})
-    except ConvergenceError as error:
-        log.warning("%s: its error is not estimated: %s", motion.name, error)
-        return history, None
+    except recoverable() as error:
+        why = f"its error is not estimated: {told(error)}"
+        log.warning("%s: %s", motion.name, why)
+        return replace(history, warnings=(*history.warnings, why)), None
     return history, statement
 
 

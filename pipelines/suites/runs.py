@@ -10,11 +10,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from numpy.linalg import LinAlgError
-
 from romdam.config.load import Job
 from romdam.config.parameters import Varied
-from romdam.core.errors import ConfigError, RomdamError
+from romdam.core.errors import ConfigError, ResultError, recoverable, told
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System, with_parameters
@@ -27,9 +25,6 @@ from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
-
-# errors of one run: it becomes a row with a message, and the others go on
-RECOVERABLE = (RomdamError, ArithmeticError, LinAlgError, MemoryError)
 
 
 def sample_model(suite: Suite, number: int) -> Model:
@@ -65,7 +60,13 @@ def _with_sample(system: System, scene: Scene, varied: Varied) -> System:
 
 @one_thread()
 def run_task(suite: Suite, task: Task) -> list[Row]:
-    """Integrate the runs of a task together; their rows in its order, those that failed with a message."""
+    """Integrate the runs of a task together; their rows in its order, those that failed with a message.
+
+    Raises
+    ------
+    ResultError
+        where a result that is to be kept cannot be written.
+    """
     wall, cpu = time.perf_counter(), time.process_time()
     samples = dict.fromkeys(run.place[2] for run in task.runs)
     models = {number: sample_model(suite, number) for number in samples}
@@ -76,17 +77,21 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):
         if isinstance(outcome, Exception):
             rows.append(_failed(run, outcome))
-        else:
-            clock = (share * spent[0], share * spent[1])
+            continue
+        clock = (share * spent[0], share * spent[1])
+        try:
             rows.append(_row(suite, models[run.place[2]], run, (motion, outcome), clock))
+        except ResultError:  # of the folder or the disk, which are those of all runs
+            raise
+        except recoverable() as error:
+            rows.append(_failed(run, error))
     return rows
 
 
 def _failed(run: Run, error: Exception) -> Row:
     """The row of a run that failed, which is that of any run of the same content, whatever its name."""
-    message = str(error) if isinstance(error, RomdamError) else f"{type(error).__name__}: {error}"
     lasts = not isinstance(error, MemoryError)
-    return Row(run.key, message.replace(f"record {run.name}", "its record"), lasts=lasts)
+    return Row(run.key, told(error).replace(f"record {run.name}", "its record"), lasts=lasts)
 
 
 def integrate_runs(
@@ -96,7 +101,7 @@ def integrate_runs(
     try:
         prepared = [model.prepared for model in models]
         return simulate_motions(job, prepared, motions, job.config.transient.duration)
-    except RECOVERABLE as error:
+    except recoverable() as error:
         if len(motions) == 1:
             return [error]
     return [integrate_runs(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]

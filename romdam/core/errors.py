@@ -59,6 +59,21 @@ class WorkerError(RomdamError):
     """Processes that compute were lost while they did."""
 
 
+def recoverable() -> tuple[type[Exception], ...]:
+    """Errors of one run of several: it fails, and the others go on.
+
+    A function, for the command's first line loads no NumPy.
+    """
+    from numpy.linalg import LinAlgError
+
+    return (RomdamError, ArithmeticError, LinAlgError, MemoryError)
+
+
+def told(error: Exception) -> str:
+    """An error as one sentence; what is none of romdam's own with its kind."""
+    return str(error) if isinstance(error, RomdamError) else f"{type(error).__name__}: {error}"
+
+
 @contextmanager
 def placed(path: Path) -> Iterator[None]:
     """Errors of a configuration that the body raises begin with its file, unless they name it already."""

@@ -329,6 +329,7 @@ class History:
         it [N]; empty without shear
     bonded : (nt, ng) whether a gap has any of it without compression; empty without shear
     gap : (ng,) initial gaps that it began with, after grouting [m]
+    warnings : what a careful reader should know and no number says, one sentence each
     """
 
     time: Floats
@@ -349,6 +350,7 @@ class History:
     bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
+    warnings: tuple[str, ...] = ()
 
     @property
     def q(self) -> Floats | None:

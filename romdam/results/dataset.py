@@ -126,7 +126,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
             "record_dt": motion.dt,
             "record_peak_acceleration": float(np.abs(motion.acc).max()),
             "scene_sha256": scene_digest(case.scene),
-            "run_warnings": json.dumps(concerns(case.history.stats)),
+            "run_warnings": json.dumps([*concerns(case.history.stats), *case.history.warnings]),
             "model_order": job.config.model.order,
             "base": _BASES[job.config.ground.input],
             "integrator": case.history.integrator,

@@ -259,6 +259,23 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
     assert again.made == 0 and again.failures == outcome.failures
 
 
+def test_what_fails_after_a_run_is_a_row_too(tmp_path, monkeypatch):
+    from romdam.pipelines.suites import runs as suite_runs
+
+    real = suite_runs.stress_of
+    calls = iter(range(100))
+
+    def fails(scene, fields, history):
+        if next(calls) == 1:
+            raise FloatingPointError("overflow")
+        return real(scene, fields, history)
+
+    monkeypatch.setattr(suite_runs, "stress_of", fails)
+    found = made(write_job(tmp_path), tmp_path / "out")
+    assert list(found.failures.values()) == ["FloatingPointError: overflow"]
+    assert sorted(found.summary.status.values.ravel()) == [0, 0, 1]
+
+
 def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypatch):
     from romdam.pipelines.suites import runs as suite_runs
 
