@@ -17,10 +17,12 @@ from romdam.config.plausible import doubts
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.damping import rayleigh_coefficients
+from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
 from romdam.scene.ties import Part, scene_parts
 
 _CONTENT = 0.9  # of the power of the acceleration lies below the frequency that the step is judged by
+_STRONG = 0.95  # of the Arias intensity, where strong motion ends
 _STEPS = 20.0  # of a period, for a step that follows it
 _SLIDES = (0.1, 0.5)  # [m/s] velocities of sliding at which its drag is told
 _G = 9.81  # [m/s2]
@@ -105,6 +107,13 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
                 f"{content:.3g} Hz, below which lies {_CONTENT:.0%} of its power; {_STEPS:g} are usual"
             )
     if seconds is not None and seconds < motion.duration * (1.0 - 1e-6):
-        yield f"transient.duration cuts the record at {seconds:g} s, it has {motion.duration:g} s"
+        text = f"transient.duration cuts the record at {seconds:g} s, it has {motion.duration:g} s"
+        peak, arias = analysed_share(motion, seconds)
+        if peak < 1.0 or arias < _STRONG:
+            text += (
+                f", and strong motion with it: what is left has a peak of {peak * motion.peak:.3g} of "
+                f"{motion.peak:.3g} m/s2 and {arias:.0%} of the Arias intensity"
+            )
+        yield text
     elif seconds is not None and seconds > 2.0 * motion.duration:
         yield f"transient.duration of {seconds:g} s goes on long after the record, {motion.duration:g} s"

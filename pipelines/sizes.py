@@ -9,8 +9,10 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.core.system import System
 from romdam.linalg.solvers import Solving
+from romdam.postprocess.record_measures import analysed_share, peak_time
 
 MOST_STEPS = 10**8  # of a run: a record of 300 s in steps of 3 us
+LEAST_LEFT = 0.01  # of a record's peak acceleration, below which what is run of it is a pad
 _STEP = 120.0  # bytes while a record is resampled: its three components, times, places and weights
 _HISTORY = 32.0  # of every history of a free field: itself, its spectrum and their copies
 _SLACK = 1.0 + 1e-9
@@ -47,7 +49,8 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
     Raises
     ------
     ConfigError
-        for no step or too many of them, and an output interval longer than the run.
+        for no step or too many of them, an output interval longer than the run, and a part of a record that
+        is next to rest.
     """
     transient, every = job.config.transient, job.config.outputs.output_interval
     for motion in motions:
@@ -61,6 +64,20 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
                 f"{job.path}: outputs.output_interval: nothing but the start would be written of "
                 f"{motion.name}, {length:g} s at intervals of {every:g} s; 0.01 s suits most dams"
             )
+        _refuse_rest(motion, length, f"{job.path}: {'transient.duration' if seconds is None else 'duration'}")
+
+
+def _refuse_rest(motion: GroundMotion, length: float, place: str) -> None:
+    """Refuse what ends before a record begins to move."""
+    share, _ = analysed_share(motion, length)
+    if share < LEAST_LEFT:
+        raise ConfigError(
+            f"{place}: the first {length:g} s of {motion.name} have a peak of "
+            f"{share * motion.peak:.3g} m/s2, all {motion.duration:g} s of it {motion.peak:.3g} m/s2, limit "
+            f"{LEAST_LEFT:.0%} of that: next to rest would be run; leave the duration out, or make it longer "
+            f"than {peak_time(motion):g} s, when that peak is (the step `pad` of a correction puts zeros "
+            "before a record)"
+        )
 
 
 def run_bytes(system: System, steps: float, rows: float) -> float:

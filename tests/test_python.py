@@ -15,6 +15,7 @@ from test_cli import config
 import romdam
 from romdam.config.variants import variant_jobs
 from romdam.pipelines import run as pipeline
+from romdam.terminal.lines import info_lines
 
 __all__ = ["config"]
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").rglob("*.yaml"))
@@ -389,3 +390,18 @@ def test_an_estimate_that_fails_costs_the_estimate_only_and_says_why(raw, acc, m
     (said,) = json.loads(attrs["run_warnings"])
     assert said == f"its error is not estimated: {type(error).__name__}: {error}"
     assert "error_estimate" not in attrs
+
+
+def test_a_duration_that_ends_in_the_pad_is_refused_and_a_cut_peak_is_told(raw, acc, caplog):
+    """A correction puts zeros before a record; what is run of it is stated beside the whole."""
+    motion = romdam.GroundMotion.from_arrays("one", {"y": np.concatenate([np.zeros(500), acc])}, 0.01)
+    transient = raw["transient"]
+    with pytest.raises(romdam.ConfigError, match=r"transient.duration: the first 4 s of one .* limit 1%"):
+        romdam.run({**raw, "transient": transient | {"duration": "4 s"}}, motions=motion)
+    steps = int(np.abs(acc).argmax())
+    cut = {**raw, "transient": transient | {"duration": f"{5.0 + 0.01 * (steps - 2)} s"}}
+    dataset = romdam.run(cut, motions=motion).results[0].dataset
+    left = np.abs(acc[: steps - 1]).max()
+    assert dataset.attrs["analysed_peak_acceleration"] == left < dataset.attrs["record_peak_acceleration"]
+    assert f"a peak of {left:.3g} of {np.abs(acc).max():.3g} m/s2" in caplog.text
+    assert any(f"peak {left:.3g} m/s² of what was analysed" in line for line in info_lines(dataset))

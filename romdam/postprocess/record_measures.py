@@ -9,6 +9,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
 from romdam.records.components import measures, peak, spectrum
+from romdam.records.measures import arias_history
 from romdam.records.processing.resampling import cut_or_extended
 from romdam.records.spectra import pseudo_acceleration
 
@@ -34,6 +35,24 @@ def analysed(motion: GroundMotion, duration: float | None) -> GroundMotion:
     if duration is None:
         return motion
     return replace(motion, acc=cut_or_extended(motion.acc, round(duration / motion.dt) + 1))
+
+
+def analysed_share(motion: GroundMotion, duration: float | None) -> tuple[float, float]:
+    """What a run sees of a motion: its peak, and its Arias intensity, as shares of the whole.
+
+    The intensity is summed over the components. Both are 1 where nothing but rest is cut, and for a motion
+    that is none.
+    """
+    part = analysed(motion, duration)
+    whole = float(arias_history(motion.acc, motion.dt)[..., -1].sum())
+    if whole <= 0.0:
+        return 1.0, 1.0
+    return part.peak / motion.peak, float(arias_history(part.acc, motion.dt)[..., -1].sum()) / whole
+
+
+def peak_time(motion: GroundMotion) -> float:
+    """When the largest acceleration of a component is [s]."""
+    return float(motion.time[np.abs(motion.acc).max(axis=0).argmax()])
 
 
 def measures_at_scales(

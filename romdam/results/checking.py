@@ -27,7 +27,7 @@ _OPTIONAL_TEXTS = (
     "model_file", "stress_file", "stress_statement", "error_statement", "error_estimate",
     "certificate_statement", "scene_sha256", "record_sha256",
 )  # fmt: skip
-_TIMINGS = ("solver_", "wall_seconds_", "cpu_seconds_")
+_TIMINGS = ("analysed_", "solver_", "wall_seconds_", "cpu_seconds_")
 _WHOLE = ("gap", "joint_state", "stress_node_number", "stress_ring", "acceptance", "status", "sample")
 # what files of before lack: forces, which a certificate needs, and says so, and a mean that only tables tell
 _LATER = ("normal_force", "shear_force", "mean_", "peak_mean_")

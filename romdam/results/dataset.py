@@ -27,6 +27,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.sealed import Opened, examine, sealing
 from romdam.postprocess.concerns import concerns
 from romdam.postprocess.maxima import stress_statement
+from romdam.postprocess.record_measures import analysed
 from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
@@ -124,7 +125,8 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
             "source": f"romdam {romdam.__version__}",
             "date_created": _now(),
             "record_dt": motion.dt,
-            "record_peak_acceleration": float(np.abs(motion.acc).max()),
+            "record_peak_acceleration": motion.peak,
+            "analysed_peak_acceleration": analysed(motion, job.config.transient.duration).peak,
             "scene_sha256": scene_digest(case.scene),
             "run_warnings": json.dumps([*concerns(case.history.stats), *case.history.warnings]),
             "model_order": job.config.model.order,

@@ -126,6 +126,14 @@ def stored_digest(file: h5py.File) -> str:
     )
 
 
+def peak_text(attrs: Mapping[str, Any]) -> str:
+    """The peak acceleration of what a result analysed, and that of the whole record where it is another."""
+    whole = float(attrs["record_peak_acceleration"])
+    part = float(attrs.get("analysed_peak_acceleration", whole))
+    rest = "" if part == whole else f" of what was analysed, {whole:.3g} m/s² of the whole record"
+    return f"{part:.3g} m/s²{rest}"
+
+
 class Result:
     """A result file and its basis file, both read only where asked.
 
@@ -160,7 +168,7 @@ class Result:
         attrs = self.dataset.attrs
         seconds = float(self.dataset.time[-1]) if self.dataset.time.size else 0.0
         rows = {
-            "record": f"dt {attrs['record_dt']:g} s, peak {attrs['record_peak_acceleration']:.3g} m/s²",
+            "record": f"dt {attrs['record_dt']:g} s, peak {peak_text(attrs)}",
             "run": f"{seconds:.4g} s, {attrs['model_order']} order, {attrs['integrator']}",
             "peak opening": self.peaks,
             "error": "; ".join(str(attrs[name]) for name in _STATED if name in attrs),

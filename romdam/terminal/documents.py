@@ -124,6 +124,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
         "record": attrs["record"],
         "record_dt_s": attrs["record_dt"],
         "record_peak_acceleration_m_s2": attrs["record_peak_acceleration"],
+        "analysed_peak_acceleration_m_s2": attrs.get("analysed_peak_acceleration"),
         "configuration_file": attrs["configuration_file"],
         "configuration_sha256": attrs["configuration_sha256"],
         "order": attrs["model_order"],

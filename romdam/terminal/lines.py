@@ -114,14 +114,14 @@ def _of_the_run(attrs: Mapping[str, object]) -> str:
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """Describe a result: its kind, its making, and its known error."""
     from romdam.error.statement import sentences
+    from romdam.results.fields import peak_text
 
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
     cpu, stated = float(attrs.get("solver_loop_cpu_seconds", float("nan"))), sentences(attrs)
     return [
         str(attrs["title"]),
-        f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, "
-        f"peak {attrs['record_peak_acceleration']:.3g} m/s²",
+        f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, peak {peak_text(attrs)}",
         f"configuration  {attrs['configuration_file']}, SHA-256 {str(attrs['configuration_sha256'])[:12]}",
         f"model          {attrs['model_order']} order, finest step {attrs['solver_finest_step']:g} s, "
         f"basis {attrs.get('model_file', 'none')}",

@@ -197,7 +197,7 @@ def scene(name: str, raw: dict[str, Any], out: Path, python: Path, seconds: floa
     raw = raw | {"transient": {"duration": seconds}}
     raw["outputs"] = {"output_interval": ROW, "plots": False}
     for order, step in (("full", {"finest_step": "0.25 ms"}), ("reduced", {"accuracy": "1 %"})):
-        own(raw, out / "compiled", step | {"duration": 0.05}, order)
+        own(raw, out / "compiled", step | {"duration": 1.0}, order)
     right = own(raw, out / "full", {"finest_step": "0.25 ms"}, "full")
     runs = {
         "romdam, reduced": own(raw, out / "reduced", {"accuracy": "1 %"}, "reduced"),
