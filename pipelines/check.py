@@ -109,9 +109,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
         memory=_memory(model, max(steps.values()), settings.steps.stride),
         file_size=_row_bytes(model) * (total // settings.steps.stride + 1),
         warnings=doubts_of(job, motions),
-        closed_frequencies=tuple(map(float, closed_frequencies(model.system, _CLOSED)))
-        if model.reduced
-        else (),
+        closed_frequencies=closed,
         ties=_ties(model.scene),
         solvers=tuple(filter(None, _solvers(job, model))),
         skipped=tuple(_skipped(asked, model, bool(closed))),
