@@ -29,7 +29,7 @@ def with_laws(
     tensile_strength, cohesion, viscosity : of one or each gap [N], [N s/m]
     friction_static : of each gap (n, 2)
     shear_key : of each gap (n, 3): depth [m], whether it holds along j and along k
-    velocity : mu_s, mu_d, v_c [m/s] of every gap
+    velocity : mu_s, mu_d, v_c [m/s] of one or each gap
     """
     n, rows = len(law), list[tuple[type[Law], Floats, bool]]()
 
@@ -40,7 +40,7 @@ def with_laws(
         static = np.asarray(friction_static, dtype=float)
         rows.append((StaticFriction, np.hstack([static, law.mu]), bool(static.any())))
     if velocity is not None:
-        rows.append((VelocityFriction, np.tile(np.asarray(velocity, dtype=float), (n, 1)), True))
+        rows.append((VelocityFriction, np.broadcast_to(np.asarray(velocity, dtype=float), (n, 3)), True))
     if np.any(tensile_strength) or np.any(cohesion):
         rows.append((Bond, np.column_stack([full(tensile_strength), full(cohesion)]), bool(np.any(cohesion))))
     if shear_key is not None:

@@ -43,6 +43,7 @@ class Case:
         laws: dict[str, Any] = {name: values[i] for name, values in self.laws.items()}
         K_n, K_nz, K_s = (float(K[i]) for K in self.stiffness)
         key = laws.get("shear_key", (0.0, 0.0, 0.0))
+        at_rest, fast, speed = laws.get("velocity", (0.0, 0.0, 0.0))
         return Gap(
             K_n,
             K_nz,
@@ -54,6 +55,7 @@ class Case:
             key=float(key[0]),
             keyed=(key[1] > 0.0, key[2] > 0.0),
             viscous=float(laws.get("viscosity", 0.0)) / STEP,
+            velocity=(float(at_rest), float(fast), float(speed) * STEP),
         )
 
 

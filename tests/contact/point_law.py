@@ -42,6 +42,8 @@ class Gap(NamedTuple):
     key : depth of the shear key [m]
     keyed : whether it holds along j and along k
     viscous : normal dashpot over the length of the step [N/m]
+    velocity : mu at rest, mu of fast slip, and the slip per step over which it changes [m]; in place of `mu`
+        where that slip is not zero
     """
 
     K_n: float
@@ -54,6 +56,7 @@ class Gap(NamedTuple):
     key: float = 0.0
     keyed: tuple[bool, bool] = (False, False)
     viscous: float = 0.0
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Past(NamedTuple):
@@ -64,6 +67,7 @@ class Past(NamedTuple):
     anchor : slip at which the stuck spring carries no force, along j and k [m]
     broken, sliding, out : whether the bond is lost, the gap slides, the key is out
     overlap : opening at the last step where the gap was closed, at most zero [m]
+    slipped : slip in the last step, where the gap slid [m]
     """
 
     anchor: Pair = (0.0, 0.0)
@@ -71,6 +75,7 @@ class Past(NamedTuple):
     sliding: bool = False
     out: bool = False
     overlap: float = 0.0
+    slipped: float = 0.0
 
 
 Force = tuple[float, float, float]
@@ -90,6 +95,15 @@ def shear_limit(mu: float, mu_static: float, bond: Pair, keyed: bool, slides: bo
     return math.inf if keyed else max(bond[1] - friction * bond[0], 0.0), friction
 
 
+def _friction(gap: Gap, past: Past) -> Pair:
+    """Coefficients along j and k, of the speed of the step before where they change with it."""
+    at_rest, fast, over = gap.velocity
+    if over == 0.0:
+        return gap.mu
+    mu = fast + (at_rest - fast) * math.exp(-past.slipped / over)
+    return mu, mu
+
+
 def _ductile(jump: Force, past: Past, gap: Gap) -> tuple[Force, Pair]:
     """Force and shear limits for what the gap has left, all of it ductile."""
     opening = jump[0]
@@ -98,10 +112,10 @@ def _ductile(jump: Force, past: Past, gap: Gap) -> tuple[Force, Pair]:
     if opening > 0.0 and bond[0] == 0.0:
         p_n = -gap.K_nz * opening
     pressed = max(p_n + bond[0], 0.0)
-    limits = []
+    limits, friction = [], _friction(gap, past)
     for axis in range(2):
         keyed = gap.keyed[axis] and not past.out
-        c, mu = shear_limit(gap.mu[axis], gap.mu_static[axis], bond, keyed, past.sliding)
+        c, mu = shear_limit(friction[axis], gap.mu_static[axis], bond, keyed, past.sliding)
         limits.append(c + mu * pressed if pressed > 0.0 or keyed else 0.0)
     trial_j, trial_k = (-gap.K_s * (jump[1 + a] - past.anchor[a]) for a in range(2))
     t_j, t_k, _ = project_shear(trial_j, trial_k, limits[0], limits[1])
@@ -136,14 +150,16 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
     closed = force[0] + (0.0 if left.broken else gap.tension) > 0.0
     state = SLIP if slips else STICK if closed else OPEN
     spring = (force[1] / gap.K_s, force[2] / gap.K_s) if gap.K_s > 0.0 else (0.0, 0.0)
+    anchor = (jump[1] + spring[0], jump[2] + spring[1])
     return (
         force,
         state,
         left._replace(
-            anchor=(jump[1] + spring[0], jump[2] + spring[1]),
+            anchor=anchor,
             sliding=state == SLIP,
             out=left.out and jump[0] > gap.key,
             overlap=min(jump[0], 0.0),
+            slipped=math.dist(anchor, past.anchor) if state == SLIP else 0.0,
         ),
     )
 
@@ -178,6 +194,16 @@ def dashpot(jump: Force, past: Past, gap: Gap) -> Answer:
     return strong(jump, past, Gap(gap.K_n, 0.0, gap.K_s, gap.mu, viscous=gap.viscous))
 
 
+def velocity_friction(jump: Force, past: Past, gap: Gap) -> Answer:
+    """Friction that changes with the slip of the step before; as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, velocity=gap.velocity))
+
+
+def together(jump: Force, past: Past, gap: Gap) -> Answer:
+    """All that may stand together, which is all but friction that changes with the slip; as `strong`."""
+    return strong(jump, past, gap._replace(velocity=(0.0, 0.0, 0.0)))
+
+
 LAWS = {
     "frictionless": frictionless,
     "coulomb": coulomb,
@@ -185,5 +211,6 @@ LAWS = {
     "static_friction": static_friction,
     "shear_key": shear_key,
     "dashpot": dashpot,
-    "all": strong,
+    "velocity_friction": velocity_friction,
+    "all": together,
 }

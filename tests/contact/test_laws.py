@@ -48,10 +48,13 @@ def _gaps(draw):
         key=draw(st.floats(1e-6, 1e-2)),
         keyed=draw(st.tuples(_FLAG, _FLAG)),
         viscous=draw(st.floats(0.0, 1e8)),
+        velocity=(*mu, draw(st.floats(1e-6, 1e-2))),
     )
 
 
-_PASTS = st.builds(Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0))
+_PASTS = st.builds(
+    Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0), st.one_of(st.just(0.0), st.floats(0.0, 1e-2))
+)
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
@@ -76,6 +79,8 @@ def test_forces_are_admissible(name, jump, past, gap):
         assert p_n == 0.0 or name == "all"  # a dashpot may pull at a bond that has not opened yet
         assert jump[0] >= 0.0 or name in ("dashpot", "all")  # and lets go where there is none
     mu = np.array(gap.mu_static if name in ("static_friction", "all") else gap.mu)
+    if name == "velocity_friction":  # between both, whatever the speed
+        mu = np.full(2, max(gap.velocity[:2]))
     limits = mu * max(p_n, 0.0) + (gap.cohesion if bonded and not past.broken else 0.0)
     limits[limits < 0.0] = 0.0
     if name in ("shear_key", "all") and jump[0] <= gap.key and not past.out:
@@ -107,10 +112,12 @@ def test_a_bond_is_lost_for_good_and_strength_never_grows_within_a_step(law, pat
 def test_a_jump_that_stays_asks_for_no_more(law, jump, past, gap):
     """Evaluated once more at the same jump, a gap that kept its strength gives the same force.
 
-    But for the dashpot, whose rate is then zero, and static friction, lost by a slip that has now ended.
+    But for the dashpot, whose rate is then zero, static friction, lost by a slip that has now ended, and
+    friction that changes with the slip.
     """
-    force, _, now = law(jump, past, gap._replace(viscous=0.0, mu_static=gap.mu))
-    again, _, then = law(jump, now, gap._replace(viscous=0.0, mu_static=gap.mu))
+    gap = gap._replace(viscous=0.0, mu_static=gap.mu, velocity=(gap.velocity[0], *gap.velocity[::2]))
+    force, _, now = law(jump, past, gap)
+    again, _, then = law(jump, now, gap)
     size = max(map(abs, force)) + gap.K_s * 4e-2
     if now.out == past.out:  # a key that comes back in holds where it is
         assert np.abs(np.subtract(again, force)).max() <= 1e-9 * size
