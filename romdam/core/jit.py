@@ -20,8 +20,8 @@ import stat
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pa
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.untyped_passes import IRProcessing
 from numba.extending import lower_builtin, type_callable
+from numba.misc.appdirs import AppDirs
 from numpy.typing import NDArray
 
 from romdam.core.arrays import at
@@ -180,14 +181,34 @@ def _template(called: Any) -> Callable[[Any, Any], Any]:
 
 def _cached_elsewhere(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Compile with a cache where one can be, where neither the package nor the user's home takes one."""
-    folder, before = _temporary_cache(), _SETTINGS.CACHE_DIR
+    folder = _temporary_cache()
     if folder is None:
         return numba.njit(**options | {"cache": False})(function)
+    with _caching_in(folder):
+        return numba.njit(**options)(function)
+
+
+@contextmanager
+def _caching_in(folder: Path) -> Iterator[None]:
+    """Let numba cache what is declared meanwhile in this folder."""
+    before = _SETTINGS.CACHE_DIR
     _SETTINGS.CACHE_DIR = str(folder)
     try:
-        return numba.njit(**options)(function)
+        yield
     finally:
         _SETTINGS.CACHE_DIR = before
+
+
+@contextmanager
+def caching_by_content(sha256: str) -> Iterator[None]:
+    """Keep functions of a file that is not romdam's, declared meanwhile, by the SHA-256 of its bytes.
+
+    Numba by itself asks for the file's time and size, which two contents may share, and keeps what it
+    compiles beside the file.
+    """
+    base = _SETTINGS.CACHE_DIR or AppDirs(appname="numba", appauthor=False).user_cache_dir
+    with _caching_in(Path(base) / f"law-{sha256[:32]}") if sha256 else nullcontext():
+        yield
 
 
 @functools.cache

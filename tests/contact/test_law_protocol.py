@@ -2,8 +2,12 @@
 
 import copy
 import inspect
+import os
+import py_compile
+import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 import xarray as xr
@@ -196,3 +200,61 @@ def test_friction_alone_is_what_its_law_puts(monkeypatch):
 
     monkeypatch.setattr(Coulomb, "limit", staticmethod(half))
     assert (gap_problem(1e-9 * np.eye(9), law).mu == 0.5 * mu).all()
+
+
+NOTED = (
+    "from __future__ import annotations\n\nfrom dataclasses import dataclass\n\nimport numba\n"
+    + RATE.replace("(rate_j**2 + rate_k**2)", "(square(rate_j, rate_k))")
+    + """
+
+@dataclass
+class Note:
+    text: str = ""
+
+
+@numba.njit(cache=True)
+def square(j, k):
+    return 1.0 * (j**2 + k**2)
+"""
+)
+
+
+def rate_after(path):
+    """What a gap keeps as its rate after 3 and 4 m/s, as compiled."""
+    law = find_law(next(iter(load_config(path).config.joints["contraction"].law)).source)
+    commit = compiled([law]).commit[0]
+    kept, calls = np.zeros(1), numba.njit(lambda f, row, kept: f(row, kept, 0.0, True, 3.0, 4.0))
+    calls(commit, np.ones(3), kept)
+    return kept[0]
+
+
+def test_what_runs_are_the_bytes_that_were_hashed(tmp_path):
+    """Two contents of one size and one time, in one process: no cache may mix them, Python's or numba's."""
+    digests, rates = [], []
+    for factor in ("1.0", "4.0", "1.0"):
+        path = written(tmp_path, KEYS, NOTED.replace("1.0 * (j", f"{factor} * (j"))
+        os.utime(tmp_path / "own_laws.py", (1.6e9, 1.6e9))
+        digests.append(load_config(path).digest)
+        rates.append(rate_after(path))
+    assert rates == [5.0, 10.0, 5.0]
+    assert digests[0] == digests[2] != digests[1]
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["dam.yaml", "own_laws.py"]
+
+
+def test_a_stale_bytecode_file_is_not_run(tmp_path):
+    """Bytecode of another content of the same size and second, as Python itself would leave it."""
+    path, file = written(tmp_path, KEYS, RATE + "\nraise KeyError('old')\n"), tmp_path / "own_laws.py"
+    os.utime(file, (1.6e9, 1.6e9))
+    py_compile.compile(str(file))
+    file.write_text(RATE + "\nraised = KeyError, 1\n".rjust(len("\nraise KeyError('old')\n")))
+    os.utime(file, (1.6e9, 1.6e9))
+    load_config(path)
+
+
+def test_a_file_that_failed_leaves_no_module(tmp_path):
+    path = written(tmp_path, KEYS, RATE + "\nraise KeyError('x')\n")
+    for _ in range(2):
+        before = set(sys.modules)
+        with pytest.raises(ConfigError, match="cannot be run: KeyError"):
+            load_config(path)
+        assert not {name for name in set(sys.modules) - before if name.startswith("romdam_law_")}

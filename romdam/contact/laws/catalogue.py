@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import keyword
 import math
 import sys
@@ -91,7 +90,7 @@ def user_law(name: str, file: Path) -> LawSource:
         raise ConfigError(f"law {shown(name)}: cannot read {file}: {error.strerror}") from None
     source = LawSource(name, str(file.absolute()), hashlib.sha256(content).hexdigest())
     if source not in _LOADED:
-        law = getattr(_module(source), name.rpartition(".")[2], None)
+        law = getattr(_module(source, content), name.rpartition(".")[2], None)
         if not (isinstance(law, type) and issubclass(law, Law) and law is not Law):
             raise ConfigError(
                 f"law {shown(name)}: {file} has no class of that name that is a romdam.contact.Law"
@@ -101,21 +100,30 @@ def user_law(name: str, file: Path) -> LawSource:
     return source
 
 
-def _module(source: LawSource) -> ModuleType:
-    """Run a user's file, once for each place and content: a class has one source."""
+def _module(source: LawSource, content: bytes) -> ModuleType:
+    """Run a user's file, once for each place and content: a class has one source.
+
+    What runs are the bytes that were hashed: the import system would read the file again, or take what it
+    compiled of another content with the same time and size, which it leaves beside the file.
+    """
+    from romdam.core.jit import caching_by_content
+
     file = Path(source.file)
     name = f"romdam_law_{file.stem}_{hashlib.sha256(f'{file} {source.sha256}'.encode()).hexdigest()[:12]}"
     if name in sys.modules:
         return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None:
-        raise ConfigError(f"{file}: is no Python file")
-    module = importlib.util.module_from_spec(spec)
+    module = ModuleType(name)
+    module.__file__ = str(file)
+    sys.modules[name] = module  # where dataclasses look for the names of annotations
     try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # whatever a user's file raises
-        raise ConfigError(f"{file}: cannot be run: {type(error).__name__}: {error}") from error
-    sys.modules[name] = module
+        code = compile(content, str(file), "exec", dont_inherit=True)
+        with caching_by_content(source.sha256):
+            exec(code, module.__dict__)
+    except BaseException as error:  # whatever a user's file raises
+        del sys.modules[name]
+        if isinstance(error, Exception | SystemExit):
+            raise ConfigError(f"{file}: cannot be run: {type(error).__name__}: {error}") from error
+        raise
     return module
 
 

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
 
+from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.law import Law
 from romdam.core.errors import ConfigError
-from romdam.core.jit import njit
+from romdam.core.jit import caching_by_content, njit
 
 MOST_LAWS = (
     8  # of one scene, those that only give a spring aside: the length of the tuples is part of their type
@@ -76,7 +77,8 @@ def compiled(laws: Sequence[type[Law]]) -> Functions:
 def _pointer(name: str, law: Any) -> _Pointer:
     function = getattr(law, name) or _NOTHING[name]
     try:
-        return _Pointer(function, _SIGNATURES[name])
+        with caching_by_content("" if law is Law else source_of(law).sha256):
+            return _Pointer(function, _SIGNATURES[name])
     except NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
         raise ConfigError(
