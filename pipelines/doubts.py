@@ -19,7 +19,9 @@ from romdam.core.scene import Scene
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
+from romdam.records.processing.resampling import lost_between
 from romdam.scene.ties import Part, scene_parts
+from romdam.timestepping.steps import grid_steps, holds_samples
 
 _CONTENT = 0.9  # of the power of the acceleration lies below the frequency that the step is judged by
 _STRONG = 0.95  # of the Arias intensity, where strong motion ends
@@ -92,8 +94,10 @@ def _brings_damping(scene: Scene, name: str) -> bool:
 
 def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
     yield from motion.warnings
-    transient = job.config.transient
+    transient, interval = job.config.transient, job.config.outputs.output_interval
     dt, seconds = transient.finest_step, transient.duration
+    if interval is not None and not (dt is not None and dt > motion.dt):
+        yield from _of_samples_between_steps(motion, interval)
     if dt is not None:
         content = content_frequency(motion.acc, motion.dt, _CONTENT)
         if dt > motion.dt * (1.0 + 1e-9):
@@ -117,3 +121,18 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
         yield text
     elif seconds is not None and seconds > 2.0 * motion.duration:
         yield f"transient.duration of {seconds:g} s goes on long after the record, {motion.duration:g} s"
+
+
+def _of_samples_between_steps(motion: GroundMotion, interval: float) -> Iterator[str]:
+    """What a record loses on steps that pass by its samples, as those of some written intervals have to."""
+    base = grid_steps(motion.dt, interval).base
+    if holds_samples(base, motion.dt):
+        return
+    share, peak = lost_between(motion.acc, motion.dt, base)
+    parts = max(1, round(motion.dt / interval))
+    better = motion.dt / parts if interval < motion.dt else round(interval / motion.dt) * motion.dt
+    yield (
+        f"outputs.output_interval of {interval:.6g} s and the record's {motion.dt:.6g} s have no common "
+        f"step of a useful size: steps of {base:.3g} s pass by its samples and lose {share:.2g} of its "
+        f"acceleration in L2, {peak:.2g} of its peak at most; {better:.6g} s loses nothing"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -25,7 +26,9 @@ from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import history_of, simulate
 from romdam.timestepping.step_control import simulate_to
-from romdam.timestepping.steps import Steps, whole_steps
+from romdam.timestepping.steps import Steps, grid_steps
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,7 @@ def simulate_motions(
     """
     settings = [settings_for(job, *case) for case in zip(prepared, motions, strict=True)]
     refuse_large(job, list(zip(prepared, motions, settings, strict=True)), duration)
+    _tell_shortened(job, settings)
     accuracy = job.config.transient.accuracy
     kinds = [(one.integrator, own) for one, own in zip(prepared, settings, strict=True)]
     outcomes: dict[int, Outcome] = {}
@@ -111,6 +115,17 @@ def simulate_motions(
             made = simulate_to(some, grounds, own, accuracy, progress)
         outcomes.update(zip(group, made, strict=True))
     return [outcomes[i] for i in range(len(motions))]
+
+
+def _tell_shortened(job: Job, settings: Sequence[Settings]) -> None:
+    """Log each finest step that is shorter than the one asked for."""
+    asked = job.config.transient.finest_step
+    if asked is None:
+        return
+    for finest in sorted({own.steps.finest for own in settings}):
+        if finest < asked * (1.0 - 1e-6):
+            text = "%s: transient.finest_step: %.6g s is taken, a whole part of the record's step, not %.6g s"
+            log.info(text, job.path, finest, asked)
 
 
 def simulate_motion(
@@ -177,7 +192,7 @@ def _steps(
     """The steps of a configured finest step, or those that an accuracy starts from, or has come to."""
     if configured is not None:
         return prepared.integrator.steps(configured, motion.dt, interval)
-    coarse = whole_steps(interval or motion.dt, motion.dt)
+    coarse = grid_steps(motion.dt, interval)
     return coarse if chosen is None else prepared.integrator.steps(chosen, coarse.base, coarse.interval)
 
 

@@ -33,7 +33,6 @@ from romdam.timestepping.integrators.registry import FULL_ORDER
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
-from romdam.timestepping.steps import whole_steps
 
 MOST_DENSE = 12_000  # free DOFs up to which all modes of the mesh are the reference
 FINER = 16  # the reference's step is this part of the finest one studied
@@ -173,9 +172,8 @@ def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
 
 
 def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
-    """Settings of the job at the longest finest step up to `step` that divides the compared interval."""
-    finest = whole_steps(setup.every, step).base
-    steps = prepared.integrator.steps(finest, setup.motion.dt, setup.every)
+    """Settings of the job at a finest step up to `step` that divides the compared interval."""
+    steps = prepared.integrator.steps(min(step, setup.every), setup.motion.dt, setup.every)
     return replace(settings_for(setup.job, prepared, setup.motion), steps=steps)
 
 

@@ -32,7 +32,7 @@ from romdam.records.record_set import load_motions
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.integrators.registry import FULL_ORDER
 from romdam.timestepping.simulate import simulate_one
-from romdam.timestepping.steps import whole_steps
+from romdam.timestepping.steps import fixed_steps
 
 log = logging.getLogger(__name__)
 
@@ -145,7 +145,7 @@ def _full(
 ) -> VerifiedRun:
     motion, seconds, reduced = beside
     every = float(reduced.history.time[1])
-    steps = whole_steps(every, full_order_step(reduced, motion.dt))
+    steps = fixed_steps(full_order_step(reduced, motion.dt), every, motion.dt)
     settings = replace(settings_for(job, model.prepared, motion), steps=steps)
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
     full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds, system)

@@ -16,12 +16,14 @@ from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS, IntegratorEntry
 from romdam.core.motion import GroundMotion
 from romdam.core.system import Coordinates, History
+from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.simulation import prepare, settings_for, simulate_motion
+from romdam.records.processing.resampling import resample_motion
 from romdam.timestepping import simulate as at_steps
 from romdam.timestepping.integrators.protocol import not_converged
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
 from romdam.timestepping.settings import Settings
-from romdam.timestepping.steps import Steps, cut_steps, fixed_steps, whole_steps
+from romdam.timestepping.steps import Steps, cut_steps, fixed_steps, grid_steps, holds_samples
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 
@@ -167,11 +169,67 @@ def test_unequal_integrators_are_not_taken_together():
 def test_steps_divide_the_written_rows():
     assert cut_steps(0.00125, 0.01, 0.01) == Steps(0.01, 1, (2, 4))
     assert cut_steps(0.0025, 0.01, None) == Steps(0.01, 1, (4,))
-    assert cut_steps(0.003, 0.01, 0.003) == Steps(0.003, 1, ())
     assert fixed_steps(0.0025, 0.01) == Steps(0.0025, 4) and fixed_steps(0.1, None) == Steps(0.1)
-    assert whole_steps(0.01, 0.003) == Steps(0.0025, 4)
+    assert fixed_steps(0.003, 0.01, 0.01) == Steps(0.0025, 4)
     steps = Steps(0.01, 2, (2, 4))
     assert (steps.finest, steps.interval, steps.sizes) == (0.00125, 0.02, [0.01, 0.005, 0.00125])
+
+
+@pytest.mark.parametrize(
+    ("finest", "dt", "interval", "expected"),
+    [
+        (0.001, 0.01, None, Steps(0.01, 1, (2, 5))),
+        (0.002, 0.01, 0.01, Steps(0.01, 1, (5,))),
+        (0.01 / 3, 0.01, 0.02, Steps(0.01, 2, (3,))),
+        (0.0006, 0.01, None, Steps(0.01, 1, (2, 3, 3))),
+        (0.01 / 7, 0.01, None, Steps(0.01, 1, (2, 4))),
+        (0.003, 0.01, 0.003, Steps(0.001, 3, ())),
+        (0.001, 0.01, 0.008, Steps(0.002, 4, (2,))),
+        (0.000625, 0.02, 0.02, Steps(0.02, 1, (2, 4, 4))),
+        (0.0025, 0.0024, 0.02, Steps(0.0025, 8, ())),
+    ],
+)
+def test_base_steps_hold_the_samples_of_the_record(finest, dt, interval, expected):
+    found = cut_steps(finest, dt, interval)
+    assert (found.stride, found.cuts) == (expected.stride, expected.cuts)
+    assert found.base == pytest.approx(expected.base, rel=1e-12)
+    assert found.finest <= finest * (1.0 + 1e-9)
+    assert found.finest >= 0.75 * finest or found.base < dt
+    assert holds_samples(found.base, dt) or finest > dt
+
+
+def test_fixed_steps_hold_the_samples_too():
+    assert fixed_steps(0.003, None, 0.01) == Steps(0.0025)
+    assert fixed_steps(0.01 / 7, None, 0.01) == Steps(0.01 / 7)
+    assert fixed_steps(0.02, None, 0.01) == Steps(0.02)
+
+
+def test_a_grid_that_has_to_pass_by_the_samples_is_fine():
+    found = grid_steps(0.01, 0.0317)
+    assert not holds_samples(found.base, 0.01)
+    assert found.base <= 0.01 / 8 and found.interval == pytest.approx(0.0317)
+    assert grid_steps(0.0024, 0.02).base == pytest.approx(0.0008)
+    assert grid_steps(0.01, 0.001) == Steps(0.001)
+
+
+@pytest.mark.parametrize("integrator", ["adaptive", "modal"])
+@pytest.mark.parametrize("finest", [0.001, 0.002, 0.003])
+def test_a_linear_system_is_exact_at_any_finest_step(integrator, finest):
+    """Steps of 8 ms, as `finest_step` 1 and 2 ms had with records of 10 ms, are off by 10 %."""
+    dt, time = 0.01, np.arange(200) * 0.01
+    motion = GroundMotion("m", ground(np.sin(60.0 * time) * (-1.0) ** np.arange(200)), dt)
+    prepared = prepared_for(oscillator(), integrator)
+
+    def at_rows(steps):
+        acc = resample_motion(motion, steps.base)
+        found = at_steps.simulate_one(prepared, acc, Settings(steps, initial_state="undeformed"))
+        return found.q[:: round(dt / steps.interval)]
+
+    exact = at_rows(Steps(dt / 64))
+    found = at_rows(prepared.integrator.steps(finest, dt, None))
+    rows = min(len(exact), len(found))
+    assert rows >= 199
+    assert np.abs(found[:rows] - exact[:rows]).max() < 1e-9 * np.abs(exact).max()
 
 
 def to_accuracy(job, accuracy):
@@ -194,3 +252,14 @@ def test_the_declaration_loads_no_integrator():
     assert not hasattr(integrators, "Adaptive")
     with pytest.raises(ConfigError, match="no integrator 'euler'"):
         integrator_class("euler")
+
+
+@pytest.mark.parametrize(("interval", "told"), [(0.01, False), (0.008, False), (0.0317, True)])
+def test_a_written_interval_that_passes_by_the_samples_is_told(interval, told):
+    job = to_accuracy(load_config(EXAMPLE), 0.01)
+    outputs = job.config.outputs.model_copy(update={"output_interval": interval})
+    job = replace(job, config=job.config.model_copy(update={"outputs": outputs}))
+    zigzag = GroundMotion("m", np.tile((-1.0) ** np.arange(3001), (3, 1)), 0.01)
+    lines = [line for line in doubts_of(job, [zigzag]) if "pass by its samples" in line]
+    assert len(lines) == told
+    assert all("0.03 s loses nothing" in line and "0.089 of its acceleration in L2" in line for line in lines)

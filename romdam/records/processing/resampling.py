@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Literal
 
@@ -73,6 +74,27 @@ def resample_motion(motion: GroundMotion, dt: float) -> NDArray[np.float64]:
         return resample(motion.acc, motion.dt, dt, method)  # type: ignore[arg-type]
     except RecordError as error:
         raise RecordError(f"record {motion.name}: {error}") from None
+
+
+def lost_between(acc: NDArray[np.float64], dt: float, step: float) -> tuple[float, float]:
+    """What straight lines between steps lose of a record that has straight lines between its samples.
+
+    Parameters
+    ----------
+    acc : (..., nt) acceleration [m/s2]
+    dt, step : of the record, and of the steps [s]
+
+    Returns
+    -------
+    (L2 over the samples, largest), relative to the record's
+    """
+    taken = _linear_at(
+        acc, dt, np.arange(math.ceil((acc.shape[-1] - 1) * dt / step) + 1, dtype=np.float64) * step
+    )
+    lost = _linear_at(taken, step, np.arange(acc.shape[-1], dtype=np.float64) * dt) - acc
+    tiny = float(np.finfo(np.float64).tiny)
+    share = float(np.linalg.norm(lost)) / max(float(np.linalg.norm(acc)), tiny)
+    return share, float(np.abs(lost).max()) / max(float(np.abs(acc).max()), tiny)
 
 
 def _linear_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -> NDArray[np.float64]:

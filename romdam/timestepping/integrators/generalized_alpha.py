@@ -299,7 +299,7 @@ class GeneralizedAlpha:
 
     def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:
         """Take the finest step throughout: another one is another factor."""
-        return fixed_steps(finest, interval)
+        return fixed_steps(finest, interval, coarse)
 
     def compared(self, history: History) -> Floats:
         """(nt, ng) openings, or displacements where there are no gaps."""
