@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from romdam.core.arrays import Floats
+from romdam.core.system import OPEN, SLIP, STICK
 
 if TYPE_CHECKING:  # workers write no file
     import xarray as xr
 
 REST = 1.0  # [s] at the end of a run, over which residual openings and slips are averaged
 _ROUNDING = 1e-12  # of the resultant, below which a direction carries nothing
-_OPEN, _STICK, _SLIP = range(3)
 
 
 def row_seconds(time: Floats) -> Floats:
@@ -113,7 +113,7 @@ def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
     time, state = own.time.values, gaps.joint_state.values
     factor, seconds = own.sliding_safety_factor.values, row_seconds(time)
     least = int(np.nanargmin(factor)) if np.isfinite(factor).any() else 0
-    moves, stays = (state == _SLIP).any(axis=1), (state == _STICK).any(axis=1)
+    moves, stays = (state == SLIP).any(axis=1), (state == STICK).any(axis=1)
     normal = _mean_normal(gaps)
     along = _along(own.joint_displacement.values, normal)
     residual, rotation = _rigid_motion(gaps, normal)
@@ -124,7 +124,7 @@ def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
         factor=float(factor[least]),
         factor_time=float(time[least]),
         sliding_time=float(seconds[moves & ~stays].sum()),
-        open_time=float(seconds[(state == _OPEN).all(axis=1)].sum()),
+        open_time=float(seconds[(state == OPEN).all(axis=1)].sum()),
         slipped=bool(moves.any()),
         residual=residual,
         residual_slip=float(np.linalg.norm(_along(residual, normal))),
