@@ -8,6 +8,8 @@ however coarse, and there the tolerance is all that is allowed.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+
 import numpy as np
 
 from romdam.core.arrays import Floats, Ints
@@ -18,7 +20,7 @@ from romdam.scene.mortar.surface import Pieces, Surface
 _CREASE = 45.0  # angle of neighbouring pieces from which on their edge is one of the body [degree]
 _ROUNDING = 1e-9  # of the tolerance, and of an angle that is none [rad]
 _OF_PARABOLA = 2.0 / 3.0  # its mean over its sagitta
-_STRAY = 1e-3  # of the area where faces meet, that may be farther apart at its rim
+_STRAY = 1e-2  # of the area where faces meet, that may be farther apart: at a rim facets also see others
 
 
 def refuse_clearance(
@@ -49,40 +51,58 @@ def refuse_clearance(
 def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
     """Distance by which facets of one curved surface can be apart at every segment, (n,) [m].
 
-    Both faces take the larger curvature of the two, for one of them may be a single flat facet.
+    A facet without a bend of its own, as the only one of its face, takes the curvature of the other's.
     """
-    own, other = (_of_facets(*_bends(face), face) for face in (slave, master))
-    bend = np.maximum(own[0][between.slave], other[0][between.master])
-    square = own[1][between.slave] ** 2 + other[1][between.master] ** 2
-    return np.asarray(bend * square / 8.0 + own[2][between.slave] + other[2][between.master])
+    own, other = (_of_facets(face) for face in (slave, master))
+    pairs = (own, between.slave, other, between.master), (other, between.master, own, between.slave)
+    total = np.zeros(len(between.area))
+    for one, facet, second, opposite in pairs:
+        flat = second.curvature[opposite] * one.length[facet] ** 2 / 8.0
+        total += np.where(one.curvature[facet] > 0.0, one.sagitta[facet], flat) + one.warp[facet]
+    return total
 
 
-def _of_facets(bend: Floats, length: Floats, warp: Floats, face: Surface) -> tuple[Floats, Floats, Floats]:
+@dataclass(frozen=True)
+class _Bends:
+    """How facets, or pieces of them, bend: the largest of their edges.
+
+    Attributes
+    ----------
+    curvature : (n,) across an edge [1/m]
+    sagitta : (n,) of that curvature over the extent across the same edge [m]
+    length : (n,) largest extent [m]
+    warp : (n,) how far corners lie off the plane [m]
+    """
+
+    curvature: Floats
+    sagitta: Floats
+    length: Floats
+    warp: Floats
+
+
+def _of_facets(face: Surface) -> _Bends:
     """The largest of the pieces of every facet."""
-    found = []
-    for values in (bend, length, warp):
+    bends, found = _of_pieces(face.pieces), []
+    for field in fields(bends):
         most = np.zeros(len(face.facets))
-        np.maximum.at(most, face.pieces.facet, values)
+        np.maximum.at(most, face.pieces.facet, getattr(bends, field.name))
         found.append(most)
-    return found[0], found[1], found[2]
+    return _Bends(*found)
 
 
-def _bends(face: Surface) -> tuple[Floats, Floats, Floats]:
-    """Curvature [1/m] of every piece, its length along it and how far its corners lie off its plane [m]."""
-    pieces = face.pieces
+def _of_pieces(pieces: Pieces) -> _Bends:
     first, second, along = _shared_edges(pieces)
     angle = np.arccos(np.clip(np.einsum("nk,nk->n", pieces.normal[first], pieces.normal[second]), -1.0, 1.0))
     smooth = (angle > _ROUNDING) & (angle < np.radians(_CREASE))
     first, second, along, angle = first[smooth], second[smooth], along[smooth], angle[smooth]
-    lengths = [_across(pieces, piece, along) for piece in (first, second)]
-    bend = 2.0 * angle / (lengths[0] + lengths[1])
-    curvature, length = np.zeros(len(pieces.facet)), np.zeros(len(pieces.facet))
-    for piece, own in zip((first, second), lengths, strict=True):
+    extents = [_across(pieces, piece, along) for piece in (first, second)]
+    bend = 2.0 * angle / (extents[0] + extents[1])
+    curvature, sagitta = np.zeros(len(pieces.facet)), np.zeros(len(pieces.facet))
+    for piece, extent in zip((first, second), extents, strict=True):
         np.maximum.at(curvature, piece, bend)
-        np.maximum.at(length, piece, own)
-    length = np.where(length > 0.0, length, 2.0 * pieces.radius)
+        np.maximum.at(sagitta, piece, bend * extent**2 / 8.0)
     offset = np.einsum("nck,nk->nc", pieces.corners - pieces.centre[:, None], pieces.normal)
-    return curvature, length, np.abs(offset).max(axis=1)
+    return _Bends(curvature, sagitta, 2.0 * pieces.radius, np.abs(offset).max(axis=1))
 
 
 def _shared_edges(pieces: Pieces) -> tuple[Ints, Ints, Floats]:
