@@ -134,8 +134,15 @@ def _values(value: object, path: str) -> Iterator[tuple[str, object]]:
 
 
 def _gravity(config: Config) -> Iterator[str]:
-    gravity = config.loads.gravity
-    if gravity is None or not any(gravity):
+    loads, gravity = config.loads, config.loads.gravity
+    if gravity is None:
+        return
+    if gravity[2] == 0.0 and (loads.hydrostatic or loads.joint_water):
+        yield (
+            f"loads.gravity: {list(gravity)} m/s2 has no vertical part; still water and water in joints "
+            f"weigh with {loads.gravity_of_water:g} m/s2 (leave them out for none)"
+        )
+    if not any(gravity):
         return
     size = math.hypot(*gravity)
     if gravity[2] >= 0.0:

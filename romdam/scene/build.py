@@ -187,20 +187,15 @@ def _pressures(config: Config, blocks: dict[str, Block], source: str) -> tuple[F
     return tuple(found)
 
 
-def _gravity_of_water(config: Config) -> float:
-    gravity = config.loads.gravity
-    return 9.81 if gravity is None else float(np.linalg.norm(gravity))
-
-
 def _fill_joints(config: Config, joints: dict[str, Joint], blocks: dict[str, Block], source: str) -> None:
     for k, water in enumerate(config.loads.joint_water):
         place = f"{source}: loads.joint_water[{k}]"
         for name in water.joints:
-            joints[name] = with_water(joints[name], water, blocks, _gravity_of_water(config), place)
+            joints[name] = with_water(joints[name], water, blocks, config.loads.gravity_of_water, place)
 
 
 def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:
-    size = _gravity_of_water(config)
+    size = config.loads.gravity_of_water
     found = []
     for k, load in enumerate(config.loads.hydrostatic):
         place = f"{source}: loads.hydrostatic[{k}]"

@@ -40,7 +40,7 @@ class ForceConfig(Model):
 
 
 class HydrostaticConfig(Model):
-    """Pressure rho g (level - z) of still water below `level`; g is 9.81 m/s2 where no gravity is given."""
+    """Pressure rho g (level - z) of still water below `level`; g is vertical gravity, else 9.81 m/s2."""
 
     level: Length
     """Elevation of the water, along z."""
@@ -88,3 +88,12 @@ class LoadsConfig(Model):
                         "already; name it once"
                     )
         return self
+
+    @property
+    def gravity_of_water(self) -> float:
+        """What water weighs with: the vertical part of gravity, 9.81 where there is none [m/s2].
+
+        Gravity of zero leaves out the weight of the blocks, where another analysis has it; water that is
+        named by its level presses all the same.
+        """
+        return (0.0 if self.gravity is None else abs(self.gravity[2])) or 9.81
