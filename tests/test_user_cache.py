@@ -16,7 +16,7 @@ from romdam.core.files import hold
 from romdam.core.sealed import is_sealed
 from romdam.pipelines.check import check
 from romdam.reduction import single_block
-from romdam.reduction.storage import user_cache
+from romdam.reduction.storage import keys, user_cache
 from romdam.reduction.storage.user_cache import cache_folder, entries, open_store, remove
 
 VARIABLES = ("opening", "normal_force", "reduced_coordinates", "energy_strain", "estimated_error_l2")
@@ -104,9 +104,20 @@ def is_finer(path):
 def test_other_code_finds_nothing(tmp_path, job, counted, monkeypatch):
     romdam.run(job, tmp_path / "out", cache=cache_folder())
     made = len(counted)
-    monkeypatch.setattr(user_cache, "_code", lambda: "other")
+    monkeypatch.setattr(keys, "code_digest", lambda: "other")
     romdam.run(job, tmp_path / "out", cache=cache_folder())
     assert len(counted) == 2 * made and len(entries(cache_folder())) == 4 * made  # with the finer basis
+
+
+def test_other_code_finds_nothing_in_a_folder_that_was_named(tmp_path, job, counted, monkeypatch):
+    """A suite's own `cache/` is one, too."""
+    romdam.run(job, tmp_path / "out", cache=tmp_path / "cache")
+    made = len(counted)
+    romdam.run(job, tmp_path / "out", cache=tmp_path / "cache")
+    assert len(counted) == made > 0
+    monkeypatch.setattr(keys, "code_digest", lambda: "other")
+    romdam.run(job, tmp_path / "out", cache=tmp_path / "cache")
+    assert len(counted) == 2 * made
 
 
 def test_the_code_counts_to_the_byte(monkeypatch, tmp_path):
@@ -115,7 +126,7 @@ def test_the_code_counts_to_the_byte(monkeypatch, tmp_path):
     found = set()
     for text in ("a = 1", "a = 2", "a = 1"):
         (tmp_path / "fem" / "one.py").write_text(text)
-        found.add(user_cache._code.__wrapped__())
+        found.add(keys.code_digest.__wrapped__())
     assert len(found) == 2
 
 

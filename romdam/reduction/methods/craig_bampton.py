@@ -81,9 +81,8 @@ class ModeChoice:
         return finer | {
             "count": self.count,
             "cutoff": self.cutoff,
-            "corrections": self.residual_vectors,  # as the first keys had it
+            "residual_vectors": self.residual_vectors,
             "capped": self.capped,
-            "solving": AUTO,
         }
 
 

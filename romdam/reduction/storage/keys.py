@@ -1,17 +1,22 @@
 """Keys of stored bases: the SHA-256 of everything that a basis depends on.
 
 Mesh, element, material, supports, what the joints retain (or what the basis of a merged part answers
-statically), the choice of modes, the versions of romdam and of the layout. Stiffness and friction of joints,
-gaps, damping, loads and records are not part of it; water is, where a finer basis answers its inertia.
+statically), the choice of modes, the layout, and the code that reduces with the libraries that multiply and
+factor for it: what is found is what would be made, to the bit. Stiffness and friction of joints, gaps,
+damping, loads and records are not part of it; water is, where a finer basis answers its inertia.
 """
 
 from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
 
 from scipy.sparse import csr_matrix
 
 import romdam
 from romdam.core.arrays import Bools, Floats
-from romdam.core.fingerprint import fingerprint
+from romdam.core.fingerprint import files_digest, fingerprint
 from romdam.core.scene import Block, Scene
 from romdam.fem.water.added_mass import WetMass
 from romdam.reduction.interface import Interface
@@ -19,6 +24,7 @@ from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.scene.ties import Part
 
 LAYOUT = "romdam-block-2"
+_ROOMS = ("core", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
 
 
 def block_key(
@@ -63,4 +69,12 @@ def _water(choice: ModeChoice, wet: WetMass | None) -> tuple[WetMass, ...]:
 
 
 def _key(*what: object) -> str:
-    return fingerprint((LAYOUT, romdam.__version__, *what))
+    return fingerprint((LAYOUT, code_digest(), *what))
+
+
+@cache
+def code_digest() -> str:
+    """SHA-256 of what makes a basis: the code, and the versions of NumPy and SciPy."""
+    package = Path(romdam.__file__).parent
+    files = sorted(path for room in _ROOMS for path in (package / room).rglob("*.py"))
+    return fingerprint((files_digest(files), [version(name) for name in ("romdam", "numpy", "scipy")]))

@@ -1,10 +1,9 @@
 """The user's folder of reduced blocks: single jobs find there what earlier ones have reduced.
 
-    $XDG_CACHE_HOME/romdam/<code>/block-<key>.h5    (~/.cache without it; %LOCALAPPDATA% on Windows)
+    $XDG_CACHE_HOME/romdam/block-<key>.h5    (~/.cache without it; %LOCALAPPDATA% on Windows)
 
-<code> is a digest of the code that reduces and of NumPy's and SciPy's versions, so that what is found is what
-would be made, to the bit; the key says from which mesh, material, supports and modes (`keys.py`). The blocks
-that were used longest ago go where all together, those of other code too, would exceed a limit.
+The key says from which mesh, material, supports and modes a block was made, and by which code (`keys.py`).
+The blocks that were used longest ago go where all together, those of other code too, would exceed a limit.
 """
 
 from __future__ import annotations
@@ -14,23 +13,18 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
-import romdam
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
 from romdam.core.files import hold
-from romdam.core.fingerprint import files_digest, fingerprint
 from romdam.core.scene import Block
 from romdam.reduction.storage.model_file import BlockStore
 
 log = logging.getLogger(__name__)
 
 LIMIT = 10e9  # bytes of all blocks: a thousand of the main job's, or one and a half of a million unknowns
-_ROOMS = ("core", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
 
 
 @dataclass(frozen=True)
@@ -61,20 +55,19 @@ def open_store(folder: Path | None) -> BlockStore | None:
     if folder != cache_folder():
         return None if folder is None else BlockStore(folder)
     try:
-        own = folder / _code()
-        if not own.is_absolute():
+        if not folder.is_absolute():
             raise FileNotFoundError("no home folder is known")
-        own.mkdir(parents=True, exist_ok=True, mode=0o700)
-        if not os.access(own, os.W_OK):
-            raise PermissionError(f"{own} cannot be written")
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(f"{folder} cannot be written")
     except OSError as error:
         log.warning("%s: reduced blocks cannot be kept there (%s); give --cache or --no-cache", folder, error)
         return None
-    return UserCache(own)
+    return UserCache(folder)
 
 
 class UserCache(BlockStore):
-    """The store of a folder beside those of other code, whose blocks make room for new ones."""
+    """The store of a folder in which blocks make room for new ones."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -118,7 +111,7 @@ class UserCache(BlockStore):
         self._used.add(path)
         with suppress(OSError):
             os.utime(path)
-        left = entries(self.folder.parent)
+        left = entries(self.folder)
         size = sum(entry.size for entry in left)
         for entry in left:
             if size > LIMIT and entry.path not in self._used:
@@ -128,7 +121,9 @@ class UserCache(BlockStore):
 def entries(folder: Path) -> list[Entry]:
     """What lies in the user's cache, that used longest ago in front."""
     found = []
-    for path in [*folder.glob("*/block-*.h5"), *folder.glob("*/.block-*.columns")]:
+    # versions of before had a folder for each code
+    names = [f"{level}{name}" for level in ("", "*/") for name in ("block-*.h5", ".block-*.columns")]
+    for path in (path for name in names for path in folder.glob(name)):
         with suppress(OSError):  # another process has removed it
             about = path.stat()
             found.append(Entry(path, about.st_size, about.st_mtime))
@@ -158,11 +153,3 @@ def _remove_unfinished(path: Path) -> bool:
     finally:
         os.close(lock)
     return True
-
-
-@cache
-def _code() -> str:
-    """Of what makes a basis: the code, and the libraries that multiply and factor."""
-    package = Path(romdam.__file__).parent
-    files = sorted(path for room in _ROOMS for path in (package / room).rglob("*.py"))
-    return fingerprint((files_digest(files), [version(name) for name in ("romdam", "numpy", "scipy")]))[:12]
