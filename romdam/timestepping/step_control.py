@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import History, System
@@ -24,7 +25,11 @@ _SHRINK = (0.4, 0.7)  # believed range of the ratio of two successive difference
 _USUAL_SHRINK = 0.45  # with it 50 of 50 estimates were at least the true error, with 0.35 (and 0.3 above) 39
 _LATE = 0.005  # of the squared openings, the last ones, which the check leaves out
 _LATE_ERROR = 4.0  # their relative error, believed, over that of the others: 1.7, 6.4 at most on 50 records
+_QUIET_RUNS = 3  # of such jobs
+_BASE_HALVINGS = 4  # of the base step at least, where it makes the error
 _NEGLIGIBLE = 1e-12
+_QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step's own error counts
+_FLOOR = 0.01  # of what all jumps do: openings, or slips, that do less are measured by that
 
 
 def simulate_to(
@@ -40,8 +45,12 @@ def simulate_to(
     good it is, and goes on until nearly all of the squared openings are past. Where that is not enough, runs
     of half the step follow. Two successive runs differ by most of the coarser one's error; the finer one's is
     taken as the difference times r/(1 - r), r being the ratio of the last two differences within what the
-    scheme shows (0.4 to 0.7). The error is in L2 over all openings and times, or in the peak opening for a
-    scheme that conserves energy, whose histories part in time while peaks and energy do not.
+    scheme shows (0.4 to 0.7). The error is in L2 over all openings and times, and over all slips where joints
+    carry shear, the larger of the two; or in the peak opening for a scheme that conserves energy.
+
+    Where contact does not change, the base step makes the error: closed springs follow it. So it is halved
+    with the finest where joints have a tension stiffness or carry shear, and from the second run on where the
+    first hardly cut a step; elsewhere impacts make the error, and it stays.
 
     Parameters
     ----------
@@ -59,23 +68,27 @@ def simulate_to(
     """
     motions = _Motions(prepared, grounds, settings, progress)
     outcomes: dict[int, Outcome] = {}
-    trials = {i: _Trial() for i in range(len(prepared))}
     first = _first_halvings(prepared[0].system, settings.steps.base, accuracy) if prepared else 0
-    for halvings in range(first, _MOST_HALVINGS + 1):
+    trials = {i: _Trial(refined_from=_refined_from(one.system, first)) for i, one in enumerate(prepared)}
+    for halvings in range(first, max(_MOST_HALVINGS, first + _BASE_HALVINGS) + 1):
         for i, outcome in motions.simulate(trials, halvings):
             if isinstance(outcome, ConvergenceError):
                 outcomes[i] = outcome
                 del trials[i]
             else:
                 trials[i] = trials[i].after(outcome, motions.compared(i, outcome))
+                if halvings == first and motions.quiet(outcome):
+                    trials[i] = trials[i].quiet(first)
         if halvings == first:
-            for i, check in motions.simulate(trials, first - 1, only_compared=True):
+            checked = {i: trial for i, trial in trials.items() if trial.refined_from != first}
+            for i, check in motions.simulate(checked, first - 1, only_compared=True):
                 if isinstance(check, ConvergenceError):
                     trials[i] = trials[i].unchecked()
                 else:
                     trials[i] = trials[i].checked(check, motions.compared(i, check))
         for i, trial in list(trials.items()):
-            if trial.estimate <= accuracy or halvings == _MOST_HALVINGS:
+            reached = trial.estimate <= accuracy and trial.runs >= trial.least_runs
+            if reached or halvings == trial.last(first):
                 outcomes[i] = trial.result(accuracy)
                 del trials[i]
             else:  # its whole history need not stay in memory beside that of the next run
@@ -93,6 +106,12 @@ def _first_halvings(system: System, coarse: float, accuracy: float) -> int:
         return _USUAL_HALVINGS
     wanted = _FRACTION * 2.0 * math.pi / math.sqrt(elastic.min()) * min(1.0, accuracy / _LIMIT)
     return int(np.clip(round(math.log2(coarse / wanted)), 1, _MOST_HALVINGS))
+
+
+def _refined_from(system: System, first: int) -> int | None:
+    """Halvings from which on the base step is halved too, see `simulate_to`: those of the check, or none."""
+    law = system.law
+    return first - 1 if len(law) and (law.directions > 1 or law.K_nz.any()) else None
 
 
 @dataclass(frozen=True)
@@ -113,10 +132,21 @@ class _Motions:
         ----------
         only_compared : whether nothing but `compared` is made of the histories
         """
-        if not trials:
-            return []
+        made: dict[int, Outcome] = {}
+        for since in dict.fromkeys(trial.refined_from for trial in trials.values()):
+            alike = {i: trial for i, trial in trials.items() if trial.refined_from == since}
+            base = self.settings.steps.base / (1.0 if since is None else 2.0 ** (halvings - since))
+            made.update(self._alike(alike, halvings, base, only_compared))
+        return [(i, made[i]) for i in trials]
+
+    def _alike(
+        self, trials: Mapping[int, _Trial], halvings: int, base: float, only_compared: bool
+    ) -> list[tuple[int, Outcome]]:
+        """Integrate those whose base steps are the same."""
         coarse, integrator = self.settings.steps, self.prepared[0].integrator
-        steps = integrator.steps(coarse.base / 2.0**halvings, coarse.base, coarse.interval)
+        steps = integrator.steps(
+            min(base, coarse.base / 2.0 ** min(halvings, _MOST_HALVINGS)), base, coarse.interval
+        )
         settings = replace(self.settings, steps=steps)
         if only_compared:
             settings = replace(settings, only_jumps=len(self.prepared[0].system.law) > 0)
@@ -127,6 +157,14 @@ class _Motions:
             grounds.append(ground[:, :columns])
         made = simulate([self.prepared[i] for i in trials], grounds, settings, self.progress)
         return list(zip(list(trials), made, strict=True))
+
+    def quiet(self, history: History) -> bool:
+        """Whether a run at the coarse base step hardly cut it."""
+        system = self.prepared[0].system
+        base_steps = (len(history.time) - 1) * self.settings.steps.stride
+        if _refined_from(system, 1) is not None:
+            base_steps *= 2
+        return len(system.law) > 0 and history.stats["steps"] <= _QUIET_RUN * base_steps
 
     def compared(self, number: int, history: History) -> Floats:
         """Values by which a run of one of them is compared with its next."""
@@ -145,6 +183,8 @@ class _Trial:
     estimate : of the error of the last run
     runs, cpu : how many there were, and what they took [s]
     rows : how far a check has to go; None for the whole ground motion
+    refined_from : halvings from which on the base step is halved too; None where it stays
+    least_runs : before an estimate is believed; a spring that two steps damp away alike takes three
     """
 
     history: History | None = None
@@ -154,6 +194,18 @@ class _Trial:
     runs: int = 0
     cpu: float = 0.0
     rows: int | None = None
+    refined_from: int | None = None
+    least_runs: int = 2
+
+    def quiet(self, first: int) -> _Trial:
+        """Knowledge after a first run that hardly cut its base step."""
+        if self.refined_from is None:
+            return replace(self, refined_from=first, least_runs=_QUIET_RUNS, rows=None)
+        return replace(self, least_runs=_QUIET_RUNS)
+
+    def last(self, first: int) -> int:
+        """Halvings of the last run allowed, where there were so many in the first."""
+        return _MOST_HALVINGS if self.refined_from is None else max(_MOST_HALVINGS, first + _BASE_HALVINGS)
 
     def after(self, history: History, measured: Floats) -> _Trial:
         """Knowledge after one more run."""
@@ -195,9 +247,17 @@ class _Trial:
 
 def _past(measured: Floats) -> int:
     """Rows until nearly all of the squares are past."""
-    share = np.cumsum((measured**2).sum(axis=1))
+    share = np.cumsum((measured**2).sum(axis=tuple(range(1, measured.ndim))))
     return max(2, int(np.searchsorted(share, (1.0 - _LATE) * share[-1])) + 1)
 
 
 def _difference(coarse: Floats, fine: Floats) -> float:
-    return float(np.linalg.norm(fine - coarse)) / max(float(np.linalg.norm(fine)), _NEGLIGIBLE)
+    """L2 of the difference of two runs, relative: of openings and of slips apart, the larger."""
+    if fine.ndim < 3 or fine.shape[2] == 1:
+        return float(np.linalg.norm(fine - coarse)) / max(float(np.linalg.norm(fine)), _NEGLIGIBLE)
+    least = max(_FLOOR * float(np.linalg.norm(fine)), _NEGLIGIBLE)
+    kinds = (slice(NORMAL, NORMAL + 1), slice(NORMAL + 1, None))
+    return max(
+        float(np.linalg.norm((fine - coarse)[..., own])) / max(float(np.linalg.norm(fine[..., own])), least)
+        for own in kinds
+    )

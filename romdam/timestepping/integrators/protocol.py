@@ -56,7 +56,8 @@ class Integrator(Protocol):
         ...
 
     def compared(self, history: History) -> Floats:
-        """Values that two runs at different steps are compared by: (nt, n) histories, or (n,) peaks."""
+        """Values that two runs at different steps are compared by: histories (nt, n), or (nt, ng, d) of
+        openings and slips, or (n,) peaks."""
         ...
 
     def advance(

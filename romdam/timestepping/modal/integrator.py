@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.system import History, System
@@ -65,8 +64,8 @@ class ModalIntegrator:
         return fixed_steps(finest, interval, coarse)
 
     def compared(self, history: History) -> Floats:
-        """(nt, ng) openings, or displacements where there are no gaps."""
-        return history.jump[..., NORMAL].copy() if history.jump.size else history.disp
+        """(nt, ng, d) openings and slips, or displacements where there are no gaps."""
+        return history.jump.copy() if history.jump.size else history.disp
 
     def split(self, prepared: Prepared, step: float) -> ModeSplit:
         """Choose the dynamic modes for a base step [s]."""
