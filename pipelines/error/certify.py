@@ -44,6 +44,7 @@ from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
 from romdam.results.suite.design import parameter_places
+from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
@@ -179,6 +180,12 @@ def _refuse_coupled(job: Job) -> None:
         raise ConfigError(
             f"{job.path}: {own.key}: a certificate corrects runs of modes that nothing couples, and {own.by} "
             "couple them; take `romdam verify`, which runs the mesh itself"
+        )
+    named = job.config.transient.integrator
+    if named is not None and not integrator_class(named).resumes:
+        raise ConfigError(
+            f"{job.path}: transient.integrator: a certificate adds jumps to a run, and {named} cannot take "
+            "them; leave the integrator out, or take `romdam verify`, which runs the mesh itself"
         )
 
 

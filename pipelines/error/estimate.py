@@ -18,6 +18,7 @@ from romdam.pipelines.simulation import Model, ground_at_steps, prepare, setting
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
+from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared
 
 log = logging.getLogger(__name__)
@@ -26,12 +27,15 @@ log = logging.getLogger(__name__)
 def can_estimate(job: Job) -> bool:
     """Tell whether an estimate is wanted and can be made.
 
-    There is none without joints, with modes that something couples, and without damping: undamped histories
-    part in time whatever the basis, and their peaks are what counts.
+    There is none without joints, with modes that something couples, with an integrator that cannot go on from
+    a row of the run, and without damping: undamped histories part in time whatever the basis, and their peaks
+    are what counts.
     """
     config = job.config
     wanted = config.outputs.error_estimate and bool(config.every_joint)
-    return wanted and config.damping.acts and coupling(config) is None
+    named = config.transient.integrator
+    resumes = named is None or integrator_class(named).resumes
+    return wanted and config.damping.acts and coupling(config) is None and resumes
 
 
 def reduced_models(

@@ -35,9 +35,11 @@ class Settings:
     steps : base step, cuts and written rows; an integrator's `steps` makes those that suit it
     tolerance : allowed relative residual of the gap-space problem of a step
     initial_state : "static" (equilibrium under the static loads) or "undeformed" (at rest)
-    start : state to go on from, instead of `initial_state` (modal integrators)
-    shift : (nt, directions * ng) jumps added at every base step, linear in between (modal integrators) [m]
-    only_jumps : whether histories have rows of the jumps alone, for a comparison (modal integrators)
+    start : state to go on from, instead of `initial_state`; of integrators that resume
+    shift : (nt, directions * ng) jumps added at every base step, linear in between; of those that
+        resume [m]
+    only_jumps : whether histories have rows of the jumps alone, for a comparison: leave, no
+        order
     """
 
     steps: Steps

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from romdam.core.arrays import Floats
-from romdam.core.errors import ConvergenceError
+from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.integrators import INTEGRATORS
 from romdam.core.system import History
 from romdam.timestepping.energy import imbalance
-from romdam.timestepping.integrators.protocol import Outcome, Progress
+from romdam.timestepping.integrators.protocol import Integrator, Outcome, Progress
+from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.support_motion import with_supports
@@ -49,6 +51,7 @@ def simulate(
     for one in dict.fromkeys(each):
         assert one.integrator == integrator
         integrator.supports(one.system)
+    _refuse_ignored(integrator, settings)
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
     return [
         made
@@ -78,6 +81,18 @@ def history_of(outcome: Outcome) -> History:
     if isinstance(outcome, ConvergenceError):
         raise outcome
     return outcome
+
+
+def _refuse_ignored(integrator: Integrator, settings: Settings) -> None:
+    """Refuse settings that the integrator would pass over without a word."""
+    given = [name for name in ("start", "shift") if getattr(settings, name) is not None]
+    if given and not integrator.resumes:
+        able = ", ".join(name for name in INTEGRATORS if integrator_class(name).resumes)
+        raise ConfigError(
+            f"transient.integrator: {integrator.name} cannot go on from a written row nor take added jumps, "
+            f"and Settings.{given[0]} is given, as statements of error need it; take one of {able}, or leave "
+            "it out"
+        )
 
 
 def _finished(history: History, of: Simulation, stride: int) -> History:

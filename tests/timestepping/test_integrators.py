@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from hand_systems import gap_law, ground, modal_twin, sparse_system
-from simulating import prepared_for
+from simulating import prepared_for, simulated
 
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.plausible import doubts
@@ -16,7 +16,9 @@ from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS, IntegratorEntry
 from romdam.core.motion import GroundMotion
 from romdam.core.system import Coordinates, History
+from romdam.error.estimate import start_at
 from romdam.pipelines.doubts import doubts_of
+from romdam.pipelines.error.estimate import can_estimate
 from romdam.pipelines.simulation import prepare, settings_for, simulate_motion
 from romdam.records.processing.resampling import resample_motion
 from romdam.timestepping import simulate as at_steps
@@ -33,6 +35,7 @@ class CentralDifferences:
     """A toy: explicit, without joints; `safety` times the critical step is the longest it takes."""
 
     name: ClassVar[str] = "central_differences"
+    resumes: ClassVar[bool] = False
     safety: float = 0.9
 
     @classmethod
@@ -263,3 +266,57 @@ def test_a_written_interval_that_passes_by_the_samples_is_told(interval, told):
     lines = [line for line in doubts_of(job, [zigzag]) if "pass by its samples" in line]
     assert len(lines) == told
     assert all("0.03 s loses nothing" in line and "0.089 of its acceleration in L2" in line for line in lines)
+
+
+WHOLE_RECORD = {"adaptive": {"force_change": np.inf}}  # it cuts steps by the record's peak ground velocity
+
+
+def _pounding(entry):
+    """Four masses in a row, a gap with friction at the first three unknowns; 4 s of noise."""
+    K = 60.0 * np.eye(4) + 40.0 * (2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
+    law, C = gap_law(1, K_n=1e4, K_s=5e3, mu=0.5), (0.3 if entry.damped else 0.0) * np.eye(4)
+    system = sparse_system(np.eye(4), K, np.eye(4)[:3], law, C=C, load=[1.0, 0.5, 1.0, 1.0])
+    t, rng = np.arange(801) * 0.005, np.random.default_rng(0)
+    return replace(modal_twin(system), reduced=True), ground(3.0 * np.sin(6.0 * t) + rng.standard_normal(801))
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_an_integrator_that_resumes_gives_the_rows_of_the_run_itself_and_any_other_is_refused(name):
+    (system, shaking), kind = _pounding(INTEGRATORS[name]), integrator_class(name)
+    options = {"initial_state": "undeformed", "tolerance": 1e-12} | WHOLE_RECORD.get(name, {})
+    whole = simulated(system, shaking, 0.005, name, **options)
+    assert set(np.unique(whole.state)) == {0, 1, 2}
+    for row in (300, 500):
+        start = start_at(whole, system.law, row, whole.jump[row])
+        if not kind.resumes:
+            with pytest.raises(ConfigError, match=f"integrator: {name} cannot go on.*Settings.start"):
+                simulated(system, shaking[:, row:], 0.005, name, start=start, **options)
+            continue
+        rest = simulated(system, shaking[:, row:], 0.005, name, start=start, **options)
+        assert np.abs(rest.jump - whole.jump[row:]).max() <= 1e-12 * np.abs(whole.jump).max()
+        assert np.abs(rest.traction - whole.traction[row:]).max() <= 1e-10 * np.abs(whole.traction).max()
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_added_jumps_are_an_initial_gap_or_refused(name):
+    (system, shaking), kind = _pounding(INTEGRATORS[name]), integrator_class(name)
+    options = {"initial_state": "undeformed", "tolerance": 1e-12} | WHOLE_RECORD.get(name, {})
+    shift = np.zeros((shaking.shape[1], 3))
+    shift[:, 0] = 0.002
+    if not kind.resumes:
+        with pytest.raises(ConfigError, match=f"integrator: {name} cannot go on.*Settings.shift"):
+            simulated(system, shaking, 0.005, name, shift=shift, **options)
+        return
+    shifted = simulated(system, shaking, 0.005, name, shift=shift, **options)
+    wider = replace(system, law=replace(system.law, gap=system.law.gap + 0.002))
+    expected = simulated(wider, shaking, 0.005, name, **options)
+    assert np.abs(shifted.jump - expected.jump)[1:].max() <= 1e-9 * np.abs(expected.jump).max()
+
+
+def test_an_estimate_is_not_made_where_a_run_cannot_be_resumed():
+    raw = load_config(EXAMPLE)
+    for name, made in ((None, True), ("adaptive", True), ("generalized_alpha", False)):
+        transient = raw.config.transient.model_copy(update={"integrator": name, "accuracy": None})
+        outputs = raw.config.outputs.model_copy(update={"error_estimate": True})
+        config = raw.config.model_copy(update={"transient": transient, "outputs": outputs})
+        assert can_estimate(replace(raw, config=config)) == made

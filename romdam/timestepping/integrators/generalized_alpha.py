@@ -286,6 +286,7 @@ class GeneralizedAlpha:
     """
 
     name: ClassVar[str] = "generalized_alpha"
+    resumes: ClassVar[bool] = False  # a row does not hold the acceleration that the scheme goes on from
     rho_inf: float = 0.9
     midpoint: bool = True
 

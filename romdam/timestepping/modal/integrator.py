@@ -35,6 +35,7 @@ class ModalIntegrator:
     """
 
     name: ClassVar[str]
+    resumes: ClassVar[bool] = True
     midpoint: bool = False
     force_change: float = math.inf
     massless_boundary: bool = False
