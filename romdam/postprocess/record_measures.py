@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -53,6 +55,14 @@ def analysed_share(motion: GroundMotion, duration: float | None) -> tuple[float,
 def peak_time(motion: GroundMotion) -> float:
     """When the largest acceleration of a component is [s]."""
     return float(motion.time[np.abs(motion.acc).max(axis=0).argmax()])
+
+
+def peak_text(attrs: Mapping[str, Any]) -> str:
+    """The peak acceleration of what a result analysed, and that of the whole record where it is another."""
+    whole = float(attrs["record_peak_acceleration"])
+    part = float(attrs.get("analysed_peak_acceleration", whole))
+    rest = "" if part == whole else f" of what was analysed, {whole:.3g} m/s² of the whole record"
+    return f"{part:.3g} m/s²{rest}"
 
 
 def measures_at_scales(

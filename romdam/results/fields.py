@@ -28,6 +28,7 @@ from romdam.core.errors import ResultError
 from romdam.core.files import Unkept
 from romdam.core.html.card import card
 from romdam.core.scene import Block, Scene
+from romdam.postprocess.record_measures import peak_text
 from romdam.postprocess.stress.summary import COMPONENTS
 from romdam.reduction.storage.model_file import rows_written
 from romdam.results.beside import in_order, open_beside, write_beside
@@ -124,14 +125,6 @@ def stored_digest(file: h5py.File) -> str:
         )
         for name, group in in_order(file)
     )
-
-
-def peak_text(attrs: Mapping[str, Any]) -> str:
-    """The peak acceleration of what a result analysed, and that of the whole record where it is another."""
-    whole = float(attrs["record_peak_acceleration"])
-    part = float(attrs.get("analysed_peak_acceleration", whole))
-    rest = "" if part == whole else f" of what was analysed, {whole:.3g} m/s² of the whole record"
-    return f"{part:.3g} m/s²{rest}"
 
 
 class Result:

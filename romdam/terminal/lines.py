@@ -114,7 +114,7 @@ def _of_the_run(attrs: Mapping[str, object]) -> str:
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """Describe a result: its kind, its making, and its known error."""
     from romdam.error.statement import sentences
-    from romdam.results.fields import peak_text
+    from romdam.postprocess.record_measures import peak_text
 
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
