@@ -130,7 +130,7 @@ def _why_not_closed(model: Model) -> str:
 
 
 def _skipped(job: Job, model: Model, closed: bool) -> Iterator[str]:
-    """What a run looks at, and a check does not."""
+    """Tell what a run looks at, and a check does not."""
     yield "whether every time step converges and the energy ledger closes"
     if job.config.loads.initial_state == "static":
         yield "static equilibrium before the earthquake"

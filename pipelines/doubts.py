@@ -124,7 +124,7 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
 
 
 def _of_samples_between_steps(motion: GroundMotion, interval: float) -> Iterator[str]:
-    """What a record loses on steps that pass by its samples, as those of some written intervals have to."""
+    """Tell what a record loses on steps that pass by its samples, as those of some intervals have to."""
     base = grid_steps(motion.dt, interval).base
     if holds_samples(base, motion.dt):
         return

@@ -17,7 +17,7 @@ from romdam.results.table import write_csv
 
 @dataclass(frozen=True)
 class TwoResults:
-    """How far two results are apart: Dataset, table, and the files that were written."""
+    """Measure how far two results are apart: Dataset, table, and the files that were written."""
 
     dataset: xr.Dataset
     table: Table

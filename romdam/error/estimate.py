@@ -144,7 +144,7 @@ def moving_rows(history: History, joints: Mapping[str, slice], interval: float) 
 
 
 def continued(opening: Floats, finer: Floats, rows: slice, rest: int) -> Floats:
-    """What the finer model's openings would be over the whole record.
+    """Extend the finer model's openings over the whole record.
 
     The run's own before `rows`; after them as far from the run's as on average over the last of them.
 

@@ -81,7 +81,7 @@ def sample_windows(history: History, seconds: float = WINDOW) -> list[slice]:
 
 @dataclass(frozen=True)
 class Sampling:
-    """What a window needs.
+    """Inputs of a window.
 
     Attributes
     ----------

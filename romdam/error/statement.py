@@ -205,7 +205,7 @@ def _write_json(path: Path, document: Mapping[str, object]) -> None:
 
 
 def _labels(path: Path) -> dict[str, str]:
-    """What a result says that it is of; a file that is damaged is left as it is."""
+    """Digests by which a result says what it is of; a file that is damaged is left as it is."""
     try:
         with reading(path) as file:
             return {name: text_of(file, name) for name in _OF_WHAT}

@@ -72,7 +72,7 @@ def side_by_side(first: Histories, second: Histories, names: tuple[str, str]) ->
 
 
 def _row(first: Histories, second: Histories, places: list[Place], time: Floats) -> tuple[object, ...]:
-    """What is stated of one quantity, in the order of `_VARIABLES`."""
+    """Values that are stated of one quantity, in the order of `_VARIABLES`."""
     pair, opens = (_at(first, places, time), _at(second, places, time)), places[0][0] != "node"
     error = (opening_error if opens else magnitude_error)(*pair)
     widest = [one.max(axis=1) for one in pair]

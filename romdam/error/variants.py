@@ -103,7 +103,7 @@ def _at_common_times(runs: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
 
 
 def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
-    """What of one result is compared."""
+    """Histories of one result that are compared."""
     attrs = run.attrs
     cpu = {key: float(attrs.get(f"cpu_seconds_{key}", 0.0)) for key in ("scene", "model", "integration")}
     found: dict[str, object] = {

@@ -182,7 +182,7 @@ field = AFFE_MATERIAU(MAILLAGE=mesh, AFFE=tuple(materials))
 
 
 def common(tension):
-    """What operators know of the model; with joints open the springs in tension have no stiffness."""
+    """Statements on the model that all operators take; with joints open no spring in tension is stiff."""
     known = {"MODELE": model, "CHAM_MATER": field}
     if not DISCRETE:
         return known

@@ -40,7 +40,7 @@ def analysed(motion: GroundMotion, duration: float | None) -> GroundMotion:
 
 
 def analysed_share(motion: GroundMotion, duration: float | None) -> tuple[float, float]:
-    """What a run sees of a motion: its peak, and its Arias intensity, as shares of the whole.
+    """Measure what a run sees of a motion: its peak, and its Arias intensity, as shares of the whole.
 
     The intensity is summed over the components. Both are 1 where nothing but rest is cut, and for a motion
     that is none.
@@ -53,7 +53,7 @@ def analysed_share(motion: GroundMotion, duration: float | None) -> tuple[float,
 
 
 def peak_time(motion: GroundMotion) -> float:
-    """When the largest acceleration of a component is [s]."""
+    """Time of the largest acceleration of a component [s]."""
     return float(motion.time[np.abs(motion.acc).max(axis=0).argmax()])
 
 

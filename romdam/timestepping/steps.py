@@ -65,7 +65,7 @@ def grid_steps(dt: float, interval: float | None) -> Steps:
 
 
 def holds_samples(base: float, dt: float) -> bool:
-    """Whether a record's samples lie at base steps."""
+    """Tell whether a record's samples lie at base steps."""
     parts = dt / base
     return abs(parts - round(parts)) <= 2.0 * _WHOLE * parts
 

@@ -77,7 +77,7 @@ def resample_motion(motion: GroundMotion, dt: float) -> NDArray[np.float64]:
 
 
 def lost_between(acc: NDArray[np.float64], dt: float, step: float) -> tuple[float, float]:
-    """What straight lines between steps lose of a record that has straight lines between its samples.
+    """Measure what straight lines between steps lose of a record that is straight between its samples.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ class OutOfCoreMatrix:
         self._release()
 
     def _read(self, first: int, last: int) -> Floats:
-        """What stands in the file of a block of columns, less where that ends early."""
+        """Rows that stand in the file of a block of columns, less where that ends early."""
         rows = self.shape[0]
         return np.fromfile(self.path, dtype=float, count=rows * (last - first), offset=8 * rows * first)
 
@@ -213,7 +213,7 @@ class OutOfCoreMatrix:
     def _reader(
         self, size: int, rows: Ints | None, less: tuple[Floats, Floats] | None = None
     ) -> Callable[[slice], Floats]:
-        """What gives blocks of columns, `size` rows of them; they are kept where all are few. See `gram`."""
+        """Give what reads blocks of columns, `size` rows of each, kept where all are few. See `gram`."""
         held, few = dict[int, Floats](), 8 * size * self.shape[1] <= _HELD
 
         def columns(some: slice) -> Floats:

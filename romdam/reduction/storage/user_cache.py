@@ -119,7 +119,7 @@ class UserCache(BlockStore):
 
 
 def entries(folder: Path) -> list[Entry]:
-    """What lies in the user's cache, that used longest ago in front."""
+    """Files in the user's cache, that used longest ago in front."""
     found = []
     # versions of before had a folder for each code
     names = [f"{level}{name}" for level in ("", "*/") for name in ("block-*.h5", ".block-*.columns")]

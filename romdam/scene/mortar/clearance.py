@@ -1,4 +1,4 @@
-"""What of the distance of two faces their curvature explains, and what is a clearance.
+"""Tell the distance of two faces that their curvature explains from a clearance.
 
 Facets that stand on one curved surface, meshed twice, are apart by their sagittas kappa h^2 / 8, and on
 average by two thirds of that, as parabolas are from chords. The curvature kappa across an edge is the angle

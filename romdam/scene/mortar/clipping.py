@@ -31,7 +31,7 @@ def clip(subject: Floats, window: Floats) -> tuple[Floats, Ints]:
 
 
 def _cut(corners: Floats, count: Ints, origin: Floats, edge: Floats) -> tuple[Floats, Ints]:
-    """What lies to the left of a line through `origin` along `edge`, polygon by polygon."""
+    """Parts that lie to the left of a line through `origin` along `edge`, polygon by polygon."""
     n, width, _ = corners.shape
     there = np.arange(width) < count[:, None]
     following = np.where(np.arange(1, width + 1) < count[:, None], np.arange(1, width + 1), 0)

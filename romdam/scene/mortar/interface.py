@@ -192,7 +192,7 @@ def _tangents(normal: Floats) -> Floats:
 
 
 def _beside(xi: Floats, box: bool) -> Floats:
-    """How far reference coordinates (n, 2) lie outside the facet, 0 inside."""
+    """Distance by which reference coordinates (n, 2) lie outside the facet, 0 inside."""
     if box:
         return np.asarray(np.maximum(np.abs(xi).max(axis=1) - 1.0, 0.0))
     return np.asarray(np.maximum(np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1.0), 0.0))
