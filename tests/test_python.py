@@ -405,3 +405,11 @@ def test_a_duration_that_ends_in_the_pad_is_refused_and_a_cut_peak_is_told(raw, 
     assert dataset.attrs["analysed_peak_acceleration"] == left < dataset.attrs["record_peak_acceleration"]
     assert f"a peak of {left:.3g} of {np.abs(acc).max():.3g} m/s2" in caplog.text
     assert any(f"peak {left:.3g} m/s² of what was analysed" in line for line in info_lines(dataset))
+
+
+def test_a_check_solves_for_frequencies_with_closed_joints_once(config, monkeypatch):
+    from romdam.pipelines import check as checking
+
+    solve, calls = checking.closed_frequencies, []
+    monkeypatch.setattr(checking, "closed_frequencies", lambda *a: calls.append(a) or solve(*a))
+    assert romdam.check(config).closed_frequencies and len(calls) == 1
