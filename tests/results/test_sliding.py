@@ -1,6 +1,7 @@
 """Factor of safety, table and verdict of sliding: closed forms of a block on a plane, a synthetic result."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from romdam.postprocess.responses import response_of
 from romdam.postprocess.sliding import HEAD, safety_factor, sliding, sliding_rows
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import build_dataset
+from romdam.results.sliding import SLIDING_ROWS
 from romdam.results.suite.rows import row_values
 from romdam.results.table import write_sliding
 from romdam.results.variables import Case
@@ -134,6 +136,15 @@ def test_cohesion_is_lost_with_the_first_slip(integrator, job, timing):
     values = row_values(case, {})
     assert values["sliding_demand_ratio"] == pytest.approx([1.0 / one.factor])
     assert values["residual_sliding"] == pytest.approx([one.residual_slip])
+
+
+def test_residual_sliding_leaves_out_what_the_joint_opens():
+    """Every gap ends 3 mm open and 4 mm along j: 4 mm of sliding, not 5."""
+    case = make_case()
+    jump = np.zeros_like(case.history.jump)
+    jump[1:] = 3e-3, 4e-3, 0.0
+    case = replace(case, history=replace(case.history, jump=jump))
+    assert SLIDING_ROWS["residual_sliding"].get(case) == pytest.approx([4e-3, 4e-3], rel=1e-9)
 
 
 def test_two_coefficients_bound_each_direction(job, timing):

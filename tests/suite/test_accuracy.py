@@ -1,6 +1,7 @@
 """The step that an accuracy asks for, and the error that is stated with it."""
 
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from romdam.error.metrics import relative_l2
 from romdam.pipelines.run import Clock, build_model, silent
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
-from romdam.timestepping.step_control import simulate_to
+from romdam.timestepping.step_control import _Trial, simulate_to
 from romdam.timestepping.steps import Steps
 
 COARSE, EVERY, ACCURACY = 0.01, 0.02, 0.01
@@ -91,3 +92,13 @@ def test_coordinates_of_some_rows_are_those_of_all(cantilevers):
     seen = cantilevers.system.observe.toarray()
     assert whole.disp == pytest.approx(whole.q @ seen.T, rel=1e-12, abs=1e-15)
     assert whole.vel == pytest.approx(whole.v @ seen.T, rel=1e-12, abs=1e-13)
+
+
+def test_a_check_counts_its_time_and_allows_for_what_it_leaves_out():
+    """A check off by a tenth; what it leaves out of the squares is taken to be four times as wrong."""
+    measured, check = np.ones((4, 1)), SimpleNamespace(stats={"loop_cpu_seconds": 2.0})
+    whole = _Trial(measured=measured, runs=1, cpu=3.0).checked(check, 1.1 * measured)
+    early = _Trial(measured=measured, runs=1, cpu=3.0, rows=2).checked(check, 1.1 * measured[:2])
+    assert whole.difference == pytest.approx(0.1)
+    assert early.difference == pytest.approx(0.1 * np.sqrt(1.0 + 0.005 * (4.0**2 - 1.0)))
+    assert whole.cpu == early.cpu == 5.0 and whole.runs == 2
