@@ -12,7 +12,7 @@ from romdam.linalg.solvers import Solving
 from romdam.postprocess.record_measures import analysed_share, peak_time
 
 MOST_STEPS = 10**8  # of a run: a record of 300 s in steps of 3 us
-LEAST_LEFT = 0.01  # of a record's peak acceleration, below which what is run of it is a pad
+LEAST_LEFT = 1e-6  # of a record's peak acceleration, below which what is run of it is a pad
 _STEP = 120.0  # bytes while a record is resampled: its three components, times, places and weights
 _HISTORY = 32.0  # of every history of a free field: itself, its spectrum and their copies
 _SLACK = 1.0 + 1e-9
@@ -50,7 +50,7 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
     ------
     ConfigError
         for no step or too many of them, an output interval longer than the run, and a part of a record that
-        is next to rest.
+        is rest.
     """
     transient, every = job.config.transient, job.config.outputs.output_interval
     for motion in motions:
@@ -74,7 +74,7 @@ def _refuse_rest(motion: GroundMotion, length: float, place: str) -> None:
         raise ConfigError(
             f"{place}: the first {length:g} s of {motion.name} have a peak of "
             f"{share * motion.peak:.3g} m/s2, all {motion.duration:g} s of it {motion.peak:.3g} m/s2, limit "
-            f"{LEAST_LEFT:.0%} of that: next to rest would be run; leave the duration out, or make it longer "
+            f"{LEAST_LEFT:g} of that: nothing but rest would be run; leave the duration out, or make it longer "
             f"than {peak_time(motion):g} s, when that peak is (the step `pad` of a correction puts zeros "
             "before a record)"
         )

@@ -38,8 +38,8 @@ class Settings:
     start : state to go on from, instead of `initial_state`; of integrators that resume
     shift : (nt, directions * ng) jumps added at every base step, linear in between; of those that
         resume [m]
-    only_jumps : whether histories have rows of the jumps alone, for a comparison: leave, no
-        order
+    to_accuracy : whether an accuracy chose the steps, and not a job
+    only_jumps : whether histories may have rows of the jumps alone, which is all a comparison reads
     """
 
     steps: Steps
@@ -47,4 +47,5 @@ class Settings:
     initial_state: str = "static"
     start: Start | None = None
     shift: Floats | None = None
+    to_accuracy: bool = False
     only_jumps: bool = False

@@ -26,6 +26,7 @@ _USUAL_SHRINK = 0.45  # with it 50 of 50 estimates were at least the true error,
 _LATE = 0.005  # of the squared openings, the last ones, which the check leaves out
 _LATE_ERROR = 4.0  # their relative error, believed, over that of the others: 1.7, 6.4 at most on 50 records
 _QUIET_RUNS = 3  # of such jobs
+_RETRIES = 2  # further halvings of a first step that does not converge
 _BASE_HALVINGS = 4  # of the base step at least, where it makes the error
 _NEGLIGIBLE = 1e-12
 _QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step's own error counts
@@ -72,30 +73,35 @@ def simulate_to(
     trials = {i: _Trial(refined_from=_refined_from(one.system, first)) for i, one in enumerate(prepared)}
     for halvings in range(first, max(_MOST_HALVINGS, first + _BASE_HALVINGS) + 1):
         for i, outcome in motions.simulate(trials, halvings):
-            if isinstance(outcome, ConvergenceError):
-                outcomes[i] = outcome
-                del trials[i]
-            else:
+            if not isinstance(outcome, ConvergenceError):
                 trials[i] = trials[i].after(outcome, motions.compared(i, outcome))
                 if halvings == first and motions.quiet(outcome):
                     trials[i] = trials[i].quiet(first)
+            elif trials[i].measured is not None or halvings >= min(first + _RETRIES, _MOST_HALVINGS):
+                outcomes[i] = outcome
+                del trials[i]
         if halvings == first:
-            checked = {i: trial for i, trial in trials.items() if trial.refined_from != first}
-            for i, check in motions.simulate(checked, first - 1, only_compared=True):
-                if isinstance(check, ConvergenceError):
-                    trials[i] = trials[i].unchecked()
-                else:
-                    trials[i] = trials[i].checked(check, motions.compared(i, check))
+            _check(motions, trials, first)
         for i, trial in list(trials.items()):
             reached = trial.estimate <= accuracy and trial.runs >= trial.least_runs
             if reached or halvings == trial.last(first):
                 outcomes[i] = trial.result(accuracy)
                 del trials[i]
             else:  # its whole history need not stay in memory beside that of the next run
-                trials[i] = replace(trial, history=None)
+                trials[i] = replace(trial, history=None, rows=None)
         if not trials:
             break
     return [outcomes[i] for i in range(len(prepared))]
+
+
+def _check(motions: _Motions, trials: dict[int, _Trial], first: int) -> None:
+    """Compare first runs with twice their step, but those that the next one is to be compared with."""
+    ready = {i: one for i, one in trials.items() if one.measured is not None and one.refined_from != first}
+    for i, check in motions.simulate(ready, first - 1, only_compared=True):
+        if isinstance(check, ConvergenceError):
+            trials[i] = trials[i].unchecked()
+        else:
+            trials[i] = trials[i].checked(check, motions.compared(i, check))
 
 
 def _first_halvings(system: System, coarse: float, accuracy: float) -> int:
@@ -147,7 +153,7 @@ class _Motions:
         steps = integrator.steps(
             min(base, coarse.base / 2.0 ** min(halvings, _MOST_HALVINGS)), base, coarse.interval
         )
-        settings = replace(self.settings, steps=steps)
+        settings = replace(self.settings, steps=steps, to_accuracy=True)
         if only_compared:
             settings = replace(settings, only_jumps=len(self.prepared[0].system.law) > 0)
         grounds = []

@@ -5,6 +5,9 @@ import pytest
 from hand_systems import gap_law, ground, modal_twin, sparse_system
 from simulating import prepared_for
 
+from romdam.core.errors import ConvergenceError
+from romdam.timestepping import step_control
+from romdam.timestepping.integrators.protocol import not_converged
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
 from romdam.timestepping.step_control import _difference, simulate_to
@@ -34,6 +37,27 @@ def test_springs_of_a_joint_that_stays_closed_are_within_the_stated_error(tensio
     truth = np.linalg.norm(found.jump - exact.jump) / np.linalg.norm(exact.jump)
     assert truth <= 1.5 * ACCURACY
     assert found.stats["estimated_time_error"] > truth / 2.0
+
+
+@pytest.mark.parametrize("failures", [1, 2, 3])
+def test_a_first_step_that_does_not_converge_is_halved_twice(monkeypatch, failures):
+    law = gap_law(1, K_n=1e4, gap=0.01)
+    system = sparse_system(1.0, (2.0 * np.pi) ** 2, [[1.0]], law, C=0.2, load=[1.0])
+    prepared, made, finest = prepared_for(modal_twin(system), "adaptive"), step_control.simulate, []
+
+    def failing(prepared, grounds, settings, progress):
+        finest.append(settings.steps.finest)
+        if len(finest) <= failures:
+            return [ConvergenceError(not_converged(1, settings, 1.0, "gap 0"))]
+        return made(prepared, grounds, settings, progress)
+
+    monkeypatch.setattr(step_control, "simulate", failing)
+    found = simulate_to([prepared], [shaking], Settings(Steps(COARSE)), ACCURACY)[0]
+    if failures < 3:
+        assert found.stats["estimated_time_error"] <= ACCURACY
+        assert finest[:3] == pytest.approx(finest[0] / 2.0 ** np.arange(3))
+    else:
+        assert "give transient.finest_step in place of accuracy" in str(found)
 
 
 def test_openings_that_are_round_off_are_measured_by_the_slips():

@@ -54,7 +54,7 @@ class TransientConfig(Model):
     accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
     """Accuracy of the time stepping: the step is refined until its estimated error is below."""
     duration: Annotated[Time, Positive] | None = None
-    """Time at which a run ends, before its record does; refused where less than 1 % of its peak is left."""
+    """Time at which a run ends, before its record does; refused where nothing but rest is left of it."""
     integrator: IntegratorName | None = None
     """Name of the time stepping; if not given adaptive with damping, conserving without any, and
     generalized_alpha at full order. modal has a fixed step."""
