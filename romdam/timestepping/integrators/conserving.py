@@ -31,7 +31,7 @@ _BONDED = 4.0  # largest bonded angular frequency times step: the scheme is stab
 
 @dataclass(frozen=True)
 class Conserving(ModalIntegrator):
-    """The integrator of undamped reduced models; its histories part in time, energy and peaks do not."""
+    """The integrator of undamped reduced models; its histories part in time, and peaks scatter."""
 
     name: ClassVar[str] = "conserving"
     massless_boundary: bool = True
