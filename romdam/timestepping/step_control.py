@@ -83,7 +83,7 @@ def simulate_to(
         if halvings == first:
             _check(motions, trials, first)
         for i, trial in list(trials.items()):
-            reached = trial.estimate <= accuracy and trial.runs >= trial.least_runs
+            reached = trial.estimate <= accuracy and trial.agrees
             if reached or halvings == trial.last(first):
                 outcomes[i] = trial.result(accuracy)
                 del trials[i]
@@ -209,6 +209,12 @@ class _Trial:
             return replace(self, refined_from=first, least_runs=_QUIET_RUNS, rows=None)
         return replace(self, least_runs=_QUIET_RUNS)
 
+    @property
+    def agrees(self) -> bool:
+        """Whether there were runs enough for an estimate to be believed; peaks take two refinements."""
+        peaks = self.measured is not None and self.measured.ndim == 1
+        return self.runs >= (_QUIET_RUNS if peaks else self.least_runs)
+
     def last(self, first: int) -> int:
         """Halvings of the last run allowed, where there were so many in the first."""
         return _MOST_HALVINGS if self.refined_from is None else max(_MOST_HALVINGS, first + _BASE_HALVINGS)
@@ -221,6 +227,8 @@ class _Trial:
             return replace(known, rows=None if measured.ndim == 1 else _past(measured))
         difference = _difference(self.measured, measured)
         shrink = np.clip(difference / self.difference, *_SHRINK) if self.difference > 0.0 else _USUAL_SHRINK
+        if measured.ndim == 1:  # peaks agree by chance, so the last two differences have to be small
+            return replace(known, difference=difference, estimate=max(difference, self.difference))
         return replace(known, difference=difference, estimate=float(difference * shrink / (1.0 - shrink)))
 
     def unchecked(self) -> _Trial:

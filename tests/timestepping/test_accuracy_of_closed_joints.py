@@ -1,5 +1,7 @@
 """The error that an accuracy states where contact never changes: the base step makes it, not the finest."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hand_systems import gap_law, ground, modal_twin, sparse_system
@@ -10,7 +12,7 @@ from romdam.timestepping import step_control
 from romdam.timestepping.integrators.protocol import not_converged
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
-from romdam.timestepping.step_control import _difference, simulate_to
+from romdam.timestepping.step_control import _difference, _Trial, simulate_to
 from romdam.timestepping.steps import Steps
 
 COARSE, ACCURACY = 0.005, 0.01
@@ -68,3 +70,13 @@ def test_openings_that_are_round_off_are_measured_by_the_slips():
     assert _difference(other, slips) < 1e-6
     other[..., 1] *= 1.02
     assert _difference(other, slips) == pytest.approx(0.014, rel=0.2)
+
+
+def test_peaks_that_agree_by_chance_are_not_believed():
+    """Of every gap, and over two refinements: the larger of the two differences is stated."""
+    trial = _Trial(measured=np.ones(4), difference=0.2, estimate=0.2, runs=2)
+    assert not trial.agrees
+    history = SimpleNamespace(stats={"loop_cpu_seconds": 0.0})
+    after = trial.after(history, np.ones(4) + 1e-4)
+    assert after.agrees and after.estimate == 0.2
+    assert after.after(history, np.ones(4)).estimate < 2e-4

@@ -62,8 +62,8 @@ class Conserving(ModalIntegrator):
         super().supports(system)
 
     def compared(self, history: History) -> Floats:
-        """(1,) the peak opening."""
-        return np.array([history.peaks["opening"].max(initial=0.0)])
+        """(ng,) the peak opening of every gap."""
+        return history.peaks["opening"].copy()
 
     def split(self, prepared: Prepared, step: float) -> ModeSplit:
         """Let the modes that the step resolves be dynamic."""
