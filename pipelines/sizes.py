@@ -75,8 +75,8 @@ def _refuse_rest(motion: GroundMotion, length: float, place: str) -> None:
             f"{place}: the first {length:g} s of {motion.name} have a peak of "
             f"{share * motion.peak:.3g} m/s2, all {motion.duration:g} s of it {motion.peak:.3g} m/s2, limit "
             f"{LEAST_LEFT:g} of that: nothing but rest would be run; leave the duration out, or make it "
-            f"longer than {peak_time(motion):g} s, when that peak is (the step `pad` of a correction puts zeros "
-            "before a record)"
+            f"longer than {peak_time(motion):g} s, when that peak is (the step `pad` of a correction puts "
+            "zeros before a record)"
         )
 
 
