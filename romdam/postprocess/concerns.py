@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+_MASS = 0.1  # of the effective mass, in modes that do not follow the ground, from which on a run is in doubt
 _ROUGH = 0.05  # time-stepping error of a step that was given, from which on it is worth a word
 LEDGER_LIMIT = 1e-3  # of the largest energy exchanged; round-off is below 1e-9
 
@@ -27,6 +28,12 @@ def concerns(stats: Mapping[str, float]) -> list[str]:
             f"the time-stepping error is about {100 * stats['estimated_time_error']:.2g} %, wanted was "
             f"{100 * stats['accuracy']:g} %: not reached at the finest step allowed, "
             f"{stats['finest_step']:.3g} s; state the error, or give transient.finest_step a finer step"
+        )
+    if not stats.get("quasi_static_mass", 0.0) <= _MASS:
+        found.append(
+            f"modes with {stats['quasi_static_mass']:.0%} of the effective mass follow joint forces alone, "
+            f"not the ground: displacements are too small; take a transient.finest_step below "
+            f"{stats['finest_step']:.3g} s, or the integrator modal"
         )
     if "accuracy" not in stats and not stats.get("estimated_time_error", 0.0) <= _ROUGH:
         found.append(

@@ -40,6 +40,13 @@ def test_rough_steps_that_were_given_are_said(error):
     assert concerns(given | {"estimated_time_error": 0.049}) == []
 
 
+def test_modes_that_do_not_follow_the_ground_are_said():
+    """A third of the mass, in the mode of a block that was made quasi-static, took 30 % off its peak."""
+    (text,) = concerns(GOOD | {"quasi_static_mass": 0.63})
+    assert "63% of the effective mass" in text and "below 0.001 s" in text
+    assert concerns(GOOD | {"quasi_static_mass": 0.09}) == []
+
+
 def test_both_are_counted_in_a_suite():
     errors = (("record", "scale", "sample"), [[[0.008, 0.02]], [[0.011, 0.009]]])
     ledger = (("record", "scale", "sample"), [[[1e-12, 3e-3]], [[np.nan, 1e-12]]])

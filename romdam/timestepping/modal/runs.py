@@ -15,6 +15,7 @@ from romdam.contact.solvers.state import SolverState, condensed_contacts, iterat
 from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Ints, Record, at
 from romdam.core.errors import ConvergenceError
+from romdam.core.system import System
 from romdam.core.threads import cpu_time
 from romdam.timestepping.energy import ENERGIES
 from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over
@@ -305,6 +306,7 @@ def _outcomes(
             "finest_step": float(levels.step.dt.min()),
             "dynamic_modes": float(len(split.dynamic)),
             "quasi_static_modes": float(len(split.quasi_static)),
+            "quasi_static_mass": _mass_left(prepared.system, split, ground),
             "integrated_gaps": float(len(prepared.system.law)),
             "setup_cpu_seconds": setup / len(batch),
             "loop_cpu_seconds": loop * share,
@@ -321,6 +323,17 @@ def _outcomes(
         strength, bonded = shear_strength(prepared.system.law.mu, laws, memory, force)
         outcomes.append(replace(history, peaks=peaks, stats=stats, strength=strength, bonded=bonded))
     return outcomes
+
+
+def _mass_left(system: System, split: ModeSplit, ground: Floats) -> float:
+    """Share of the effective mass that does not follow the ground motion, being that of quasi-static modes.
+
+    The largest over the directions that are shaken.
+    """
+    shaken = system.inertial(ground).any(axis=1)
+    mass = np.asarray(system.load)[:, shaken] ** 2
+    whole = mass.sum(axis=0)
+    return float((mass[split.quasi_static].sum(axis=0) / np.where(whole > 0.0, whole, 1.0)).max(initial=0.0))
 
 
 def _stats(runs: Batch, states: ModalState, run: int) -> dict[str, float]:
