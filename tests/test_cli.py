@@ -2,7 +2,6 @@
 
 import io
 import os
-import re
 import subprocess
 import sys
 import textwrap
@@ -17,7 +16,6 @@ from typer.testing import CliRunner
 
 import romdam
 from romdam import cli
-from romdam.config.sections.transient import TransientConfig
 
 SMALL = """
 materials:
@@ -105,8 +103,7 @@ def test_run_then_info_then_plot(config, tmp_path):
     assert {"pulse.nc", "pulse-joint_opening.png", ds.attrs["model_file"]} <= names
     code, stdout, _ = call("info", out / "pulse.nc")
     assert code == 0 and "not stated" in stdout and "pulse" in stdout
-    (hint,) = re.findall(r"error not estimated; transient\.(\w+) instead of transient\.(\w+) does", stdout)
-    assert set(hint) <= set(TransientConfig.model_fields)
+    assert "time stepping  error about" in stdout and "by half of the step" in stdout
     code, stdout, _ = call("plot", out / "pulse.nc", "--out", tmp_path / "figures")
     assert code == 0 and (tmp_path / "figures" / "pulse-energy.png").is_file()
 
@@ -122,7 +119,7 @@ def test_check_tells_sizes_and_runs_nothing(config, tmp_path):
     before = sorted(tmp_path.iterdir())
     code, stdout, _ = call("check", config)
     assert code == 0
-    for part in ("left", "hex8", "295", "unknowns", "is valid"):
+    for part in ("left", "hex8", "59", "unknowns", "is valid"):
         assert part in stdout
     assert sorted(tmp_path.iterdir()) == before
 

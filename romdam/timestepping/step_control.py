@@ -165,7 +165,7 @@ class _Motions:
         return list(zip(list(trials), made, strict=True))
 
     def quiet(self, history: History) -> bool:
-        """Whether a run at the coarse base step hardly cut it."""
+        """Tell whether a run at the coarse base step hardly cut it."""
         system = self.prepared[0].system
         base_steps = (len(history.time) - 1) * self.settings.steps.stride
         if _refined_from(system, 1) is not None:
@@ -211,7 +211,7 @@ class _Trial:
 
     @property
     def agrees(self) -> bool:
-        """Whether there were runs enough for an estimate to be believed; peaks take two refinements."""
+        """Tell whether there were runs enough for an estimate to be believed; peaks take two refinements."""
         peaks = self.measured is not None and self.measured.ndim == 1
         return self.runs >= (_QUIET_RUNS if peaks else self.least_runs)
 

@@ -12,7 +12,6 @@ from further_laws import with_laws
 from gap_problems import STEP
 from point_law import Gap, Past, strong
 
-from romdam.contact.cone import OPEN, SLIP, STICK
 from romdam.contact.laws import (
     LAWS,
     Bond,
@@ -31,7 +30,7 @@ from romdam.contact.laws.catalogue import source_of
 from romdam.contact.problem import gap_memory, gap_problem, law_memory
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
-from romdam.core.system import GapLaw, LawRows
+from romdam.core.system import OPEN, SLIP, STICK, GapLaw, LawRows
 
 EXACT = 1e-13  # the solver's tolerance here
 

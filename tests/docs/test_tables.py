@@ -30,7 +30,8 @@ def test_every_key_of_the_schema_has_a_row_with_its_meaning(tables):
 def test_units_and_limits_come_from_the_schema(tables):
     text = tables.configuration()
     assert "| `rho` | number [kg/m3] | **required** | above 0; Density of the material. |" in text
-    assert "| `ratio` | number | none | at least 0, below 1; Of critical damping. |" in text
+    what = "Damping ratio, of critical damping, at the two frequencies."
+    assert f"| `ratio` | number | none | at least 0, below 1; {what} |" in text
     assert "| `plots` | true or false | `true` |" in text
 
 

@@ -83,7 +83,7 @@ _TWO: dict[str, Any] = {
                 {"step": "mean", "until": 0.05},
                 {"step": "detrend", "order": 1},
                 {"step": "taper", "fraction": 0.05},
-                {"step": "corners", "highpass": 0.5, "lowpass": 40.0},
+                {"step": "corners", "highpass": 10.0, "lowpass": 40.0},
                 {"step": "pad", "order": 4},
                 {"step": "butterworth", "order": 4},
                 {"step": "displacement_baseline", "order": 4},
@@ -95,7 +95,7 @@ _TWO: dict[str, Any] = {
         }
     ],
     "model": {"order": "reduced", "modes": 10, "residual_vectors": 0, "solver": "auto", "memory": "8 GB"},
-    "transient": {"finest_step": "2 ms", "duration": "0.4 s", "rho_inf": 0.9, "tolerance": 1e-8},
+    "transient": {"finest_step": "2 ms", "duration": "1 s", "rho_inf": 0.9, "tolerance": 1e-8},
     "outputs": {
         "output_interval": "0.01 s",
         "plots": False,

@@ -31,7 +31,7 @@ def test_open_durations_tell_one_gap_from_half_of_the_joint():
     wide = dataclasses.replace(j2, share=j2.area * [2.0, 0.0, 0.0])  # the first stands for 3/5 of the joint
     scene = dataclasses.replace(case.scene, joints=case.scene.joints | {"J2": wide})
     case = dataclasses.replace(case, scene=scene)
-    np.testing.assert_allclose(ROWS["half_open_duration"].get(case), [0.0, 0.5])
+    np.testing.assert_allclose(ROWS["half_open_duration"].get(case), [0.0, 0.475])
     np.testing.assert_allclose(ROWS["mean_open_share"].get(case), [0.0, (10 * 3 + 6) / 5 / 41])
     assert set(RENAMED.values()) >= {"any_gap_open_duration", "any_gap_sliding_duration"}
 

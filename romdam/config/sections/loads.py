@@ -91,7 +91,7 @@ class LoadsConfig(Model):
 
     @property
     def gravity_of_water(self) -> float:
-        """What water weighs with: the vertical part of gravity, 9.81 where there is none [m/s2].
+        """Gravity that water weighs with: the vertical part, 9.81 where there is none [m/s2].
 
         Gravity of zero leaves out the weight of the blocks, where another analysis has it; water that is
         named by its level presses all the same.

@@ -37,7 +37,8 @@ _PATIENCE = 3  # block changes without progress before single changes take over 
 _MOST_CHANGES_PER_GAP = 50
 _TINY = 1e-300
 _DEPENDENT = 1e-14  # of a gap's own flexibility: less is left of it where other closed gaps determine it
-_SLACK = 1e-13, 1e-14  # of the largest free opening: round-off of a force times the largest W, of an opening
+_NO_FORCE = 1e-13  # of the largest free opening: round-off of a force times the largest W
+_NO_OPENING = 1e-14  # of the largest free opening: round-off of an opening
 _LOST = 1e-2  # of the tolerance: with a residual above it the inverse is made anew
 _REFRESH = 2000  # changes after which the inverse is made anew, to stop round-off from piling up
 
@@ -208,7 +209,7 @@ def _change_until_feasible(
     active, wanted, size = set_.active, set_.wanted, 0.0
     for i in range(len(y_free)):
         size = max(size, abs(y_free[i]))
-    slack = (_SLACK[0] * size / set_.counts.largest, _SLACK[1] * size)
+    slack = (_NO_FORCE * size / set_.counts.largest, _NO_OPENING * size)
     best, patience, changes = len(active) + 1, _PATIENCE, 0
     while True:
         left = _evaluate(W, set_, y_free, out)

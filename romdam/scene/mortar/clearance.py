@@ -64,7 +64,7 @@ def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
 
 @dataclass(frozen=True)
 class _Bends:
-    """How facets, or pieces of them, bend: the largest of their edges.
+    """Bends of facets, or of pieces of them: the largest of their edges.
 
     Attributes
     ----------
