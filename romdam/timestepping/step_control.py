@@ -51,7 +51,7 @@ def simulate_to(
 
     Where contact does not change, the base step makes the error: closed springs follow it. So it is halved
     with the finest where joints have a tension stiffness or carry shear, and from the second run on where the
-    first hardly cut a step; elsewhere impacts make the error, and it stays.
+    first hardly cut a base step above what impacts ask for; elsewhere they make the error.
 
     Parameters
     ----------
@@ -69,13 +69,14 @@ def simulate_to(
     """
     motions = _Motions(prepared, grounds, settings, progress)
     outcomes: dict[int, Outcome] = {}
-    first = _first_halvings(prepared[0].system, settings.steps.base, accuracy) if prepared else 0
+    wanted = _wanted_step(prepared[0].system, accuracy) if prepared else 0.0
+    first = _first_halvings(settings.steps.base, wanted)
     trials = {i: _Trial(refined_from=_refined_from(one.system, first)) for i, one in enumerate(prepared)}
     for halvings in range(first, max(_MOST_HALVINGS, first + _BASE_HALVINGS) + 1):
         for i, outcome in motions.simulate(trials, halvings):
             if not isinstance(outcome, ConvergenceError):
                 trials[i] = trials[i].after(outcome, motions.compared(i, outcome))
-                if halvings == first and motions.quiet(outcome):
+                if halvings == first and settings.steps.base > wanted and motions.quiet(outcome):
                     trials[i] = trials[i].quiet(first)
             elif trials[i].measured is not None or halvings >= min(first + _RETRIES, _MOST_HALVINGS):
                 outcomes[i] = outcome
@@ -104,13 +105,19 @@ def _check(motions: _Motions, trials: dict[int, _Trial], first: int) -> None:
             trials[i] = trials[i].checked(check, motions.compared(i, check))
 
 
-def _first_halvings(system: System, coarse: float, accuracy: float) -> int:
-    """Halvings of the coarse step in the first run; the impacts' times scale with the period."""
+def _wanted_step(system: System, accuracy: float) -> float:
+    """Finest step of the first run, as impacts scale with the period; 0 where that is unknown [s]."""
     k = system.K.diagonal()[system.M.diagonal() > 0.0] if system.diagonal else np.zeros(1)
     elastic = k[k > 1e-9 * k.max(initial=0.0)]
     if len(elastic) == 0:
+        return 0.0
+    return _FRACTION * 2.0 * math.pi / math.sqrt(float(elastic.min())) * min(1.0, accuracy / _LIMIT)
+
+
+def _first_halvings(coarse: float, wanted: float) -> int:
+    """Halvings of the coarse step in the first run, see `_wanted_step`."""
+    if wanted == 0.0:
         return _USUAL_HALVINGS
-    wanted = _FRACTION * 2.0 * math.pi / math.sqrt(elastic.min()) * min(1.0, accuracy / _LIMIT)
     return int(np.clip(round(math.log2(coarse / wanted)), 1, _MOST_HALVINGS))
 
 
