@@ -133,7 +133,7 @@ def test_the_code_counts_to_the_byte(monkeypatch, tmp_path):
 def test_what_was_used_longest_ago_goes_but_never_a_jobs_own(tmp_path, job, monkeypatch):
     romdam.run(job, tmp_path / "out", cache=cache_folder())
     own = entries(cache_folder())
-    old = [cache_folder() / "othercode123" / f"block-{number}.h5" for number in range(3)]
+    old = [cache_folder() / "0123456789ab" / f"block-{number}.h5" for number in range(3)]
     old[0].parent.mkdir()
     for number, path in enumerate(old):
         path.write_bytes(bytes(1000))
@@ -156,7 +156,7 @@ def test_finding_a_block_counts_as_use(tmp_path, job):
 
 
 def test_a_block_that_is_being_written_is_not_removed():
-    path = cache_folder() / "code" / ".block-abc.columns"
+    path = cache_folder() / ".block-abc.columns"
     path.parent.mkdir(parents=True)
     lock = hold(path)
     (entry,) = entries(cache_folder())
@@ -222,3 +222,19 @@ def test_the_command_lists_and_clears(tmp_path, job):
 def test_options_that_exclude_each_other(tmp_path, job):
     code, _, text = call("run", job.path, "--out", tmp_path / "o", "--cache", tmp_path / "c", "--no-cache")
     assert code == 2 and "--no-cache" in text
+
+
+def test_what_another_job_is_writing_is_not_looked_into(tmp_path, monkeypatch):
+    """Its folder may be gone between two looks; those of single codes, of before, are looked into."""
+    for folder in (tmp_path / ".romdam-abc.part", tmp_path / "e293a10905a5"):
+        folder.mkdir()
+        (folder / "block-0.h5").write_bytes(b"1")
+    (tmp_path / "block-1.h5").write_bytes(b"1")
+    found = user_cache.entries(tmp_path)
+    assert {entry.path.relative_to(tmp_path).as_posix() for entry in found} == {
+        "block-1.h5",
+        "e293a10905a5/block-0.h5",
+    }
+    assert all(map(user_cache.remove, found))
+    assert tmp_path.is_dir() and not (tmp_path / "e293a10905a5").exists()
+    assert user_cache.entries(tmp_path / "nowhere") == []

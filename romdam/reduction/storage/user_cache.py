@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ from romdam.reduction.storage.model_file import BlockStore
 log = logging.getLogger(__name__)
 
 LIMIT = 10e9  # bytes of all blocks: a thousand of the main job's, or one and a half of a million unknowns
+_FILES = ("block-*.h5", ".block-*.columns")
+_CODE = re.compile("[0-9a-f]{12}")  # folder of the blocks of one code, in versions of before
 
 
 @dataclass(frozen=True)
@@ -121,13 +124,18 @@ class UserCache(BlockStore):
 def entries(folder: Path) -> list[Entry]:
     """Files in the user's cache, that used longest ago in front."""
     found = []
-    # versions of before had a folder for each code
-    names = [f"{level}{name}" for level in ("", "*/") for name in ("block-*.h5", ".block-*.columns")]
-    for path in (path for name in names for path in folder.glob(name)):
-        with suppress(OSError):  # another process has removed it
-            about = path.stat()
-            found.append(Entry(path, about.st_size, about.st_mtime))
+    for level in (folder, *_of_before(folder)):
+        with suppress(OSError):  # another process has removed the folder of before
+            for path in (path for name in _FILES for path in level.glob(name)):
+                with suppress(OSError):  # or the file
+                    about = path.stat()
+                    found.append(Entry(path, about.st_size, about.st_mtime))
     return sorted(found, key=lambda entry: (entry.used, entry.path))
+
+
+def _of_before(folder: Path) -> list[Path]:
+    """Folders of single codes, as versions of before had them; others are of files being written."""
+    return [path for path in folder.iterdir() if _CODE.fullmatch(path.name)] if folder.is_dir() else []
 
 
 def remove(entry: Entry) -> bool:
@@ -138,8 +146,9 @@ def remove(entry: Entry) -> bool:
         entry.path.unlink(missing_ok=True)
     except OSError:  # Windows: it is open
         return False
-    with suppress(OSError):  # other blocks are there
-        entry.path.parent.rmdir()
+    if _CODE.fullmatch(entry.path.parent.name):
+        with suppress(OSError):  # other blocks are there
+            entry.path.parent.rmdir()
     return True
 
 
