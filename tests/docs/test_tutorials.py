@@ -16,7 +16,7 @@ NOTEBOOKS = sorted(path.stem for path in TUTORIALS.glob("*.md") if path.stem != 
 EXTRAS = "[notebooks,cluster]"  # as docs/tutorials/index.md says
 BUILT = ("romdam", "pipelines", "configs", "data")  # folders that the wheel is made of
 SAYS = {  # of what must be among the outputs of each
-    "records": ("is an HTML or XML page", "largest one by about", "in memory", "channel: 1"),
+    "records": ("is an HTML or XML page", "largest one by", "in memory", "channel: 1"),
     "runs": (
         "24 (1 records, 2 scales, 12 samples)",
         "0 of 24 runs were made by the second call",
