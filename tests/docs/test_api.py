@@ -47,6 +47,10 @@ def test_examples_pass_the_strictest_check_of_types(tmp_path):
     (tmp_path / "examples.py").write_text("\n".join(FENCE.findall(PAGE)))
     (tmp_path / "wrong.py").write_text("import romdam\nromdam.run(3)\nromdam.run('a.yaml', motions='b')\n")
     command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--config-file="]
+    command += [
+        "--cache-dir",
+        str(tmp_path / "cache"),
+    ]  # that of `make lint`, beside it, is written meanwhile
     files = [tmp_path / name for name in ("examples.py", "wrong.py")]
     out = subprocess.run([*command, *files], cwd=ROOT, capture_output=True, text=True)
     told = [line.replace(f"{tmp_path}/", "") for line in out.stdout.splitlines() if ": error:" in line]
