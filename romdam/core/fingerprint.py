@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 def fingerprint(value: object) -> str:
     """SHA-256 of a tree of dataclasses, mappings, sequences, sets, arrays, sparse matrices and plain values.
 
-    Arrays count by shape and content: floats as float64, integers and booleans as int64. The order of a
-    mapping counts, as the order of blocks and joints does.
+    Arrays count by shape and content: floats as float64, integers and booleans as int64; numpy's scalars as
+    Python's. The order of a mapping counts, as the order of blocks and joints does.
 
     Raises
     ------
@@ -104,8 +104,15 @@ def _add(content: _Hash, value: Any) -> None:
         content.update(f"sequence {len(value)};".encode())
         for part in value:
             _add(content, part)
-    elif value is None or isinstance(value, str | bytes | bool | int | float | slice | PurePath):
-        content.update(f"{type(value).__name__ if value is None else ''}{value!r};".encode())
+    elif isinstance(value, slice):
+        content.update(b"slice;")
+        _add(content, (value.start, value.stop, value.step))
+    elif value is None:
+        content.update(b"NoneTypeNone;")
+    elif isinstance(value, str | bytes | bool | int | float | PurePath):
+        # numpy's own kinds of these have a repr that follows numpy's print options
+        kinds = (kind for kind in (str, bytes, float) if isinstance(value, kind))
+        content.update(f"{next(kinds, type(value)).__repr__(value)};".encode())
     else:
         _add_array(content, value)
 
@@ -118,7 +125,9 @@ def _add_array(content: _Hash, value: Any) -> None:
         matrix = csr_matrix(value)
         matrix.sum_duplicates()
         _add(content, (matrix.shape, matrix.indptr, matrix.indices, matrix.data))
-    elif isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiub":
+    elif isinstance(value, np.generic) and value.dtype.kind in "fiub":
+        _add(content, value.item())
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
         plain = np.ascontiguousarray(value, dtype=np.float64 if value.dtype.kind == "f" else np.int64)
         content.update(f"array {np.shape(value)};".encode())
         content.update(plain.data if plain.size else b"")

@@ -85,7 +85,8 @@ def _made_of(scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str
     content = hashlib.sha256(FORMAT.encode())
     for name, block in scene.blocks.items():
         own = basis[name]
-        content.update(f"{name} {block.element} {own.columns} {own.vectors.shape}".encode())
+        columns = f"{own.columns.start}:{own.columns.stop}"
+        content.update(f"{name} {block.element} {columns} {own.vectors.shape}".encode())
         force = np.random.default_rng(0).standard_normal(own.vectors.shape[0])
         answer = own.vectors.project(force)
         for piece in (block.points, block.cells, own.omega2, own.participation, answer):

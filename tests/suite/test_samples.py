@@ -202,6 +202,15 @@ def test_gap_table_that_changes_under_a_suite_is_told(tmp_path):
     assert not list((tmp_path / "out" / "rows").glob("*.nc"))
 
 
+def test_samples_are_those_of_their_plan_whatever_numpy_is_set_to_print_here(tmp_path):
+    """Workers are other processes: what is set in the caller's, as by an import, is not set in theirs."""
+    config = write_job(tmp_path, records=1, suite={"parameters": MU})
+    with np.printoptions(legacy="1.13"):
+        first = made(config, tmp_path / "out")
+    assert first.made == 2 and not first.failures
+    assert made(config, tmp_path / "out").made == 0
+
+
 def test_target_intensities_are_reached(tmp_path):
     target = {"measure": "sa", "period": "0.2 s", "values": ["0.1 g", "0.3 g"]}
     job = write_job(tmp_path, suite={"intensities": target, "period": 0.2})

@@ -35,7 +35,8 @@ def read_nastran(path: Path, key: str, place: str) -> Entries:
         without pyYeti, where the file is damaged, or which matrix is meant cannot be told.
     """
     try:
-        from pyyeti.nastran import bulk, op4
+        with np.printoptions():  # pyYeti sets numpy to print as version 1.13 did
+            from pyyeti.nastran import bulk, op4
     except ImportError:
         raise MeshError(f"{place}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'") from None
     try:
