@@ -10,6 +10,7 @@ from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.core.motion import GroundMotion
+from romdam.core.system import SLIP
 from romdam.postprocess.responses import response_of
 from romdam.postprocess.sliding import HEAD, safety_factor, sliding, sliding_rows
 from romdam.reduction.synthesis import reduce_scene
@@ -100,6 +101,17 @@ def test_a_block_that_slides_along_j_alone_slides(job, timing, joint):
     assert abs(abs(ds.gap_tangent.values[0]) - [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]).max() < 1e-12
     assert one.verdict == "slides" and one.sliding_time > 0.3 and one.residual_slip > 0.05
     assert one.factor == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_time_of_the_least_factor_is_when_sliding_begins(job, timing):
+    """While all gaps slide the factor is 1 to the solver's tolerance; its last digits name no time."""
+    _, ds = run(job, timing, ramp((0.0, 0.0), (0.1, 6.0), (0.5, 6.0), (0.6, 0.0), (1.0, 0.0)))
+    begin = float(ds.time.values[(ds.joint_state.values == SLIP).all(axis=1).argmax()])
+    assert 0.0 < begin < 0.1
+    late = ds.time.values >= 0.4
+    ds["sliding_safety_factor"] = ds.sliding_safety_factor - 1e-8 * late[:, None]
+    (one,) = sliding(ds)
+    assert one.factor_time == begin and one.factor == ds.sliding_safety_factor.min()
 
 
 def test_a_block_that_holds_has_friction_over_inertia(job, timing):
