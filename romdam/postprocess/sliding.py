@@ -57,8 +57,8 @@ class Sliding:
     Attributes
     ----------
     joint, blocks : names of the joint, and of the blocks I and J
-    factor, factor_time : least factor of safety, and when it is first reached, but for 0.05 % [s]; NaN where the
-        joint carries no shear
+    factor, factor_time : least factor of safety, and when it is first reached, but for 0.05 % [s]; NaN where
+        the joint carries no shear
     sliding_time, open_time : time in which every closed gap slides, and in which no gap is closed, see
         `row_seconds` [s]
     slipped : whether any gap has slid
