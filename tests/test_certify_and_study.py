@@ -134,6 +134,19 @@ def test_what_cannot_be_certified_is_refused(result, tmp_path):
     assert code == 2 and "holds no joint forces (mean_normal_force)" in err
 
 
+def test_a_run_whose_integrator_takes_no_jumps_is_not_certified(folder, tmp_path):
+    """Generalised-alpha runs a reduced model where it is named; a certificate would lack its defect."""
+    raw = yaml.safe_load(SMALL)
+    raw["records"][0]["file"] = str(folder / "pulse.txt")
+    raw["transient"] = {"integrator": "generalized_alpha", "finest_step": 5e-4, "duration": 0.05}
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(raw))
+    code, _, err = call("run", tmp_path / "job.yaml", "--out", tmp_path / "out", "--quiet")
+    assert code == 0, err
+    code, _, err = call("certify", tmp_path / "out" / "pulse.nc")
+    assert code == 2 and "generalized_alpha cannot take them" in err and "romdam verify" in err
+    assert not list((tmp_path / "out").glob("*.certificate.json"))
+
+
 STUDY = {
     "modes": [4, 10],
     "residual_vectors": [0, 5],
