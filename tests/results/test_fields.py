@@ -1,5 +1,6 @@
 """Displacements rebuilt from the basis file equal basis times coordinates, at any node and time."""
 
+import os
 from dataclasses import replace
 
 import h5py
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from romdam import open_result
+from romdam.core import sealed
 from romdam.core.errors import ResultError
 from romdam.results import fields
 from romdam.results.dataset import build_dataset, write_dataset
@@ -82,6 +84,22 @@ def test_a_file_of_the_same_model_is_taken_without_its_rows(case, tmp_path, monk
     other = "model-0123456789ab.h5"
     (tmp_path / name).rename(tmp_path / other)
     assert write_model(tmp_path, case.scene, make_basis()) == name  # not the one that is named otherwise
+
+
+def test_a_folder_of_many_models_is_not_read_whole(case, tmp_path, monkeypatch):
+    """Each change of a configuration leaves a model in the folder of its results."""
+    basis, names = make_basis(), []
+    for _ in range(5):
+        basis["left"].vectors.rows()[0, 0] += 1e-12
+        names.append(write_model(tmp_path, case.scene, basis))
+        os.utime(tmp_path / names[-1], ns=(len(names), len(names)))
+    read = []
+    examined = sealed.is_sealed
+    monkeypatch.setattr(sealed, "is_sealed", lambda path: read.append(path.name) or examined(path))
+    assert write_model(tmp_path, case.scene, basis) == names[-1] and read == [names[-1]]
+    basis["left"].vectors.rows()[0, 0] += 1e-12
+    read.clear()
+    assert write_model(tmp_path, case.scene, basis) not in names and read == names[:-3:-1]
 
 
 @pytest.mark.parametrize("changed", ["points", "cells", "omega2", "participation", "carried"])
