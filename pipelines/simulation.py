@@ -167,16 +167,19 @@ def refuse_large(
     refuse_bytes(need, steps, rows, f"{job.path}: {names}")
 
 
-def settings_for(job: Job, prepared: Prepared, motion: GroundMotion, finest: float | None = None) -> Settings:
+def settings_for(
+    job: Job, prepared: Prepared, motion: GroundMotion, chosen: tuple[float, int] | None = None
+) -> Settings:
     """Settings of a job for one ground motion.
 
     Parameters
     ----------
-    finest : the finest step of a run that was made already, where an accuracy has chosen it [s]
+    chosen : finest step [s], and base steps per written row, of a run that was made already; they are taken
+        where an accuracy has chosen them
     """
     transient, interval = job.config.transient, job.config.outputs.output_interval
     return Settings(
-        steps=_steps(prepared, motion, interval, transient.finest_step, finest),
+        steps=_steps(prepared, motion, interval, transient.finest_step, chosen),
         tolerance=transient.tolerance,
         initial_state=job.config.loads.initial_state,
     )
@@ -187,13 +190,16 @@ def _steps(
     motion: GroundMotion,
     interval: float | None,
     configured: float | None,
-    chosen: float | None,
+    chosen: tuple[float, int] | None,
 ) -> Steps:
     """The steps of a configured finest step, or those that an accuracy starts from, or has come to."""
     if configured is not None:
         return prepared.integrator.steps(configured, motion.dt, interval)
     coarse = grid_steps(motion.dt, interval)
-    return coarse if chosen is None else prepared.integrator.steps(chosen, coarse.base, coarse.interval)
+    if chosen is None:
+        return coarse
+    finest, stride = chosen
+    return prepared.integrator.steps(finest, coarse.interval / stride, coarse.interval)
 
 
 def ground_at_steps(

@@ -58,7 +58,9 @@ def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: His
         where a step of the finer model does not converge.
     """
     start = cpu_time()
-    settings = settings_for(job, finer.prepared, motion, history.stats["finest_step"])
+    rows = len(history.time) - 1
+    chosen = history.stats["finest_step"], round(history.stats["base_steps"] / rows)
+    settings = settings_for(job, finer.prepared, motion, chosen)
     system, duration = finer.prepared.system, job.config.transient.duration
     ground = ground_at_steps(motion, settings.steps.base, duration, system)
     statement = estimate_error(finer, history, ground, settings)

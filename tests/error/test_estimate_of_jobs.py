@@ -1,0 +1,62 @@
+"""The estimate of whole jobs against what more modes change: two heavy monoliths with friction, under water."""
+
+import numpy as np
+import pytest
+
+import romdam
+from romdam.core.motion import GroundMotion
+
+DT = 0.01
+TIME = np.arange(0.0, 3.0, DT)
+PULSE = 5.0 * np.sin(2 * np.pi * 3.0 * TIME) * np.exp(-(((TIME - 1.5) / 0.6) ** 2))
+
+
+def opened(along, model, accuracy):
+    """Dataset of the job, shaken along x, across the joint, or along y."""
+    job = {
+        "materials": {"concrete": {"E": 25e9, "nu": 0.2, "rho": 2400}},
+        "blocks": {
+            name: {
+                "material": "concrete",
+                "box": {"origin": [x, 0, 0], "size": [8, 8, 20], "element_size": 4},
+            }
+            for name, x in (("left", 0), ("right", 8))
+        },
+        "supports": [{"block": name, "face": "zmin"} for name in ("left", "right")],
+        "joints": {
+            "middle": {
+                "between": ["left", "right"],
+                "normal_stiffness": 20e9,
+                "shear_stiffness": 10e9,
+                "friction": 0.7,
+            }
+        },
+        "loads": {
+            "gravity": [0, 0, -9.81],
+            "weight": "staged",
+            "hydrostatic": [
+                {"level": 18, "faces": [{"block": name, "face": "ymin"} for name in ("left", "right")]}
+            ],
+        },
+        "damping": {"rayleigh": {"frequencies": [5, 30], "ratio": 0.05}},
+        "model": model,
+        "transient": {"accuracy": accuracy},
+        "outputs": {"output_interval": DT, "plots": False},
+    }
+    acc = np.zeros((3, len(TIME)))
+    acc[along] = PULSE
+    return romdam.run(job, motions=GroundMotion("pulse", acc, DT, {}, ())).results[0].dataset
+
+
+def test_openings_that_no_mode_changes_have_no_error():
+    """Blocks that mirror each other move alike, so their joint only rests; the finer model rests as well."""
+    assert opened(0, {"modes": 10}, 0.01).attrs["error_estimate_opening_l2"] < 1e-7
+
+
+def test_the_estimate_is_made_with_the_base_step_that_an_accuracy_came_to():
+    """Closed springs follow the base step: a coarser one for the finer model would be taken for its modes."""
+    run, truth = opened(1, {"modes": 5}, 0.01), opened(1, {"modes": "all"}, 0.002)
+    assert run.attrs["solver_base_steps"] > len(TIME)
+    true = np.linalg.norm(run.opening.values - truth.opening.values) / np.linalg.norm(truth.opening.values)
+    assert true > 1e-3
+    assert run.attrs["error_estimate_opening_l2"] == pytest.approx(true, rel=0.4)
