@@ -1,4 +1,4 @@
-"""The estimate of whole jobs against what more modes change: two heavy monoliths with friction, under water."""
+"""The estimate of whole jobs against what more modes change: two monoliths with friction, under water."""
 
 import numpy as np
 import pytest
