@@ -174,6 +174,10 @@ def test_verify_takes_the_strongest_part_and_says_so_and_what_it_costs(config, t
     code, stdout, stderr = call("verify", config, "--out", tmp_path / "all", "--full")
     assert code == 0 and "0.59 s of pulse: peak" in stdout.replace("\n", " "), stderr
     assert call("verify", config, "--out", tmp_path, "--full", "--duration", "1 s")[0] == 2
+    edited(config, transient={"finest_step": 0.002, "duration": 0.2})
+    for asked in ((), ("--full",)):  # nothing that the job does not run
+        code, stdout, stderr = call("verify", config, "--out", tmp_path / "short", *asked)
+        assert code == 0 and "0.2 s of pulse: peak" in stdout.replace("\n", " "), stderr
 
 
 def test_five_lines_of_python(config, tmp_path):

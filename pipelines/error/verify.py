@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -72,8 +73,8 @@ def verify(
     ----------
     job : a configuration with model.order reduced, as `romdam.load_config` takes one
     out : folder for verification.json and the figure; results there get the statement too
-    duration : seconds of the record from its start, inf for all of it [s]; its strongest `WINDOW` if None, or
-        its first ones where there is a reference, whose times are the record's
+    duration : seconds of the record from its start [s], inf for all that the job runs of it; the strongest
+        `WINDOW` of that if None, or the first one where there is a reference, whose times are the record's
     reference : an .npz to compare with as well, see `romdam.error.comparison.read_reference`
     show : told of every stage and its progress
     tell : told what the full order is going to cost, before it is run
@@ -89,6 +90,8 @@ def verify(
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
     first, motion, whole = 0.0, motions[0], motions[0]
+    if duration is None or math.isinf(duration):
+        motion = _as_run(job, motion)
     refuse_drifting(job, motions[:1])
     tell_doubts(job, motions[:1])
     moving = any(support.motion is not None for support in job.config.supports)  # they begin at rest
@@ -115,6 +118,14 @@ def verify(
     statement = verification(reduced, full, model.system.law.joints, about)
     figure = _draw(folder, motion, reduced, full)
     return Verified(statement, write_verification(folder, statement), figure)
+
+
+def _as_run(job: Job, motion: GroundMotion) -> GroundMotion:
+    """The part of a motion that the job runs: up to its `duration`, where that is shorter."""
+    seconds = job.config.transient.duration
+    if seconds is None or seconds >= motion.duration:
+        return motion
+    return replace(motion, acc=motion.acc[:, : round(seconds / motion.dt) + 1])
 
 
 def _refuse_what_cannot_be_verified(job: Job) -> None:
