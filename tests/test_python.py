@@ -13,7 +13,10 @@ import yaml
 from test_cli import config
 
 import romdam
+from romdam.config.load import located
 from romdam.config.variants import variant_jobs
+from romdam.config.yaml_text import line_of
+from romdam.core.errors import RecordError
 from romdam.pipelines import run as pipeline
 from romdam.terminal.lines import info_lines
 
@@ -23,6 +26,7 @@ OF_MAKING = ("wall_seconds_", "cpu_seconds_", "date_created", "history", "error_
 OF_MAKING += ("solver_loop_cpu", "solver_setup_cpu")
 OF_PLACE = ("configuration_file", "configuration_folder")
 OF_RECORDS = ("configuration", "configuration_sha256", "record_provenance")
+KEY = ("records", 0, "components")
 HOSTILE = '<script>alert("1 & 2")</script>'
 
 
@@ -70,6 +74,34 @@ def test_paths_of_a_mapping_start_from_the_current_folder(config, raw, monkeypat
         romdam.read_motions(raw)
     monkeypatch.chdir(config.parent)
     assert romdam.read_motions(raw)[0].name == "pulse"
+
+
+@pytest.mark.parametrize("kind", ["file", "mapping"])
+def test_a_job_reads_where_it_was_made(config, raw, acc, tmp_path, monkeypatch, kind):
+    raw["comparison"] = {"variants": {"gaps": {}, "stiff": {"joints.gap.normal_stiffness": "rigid"}}}
+    for folder, factor in (("here", 1.0), ("there", 3.0)):
+        (tmp_path / folder / "jobs").mkdir(parents=True)
+        np.savetxt(tmp_path / folder / "jobs" / "pulse.txt", factor * acc)
+    monkeypatch.chdir(tmp_path / "here")
+    Path("jobs/dam.yaml").write_text(yaml.safe_dump(raw))
+    job = romdam.load_config(*{"file": ("jobs/dam.yaml",), "mapping": (raw, "jobs")}[kind])
+    before = romdam.read_motions(job)[0]
+    assert before.provenance["place"] == "jobs/pulse.txt", "as it was typed"
+    monkeypatch.chdir(tmp_path / "there")
+    for one in (job, *variant_jobs(job).values()):
+        assert romdam.read_motions(one)[0].digest == before.digest
+    where = "" if kind == "mapping" else f"jobs/dam.yaml:{line_of(tmp_path / 'here/jobs/dam.yaml', KEY)}: "
+    assert located(job, RecordError("lost", key="records[0].components")) == f"{where}lost"
+
+
+def test_paths_of_a_job_made_here_start_here_whatever_comes(raw, acc, tmp_path, monkeypatch):
+    for folder, factor in (("here", 1.0), ("there", 3.0)):
+        (tmp_path / folder).mkdir()
+        np.savetxt(tmp_path / folder / "pulse.txt", factor * acc)
+    monkeypatch.chdir(tmp_path / "here")
+    job = romdam.load_config(raw)
+    monkeypatch.chdir(tmp_path / "there")
+    assert romdam.read_motions(job)[0].peak == pytest.approx(abs(acc).max())
 
 
 def test_results_in_memory_are_what_the_files_hold(config, raw, tmp_path):

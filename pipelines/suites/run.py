@@ -147,8 +147,6 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         model = reduced_model(job, scene, store, estimated=True)
     model = replace(model, stress=stress_fields(scene, model.reduced))
-    # a worker of a cluster has a working folder of its own
-    job = replace(job, path=job.path.absolute(), base=job.folder.absolute())
     suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
     if suite.keeps_results:
         files = write_shared(prepare_folder(suite.folder), model)

@@ -23,6 +23,14 @@ from romdam.core.html.card import card
 MADE = "the configuration"  # names in messages what comes from no file
 
 
+def _here() -> Path:
+    """The current folder; that of a process whose folder was removed has no name."""
+    try:
+        return Path.cwd()
+    except FileNotFoundError:
+        return Path()
+
+
 @dataclass(frozen=True)
 class Job:
     """A configuration and where it came from.
@@ -35,6 +43,7 @@ class Job:
     given : the mapping that it was made of; None where `path` is a file
     base : folder that relative paths start from, where it is not that of `path`
     doubts : what its scene, once that is built, may hardly be meant to have
+    start : the current folder when the job was made; paths stay as they were typed while it is that
     """
 
     config: Config
@@ -43,11 +52,21 @@ class Job:
     given: Mapping[str, Any] | None = field(default=None, repr=False)
     base: Path | None = None
     doubts: tuple[str, ...] = ()
+    start: Path = field(default_factory=_here, repr=False)
 
     @property
     def folder(self) -> Path:
         """The folder that relative paths in the configuration start from."""
-        return self.path.parent if self.base is None else self.base
+        return self._now(self.path.parent if self.base is None else self.base)
+
+    @property
+    def file(self) -> Path:
+        """The YAML file, to be read; `path` is its name in messages."""
+        return self._now(self.path)
+
+    def _now(self, typed: Path) -> Path:
+        """A path as it leads where it did when the job was made, as typed where that still does."""
+        return typed if _here() == self.start else self.start / typed
 
     @property
     def stem(self) -> str:
@@ -94,11 +113,11 @@ Source = str | Path | Mapping[str, Any] | Config | Job
 
 def located(job: Job, error: Exception | None) -> str:
     """The message of a record's error, with the file and line of the key that is to be mended, if one is."""
-    key = error.key if isinstance(error, RecordError) and job.path.is_file() else ""
+    key = error.key if isinstance(error, RecordError) and job.file.is_file() else ""
     if not key:
         return str(error or "")
     parts = (int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key))
-    return f"{job.path}:{line_of(job.path, tuple(parts))}: {error}"
+    return f"{job.path}:{line_of(job.file, tuple(parts))}: {error}"
 
 
 def load_config(source: Source, folder: str | Path | None = None) -> Job:

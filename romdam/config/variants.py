@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from romdam.config.load import Job, parse_config
@@ -34,7 +35,7 @@ def variant_jobs(job: Job) -> dict[str, Job]:
     ConfigError
         for a path that leads nowhere, and for what makes no valid job.
     """
-    given = read_yaml(job.path) if job.given is None else job.given
+    given = read_yaml(job.file) if job.given is None else job.given
     raw, _ = with_present_names(given, str(job.path))
     assert isinstance(raw, dict)  # it was loaded before
     whole = {key: value for key, value in raw.items() if key not in ("comparison", "pipeline")}
@@ -43,7 +44,8 @@ def variant_jobs(job: Job) -> dict[str, Job]:
         source = f"{job.path}: comparison.variants.{name}"
         changed = _changed(whole, changes, source)
         given = None if job.given is None else changed
-        jobs[name] = Job(parse_config(changed, source, folder=job.folder), job.path, (), given, job.base)
+        config = parse_config(changed, source, folder=job.folder)
+        jobs[name] = replace(job, config=config, renamed=(), given=given, doubts=())
     return jobs
 
 
