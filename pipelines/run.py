@@ -15,7 +15,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from romdam.config.load import Job, Source
-from romdam.core.errors import ConfigError, placed, recoverable, told
+from romdam.core.errors import ConfigError, ResultError, placed, recoverable, told
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
@@ -44,12 +44,12 @@ from romdam.postprocess.concerns import concerns
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
-from romdam.results.dataset import Timing, build_dataset, write_dataset
+from romdam.results.dataset import Timing, build_dataset, run_identity, write_dataset
 from romdam.results.fields import Result, open_result, write_model
 from romdam.results.stored_run import FOLDER, folder_from
 from romdam.results.stress.file import write_stress
 from romdam.results.suite.report_data import DATA
-from romdam.results.suite.rows import Kept, Row
+from romdam.results.suite.rows import Row
 from romdam.results.variables import Case
 
 log = logging.getLogger(__name__)
@@ -72,6 +72,7 @@ class Outcome:
     summary : of several records, the files of all in one: summary.nc, then its tables; nothing of a lone one
     unkept : results of a run without a folder
     lone : what stands in the file of a lone record, in memory; None of several records
+    written : whole path of each file, and what tells its run from others
     """
 
     paths: tuple[Path, ...]
@@ -80,17 +81,37 @@ class Outcome:
     summary: tuple[Path, ...] = ()
     unkept: tuple[Result, ...] = field(default=(), repr=False)
     lone: xr.Dataset | None = field(default=None, repr=False)
+    written: tuple[tuple[Path, str], ...] = field(default=(), repr=False)
 
     @cached_property
     def results(self) -> tuple[Result, ...]:
-        """The results in the order of the records, opened when they are first asked for."""
-        return self.unkept or tuple(open_result(path) for path in self.paths)
+        """The results in the order of the records, opened when they are first asked for.
+
+        Raises
+        ------
+        ResultError
+            where a file is damaged, is gone, or is of another run by then.
+        """
+        return self.unkept or tuple(map(_open_own, self.paths, self.written))
 
     def _repr_html_(self) -> str:
         records = {result.record: result.peaks for result in self.results}
         kind = f"Outcome, {len(self.results)} results, {len(self.failures)} records failed"
         title = self.results[0].dataset.attrs["title"] if self.results else "nothing was run"
         return card(str(title), kind, records | self.failures)
+
+
+def _open_own(path: Path, written: tuple[Path, str]) -> Result:
+    """Open a file as it was named, by its whole path where the current folder is another by now."""
+    whole, identity = written
+    result = open_result(path if path.absolute() == whole else whole)
+    if run_identity(result.dataset.attrs) != identity:
+        result.close()
+        raise ResultError(
+            f"{path}: holds another run's numbers by now: its folder was used again before this run's "
+            "results were first asked for; give each run a folder of its own"
+        )
+    return result
 
 
 class Goal(NamedTuple):
@@ -196,14 +217,17 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
         rows, last, undrawn = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
     failures = {name: one for name, one in read.items() if isinstance(one, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message} | undrawn
-    paths = tuple(goal.folder / row.kept.file for row in rows.values() if row.kept is not None)
+    kept = [row.kept for row in rows.values() if row.kept is not None]
+    paths = tuple(goal.folder / one.file for one in kept)
     files: tuple[Path, ...] = ()
     if summarised:
         with clock.stage("summary", "writing the summary"):
             files = write_summary_files(records_summary(job, model.scene, read, rows), job, goal.folder)
     own = {*paths, *files, *([goal.folder / DATA] if files else [])}
     others = tuple(path for path in sorted(goal.folder.glob("*.nc")) if path not in own)
-    return Outcome(paths, failures, others, files, lone=last.dataset if last and len(read) == 1 else None)
+    lone = last.dataset if last and len(read) == 1 else None
+    written = tuple((path.absolute(), one.labels) for path, one in zip(paths, kept, strict=True))
+    return Outcome(paths, failures, others, files, lone=lone, written=written)
 
 
 def _run_all(
@@ -226,7 +250,7 @@ def _run_all(
         with beside(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
             try:
                 last = run_motion(job, model, motion, target, clock)
-                rows[motion.name] = Row("", kept=Kept(last.path.name, "", "", {})) if lone else last.row(job)
+                rows[motion.name] = Row("", kept=last.kept) if lone else last.row(job)
             except recoverable() as error:
                 target[1]()  # an error of its own is one of all records
                 if lone:

@@ -16,6 +16,7 @@ from romdam.core.scene import Scene
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.given import Read
 from romdam.records.components import check_components
+from romdam.results.dataset import run_identity
 from romdam.results.suite.design import design_dataset
 from romdam.results.suite.rows import Kept, Row, row_values
 from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, unscaled, write_summary
@@ -33,6 +34,11 @@ class Made:
     estimate: ErrorStatement | None
     seconds: tuple[float, float]
 
+    @property
+    def kept(self) -> Kept:
+        """Its file, and what tells it from that of another run."""
+        return Kept(self.path.name, "", run_identity(self.dataset.attrs), {})
+
     def row(self, job: Job) -> Row:
         """The run as a row of a summary."""
         motion = self.case.motion
@@ -40,7 +46,7 @@ class Made:
         stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
         if self.estimate is not None:
             stated["estimated_reduction_error"] = self.estimate.errors["opening"].l2
-        return Row(key, "", row_values(self.case, stated), Kept(self.path.name, "", "", {}))
+        return Row(key, "", row_values(self.case, stated), self.kept)
 
 
 def refuse_summary(job: Job, folder: Path, *files: str) -> None:

@@ -117,6 +117,32 @@ def test_results_in_memory_are_what_the_files_hold(config, raw, tmp_path):
     assert unkept.dataset.attrs["configuration_folder"] == str(config.parent)
 
 
+def test_results_of_a_folder_that_was_used_again_are_refused(raw, acc, tmp_path):
+    job, pulse = dict(raw, records=[]), romdam.GroundMotion.from_arrays("pulse", {"y": acc}, 0.01)
+    first = romdam.run(job, tmp_path, motions=pulse)
+    again = romdam.run(job, tmp_path, motions=replace(pulse, acc=0.5 * pulse.acc))
+    with pytest.raises(romdam.ResultError, match=r"pulse\.nc: holds another run's numbers by now"):
+        _ = first.results
+    assert np.array_equal(again.results[0].dataset.peak_opening, again.lone.peak_opening)
+    several = romdam.run(job, tmp_path, motions=[pulse, replace(pulse, name="other")])
+    assert [one.record for one in several.results] == ["pulse", "other"]
+
+
+def test_results_are_found_from_another_folder_and_with_a_statement_of_their_error(
+    config, raw, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(config.parent)
+    outcome, same = (romdam.run(raw, out) for out in ("out", "same"))
+    assert romdam.certify(outcome.paths[0])
+    (here,) = same.results
+    monkeypatch.chdir(Path("/"))
+    (found,) = outcome.results
+    assert (*outcome.paths, here.path) == (Path("out/pulse.nc"), Path("same/pulse.nc")), "as they were given"
+    assert "certificate_statement" in found.dataset.attrs
+    for one in (here, found):
+        assert one.displacement("right").size and one.blocks == ["left", "right"]
+
+
 def test_nothing_is_left_of_results_in_memory(config, raw, monkeypatch):
     monkeypatch.chdir(config.parent)
     before = sorted(config.parent.rglob("*"))

@@ -6,7 +6,7 @@ import json
 import logging
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -40,6 +40,13 @@ _BASES = {
     "free_field": "the motion of the level rock surface far from the dam, which is that of the record",
 }
 LIBRARIES = ("numpy", "scipy", "numba", "obspy", "xarray", "h5netcdf")
+_IDENTITY = (
+    "configuration_sha256",
+    "record_sha256",
+    "scene_sha256",
+    "date_created",
+    "wall_seconds_integration",
+)
 COMPRESSION = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 _CHUNK = 1 << 20  # bytes: HDF5 keeps as many of a variable while it reads
 _CHUNKS = 8  # of a compressed variable, more where they would be larger than a piece
@@ -86,6 +93,11 @@ def _present(table: dict[str, Variable], case: Case) -> Iterator[tuple[str, xr.V
     for name, variable in table.items():
         if variable.when(case):
             yield name, xr.Variable(variable.dims, variable.get(case), variable.about)
+
+
+def run_identity(attrs: Mapping[Any, Any]) -> str:
+    """What of a result's attributes tells its run from any other; a statement of its error leaves it be."""
+    return ", ".join(f"{attrs.get(name)}" for name in _IDENTITY)
 
 
 def library_versions() -> str:

@@ -139,6 +139,7 @@ class Result:
 
     def __init__(self, path: str | Path, unkept: Unkept | None = None) -> None:
         self.path = Path(path)
+        self._whole = self.path.absolute()  # what lies beside it is opened later
         self.dataset: xr.Dataset = open_run(self.path)
         self._model: h5py.File | None = None
         self._unkept = unkept
@@ -277,7 +278,7 @@ class Result:
         ResultError
             for an unknown block, a node without stress, or a full-order result.
         """
-        kept = read_stress(self.path, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
+        kept = read_stress(self._whole, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
         q = self._coordinates(times, kept.columns)
         supports = self._supports(times) if kept.carried else np.zeros((len(q), 0))
         coordinates = np.hstack([q.values, supports])
@@ -326,7 +327,7 @@ class Result:
 
     def _file(self) -> h5py.File:
         if self._model is None:
-            self._model = _open_model(self.path, str(self.dataset.attrs.get("model_file", "")))
+            self._model = _open_model(self._whole, str(self.dataset.attrs.get("model_file", "")))
         return self._model
 
 

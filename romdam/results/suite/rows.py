@@ -33,7 +33,8 @@ class Kept:
     ----------
     file : its name
     sha256 : of its bytes
-    labels : fingerprint of its attributes that name the run: they follow the design, not the run's content
+    labels : of a suite's run, fingerprint of its attributes that name it: they follow the design, not the
+        run's content; of any other, what tells it from others
     shared : what it shares with others: attribute -> file name
     """
 
