@@ -13,7 +13,10 @@ Vanek, Mandel, Brezina, Computing 56 (1996) 179; Adams et al., J. Comput. Phys. 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +38,7 @@ _DEGREE = 2  # of the smoother
 _RANGE = 10.0  # of the spectrum that it damps
 _COARSEST = 150  # nodes of the level that is solved for directly
 _POWER = 15  # iterations for the largest eigenvalue
+_DRAWING = Lock()  # numpy's global generator is one for all threads
 
 
 @dataclass(frozen=True)
@@ -207,9 +211,7 @@ def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], li
         raise ReductionError(
             f"multigrid: pyamg is not installed ({error}); pip install 'romdam[large]'"
         ) from error
-    state = np.random.get_state()  # noqa: NPY002  # pyamg draws from this generator, and is to draw the same
-    np.random.seed(0)  # noqa: NPY002
-    try:
+    with _same_draws():
         made = smoothed_aggregation_solver(
             matrix,
             B=rigid,
@@ -219,9 +221,19 @@ def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], li
             postsmoother=None,
             max_coarse=_COARSEST,
         ).levels
-    finally:
-        np.random.set_state(state)  # noqa: NPY002
     return [one.P for one in made[:-1]], [matrix, *(one.A for one in made[1:])]
+
+
+@contextmanager
+def _same_draws() -> Iterator[None]:
+    """In the body pyamg, which draws from numpy's global generator, draws the same; one thread at a time."""
+    with _DRAWING:
+        state = np.random.get_state()  # noqa: NPY002
+        np.random.seed(0)  # noqa: NPY002
+        try:
+            yield
+        finally:
+            np.random.set_state(state)  # noqa: NPY002
 
 
 def _level(A: bsr_matrix, P: bsr_matrix) -> _Level:

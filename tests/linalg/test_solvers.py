@@ -1,6 +1,9 @@
 """Solvers against known answers and each other; which one is taken, and what is said where none can be."""
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +14,7 @@ from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
-from romdam.linalg import conjugate, krylov, solvers
+from romdam.linalg import conjugate, krylov, multigrid, solvers
 from romdam.linalg.eigen import modes_below
 from romdam.linalg.factor import Factor
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes, missed
@@ -56,6 +59,27 @@ def test_a_solver_finds_a_known_answer(name, block):
     assert np.abs(solver.solve(K @ known) - known).max() < 1e-7
     assert np.abs(solver.solve(K @ known[:, 0]) - known[:, 0]).max() < 1e-7
     assert not solver.solve(np.zeros((K.shape[0], 2))).any()
+
+
+def test_levels_are_the_same_in_threads_and_leave_numpys_generator_alone(monkeypatch):
+    drawn, inside, never = [], Event(), Event()
+
+    def levels(*_, **__):
+        drawn.append(np.random.random())  # noqa: NPY002
+        inside.set()
+        never.wait(0.2)  # the other thread may begin meanwhile
+        drawn.append(np.random.random())  # noqa: NPY002
+        return SimpleNamespace(levels=[SimpleNamespace(A=None)])
+
+    monkeypatch.setattr("pyamg.smoothed_aggregation_solver", levels)
+    np.random.seed(7)  # noqa: NPY002
+    with ThreadPoolExecutor(2) as threads:
+        first = threads.submit(multigrid._aggregated, None, None)
+        inside.wait(10.0)
+        second = threads.submit(multigrid._aggregated, None, None)
+        assert len(first.result()) == len(second.result()) == 2
+    assert drawn == [*np.random.RandomState(0).random(2)] * 2
+    assert np.random.random() == np.random.RandomState(7).random()  # noqa: NPY002
 
 
 def test_pardiso_counts_negative_eigenvalues(block):
