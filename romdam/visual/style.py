@@ -18,7 +18,13 @@ from romdam.core.arrays import Floats
 # Okabe and Ito's palette, told apart with any colour vision
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 GREY = "#999999"
-STYLE: dict[Any, Any] = {
+# settings of windows and of the machine, which a style leaves as they are
+_NO_STYLE = (
+    "backend", "interactive", "toolbar", "tk.", "webagg.", "timezone", "date.epoch", "docstring.",
+    "figure.max_open_warning", "figure.raise_window", "savefig.directory",
+)  # fmt: skip
+# on matplotlib's own defaults: the user's style sheet or matplotlibrc may be dark, or ask for a TeX
+STYLE: dict[Any, Any] = {k: v for k, v in mpl.rcParamsDefault.items() if not k.startswith(_NO_STYLE)} | {
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.spines.top": False,

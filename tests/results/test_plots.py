@@ -1,6 +1,9 @@
 """Every figure draws for every kind of result and shows the numbers of the dataset."""
 
+import warnings
+
 import matplotlib as mpl
+import matplotlib.style
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -71,6 +74,25 @@ def test_figure_is_drawn_once_and_is_that_of_savefig(case, job, timing, tmp_path
         assert len(drawn) == 3
     once, twice = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("once", "twice"))
     np.testing.assert_array_equal(once, twice)
+
+
+def test_figures_are_the_same_whatever_style_the_user_has_set(case, job, timing, tmp_path):
+    dataset = build_dataset(case, job, timing, None)
+    users = {"axes.facecolor": "black", "text.usetex": True, "lines.linewidth": 5.0, "font.family": ["serif"]}
+    plain = [path.read_bytes() for path in write_plots(dataset, tmp_path, "plain")]
+    with mpl.rc_context(users):
+        styled = [path.read_bytes() for path in write_plots(dataset, tmp_path, "styled")]
+        assert all(mpl.rcParams[name] == value for name, value in users.items())
+    assert len(plain) > 2 and styled == plain
+
+
+def test_the_style_sets_all_that_matplotlib_lets_a_style_set():
+    with mpl.rc_context(), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mpl.style.use(STYLE)
+    for name in mpl.rcParamsDefault.keys() - STYLE.keys():
+        with pytest.warns(UserWarning, match="not related to style"):
+            mpl.style.use({name: mpl.rcParamsDefault[name]})
 
 
 def numbers_in_view(axis, k):
