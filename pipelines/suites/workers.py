@@ -79,7 +79,8 @@ class _Nursery:
 
     def __init__(self, module: str) -> None:
         self.connection, theirs = multiprocessing.Pipe()
-        code = _CODE.format(path=sys.path, fd=theirs.fileno(), module=module)
+        path = [one for one in sys.path if isinstance(one, str)]  # imports pass over anything else, too
+        code = _CODE.format(path=path, fd=theirs.fileno(), module=module)
         with _deaf_to_interrupts():
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code],

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -47,6 +48,11 @@ def sleep(shared: list[float], task: int) -> int:
 def test_every_task_is_made_once_and_told_with_its_number():
     assert sorted(LocalPool(2).map(square, 3, range(7))) == [(i, 3 * i * i) for i in range(7)]
     assert list(LocalPool(2).map(square, 3, [])) == []
+
+
+def test_what_imports_pass_over_in_the_path_is_passed_over(monkeypatch):
+    monkeypatch.setattr(sys, "path", [*sys.path, Path("/nowhere")])
+    assert list(LocalPool(1).map(square, 3, [2])) == [(0, 12)]
 
 
 def test_a_task_whose_worker_is_killed_is_made_again(tmp_path):
