@@ -172,6 +172,14 @@ def prepare_folder(folder: Path) -> Path:
     return folder
 
 
+def file_text(path: Path) -> str:
+    """Text of a file in UTF-8, of one that is not in Latin-1, whatever the locale; line ends are plain."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        return path.read_text(encoding="latin-1")
+
+
 def keep_standard_files() -> None:
     """Open what is closed of standard input, output and error on the null device.
 

@@ -128,6 +128,16 @@ def test_every_format_gives_the_same_matrices(form, tmp_path):
     assert np.allclose(own.unknowns.position, unknowns.position, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("coding", ["utf-8-sig", "latin-1"])
+def test_tables_are_read_in_utf_8_or_latin_1(coding, tmp_path):
+    K, M, unknowns = of_mesh()
+    keys = write_market(tmp_path, K, M, unknowns)
+    table = (tmp_path / "u.csv").read_text().replace("x,y,z\n", "x,y,z,Fl\xfcgel\n")
+    (tmp_path / "u.csv").write_text(table, encoding=coding)
+    own = read(tmp_path, **keys)
+    assert (own.unknowns.labels == unknowns.labels).all()
+
+
 def test_calculix_has_the_stiffness_and_the_consistent_mass_of_hex8():
     own, (K, M, unknowns) = read(DATA, **OF_CALCULIX), of_mesh()
     number = {tuple(label): k for k, label in enumerate(unknowns.labels.tolist())}

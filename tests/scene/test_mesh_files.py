@@ -1,5 +1,8 @@
 """Mesh files: those written by Gmsh, round trips through meshio and meshlane, and every wrong file."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import meshio
@@ -210,6 +213,28 @@ def test_abaqus_sets_and_surfaces(tmp_path):
     low = read("a.inp", tmp_path, group="low")
     assert low.points[:, 2].max() == 1.0 and set(low.faces) == {"foot", "upstream"}
     assert read("a.inp", tmp_path, group="high").points[:, 2].min() == 1.0
+
+
+@pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "latin-1"])
+@pytest.mark.parametrize("ending", [".inp", ".cdb", ".unv"])
+def test_names_of_groups_are_read_in_utf_8_or_latin_1(coding, ending, tmp_path):
+    text = INP.replace("low", "Flügel") if ending == ".inp" else (DATA / f"hex8{ending}").read_text()
+    (tmp_path / f"a{ending}").write_text(text.replace("lower", "Flügel"), encoding=coding)
+    block = read(f"a{ending}", tmp_path, group="Flügel")
+    assert block.points[:, 2].max() < read(f"a{ending}", tmp_path).points[:, 2].max()
+
+
+def test_names_of_groups_do_not_follow_the_locale(tmp_path):
+    (tmp_path / "a.inp").write_text(INP.replace("low", "Flügel"), encoding="utf-8")
+    code = (
+        "from pathlib import Path; from romdam.scene.meshes.formats.abaqus import read_abaqus; "
+        f"print('Fl\\xfcgel' in read_abaqus(Path({str(tmp_path / 'a.inp')!r}), 'a').groups)"
+    )
+    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    told = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | plain, capture_output=True, text=True
+    )
+    assert (told.stdout, told.stderr) == ("True\n", "")
 
 
 ASSEMBLY = """*PART, NAME=cube

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import MeshError, shown
+from romdam.core.files import file_text
 from romdam.scene.matrices.data import DIRECTIONS, INTERNAL, Entries, Unknowns, motion_of
 
 _MARK = b"%%MatrixMarket"
@@ -76,7 +77,7 @@ def read_columns(path: Path, place: str) -> Floats:
 
 
 def _table(path: Path, place: str) -> Floats:
-    lines = [line.replace(",", " ").split() for line in path.read_text(errors="replace").splitlines()]
+    lines = [line.replace(",", " ").split() for line in file_text(path).split("\n")]
     lines = [words for words in lines if words and not words[0].startswith(_COMMENTS)]
     widths = {len(words) for words in lines}
     if len(widths) != 1 or not widths <= {3, 5}:
@@ -104,7 +105,7 @@ def _whole(numbers: Floats, place: str) -> Ints:
 
 def read_dof(path: Path, place: str) -> Unknowns:
     """Read CalculiX's JOB.dof: `node.direction`, a line for each row."""
-    words = path.read_text(errors="replace").split()
+    words = file_text(path).split()
     pairs = [word.split(".") for word in words]
     if not pairs or not all(len(pair) == 2 and pair[0].isdecimal() and pair[1].isdecimal() for pair in pairs):
         wrong = next(
@@ -136,11 +137,11 @@ def read_nodes(path: Path, place: str) -> tuple[Ints, Floats]:
 
 
 def _rows(path: Path, needed: tuple[str, ...], place: str) -> list[dict[str, str]]:
-    with path.open(newline="", errors="replace") as file:
-        try:
-            rows = [{k.strip().lower(): v or "" for k, v in row.items() if k} for row in csv.DictReader(file)]
-        except (csv.Error, AttributeError) as error:
-            raise MeshError(f"{place}: is no table ({error})") from None
+    table = csv.DictReader(file_text(path).split("\n"))
+    try:
+        rows = [{k.strip().lower(): v or "" for k, v in row.items() if k} for row in table]
+    except (csv.Error, AttributeError) as error:
+        raise MeshError(f"{place}: is no table ({error})") from None
     lost = [name for name in needed if not rows or name not in rows[0]]
     if lost:
         raise MeshError(

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.errors import MeshError, shown
-from romdam.core.files import check_file
+from romdam.core.files import check_file, file_text
 from romdam.core.scene import Ints
 from romdam.scene.cells import Cell
 from romdam.scene.elements import CELLS, SOLIDS
@@ -111,7 +111,7 @@ def _lines(deck: _Deck, path: Path, above: tuple[Path, ...]) -> Iterator[str]:
     if here in above or len(above) >= _DEEPEST:
         what = "includes itself" if here in above else f"is included {_DEEPEST} files deep, the limit"
         raise deck.error(f"*INCLUDE: {path} {what}; put the mesh into one file")
-    for line in path.read_text(errors="replace").splitlines():
+    for line in file_text(path).split("\n"):
         text = line.strip()
         if not text or text.startswith("**"):
             continue

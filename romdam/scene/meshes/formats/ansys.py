@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.errors import shown
+from romdam.core.files import file_text
 from romdam.core.scene import Ints
 from romdam.scene.cells import PLAIN, uncollapsed
 from romdam.scene.meshes.data import (
@@ -76,7 +77,7 @@ def read_ansys(path: Path, place: str) -> MeshFile:
     MeshError
         for blocks that end early, elements without some of their nodes, and components of what is not given.
     """
-    place, found = f"{place}: {path}", _Found(path.read_text(encoding="latin-1").split("\n"))
+    place, found = f"{place}: {path}", _Found(file_text(path).split("\n"))
     try:
         while found.at < len(found.lines):
             words = [word.strip() for word in found.line().partition("!")[0].split(",")]

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.errors import shown
+from romdam.core.files import file_text
 from romdam.core.scene import Ints
 from romdam.scene.elements import CELLS
 from romdam.scene.meshes.data import (
@@ -83,7 +84,7 @@ def read_aster(path: Path, place: str) -> MeshFile:
     """
     place = f"{place}: {path}"
     try:
-        sections = list(_sections(path.read_text(encoding="latin-1").split("\n")))
+        sections = list(_sections(file_text(path).split("\n")))
         nodes, elements = _Names(), _Names()
         points = _points(sections, nodes)
         cells = [

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.errors import MeshError, shown
-from romdam.core.files import check_file
+from romdam.core.files import check_file, file_text
 from romdam.core.scene import Floats, Ints
 from romdam.scene.elements import CELLS
 from romdam.scene.meshes.data import (
@@ -145,7 +145,7 @@ def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
     if here in above or len(above) >= _DEEPEST:
         what = "includes itself" if here in above else f"is included {_DEEPEST} files deep, the limit"
         raise ValueError(f"{path} {what}")
-    lines = path.read_text(encoding="latin-1").split("\n")
+    lines = file_text(path).split("\n")
     begin = next((k for k, line in enumerate(lines) if line.strip().upper().startswith("BEGIN")), -1)
     for k, line in enumerate(lines):
         text = line.partition("$")[0].expandtabs(8).rstrip()

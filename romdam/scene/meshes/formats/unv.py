@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.errors import shown
+from romdam.core.files import file_text
 from romdam.scene.elements import CELLS
 from romdam.scene.meshes.data import (
     Cells,
@@ -61,7 +62,7 @@ def read_unv(path: Path, place: str) -> MeshFile:
     """
     place, found = f"{place}: {path}", _Found()
     try:
-        for name, lines in _datasets(path.read_text(encoding="latin-1").split("\n")):
+        for name, lines in _datasets(file_text(path).split("\n")):
             if name in _READ:
                 _READ[name](found, lines)
             elif name in _OLD_ELEMENTS:
