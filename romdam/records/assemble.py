@@ -211,9 +211,10 @@ def _overridden(channels: list[Channel], config: RecordConfig) -> tuple[str, ...
     if config.unit is None:
         return ()
     declared = unit_in_si(config.unit)
-    others = {c.unit for c in channels if c.unit and abs(unit_in_si(c.unit) - declared) > 1e-9 * declared}
+    others = [c.unit for c in channels if c.unit and abs(unit_in_si(c.unit) - declared) > 1e-9 * declared]
     return tuple(
-        f"the file says {unit} ({unit_in_si(unit):g} m/s2), `unit` {config.unit} counts" for unit in others
+        f"the file says {unit} ({unit_in_si(unit):g} m/s2), `unit` {config.unit} counts"
+        for unit in dict.fromkeys(others)
     )
 
 

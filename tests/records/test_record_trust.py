@@ -1,5 +1,7 @@
 """What agencies really write is read; what a user declares is held against it; doubts are told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import samples
@@ -7,6 +9,7 @@ from test_record_suites import at2, load
 
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import ConfigError, RecordError
+from romdam.records.assemble import _overridden
 from romdam.records.formats.registry import FORMATS, read_channels
 from romdam.records.p695 import SETS
 from romdam.records.record_set import load_records
@@ -124,6 +127,14 @@ def test_what_is_filled_cut_or_overridden_is_told(tmp_path):
     (motion,) = load(tmp_path, {"components": {"x": {"file": "a.AT2"}, "y": {"file": "a.AT2"}}})
     assert "channels 090 and 090 hold the same samples" in motion.warnings
     assert "x and y are shaken by channels at 90 and 90 degrees, not square" in motion.warnings
+
+
+def test_units_that_do_not_count_are_told_in_the_order_of_the_channels():
+    units = [f"{factor} m/s2" for factor in (7, 3, 5, 2, 7, 6, 4)]
+    channels = [replace(samples.channel("HNE", 1), unit=unit) for unit in units]
+    entry = RecordConfig.model_validate({"file": "r", "unit": "g", "components": {"y": 1}})
+    told = _overridden(channels, entry)
+    assert [one.removeprefix("the file says ")[:6] for one in told] == [*dict.fromkeys(units)]
 
 
 def test_the_p695_sets_raise_no_doubts(tmp_path):

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from ast import literal_eval
 from pathlib import Path
 
 import meshio
@@ -224,17 +225,21 @@ def test_names_of_groups_are_read_in_utf_8_or_latin_1(coding, ending, tmp_path):
     assert block.points[:, 2].max() < read(f"a{ending}", tmp_path).points[:, 2].max()
 
 
-def test_names_of_groups_do_not_follow_the_locale(tmp_path):
-    (tmp_path / "a.inp").write_text(INP.replace("low", "Flügel"), encoding="utf-8")
+def groups_elsewhere(path, **environment):
+    """Names of the groups of an Abaqus file as another process reads it."""
     code = (
         "from pathlib import Path; from romdam.scene.meshes.formats.abaqus import read_abaqus; "
-        f"print('Fl\\xfcgel' in read_abaqus(Path({str(tmp_path / 'a.inp')!r}), 'a').groups)"
+        f"print(ascii([*read_abaqus(Path({str(path)!r}), 'a').groups]))"
     )
+    done = subprocess.run([sys.executable, "-c", code], env=os.environ | environment, capture_output=True)
+    assert done.stderr == b""
+    return literal_eval(done.stdout.decode())
+
+
+def test_names_of_groups_do_not_follow_the_locale(tmp_path):
+    (tmp_path / "a.inp").write_text(INP.replace("low", "Flügel"), encoding="utf-8")
     plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    told = subprocess.run(
-        [sys.executable, "-c", code], env=os.environ | plain, capture_output=True, text=True
-    )
-    assert (told.stdout, told.stderr) == ("True\n", "")
+    assert "Flügel" in groups_elsewhere(tmp_path / "a.inp", **plain)
 
 
 ASSEMBLY = """*PART, NAME=cube
@@ -286,6 +291,13 @@ def test_abaqus_instances_stand_in_their_places(tmp_path):
     assert set(one.faces) == {"one.low", "one.lid", "feet"}
     assert set(two.faces) == {"two.low", "two.lid", "roof"}
     assert np.abs(facet_normals(two.points, two.faces["roof"]) - [1, 0, 0]).max() < 1e-15  # was z
+
+
+@pytest.mark.parametrize("seed", ["0", "1"])  # they put ELSET and INSTANCE in either order
+def test_abaqus_groups_stand_in_one_order(seed, tmp_path):
+    (tmp_path / "a.inp").write_text(ASSEMBLY)
+    found = groups_elsewhere(tmp_path / "a.inp", PYTHONHASHSEED=seed)
+    assert found[:4] == ["one.all", "one", "two.all", "two"]
 
 
 def test_abaqus_names_of_a_lone_instance_are_its_parts(tmp_path):

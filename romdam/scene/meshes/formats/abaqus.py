@@ -211,8 +211,9 @@ def _read_elements(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
             "element on lines of its own; repair the file"
         )
     deck.blocks.append((cell, rows))
-    for key in {"ELSET", "INSTANCE"} & set(options):
-        _add(deck, "ELSET", options[key], [[str(row[0])] for row in rows])
+    for key in ("ELSET", "INSTANCE"):
+        if key in options:
+            _add(deck, "ELSET", options[key], [[str(row[0])] for row in rows])
 
 
 def _cell_type(deck: _Deck, kind: str) -> Cell | None:
