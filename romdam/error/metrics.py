@@ -13,6 +13,7 @@ same places i (gaps, or components of displacement). Both measures are relative 
 Each is 0 where y is 0 throughout. A joint's error is measured on its own gaps alone and relative to its own
 history; but a joint that hardly moves, by less than FLOOR of all, is measured by FLOOR of all: in L2 by that
 share of the root mean square over all joints' gaps, in its peak by that share of the largest opening of all.
+So is a component of a node's displacement, by FLOOR of that node's largest component.
 """
 
 from __future__ import annotations
@@ -97,10 +98,20 @@ def opening_error(
     return replace(of_gaps(slice(None)), joints=each)
 
 
-def magnitude_error(values: Floats, better: Floats) -> RelativeError:
-    """Compare histories (nt, ...) whose sign says only where to."""
+def magnitude_error(values: Floats, better: Floats, beside: Floats | None = None) -> RelativeError:
+    """Compare histories whose sign says only where to.
+
+    Parameters
+    ----------
+    values, better : (nt, ...) [m]
+    beside : (nt, nc) [m] what the same node does in every direction, if the histories are one of them
+    """
     largest, peak = (float(np.abs(one).max(initial=0.0)) for one in (values, better))
-    return RelativeError(relative_l2(values, better), _over(largest - peak, peak))
+    mean = least = 0.0
+    if beside is not None:
+        mean = FLOOR * float(np.linalg.norm(beside, axis=0).max()) / np.sqrt(len(beside))
+        least = FLOOR * float(np.abs(beside).max())
+    return RelativeError(relative_l2(values, better, mean), _over(largest - peak, max(peak, least)))
 
 
 def energy_error(difference: Floats, better: Floats) -> RelativeError:

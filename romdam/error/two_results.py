@@ -3,7 +3,8 @@
 The clock is equally spaced at the larger of the two writing intervals over the time that both results have,
 and begins at a row of the one that is written more sparsely; both are interpolated linearly to it. L2 and
 peaks are those of `romdam.error.metrics`, relative to the second result. The phase is the shift in time at
-which the two correlate best (parabola through the three best samples), positive where the first is late.
+which the two correlate best (parabola through the three best samples), positive where the first is late;
+a component of a node that is at rest beside its others has none, since that is round-off.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from romdam.error.metrics import magnitude_error, opening_error
 log = logging.getLogger(__name__)
 
 _SHIFT = 0.1  # of the compared time: what is farther apart is another motion
+_REST = 1e-6  # of a node's largest displacement: a component that does less is at rest
 _OVER = ("quantity", "variant", "time")
 _VARIABLES = {  # number of dimensions of _OVER, unit, meaning
     "history": (3, "m", "opening of the widest gap, or displacement relative to the base"),
@@ -74,10 +76,18 @@ def side_by_side(first: Histories, second: Histories, names: tuple[str, str]) ->
 def _row(first: Histories, second: Histories, places: list[Place], time: Floats) -> tuple[object, ...]:
     """Values that are stated of one quantity, in the order of `_VARIABLES`."""
     pair, opens = (_at(first, places, time), _at(second, places, time)), places[0][0] != "node"
-    error = (opening_error if opens else magnitude_error)(*pair)
+    beside = None if opens else _at(second, _directions(second, places[0]), time)
+    error = opening_error(*pair) if beside is None else magnitude_error(*pair, beside)
     widest = [one.max(axis=1) for one in pair]
     peaks = [float((one if opens else np.abs(one)).max()) for one in pair]
-    return widest, peaks, len(places), error.l2, error.peak, phase(*pair, float(time[1] - time[0]))
+    rests = beside is not None and min(peaks) < _REST * np.abs(beside).max()
+    late = float("nan") if rests else phase(*pair, float(time[1] - time[0]))
+    return widest, peaks, len(places), error.l2, error.peak, late
+
+
+def _directions(histories: Histories, place: Place) -> list[Place]:
+    """Every component of the displacement of a place's node."""
+    return [other for other in histories.series if other[:2] == place[:2]]
 
 
 def phase(first: Floats, second: Floats, interval: float) -> float:

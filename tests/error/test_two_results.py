@@ -63,6 +63,27 @@ def test_phase_between_samples():
     assert np.isnan(phase(pulse[0], np.ones_like(pulse[0]), 1e-3))
 
 
+def test_round_off_of_a_component_is_no_difference(tmp_path):
+    """Noise of 1e-11 m beside 10 mm of the same node is within 1e-6 and has no phase; 0.1 mm has one."""
+    noise = 1e-11 * np.random.default_rng(7).standard_normal((2, len(TIME)))
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path, other in zip(paths, noise, strict=True):
+        motion = openings(TIME)[:, 0]
+        table = np.column_stack([TIME, other, motion, 0.01 * motion + other])
+        head = "time,displacement:crest:x,displacement:crest:y,displacement:crest:z"
+        np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.12g")
+    got = rows(*paths)
+    still = got["displacement x of crest"]
+    assert float(still.l2_difference) < 1e-6 and float(still.peak_difference) < 1e-6
+    assert np.isnan(still.phase)
+    assert float(got["displacement z of crest"].phase) == pytest.approx(0.0, abs=1e-6)
+    assert compare_results(*paths).beyond(1e-5) == []
+    shown = CliRunner().invoke(app, ["compare", *map(str, paths), "--tolerance", "0.1 %"])
+    assert shown.exit_code == 0
+    (row,) = [line for line in shown.output.splitlines() if line.startswith("displacement x")]
+    assert row.split()[-1] == "–"
+
+
 def test_table_of_another_code_in_its_own_units(tmp_path, caplog):
     """Gaps by number, the widest of a joint, displacements; a column of another meaning is told."""
     own, values = tmp_path / "own.nc", openings(TIME)
