@@ -54,6 +54,11 @@ def check_run(dataset: xr.Dataset, known: Opened, path: Path) -> None:
     ResultError
         naming file, attribute or variable, and what is expected.
     """
+    if {*_RUN} <= {*dataset.sizes}:
+        raise ResultError(
+            f"{path}: is the summary of several runs, not the result of a record; `romdam report "
+            f'{path.parent}` makes a page of it, `romdam.open_suite("{path.parent}")` opens it'
+        )
     flaw = next(_flaws(dataset, known), None)
     if flaw is not None:
         raise ResultError(

@@ -12,6 +12,8 @@ from romdam.reduction.storage.keys import LAYOUT
 from romdam.reduction.storage.model_file import read_block
 from romdam.results.fields import stored_digest
 
+_STRESS = "romdam-stress-"  # what the format of a stress file begins with, in any version
+
 
 def model_lines(path: str | Path) -> list[str]:
     """Sizes, cut-off, library version and hash of every reduced block in a file, each checked as it is read.
@@ -24,6 +26,11 @@ def model_lines(path: str | Path) -> list[str]:
     path = Path(path)
     sealed = examine(path).sealed
     with opened(path) as file:
+        if text_of(file, "format").startswith(_STRESS):
+            raise ResultError(
+                f"{path}: holds the stress of modes, for `romdam.open_result`; name the file of reduced "
+                "blocks beside it, model-*.h5"
+            )
         blocks = dict(file["blocks"]) if "blocks" in file else {"(cache)": file}
         if any(text_of(group, "layout") != LAYOUT for group in blocks.values()):
             raise ResultError(f"{path}: is not a file of reduced blocks of this version ({LAYOUT})")

@@ -14,6 +14,7 @@ from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.fields import write_model
 from romdam.results.model_info import model_lines
+from romdam.results.stress.file import StressFields, write_stress
 from romdam.scene.boxes import box_block
 
 
@@ -60,4 +61,11 @@ def test_another_file_is_refused(tmp_path):
     with pytest.raises(
         ResultError, match=r"is not a file of reduced blocks of this version \(romdam-block-2\)"
     ):
+        model_lines(path)
+
+
+def test_a_stress_file_is_told_from_one_of_blocks(tmp_path):
+    fields = StressFields(np.arange(2), np.ones((2, 6, 3)), np.zeros((2, 6)), slice(0, 3))
+    path = tmp_path / write_stress(tmp_path, {"tower": fields})
+    with pytest.raises(ResultError, match=r"holds the stress of modes.* name the file .*model-\*\.h5"):
         model_lines(path)

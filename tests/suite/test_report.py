@@ -208,6 +208,16 @@ def test_command_writes_the_page_and_repeats_itself_on_it(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "summary.nc"]
 
 
+@pytest.mark.parametrize("command", ["info", "plot"])
+def test_a_summary_is_told_from_the_result_of_a_record(command, tmp_path):
+    write_dataset(suite_summary(), tmp_path / "summary.nc")
+    done = CliRunner().invoke(app, [command, str(tmp_path / "summary.nc")])
+    assert isinstance(done.exception, ResultError)
+    told = str(done.exception)
+    assert "is the summary of several runs" in told and f"`romdam report {tmp_path}`" in told
+    assert f'`romdam.open_suite("{tmp_path}")`' in told
+
+
 def test_folder_without_a_summary_is_one_message_and_exit_code_2(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", "from romdam.cli import main; main()", "report", str(tmp_path)],
