@@ -15,6 +15,7 @@ from romdam import terminal
 from romdam.core.errors import ConfigError
 from romdam.pipelines.check import Check
 from romdam.terminal import tables
+from romdam.terminal.lines import info_lines
 
 
 def console(is_terminal: bool) -> Console:
@@ -144,3 +145,67 @@ def test_every_column_of_numbers_has_a_unit_or_counts():
     texts = {"block", "element", "joint", "between", "tie", "record", "component", "channel", "target"}
     heads += [*HEADINGS, *TARGET_HEADINGS]
     assert not [head for head in heads if head not in counts | texts | {"scale factor"} and head[-1] != "]"]
+
+
+SENTENCE = {
+    "estimate": "error_estimate",
+    "certificate": "certificate_statement",
+    "verification": "error_statement",
+}
+
+
+@pytest.mark.parametrize(
+    ("kinds", "order", "error"),
+    [
+        ((), "reduced", "not measured against the mesh; `romdam verify"),
+        (("estimate",), "reduced", "not measured against the mesh, estimated below; `romdam verify"),
+        (("certificate", "estimate"), "reduced", "against the mesh, certified and estimated below;"),
+        (("estimate", "verification"), "reduced", "it is verification"),
+        ((), "full", "none of a reduction, this is the mesh itself"),
+    ],
+)
+def test_every_statement_of_error_has_its_label(dataset_of, kinds, order, error):
+    stated = {SENTENCE[kind]: f"it is {kind}" for kind in kinds}
+    lines = lines_of(dataset_of(model_order=order, **stated))
+    assert error in lines["error"]
+    assert all(lines[kind] == f"it is {kind}" for kind in kinds if kind != "verification")
+
+
+@pytest.mark.parametrize(
+    ("contact", "numerical", "told"),
+    [
+        (163.0, None, "time stepping took 16 % of the energy put in"),
+        (300.0, -279.0, "time stepping took 2.1 % of the energy put in"),
+        (9.0, None, None),
+    ],
+)
+def test_what_time_stepping_took_of_the_energy_is_told_above_one_percent(
+    dataset_of, contact, numerical, told
+):
+    terms = {"input": 1000.0, "contact": contact} | ({} if numerical is None else {"numerical": numerical})
+    energies = {f"energy_{name}": ("time", [0.0, value]) for name, value in terms.items()}
+    line = lines_of(dataset_of().assign(energies))["not in `check`"]
+    assert line.startswith("every step converged, residual at most 1e-11; energy ledger closed within 1e-13")
+    assert line.endswith(told) if told else "took" not in line
+
+
+def lines_of(dataset) -> dict[str, str]:
+    """Label -> what stands beside it."""
+    lines = info_lines(dataset)[1:]
+    return {line[:14].strip(): line[15:] for line in lines}
+
+
+@pytest.fixture
+def dataset_of():
+    """A result with nothing in it but what is told of every result, and further attributes."""
+
+    def made(**attrs):
+        told = {
+            "title": "dam", "record": "r1", "record_dt": 0.01, "record_peak_acceleration": 1.0,
+            "configuration_file": "dam.yaml", "configuration_sha256": "0" * 64, "model_order": "reduced",
+            "solver_finest_step": 1e-3, "date_created": "2024-01-01", "source": "romdam",
+            "solver_largest_residual": 1e-11, "solver_ledger_imbalance": 1e-13,
+        }  # fmt: skip
+        return xr.Dataset(attrs=told | attrs)
+
+    return made

@@ -29,7 +29,9 @@ def export(
     record: Annotated[str | None, typer.Option(help="Name of the record; else the first one.")] = None,
     dt: Annotated[
         float | None,
-        typer.Option(min=1e-6, max=1.0, help="Step [s]; else finest_step, or a quarter of the record's."),
+        typer.Option(
+            min=1e-6, max=1.0, help="Step in seconds; else finest_step, or a quarter of the record's."
+        ),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(min=1e-3, help="Seconds of the record; as configured if not given.")

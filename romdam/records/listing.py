@@ -180,7 +180,8 @@ def format_table(listed: Sequence[Listed]) -> str:
     lines = _aligned([HEADINGS, *(row for one in read for row in _rows(one))], (0, 1, 2))
     if any(one.aimed for one in listed):
         lines += ["", *_aligned([TARGET_HEADINGS, *map(_aim_row, (*read, *passed))], (0, 3))]
-    lines += ["", f"{len(read)} records" + (f", {len(failed)} failed" if failed else "")]
+    counted = f"{len(read)} record{'s' * (len(read) != 1)}"
+    lines += ["", counted + (f", {len(failed)} failed" if failed else "")]
     lines += [f"scaled: {text}" for text in dict.fromkeys(map(_scaled_to, read)) if text]
     lines += [f"warning: {one.name}: {text}" for one in read if one.motion for text in one.motion.warnings]
     return "\n".join(lines)

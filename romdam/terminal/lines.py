@@ -84,9 +84,24 @@ def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
 
 
 _SHOWN = 5  # names of failed runs with one message
+_MUCH = 0.01  # of the energy put in: what time stepping took is told above it
 
 
-_NOT_STATED = "not stated; `romdam verify CONFIG --out DIR` measures it"
+_DONE = {"estimate": "estimated", "certificate": "certified"}
+
+
+def _error_lines(attrs: Mapping[str, object]) -> list[str]:
+    """State what was measured against the mesh, then what was estimated or certified."""
+    from romdam.error.statement import sentences
+
+    stated = dict(sentences(attrs))
+    measured = stated.pop("verification", "")
+    if not measured and attrs["model_order"] == "full":
+        measured = "none of a reduction, this is the mesh itself"
+    if not measured:
+        below = f", {' and '.join(_DONE[kind] for kind in stated)} below" if stated else ""
+        measured = f"not measured against the mesh{below}; `romdam verify CONFIG --out DIR` measures it"
+    return [f"error          {measured}", *(f"{kind:<15}{sentence}" for kind, sentence in stated.items())]
 
 
 def _time_error(attrs: Mapping[str, object]) -> str:
@@ -101,24 +116,36 @@ def _time_error(attrs: Mapping[str, object]) -> str:
     return f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}), by refining the step"
 
 
-def _of_the_run(attrs: Mapping[str, object]) -> str:
-    """State what `romdam check` leaves to the run: convergence, the ledger, the start."""
+def _of_the_run(dataset: xr.Dataset) -> str:
+    """State what `romdam check` leaves to the run: convergence, the ledger, what time stepping took."""
+    attrs = dataset.attrs
     residual, ledger = (attrs.get(f"solver_{name}") for name in ("largest_residual", "ledger_imbalance"))
     told = [
         "" if residual is None else f"every step converged, residual at most {float(str(residual)):.2g}",
         "" if ledger is None else f"energy ledger closed within {float(str(ledger)):.2g} of the energy",
+        _taken(dataset),
     ]
     return "; ".join(filter(None, told)) or "not stated by the version that wrote it"
 
 
+def _taken(dataset: xr.Dataset) -> str:
+    """What time stepping took of the energy put in, at the end; empty where that is little."""
+    if "energy_contact" not in dataset or "energy_input" not in dataset:
+        return ""
+    put_in, taken = (float(dataset[f"energy_{name}"][-1]) for name in ("input", "contact"))
+    if "energy_numerical" in dataset:  # only their sum is never negative
+        taken += float(dataset.energy_numerical[-1])
+    much = put_in > 0.0 and taken > _MUCH * put_in
+    return f"time stepping took {100 * taken / put_in:.2g} % of the energy put in" if much else ""
+
+
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """Describe a result: its kind, its making, and its known error."""
-    from romdam.error.statement import sentences
     from romdam.postprocess.record_measures import peak_text
 
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
-    cpu, stated = float(attrs.get("solver_loop_cpu_seconds", float("nan"))), sentences(attrs)
+    cpu = float(attrs.get("solver_loop_cpu_seconds", float("nan")))
     return [
         str(attrs["title"]),
         f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, peak {peak_text(attrs)}",
@@ -129,11 +156,10 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         f"solved         {attrs.get('integrator')}: {attrs.get('solver_steps', 0):.0f} steps, "
         f"{cpu:.3g} s CPU in the time loop",
         f"time stepping  {_time_error(attrs)}",
-        f"not in `check` {_of_the_run(attrs)}",
+        f"not in `check` {_of_the_run(dataset)}",
         f"written        {attrs['date_created']} by {attrs['source']}",
-        f"error          {stated.pop('verification', _NOT_STATED)}",
+        *_error_lines(attrs),
         *([f"stress         {attrs['stress_statement']}"] if "stress_statement" in attrs else []),
-        *stated.values(),
         *_water_lines(dataset),
         *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),
     ]
