@@ -88,7 +88,8 @@ def sliding_histories(dataset: xr.Dataset) -> Figure | None:
         axes[0].plot(dataset.time, dataset.sliding_safety_factor.sel(joint=name), color=colour, ls=ls, lw=0.8)
         axes[1].plot(dataset.time, slip.sel(joint=name), color=colour, ls=ls, lw=0.9, label=str(name))
     axes[0].axhline(1.0, color=GREY, lw=0.8, ls="--", zorder=0)
-    axes[0].set(yscale="log", ylim=_SHOWN, ylabel="factor of safety\nagainst sliding")
+    label = f"factor of safety against\nsliding, shown up to {_SHOWN[1]:g}"
+    axes[0].set(yscale="log", ylim=_SHOWN, ylabel=label)
     axes[0].set_yticks([1, 2, 3, 5, 10, 20], ["1", "2", "3", "5", "10", "20"])
     axes[1].set_ylabel(f"slip along the joint\n[{unit}]")
     legend_below(figure, axes)

@@ -83,7 +83,7 @@ def stress_damage(dataset: xr.Dataset) -> Figure | None:
     axes[0].set_yticks([0.0, *(x.duration for x in LIMITS.values()), 1.0, 3.0, 10.0, 30.0])
     axes[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes[0].set_ylim(top=max(1.5 * largest, 1.3 * max(np.nanmax(y, initial=0.0) for y in lines.values())))
-    axes[0].set_ylabel("longest cumulative inelastic duration [s]")
+    axes[0].set_ylabel(f"longest cumulative inelastic duration [s],\nlogarithmic above {largest:g} s")
     if faces:
         _curves(axes[1], dataset, _face_curves(dataset, "face_overstressed_share"))
         most = float(np.nanmax(dataset.face_overstressed_share.values, initial=0.0))

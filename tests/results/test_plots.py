@@ -12,6 +12,7 @@ from PIL import Image
 
 from romdam.results.dataset import build_dataset
 from romdam.visual.plots import FIGURES, opening_comparison, save_figure, within_outline, write_plots
+from romdam.visual.stress_plots import stress_damage
 from romdam.visual.style import STYLE, scaled, side_name
 
 from .conftest import make_case
@@ -212,6 +213,22 @@ def test_map_of_openings_keeps_to_a_hollow_joint():
         a, b, c = (np.stack([x, y], axis=1)[kept[:, k]] for k in range(3))
         total = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum()
         assert total == pytest.approx(expected, rel=1e-3) if expected else total > 1.05 * area
+
+
+@pytest.mark.parametrize(
+    ("draw", "label"),
+    [
+        (stress_damage, "longest cumulative inelastic duration [s],\nlogarithmic above 0.4 s"),
+        (FIGURES["sliding"], "factor of safety against\nsliding, shown up to 20"),
+    ],
+)
+def test_an_axis_that_changes_its_scale_or_ends_early_says_so(draw, label, job, timing):
+    figure = draw(build_dataset(make_case(), job, timing, None))
+    ax = figure.axes[0]
+    assert ax.get_ylabel() == label
+    FigureCanvasAgg(figure).draw()
+    box, of_figure = ax.yaxis.label.get_window_extent(), figure.bbox
+    assert box.x0 >= of_figure.x0 and box.y0 >= of_figure.y0 and box.y1 <= of_figure.y1, "it is cut"
 
 
 def test_sides_are_named_by_the_stream_or_by_axes():
