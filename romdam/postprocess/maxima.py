@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -200,8 +201,13 @@ def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
     return rows
 
 
-def stress_statement(dataset: xr.Dataset) -> str:
-    """Say what the stress on every face comes to, outside the ring; empty without faces."""
+def stress_statement(dataset: xr.Dataset, peak_shares: Mapping[str, float]) -> str:
+    """Say what the stress on every face comes to, outside the ring; empty without faces.
+
+    Parameters
+    ----------
+    peak_shares : face -> share of the node with the largest stress in the area outside the ring [%]
+    """
     faces = []
     for face in dataset.stress_face.values if "face_principal_stress" in dataset else ():
         own = dataset.sel(stress_face=face)
@@ -209,8 +215,10 @@ def stress_statement(dataset: xr.Dataset) -> str:
         at = ", ".join(f"{x:.4g}" for x in own.face_peak_position.values)
         start = float(own.face_start_overstressed_share) if "face_start_overstressed_share" in own else 0.0
         rest = f", {start:.3g} % of its area above the strength before the shaking" if start > 0.0 else ""
+        one = peak_shares.get(str(face), 0.0) > 100.0 - HEADLINE
+        coarse = f"; one node is more than {100.0 - HEADLINE:g} % of this face" if one else ""
         faces.append(
-            f"{face} {low:.3g} MPa (largest {top:.3g} MPa at ({at}){rest}; "
+            f"{face} {low:.3g} MPa (largest {top:.3g} MPa at ({at}){rest}{coarse}; "
             f"the ring leaves out {float(own.ring_share):.3g} % of its area{_judged(own)})"
         )
     named = f"major principal stress that {HEADLINE:g} % of a face's area outside the ring do not exceed: "

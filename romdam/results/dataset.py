@@ -31,6 +31,7 @@ from romdam.postprocess.record_measures import analysed
 from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
+from romdam.results.stress.faces import of_faces, peak_shares
 from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
 
 log = logging.getLogger(__name__)
@@ -84,7 +85,7 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     )
     if model_file is not None:
         dataset.attrs["model_file"] = model_file
-    if statement := stress_statement(dataset):
+    if statement := stress_statement(dataset, peak_shares(case) if of_faces(case) else {}):
         dataset.attrs["stress_statement"] = statement
     return dataset
 

@@ -129,7 +129,7 @@ def _of_the_run(dataset: xr.Dataset) -> str:
 
 
 def _taken(dataset: xr.Dataset) -> str:
-    """What time stepping took of the energy put in, at the end; empty where that is little."""
+    """State what time stepping took of the energy put in, at the end; empty where that is little."""
     if "energy_contact" not in dataset or "energy_input" not in dataset:
         return ""
     put_in, taken = (float(dataset[f"energy_{name}"][-1]) for name in ("input", "contact"))

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from romdam.postprocess.maxima import face_rows, maxima, stress_statement
+from romdam.postprocess.maxima import face_rows, maxima
 from romdam.postprocess.stress.faces import LIMITS, area_percentiles, face_demand, verdict
 from romdam.postprocess.stress.summary import DCR_LEVELS, StressHistory, summarise
 from romdam.results.dataset import Timing, build_dataset
@@ -120,7 +120,22 @@ def test_nothing_passes_on_a_face_that_is_mostly_ring(job):
 
 def test_stress_above_the_strength_at_rest_is_said(job):
     dataset = build_dataset(swinging(1.2, 0.5), job, Timing({}, {}), None)
-    assert "100 % of its area above the strength before the shaking" in stress_statement(dataset)
+    assert "100 % of its area above the strength before the shaking" in dataset.attrs["stress_statement"]
+
+
+def test_a_node_that_is_more_than_two_percent_of_its_face_is_said(job):
+    """Node 7 has the largest stress, and 25 % of the face; with 1.9 % it decides nothing."""
+    case, said = swinging(0.0, 0.9), "; one node is more than 2 % of this face; the ring leaves out"
+    largest = dict(case.stress.largest)
+    largest["principal"] = largest["principal"] + np.arange(8.0)
+    case = dataclasses.replace(case, stress=dataclasses.replace(case.stress, largest=largest))
+    assert said in build_dataset(case, job, Timing({}, {}), None).attrs["stress_statement"]
+    sites = case.scene.stress
+    (face,) = sites.faces
+    area = face.area.sum() * np.where(face.rows == 7, 0.019, 0.327)
+    sites = dataclasses.replace(sites, faces=(dataclasses.replace(face, area=area),))
+    finer = dataclasses.replace(case, scene=dataclasses.replace(case.scene, stress=sites))
+    assert said not in build_dataset(finer, job, Timing({}, {}), None).attrs["stress_statement"]
 
 
 def test_worst_instant_is_that_outside_the_ring():

@@ -126,6 +126,17 @@ def _peak_position(case: Case) -> Array:
     return np.array([points[own[values[own].argmax()]] if len(own) else np.full(3, np.nan) for own in rows])
 
 
+def peak_shares(case: Case) -> dict[str, float]:
+    """Face -> share of the node with its largest stress in the area outside the ring [%]."""
+    sites, values = _sites(case), _table("largest", "principal")(case)
+    chosen = {face.name: _outside(sites, face) for face in sites.faces}
+    return {
+        name: 100.0 * float(area[values[rows].argmax()] / area.sum())
+        for name, (rows, area) in chosen.items()
+        if area.sum() > 0.0
+    }
+
+
 def _start_share(case: Case) -> Array:
     sites, values = _sites(case), _attribute("at_start")(case)
     assert sites.strength is not None
