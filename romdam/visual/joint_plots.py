@@ -16,7 +16,7 @@ from romdam.visual.style import (
     directions,
     finish,
     legend_below,
-    mark_peak,
+    mark_point,
     new_figure,
     scaled,
 )
@@ -56,7 +56,10 @@ def joint_displacements(dataset: xr.Dataset) -> Figure | None:
 
 
 def joint_slip(dataset: xr.Dataset) -> Figure | None:
-    """Slip of the gap that slips most against time, and its range, one panel for each joint that slides."""
+    """Slip of the gap that slips most against time, and its range, one panel for each joint that slides.
+
+    The number is the peak over all steps, whose time is not kept: its dot is at the largest written row.
+    """
     if "slip" not in dataset:
         return None
     slid, joints = (dataset.joint_state == SLIP).any("time").values, dataset.gap_joint.values
@@ -64,13 +67,18 @@ def joint_slip(dataset: xr.Dataset) -> Figure | None:
     if not names:
         return None
     size = np.hypot(*dataset.slip.transpose("tangent", ...).values)
-    values, _, unit = scaled(xr.DataArray(size, dims=("time", "gap"), coords={"time": dataset.time}), "m")
+    values, factor, unit = scaled(
+        xr.DataArray(size, dims=("time", "gap"), coords={"time": dataset.time}), "m"
+    )
     figure, axes = new_figure(rows=len(names), height=2.1 if len(names) < 4 else 1.4)
     for ax, name in zip(axes, names, strict=True):
         own = values[:, joints == name]
         ax.fill_between(own.time, own.min("gap"), own.max("gap"), color=COLOURS[0], alpha=0.25, lw=0)
         ax.plot(own.time, own.max("gap"), color=COLOURS[0], lw=0.9, label="largest slip")
-        mark_peak(ax, own.max("gap"), "{:.3g} " + unit)
+        most = own.max("gap")
+        at = most[int(most.values.argmax())]
+        peak = factor * float(dataset.peak_slip.sel(joint=name))
+        mark_point(ax, own, (float(at.time), float(at)), f"{peak:.3g} {unit} near {float(at.time):.2f} s")
         ax.set_ylabel(f"{name}\nslip [{unit}]")
     return finish(
         figure, axes, dataset, "Slip: the gap that slips most (line) and range over the joint (band)"

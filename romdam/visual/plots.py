@@ -30,6 +30,7 @@ from romdam.visual.style import (
     fit_panels,
     legend_below,
     mark_peak,
+    mark_point,
     new_figure,
     scaled,
 )
@@ -66,19 +67,21 @@ def top_displacements(dataset: xr.Dataset) -> Figure | None:
 
 
 def joint_opening(dataset: xr.Dataset) -> Figure | None:
-    """Largest opening of each joint against time, one panel a joint."""
+    """Largest opening of each joint against time, one panel a joint; the peak is that over all steps."""
     if "opening" not in dataset:
         return None
     names = list(dataset.joint.values)
     figure, axes = new_figure(rows=len(names), height=2.1 if len(names) < 4 else 1.4)
     for ax, name in zip(axes, names, strict=True):
-        values, _, unit = scaled(dataset.opening[:, dataset.gap_joint.values == name], "m")
+        values, factor, unit = scaled(dataset.opening[:, dataset.gap_joint.values == name], "m")
         ax.fill_between(
             dataset.time, values.min("gap"), values.max("gap"), color=COLOURS[0], alpha=0.25, lw=0
         )
         ax.plot(dataset.time, values.max("gap"), color=COLOURS[0], lw=0.9, label="widest gap")
         ax.axhline(0.0, color=GREY, lw=0.5, zorder=0)
-        mark_peak(ax, values.max("gap"), "{:.3g} " + unit)
+        own = dataset.sel(joint=name)
+        peak, when = factor * float(own.peak_opening), float(own.peak_opening_time)
+        mark_point(ax, values, (when, peak), f"{peak:.3g} {unit} at {when:.2f} s")
         ax.set_ylabel(f"{name}\nopening [{unit}]")
     return finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
 

@@ -86,10 +86,15 @@ def mark_peak(ax: Axes, row: xr.DataArray, text: str) -> None:
     """A dot and a number at the largest absolute value, to its left where it comes late."""
     k = int(np.abs(row.values).argmax())
     x, y = float(row.time[k]), float(row[k])
-    ax.plot([x], [y], "o", ms=3, color=COLOURS[1], zorder=5)
-    late = x > float(row.time[0]) + 0.75 * float(row.time[-1] - row.time[0])
+    mark_point(ax, row, (x, y), f"{text.format(y)} at {x:.2f} s")
+
+
+def mark_point(ax: Axes, row: xr.DataArray, at: tuple[float, float], text: str) -> None:
+    """A dot at a time and a value with a text beside it, to its left where it comes late in the row."""
+    ax.plot([at[0]], [at[1]], "o", ms=3, color=COLOURS[1], zorder=5)
+    late = at[0] > float(row.time[0]) + 0.75 * float(row.time[-1] - row.time[0])
     ax.annotate(
-        f"{text.format(y)} at {x:.2f} s", (x, y), xytext=(-6 if late else 6, 0), textcoords="offset points",
+        text, at, xytext=(-6 if late else 6, 0), textcoords="offset points",
         va="center", ha="right" if late else "left", fontsize=7.5,
     )  # fmt: skip
 

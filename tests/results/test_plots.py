@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from romdam.core.system import SLIP
 from romdam.results.dataset import build_dataset
 from romdam.visual.plots import FIGURES, opening_comparison, save_figure, within_outline, write_plots
 from romdam.visual.stress_plots import stress_damage
@@ -43,6 +44,27 @@ def test_line_of_the_widest_gap_is_the_dataset_in_millimetres(case, job, timing)
     assert "J1" in axes[0].get_ylabel() and "[mm]" in axes[0].get_ylabel()
     line = axes[1].lines[0].get_ydata()
     np.testing.assert_allclose(line, 1e3 * ds.opening[:, 2:].max("gap"), rtol=1e-12)
+
+
+def texts(ax):
+    return [one.get_text() for one in ax.texts]
+
+
+def test_peaks_of_joints_are_those_over_all_steps(case, job, timing):
+    """What the tables tell, where it was reached between written rows."""
+    ds = build_dataset(case, job, timing, None)
+    ds["joint_state"] = 0 * ds.joint_state + SLIP
+    ds["peak_opening"], ds["peak_slip"] = 1.5 * ds.peak_opening, 1.5 * ds.peak_slip
+    ds["peak_opening_time"] = ds.peak_opening_time + 0.02
+    opening, slip = FIGURES["joint_opening"](ds).axes, FIGURES["joint_slip"](ds).axes
+    for k, name in enumerate(ds.joint.values):
+        own = ds.sel(joint=name)
+        peak, when = 1e3 * float(own.peak_opening), float(own.peak_opening_time)
+        assert texts(opening[k]) == [f"{peak:.3g} mm at {when:.2f} s"]
+        np.testing.assert_allclose(opening[k].lines[-1].get_xydata(), [[when, peak]], rtol=1e-12)
+        assert texts(slip[k])[0].startswith(f"{1e3 * float(own.peak_slip):.3g} mm near ")
+        row = slip[k].lines[0].get_xydata()
+        np.testing.assert_array_equal(slip[k].lines[-1].get_xydata(), row[row[:, 1].argmax()][None])
 
 
 def test_comparison_shows_both_histories():
