@@ -10,6 +10,7 @@ import xarray as xr
 
 from romdam.core.arrays import Bools
 from romdam.core.scene import MOST_RING
+from romdam.postprocess.openings import peak_opening_time
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
 ROUND_OFF = 1e-8  # of the largest value of its unit, below which a value is round-off
@@ -74,8 +75,9 @@ def _joints(dataset: xr.Dataset) -> list[Row]:
     rows = []
     for joint in dataset.joint.values if "joint" in dataset else ():
         own, where = dataset.sel(joint=joint), str(joint)
-        when = f"{float(own.peak_opening_time):.3f}"
-        rows.append(Row("joint opening", float(own.peak_opening), "m", where, when))
+        when = peak_opening_time(dataset, joint)
+        shown = "" if when is None else f"{when:.3f}"
+        rows.append(Row("joint opening", float(own.peak_opening), "m", where, shown))
         stress = float(own.peak_compressive_stress)
         rows.append(Row("joint compression", stress, "Pa", where, note=INSTANT))
         if "peak_mean_compressive_stress" in own:

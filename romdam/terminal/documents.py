@@ -153,8 +153,11 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
 
 
 def _of_joint(dataset: xr.Dataset, joint: str) -> Document:
+    from romdam.postprocess.openings import peak_opening_time
+
     own = dataset.sel(joint=joint)
-    return {key: own[name].item() for name, key in _OF_A_JOINT.items() if name in own and not own[name].dims}
+    found = {key: own[name].item() for name, key in _OF_A_JOINT.items() if name in own and not own[name].dims}
+    return found | {_OF_A_JOINT["peak_opening_time"]: peak_opening_time(dataset, joint)}
 
 
 def _numbers(attrs: Mapping[str, Any], prefix: str) -> Document:

@@ -18,16 +18,19 @@ if TYPE_CHECKING:
 
 def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     """Peaks of every joint, a row for each record and joint."""
+    from romdam.postprocess.openings import peak_opening_time
+
     table = _table("Peaks", ("record", "joint"), ("opening [mm]", "at [s]", "compression [MPa]", "slip [mm]"))
     for record, dataset in results.items():
         for joint in dataset.joint.values if "joint" in dataset else ():
             row = dataset.sel(joint=joint)
+            when = peak_opening_time(dataset, joint)
             slip = f"{1e3 * float(row.peak_slip):.2f}" if "peak_slip" in row else "-"
             table.add_row(
                 record,
                 str(joint),
                 f"{1e3 * float(row.peak_opening):.2f}",
-                f"{float(row.peak_opening_time):.2f}",
+                "-" if when is None else f"{when:.2f}",
                 f"{1e-6 * float(row.peak_compressive_stress):.2f}",
                 slip,
             )

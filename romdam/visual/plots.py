@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
+from romdam.postprocess.openings import peak_opening_time
 from romdam.visual.joint_plots import component_panels, joint_displacements, joint_slip, sliding_histories
 from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
 from romdam.visual.style import (
@@ -67,7 +68,10 @@ def top_displacements(dataset: xr.Dataset) -> Figure | None:
 
 
 def joint_opening(dataset: xr.Dataset) -> Figure | None:
-    """Largest opening of each joint against time, one panel a joint; the peak is that over all steps."""
+    """Largest opening of each joint against time, one panel a joint; marked is the peak over all steps.
+
+    An opening that does not move has no mark.
+    """
     if "opening" not in dataset:
         return None
     names = list(dataset.joint.values)
@@ -79,9 +83,9 @@ def joint_opening(dataset: xr.Dataset) -> Figure | None:
         )
         ax.plot(dataset.time, values.max("gap"), color=COLOURS[0], lw=0.9, label="widest gap")
         ax.axhline(0.0, color=GREY, lw=0.5, zorder=0)
-        own = dataset.sel(joint=name)
-        peak, when = factor * float(own.peak_opening), float(own.peak_opening_time)
-        mark_point(ax, values, (when, peak), f"{peak:.3g} {unit} at {when:.2f} s")
+        peak, when = factor * float(dataset.peak_opening.sel(joint=name)), peak_opening_time(dataset, name)
+        if when is not None:
+            mark_point(ax, values, (when, peak), f"{peak:.3g} {unit} at {when:.2f} s")
         ax.set_ylabel(f"{name}\nopening [{unit}]")
     return finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
 

@@ -1,6 +1,7 @@
 """Every figure draws for every kind of result and shows the numbers of the dataset."""
 
 import warnings
+from pathlib import Path
 
 import matplotlib as mpl
 import matplotlib.style
@@ -11,7 +12,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from romdam.core.system import SLIP
+from romdam.postprocess.maxima import maxima
+from romdam.postprocess.openings import peak_opening_time
 from romdam.results.dataset import build_dataset
+from romdam.terminal.documents import info_document
+from romdam.terminal.tables import peaks_table
 from romdam.visual.plots import FIGURES, opening_comparison, save_figure, within_outline, write_plots
 from romdam.visual.stress_plots import stress_damage
 from romdam.visual.style import STYLE, scaled, side_name
@@ -65,6 +70,24 @@ def test_peaks_of_joints_are_those_over_all_steps(case, job, timing):
         assert texts(slip[k])[0].startswith(f"{1e3 * float(own.peak_slip):.3g} mm near ")
         row = slip[k].lines[0].get_xydata()
         np.testing.assert_array_equal(slip[k].lines[-1].get_xydata(), row[row[:, 1].argmax()][None])
+
+
+@pytest.mark.parametrize(("part", "told"), [(1e-10, False), (1e-6, True), (0.0, False)])
+def test_opening_that_does_not_move_has_no_time(part, told, case, job, timing):
+    """0.02 mm of a mirrored joint vary by round-off alone: table, maxima, JSON and figure tell no time."""
+    ds, still = build_dataset(case, job, timing, None), 2e-5
+    ds["opening"] = still + 0.0 * ds.opening
+    ds["opening"][7] = still * (1.0 + part)
+    ds["peak_opening"] = 0.0 * ds.peak_opening + ds.opening.max()
+    ds["peak_opening_time"] = 0.0 * ds.peak_opening + 1.37
+    assert peak_opening_time(ds, "J1") == (1.37 if told else None)
+    (times,) = [list(c.cells) for c in peaks_table({"quake": ds}).columns if c.header == "at [s]"]
+    assert times == (["1.37"] * 2 if told else ["-"] * 2)
+    rows = [row for row in maxima(ds) if row.quantity == "joint opening"]
+    assert [row.when for row in rows] == (["1.370"] * 2 if told else [""] * 2)
+    said = info_document(ds, Path("quake.nc"))["joints"]["J1"]
+    assert said["peak_opening_time_s"] == (1.37 if told else None)
+    assert [len(ax.texts) for ax in FIGURES["joint_opening"](ds).axes] == [int(told)] * 2
 
 
 def test_comparison_shows_both_histories():
