@@ -74,6 +74,8 @@ def test_info_says_as_json_what_the_file_holds(result):
     assert joint["peak_opening_m"] == float(of_file.peak_opening) > 0.0
     assert joint["peak_opening_time_s"] == float(of_file.peak_opening_time)
     assert joint["peak_compressive_stress_Pa"] == float(of_file.peak_compressive_stress) < 0.0
+    mean = float(of_file.peak_mean_compressive_stress)
+    assert float(of_file.peak_compressive_stress) <= joint["peak_mean_compressive_stress_Pa"] == mean < 0.0
     assert (
         said["record"] == "pulse" and said["record_dt_s"] == 0.01 and said["sizes"]["gap"] == ds.sizes["gap"]
     )

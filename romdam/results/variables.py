@@ -318,14 +318,14 @@ VARIABLES: dict[str, Variable] = {
     "peak_compression": Variable(
         ("joint",),
         "N",
-        "largest compressive force of one gap over all steps, compression negative",
+        "largest compressive force of one gap at one instant, compression negative",
         lambda c: c.per_joint(-c.history.peaks["compression"], np.min),
         _has_joints,
     ),
     "peak_compressive_stress": Variable(
         ("joint",),
         "Pa",
-        "largest compressive force of one gap over its area, compression negative",
+        "largest compressive force of one gap at one instant, over its area, compression negative",
         _peak_stress,
         _has_joints,
     ),

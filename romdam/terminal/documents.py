@@ -40,6 +40,7 @@ _IN_SI = {  # of a certificate -> key
 _OF_A_JOINT = {  # variable of a result -> key
     "peak_opening": "peak_opening_m",
     "peak_opening_time": "peak_opening_time_s",
+    "peak_mean_compressive_stress": "peak_mean_compressive_stress_Pa",
     "peak_compressive_stress": "peak_compressive_stress_Pa",
     "peak_slip": "peak_slip_m",
     "estimated_error_l2": "estimated_error_l2",

@@ -20,17 +20,21 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     """Peaks of every joint, a row for each record and joint."""
     from romdam.postprocess.openings import peak_opening_time
 
-    table = _table("Peaks", ("record", "joint"), ("opening [mm]", "at [s]", "compression [MPa]", "slip [mm]"))
+    mean, instant = "compression, mean of a writing interval [MPa]", "at one instant [MPa]"
+    table = _table("Peaks", ("record", "joint"), ("opening [mm]", "at [s]", mean, instant, "slip [mm]"))
     for record, dataset in results.items():
         for joint in dataset.joint.values if "joint" in dataset else ():
             row = dataset.sel(joint=joint)
             when = peak_opening_time(dataset, joint)
             slip = f"{1e3 * float(row.peak_slip):.2f}" if "peak_slip" in row else "-"
+            of_mean = "peak_mean_compressive_stress"  # results of before 0.2 have none
+            mean = f"{1e-6 * float(row[of_mean]):.2f}" if of_mean in row else "-"
             table.add_row(
                 record,
                 str(joint),
                 f"{1e3 * float(row.peak_opening):.2f}",
                 "-" if when is None else f"{when:.2f}",
+                mean,
                 f"{1e-6 * float(row.peak_compressive_stress):.2f}",
                 slip,
             )

@@ -95,7 +95,7 @@ CASES = [
     under("C locale", SUITE, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0"),
     under("decimal commas", SUITE, LC_ALL="de_DE.UTF-8", LC_NUMERIC="de_DE.UTF-8"),
     under("a locale that is none", LC_ALL="xx_YY.bad"),
-    Case("20 columns", environment={"COLUMNS": "20"}, told="compression [MPa]"),
+    Case("20 columns", environment={"COLUMNS": "20"}, told="compression, mean of a writing interval [MPa]"),
     under("columns that are none", COLUMNS="abc", LINES="-1"),
     under("no terminal type", TERM="", NO_COLOR="1"),
     under("random hashes", SUITE, PYTHONHASHSEED="random"),

@@ -7,6 +7,7 @@ import pytest
 
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import analysed, measures_at_scales
+from romdam.results.dataset import build_dataset
 from romdam.results.renamed import RENAMED
 from romdam.results.suite.rows import ROWS
 
@@ -34,6 +35,18 @@ def test_open_durations_tell_one_gap_from_half_of_the_joint():
     np.testing.assert_allclose(ROWS["half_open_duration"].get(case), [0.0, 0.475])
     np.testing.assert_allclose(ROWS["mean_open_share"].get(case), [0.0, (10 * 3 + 6) / 5 / 41])
     assert set(RENAMED.values()) >= {"any_gap_open_duration", "any_gap_sliding_duration"}
+
+
+def test_mean_compression_is_that_of_the_result_and_comes_before_the_instants(job, timing):
+    """Half of the largest force, over gaps of 0.5 m2."""
+    case, names = make_case(), list(ROWS)
+    dataset = build_dataset(case, job, timing, None)
+    found = ROWS["peak_mean_compressive_stress"].get(case)
+    np.testing.assert_array_equal(found, dataset.peak_mean_compressive_stress)
+    np.testing.assert_allclose(found[0], -case.history.mean_traction[:, :2, 0].max() / 0.5)
+    assert names.index("peak_mean_compressive_stress") < names.index("peak_compressive_stress")
+    for name in ("peak_compression", "peak_compressive_stress"):
+        assert "at one instant" in ROWS[name].long_name
 
 
 @pytest.mark.parametrize("name", ["any_gap_open_duration", "half_open_duration", "any_gap_sliding_duration"])

@@ -25,6 +25,7 @@ from romdam.results.fields import write_model
 from romdam.results.series import dam_blocks, frame_times, worst_displacement_time
 from romdam.results.table import write_maxima
 from romdam.scene.elements import SOLIDS
+from romdam.terminal.tables import peaks_table
 from romdam.visual import field_views, rendering
 
 from .conftest import make_basis, make_case
@@ -178,6 +179,10 @@ def test_maxima_tell_round_off_and_instants(result):
     mean = rows["joint compression, mean of 0.05 s", "J1"]
     forces = dataset.mean_normal_force[:, dataset.gap_joint.values == "J1"]
     assert mean.value == pytest.approx(float(forces.min()) / 0.5) and not mean.note
+    cells = {column.header: list(column.cells) for column in peaks_table({"quake": dataset}).columns}
+    assert cells["compression, mean of a writing interval [MPa]"][0] == f"{1e-6 * mean.value:.2f}"
+    before = dataset.drop_vars("peak_mean_compressive_stress")
+    assert list(peaks_table({"quake": before}).columns[4].cells) == ["-", "-"]
     told = explained(list(rows.values()))
     assert any("depends on the step" in line for line in told) and any("1e-08" in line for line in told)
 

@@ -20,6 +20,7 @@ from romdam.results.variables import VARIABLES
 
 Place = tuple[int, int, int]  # numbers of record, scale and sample
 
+AT_THE_END = ", at the end"  # of the long names of what is the last of a variable over time
 _HALF = 0.5  # of a joint's area
 DONE, FAILED = 0, 1
 SOURCE = f"romdam {romdam.__version__}"
@@ -113,7 +114,7 @@ def _at_the_end(name: str) -> Variable:
     return replace(
         whole,
         dims=(),
-        long_name=f"{whole.long_name}, at the end",
+        long_name=whole.long_name + AT_THE_END,
         get=lambda case: np.asarray(whole.get(case)[-1]),
     )
 
@@ -126,7 +127,10 @@ def _stat(name: str, units: str, long_name: str) -> Variable:
 
 _JOINT = ("joint",)
 _WITH_JOINTS, _WITH_SHEAR = VARIABLES["opening"].when, VARIABLES["slip"].when
-_PEAKS = ("peak_opening", "peak_slip", "peak_compression", "peak_compressive_stress", "gap_peak_opening")
+_PEAKS = (
+    "peak_opening", "peak_slip", "peak_mean_compressive_stress", "peak_compression",
+    "peak_compressive_stress", "gap_peak_opening",
+)  # fmt: skip
 # in the order of the summary; what a result holds too is the same variable
 ROWS: dict[str, Variable] = {
     **{name: VARIABLES[name] for name in _PEAKS},

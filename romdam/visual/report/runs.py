@@ -29,8 +29,8 @@ from romdam.visual.report.subject import Subject, plain, responses
 MOST_ROWS = 5_000  # of a table: more make a page slow, and nobody reads them
 _WORST = 10
 _ANSWERS = (
-    "peak_opening", "peak_slip", "residual_opening", "residual_slip", "peak_compressive_stress",
-    "peak_displacement", "peak_stress", "face_stress",
+    "peak_opening", "peak_slip", "residual_opening", "residual_slip", "peak_mean_compressive_stress",
+    "peak_compressive_stress", "peak_displacement", "peak_stress", "face_stress",
 )  # fmt: skip
 
 

@@ -23,6 +23,13 @@ _NOT_RESPONSES = (
 )
 
 
+_COMPRESSIONS = {
+    "peak_mean_compressive_stress": "peak compressive stress, mean of a writing interval",
+    "peak_compressive_stress": "peak compressive stress, one instant",
+    "peak_compression": "peak compression, one instant",
+}
+
+
 @dataclass(frozen=True)
 class Topic:
     """Choices of what a report is about.
@@ -95,8 +102,8 @@ def values_of(subject: Subject, name: str, keep: bool = False) -> np.ndarray:
 
 
 def plain(name: str) -> str:
-    """A name as words."""
-    return name.replace("_", " ")
+    """A name as words; of a compression whether it is a mean or one instant's, which depends on the step."""
+    return _COMPRESSIONS.get(name, name.replace("_", " "))
 
 
 def in_unit(values: xr.DataArray) -> str:
