@@ -140,6 +140,30 @@ def test_numbers_on_the_page_are_those_of_the_summary():
     assert "10 of 60 runs failed" in text and "50 runs, 10 failed ones left out" in text
 
 
+def test_compressions_and_energies_say_what_they_are():
+    """The mean before the instant in both tables; stored energies are those at the end, round-off is 0."""
+    summary = suite_summary(failed=0)
+    opening = summary.peak_opening
+    joint = opening.dims
+    for name, size in (("mean_", -1e6), ("", -3e6)):
+        about = {"units": "Pa", "long_name": "stress, compression negative"}
+        summary[f"peak_{name}compressive_stress"] = (joint, size + 0.0 * opening.values, about)
+    stored = np.full((12, 5, 1), 2e-8)
+    stored[0] = 5.0
+    about = {"units": "J", "long_name": "kinetic energy, at the end"}
+    summary["energy_kinetic"] = (opening.dims[:3], stored, about)
+    text = report_html(Subject(summary, Topic()))
+    mean, instant = (f"peak compressive stress, {of}" for of in ("mean of a writing interval", "one instant"))
+    rows = [row for row in rows_of(text, "responses") if row]
+    names = [row[0] for row in rows]
+    assert names.index(mean) < names.index(instant)
+    kinetic = rows[names.index("energy kinetic, at the end")]
+    assert kinetic[3:7] == ["0", "0", "0", "5"]
+    heads = re.findall(r"<th.*?>(.*?)</th>", text[text.index('<section id="runs"') :])
+    heads = [re.sub("<.*?>", "", one).strip() for one in heads]
+    assert heads.index(f"{mean} [MPa]") < heads.index(f"{instant} [MPa]")
+
+
 def test_texts_of_files_stay_texts():
     summary = suite_summary()
     summary.attrs["title"] = HOSTILE

@@ -10,6 +10,7 @@ from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
 from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, parameters, response_of
+from romdam.results.suite.rows import AT_THE_END
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.joint_map import opening_map
 from romdam.visual.report.parts import (
@@ -25,6 +26,8 @@ from romdam.visual.report.parts import (
     side_by_side,
 )
 from romdam.visual.report.subject import Subject, in_unit, plain, responses, runs_text
+
+_ROUND_OFF = 1e-6  # of the largest of a variable, below which a number of a table is shown as 0
 
 
 def responses_section(subject: Subject) -> Section | None:
@@ -42,7 +45,7 @@ def responses_section(subject: Subject) -> Section | None:
                 worst = finite.min() if finite.max() <= 0.0 else finite.max()
                 row = factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
                 numbers = _tidy(row, factor * float(np.nanmax(np.abs(values.values))))
-                rows.append([plain(name), where, unit, *numbers, int(finite.size)])
+                rows.append([_told(values), where, unit, *numbers, int(finite.size)])
     if not rows:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
@@ -50,9 +53,16 @@ def responses_section(subject: Subject) -> Section | None:
     return Section("responses", "Openings and other responses", [*parts, Table(head, rows, "Over all runs")])
 
 
+def _told(values: xr.DataArray) -> str:
+    """Name of a response as words; of an energy that it is that at the end, as its long name says."""
+    ends = str(values.attrs.get("long_name", "")).endswith(AT_THE_END)
+    return plain(str(values.name)) + (AT_THE_END if ends else "")
+
+
 def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
-    """Numbers of a row without what is round-off beside its largest, and beside all of its kind."""
-    largest = max(float(np.abs(numbers).max()), 1e-6 * overall)
+    """Numbers of a row without what is round-off beside its largest; 0 what is beside all of its kind."""
+    numbers = np.where(np.abs(numbers) < _ROUND_OFF * overall, 0.0, numbers)
+    largest = float(np.abs(numbers).max())
     places = 4 - int(np.floor(np.log10(largest))) if largest > 0.0 else 0
     return [float(one) for one in np.round(numbers, places) + 0.0]
 
