@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from romdam.core.arrays import Bools
+from romdam.core.arrays import Bools, Floats
 from romdam.core.scene import MOST_RING
 from romdam.postprocess.openings import peak_opening_time
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
 ROUND_OFF = 1e-8  # of the largest value of its unit, below which a value is round-off
 INSTANT = "one instant"
+BELOW = "below"
+AS_DISPLACEMENT = "as the displacement"
 IN_RING = "all of it is in the ring"
 NOTES = {
     INSTANT: "of an impact: depends on the step; a mean over the writing interval does not",
-    "below": f"round-off, shown as 0: less than {ROUND_OFF:.0e} of the largest value of the unit",
+    BELOW: f"round-off, shown as 0: less than {ROUND_OFF:.0e} of the largest value of the unit",
+    AS_DISPLACEMENT: "shown as 0: the displacement along this axis is round-off",
 }
+
+_FIXED = ("joint", "stress_face", "section")  # what rows are of; other places are those of the largest
 
 
 class Row(NamedTuple):
@@ -39,7 +44,23 @@ HEAD = ("quantity", "value", "unit", "where", "time [s]", "note")
 def maxima(dataset: xr.Dataset) -> list[Row]:
     """Motion, joints, stress, what the result has of each; round-off as 0, with a note that says what is."""
     rows = [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
-    return [_without_round_off(row, rows) for row in rows]
+    told = _as_displacements([_without_round_off(row, rows) for row in rows])
+    fixed = {str(one) for of in _FIXED if of in dataset for one in dataset[of].values}
+    return [row._replace(where="") if _is_round_off(row) and row.where not in fixed else row for row in told]
+
+
+def _as_displacements(rows: list[Row]) -> list[Row]:
+    """Rows with the accelerations as 0 along axes whose displacement is round-off."""
+    still = {row.quantity.replace("displacement", "acceleration") for row in rows if _is_round_off(row)}
+    still &= {f"acceleration {axis}" for axis in "xyz"}
+    return [
+        row._replace(value=0.0, when="", note=AS_DISPLACEMENT) if row.quantity in still else row
+        for row in rows
+    ]
+
+
+def _is_round_off(row: Row) -> bool:
+    return row.note == AS_DISPLACEMENT or row.note.startswith(BELOW)
 
 
 def explained(rows: list[Row]) -> list[str]:
@@ -51,7 +72,7 @@ def _without_round_off(row: Row, rows: list[Row]) -> Row:
     values = [abs(r.value) for r in rows if r.unit == row.unit and r.value == r.value]
     least = ROUND_OFF * max(values, default=0.0)
     if 0.0 < abs(row.value) < least:
-        return row._replace(value=0.0, when="", note=f"below {least:.1g} {row.unit}")
+        return row._replace(value=0.0, when="", note=f"{BELOW} {least:.1g} {row.unit}")
     return row._replace(value=row.value + 0.0)  # no -0
 
 
@@ -112,16 +133,23 @@ def _stress(dataset: xr.Dataset) -> list[Row]:
             if variable not in dataset or not dataset[variable].notnull().any():
                 continue
             label = f"{'largest' if side == 'max' else 'smallest'} {name} stress"
-            values = dataset[variable].values
-            k = int(find(values))
-            row = Row(label, float(values[k]), "Pa", _place(dataset, k), _when(dataset, variable, k))
-            rows.append(row)
-            outside = np.where(_ring(dataset), np.nan, values)
-            if side == "max" and _ring(dataset)[k] and np.isfinite(outside).any():
-                k = int(find(outside))
-                here = _place(dataset, k), _when(dataset, variable, k)
-                rows.append(Row(f"{label} outside the ring", float(values[k]), "Pa", *here))
+            found = _at_worst(dataset, label, dataset[variable], find)
+            rows += found if side == "max" else found[:1]
     return rows + _damage(dataset)
+
+
+def _at_worst(
+    dataset: xr.Dataset, label: str, values: xr.DataArray, find: Callable[[Floats], Any] = np.nanargmax
+) -> list[Row]:
+    """Worst of (stress_node,) values, and the worst outside the ring where that one is in it."""
+    whole, rows = values.values, []
+    outside = np.where(_ring(dataset), np.nan, whole)
+    for name, found in ((label, whole), (f"{label} outside the ring", outside)):
+        if np.isfinite(found).any() and (found is whole or _ring(dataset)[int(find(whole))]):
+            k = int(find(found))
+            here = _place(dataset, k), _when(dataset, str(values.name), k)
+            rows.append(Row(name, float(found[k]), str(values.attrs["units"]), *here))
+    return rows
 
 
 def _face_stress(dataset: xr.Dataset) -> list[Row]:
@@ -150,19 +178,15 @@ def _when(dataset: xr.Dataset, variable: str, k: int) -> str:
 def _damage(dataset: xr.Dataset) -> list[Row]:
     if "demand_capacity_ratio" not in dataset:
         return []
-    ratio, time = dataset.demand_capacity_ratio.values, dataset.cumulative_inelastic_duration.values[:, 0]
-    k, j = int(ratio.argmax()), int(time.argmax())
-    rows = [
-        Row("demand-capacity ratio", float(ratio[k]), "1", _place(dataset, k)),
-        Row("cumulative inelastic duration", float(time[j]), "s", _place(dataset, j)),
-    ]
+    durations = {"cumulative inelastic duration": dataset.cumulative_inelastic_duration}
+    ratios = {"demand-capacity ratio": dataset.demand_capacity_ratio}
     if "change_demand_capacity_ratio" in dataset:
-        change, time = (
-            dataset[f"change_{n}"].values for n in ("demand_capacity_ratio", "inelastic_duration")
-        )
-        k, j = int(change.argmax()), int(time[:, 0].argmax())
-        rows.append(Row("demand-capacity ratio of the change", float(change[k]), "1", _place(dataset, k)))
-        rows.append(Row("inelastic duration of the change", float(time[j, 0]), "s", _place(dataset, j)))
+        ratios["demand-capacity ratio of the change"] = dataset.change_demand_capacity_ratio
+        durations["inelastic duration of the change"] = dataset.change_inelastic_duration
+    rows = []
+    for (of_ratio, ratio), (of_duration, duration) in zip(ratios.items(), durations.items(), strict=True):
+        rows += _at_worst(dataset, of_ratio, ratio)
+        rows += _at_worst(dataset, of_duration, duration[:, 0])
     for face in dataset.stress_face.values if "overstressed_area" in dataset else ():
         own = dataset.sel(stress_face=face)
         share = 100.0 * float(own.overstressed_area[0]) / float(own.stress_face_area)

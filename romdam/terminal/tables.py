@@ -73,7 +73,7 @@ def maxima_table(dataset: xr.Dataset) -> Table:
     table, rows = _table("Maxima", (HEAD[0], HEAD[3]), (HEAD[1], HEAD[2], HEAD[4], HEAD[5])), maxima(dataset)
     for row in rows:
         value = f"{row.value:.4g}" if row.value == row.value else "-"
-        table.add_row(row.quantity, row.where, value, row.unit, row.when or "-", row.note)
+        table.add_row(row.quantity, row.where or "-", value, row.unit, row.when or "-", row.note)
     table.caption = "\n".join(explained(rows))
     table.caption_justify = "left"
     return table

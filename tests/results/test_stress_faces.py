@@ -100,6 +100,12 @@ def test_ring_is_left_out_of_what_is_said_of_a_face(job):
     assert rows["largest principal stress"] == pytest.approx(1.8 * STRENGTH)
     assert rows["largest principal stress outside the ring"] == pytest.approx(0.9 * STRENGTH)
     assert rows["principal stress, 98 % of the area"] == pytest.approx(0.9 * STRENGTH)
+    assert rows["demand-capacity ratio"] == rows["demand-capacity ratio of the change"] == pytest.approx(1.8)
+    assert rows["demand-capacity ratio outside the ring"] == pytest.approx(0.9)
+    assert rows["demand-capacity ratio of the change outside the ring"] == pytest.approx(0.9)
+    above = 5.0 * (0.5 - np.arcsin(1 / 1.8) / np.pi)
+    for name in ("cumulative inelastic duration", "inelastic duration of the change"):
+        assert rows[name] == pytest.approx(above, rel=2e-3) and rows[f"{name} outside the ring"] == 0.0
     assert "left.zmax 1.8 MPa" in dataset.attrs["stress_statement"]
     assert "leaves out 25 % of its area" in dataset.attrs["stress_statement"]
     assert [row[-1] for row in face_rows(dataset)] == ["passes", "passes"]

@@ -18,7 +18,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
 from romdam.pipelines.views import PlotOptions, plot_result, show_scene
-from romdam.postprocess.maxima import HEAD, INSTANT, explained, maxima
+from romdam.postprocess.maxima import AS_DISPLACEMENT, HEAD, INSTANT, explained, maxima
 from romdam.results.dataset import build_dataset, write_dataset
 from romdam.results.export import mesh_of, write_series, write_vtu
 from romdam.results.fields import write_model
@@ -170,6 +170,11 @@ def test_maxima_tell_round_off_and_instants(result):
     rows = {(row.quantity, row.where): row for row in maxima(dataset)}
     tiny = next(row for (name, _), row in rows.items() if name == "displacement x")
     assert repr(tiny.value) == "0.0" and tiny.note.startswith("below ") and tiny.note.endswith(" m")
+    assert not tiny.where and not tiny.when
+    follows = next(row for (name, _), row in rows.items() if name == "acceleration x")
+    assert follows[1:] == (0.0, "m s-2", "", "", AS_DISPLACEMENT)
+    moves = next(row for (name, _), row in rows.items() if name == "acceleration z")
+    assert moves.value != 0.0 and moves.where and moves.when and moves.note == INSTANT
     limit = float(tiny.note.split()[1])
     assert limit > 1e-17 and limit == pytest.approx(1e-8 * max(largest, dataset.peak_slip.max()), rel=0.5)
     small = next(row for (name, _), row in rows.items() if name == "displacement z")
