@@ -10,7 +10,6 @@ import xarray as xr
 
 from romdam.core.arrays import Bools, Floats
 from romdam.core.scene import MOST_RING
-from romdam.postprocess.openings import peak_opening_time
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
 ROUND_OFF = 1e-8  # of the largest value of its unit, below which a value is round-off
@@ -24,6 +23,7 @@ NOTES = {
     AS_DISPLACEMENT: "shown as 0: the displacement along this axis is round-off",
 }
 
+_MOVES = 1e-8  # of the widest opening, below which what it varies by is round-off
 _FIXED = ("joint", "stress_face", "section")  # what rows are of; other places are those of the largest
 
 
@@ -108,6 +108,21 @@ def _joints(dataset: xr.Dataset) -> list[Row]:
         if "peak_slip" in own:
             rows.append(Row("joint slip", float(own.peak_slip), "m", where))
     return rows
+
+
+def peak_opening_time(dataset: xr.Dataset, joint: str) -> float | None:
+    """Time of a joint's largest opening [s]; None where its widest opening does not move over the run.
+
+    Blocks that mirror each other at a joint and shake along it keep the opening of the start: when the
+    largest comes is then round-off.
+    """
+    own = dataset.sel(joint=joint)
+    peak = float(own.peak_opening)
+    if "opening" in dataset:
+        widest = dataset.opening.values[:, dataset.gap_joint.values == joint].max(axis=1)
+        if peak - widest.min() <= _MOVES * max(abs(peak), abs(float(widest.min()))):
+            return None
+    return float(own.peak_opening_time)
 
 
 def _sections(dataset: xr.Dataset) -> list[Row]:

@@ -154,7 +154,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
 
 
 def _of_joint(dataset: xr.Dataset, joint: str) -> Document:
-    from romdam.postprocess.openings import peak_opening_time
+    from romdam.postprocess.maxima import peak_opening_time
 
     own = dataset.sel(joint=joint)
     found = {key: own[name].item() for name, key in _OF_A_JOINT.items() if name in own and not own[name].dims}

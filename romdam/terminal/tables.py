@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     """Peaks of every joint, a row for each record and joint."""
-    from romdam.postprocess.openings import peak_opening_time
+    from romdam.postprocess.maxima import peak_opening_time
 
     mean, instant = "compression, mean of a writing interval [MPa]", "at one instant [MPa]"
     table = _table("Peaks", ("record", "joint"), ("opening [mm]", "at [s]", mean, instant, "slip [mm]"))

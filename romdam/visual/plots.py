@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
-from romdam.postprocess.openings import peak_opening_time
+from romdam.postprocess.maxima import peak_opening_time
 from romdam.visual.joint_plots import component_panels, joint_displacements, joint_slip, sliding_histories
 from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
 from romdam.visual.style import (

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from romdam.core.system import SLIP
-from romdam.postprocess.maxima import maxima
-from romdam.postprocess.openings import peak_opening_time
+from romdam.postprocess.maxima import maxima, peak_opening_time
 from romdam.results.dataset import build_dataset
 from romdam.terminal.documents import info_document
 from romdam.terminal.tables import peaks_table
