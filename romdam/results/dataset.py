@@ -97,7 +97,7 @@ def _present(table: dict[str, Variable], case: Case) -> Iterator[tuple[str, xr.V
 
 
 def run_identity(attrs: Mapping[Any, Any]) -> str:
-    """What of a result's attributes tells its run from any other; a statement of its error leaves it be."""
+    """Attributes of a result that tell its run from any other; a statement of its error leaves them be."""
     return ", ".join(f"{attrs.get(name)}" for name in _IDENTITY)
 
 
