@@ -168,14 +168,14 @@ def refuse_large(
 
 
 def settings_for(
-    job: Job, prepared: Prepared, motion: GroundMotion, chosen: tuple[float, int] | None = None
+    job: Job, prepared: Prepared, motion: GroundMotion, chosen: tuple[float, float] | None = None
 ) -> Settings:
     """Settings of a job for one ground motion.
 
     Parameters
     ----------
-    chosen : finest step [s], and base steps per written row, of a run that was made already; they are taken
-        where an accuracy has chosen them
+    chosen : finest and base step of a run that was made already; they are taken where an accuracy has chosen
+        them [s]
     """
     transient, interval = job.config.transient, job.config.outputs.output_interval
     return Settings(
@@ -190,7 +190,7 @@ def _steps(
     motion: GroundMotion,
     interval: float | None,
     configured: float | None,
-    chosen: tuple[float, int] | None,
+    chosen: tuple[float, float] | None,
 ) -> Steps:
     """The steps of a configured finest step, or those that an accuracy starts from, or has come to."""
     if configured is not None:
@@ -198,8 +198,8 @@ def _steps(
     coarse = grid_steps(motion.dt, interval)
     if chosen is None:
         return coarse
-    finest, stride = chosen
-    return prepared.integrator.steps(finest, coarse.interval / stride, coarse.interval)
+    finest, base = chosen
+    return prepared.integrator.steps(finest, base, coarse.interval)
 
 
 def ground_at_steps(

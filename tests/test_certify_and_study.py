@@ -130,6 +130,19 @@ def test_what_cannot_be_certified_is_refused(result, tmp_path):
     np.savetxt(record, 2.0 * np.loadtxt(record))
     code, _, err = call("certify", result)
     assert code == 2 and "was made with another record 'pulse'" in err
+    np.savetxt(record, 0.5 * np.loadtxt(record))
+    code, _, err = call("certify", spoilt(result, lambda d: d.assign_attrs(solver_base_step=-0.01)))
+    assert code == 2 and "solver_base_step must be a step in seconds, got -0.01" in err
+    code, _, err = call(
+        "certify",
+        spoilt(
+            result,
+            lambda d: d.drop_attrs(deep=False).assign_attrs(
+                {name: value for name, value in d.attrs.items() if name != "solver_base_step"}
+            ),
+        ),
+    )
+    assert code == 2 and "solver_base_step must be a step in seconds, got none" in err
     code, _, err = call("certify", spoilt(result, lambda d: d.drop_vars("mean_normal_force")))
     assert code == 2 and "holds no joint forces (mean_normal_force)" in err
 

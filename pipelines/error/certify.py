@@ -98,10 +98,7 @@ def certify(
         fine = reduce_scene(scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling and factoring the full model"):
         full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
-    finest, base_steps = (
-        float(str(run.attributes[f"solver_{name}"])) for name in ("finest_step", "base_steps")
-    )
-    settings = settings_for(job, model.prepared, motion, (finest, round(base_steps / _rows(run))))
+    settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
     sampled = passes is None and damped and scene.moving is None and float(run.time[-1]) > SHORTEST
     with clock.stage("cost", "timing a solution"):

@@ -58,8 +58,7 @@ def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: His
         where a step of the finer model does not converge.
     """
     start = cpu_time()
-    rows = len(history.time) - 1
-    chosen = history.stats["finest_step"], round(history.stats["base_steps"] / rows)
+    chosen = history.stats["finest_step"], history.stats["base_step"]
     settings = settings_for(job, finer.prepared, motion, chosen)
     system, duration = finer.prepared.system, job.config.transient.duration
     ground = ground_at_steps(motion, settings.steps.base, duration, system)

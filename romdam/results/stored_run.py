@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,6 +52,25 @@ class StoredRun:
     disp: Floats
     strain: Floats
     position: Floats
+
+    @property
+    def steps(self) -> tuple[float, float]:
+        """Finest and base step [s].
+
+        Raises
+        ------
+        ResultError
+            where the attributes that tell them are no steps, or the file is of before they were all told.
+        """
+        told = {name: self.attributes.get(name) for name in ("solver_finest_step", "solver_base_step")}
+        for name, value in told.items():
+            if not (isinstance(value, float) and 0.0 < value < math.inf):
+                raise ResultError(
+                    f"{self.path}: its attribute {name} must be a step in seconds, got "
+                    f"{'none' if value is None else value}; run the configuration again"
+                )
+        finest, base = (float(str(value)) for value in told.values())
+        return finest, base
 
     def refuse_other(self, position: Floats, unknowns: int) -> None:
         """Refuse a scene or a model that is not the one of this run.

@@ -67,7 +67,7 @@ class Case:
     def simulated(self, system: System, finest: float, integrator: str | None = None) -> History:
         """A run at a finest step [s]."""
         prepared = prepare(self.job, system, integrator)
-        settings = settings_for(self.job, prepared, self.motion, (finest, 1))
+        settings = settings_for(self.job, prepared, self.motion, (finest, self.motion.dt))
         if integrator is not None:
             interval = settings.steps.interval
             settings = replace(settings, steps=prepared.integrator.steps(finest, self.motion.dt, interval))

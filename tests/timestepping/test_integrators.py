@@ -248,8 +248,8 @@ def test_settings_of_a_job_and_of_a_run_that_an_accuracy_has_stepped():
     assert prepare(loose, oscillator(gaps=1)).integrator.force_change == 0.003  # never more than its own
     assert prepare(tight, oscillator(gaps=1)).integrator.force_change == 0.001
     assert settings_for(loose, prepared, motion).steps == Steps(0.01, 1)
-    assert settings_for(loose, prepared, motion, (0.00125, 1)).steps == Steps(0.01, 1, (2, 4))
-    assert settings_for(loose, prepared, motion, (0.00125, 2)).steps == Steps(0.005, 2, (4,))
+    assert settings_for(loose, prepared, motion, (0.00125, 0.01)).steps == Steps(0.01, 1, (2, 4))
+    assert settings_for(loose, prepared, motion, (0.00125, 0.005)).steps == Steps(0.005, 2, (4,))
 
 
 def test_the_declaration_loads_no_integrator():

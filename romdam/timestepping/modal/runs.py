@@ -303,6 +303,7 @@ def _outcomes(
             continue
         share = tries[run] / max(tries.sum(), 1.0)
         stats = _stats(runs, states, run) | {
+            "base_step": settings.steps.base,
             "finest_step": float(levels.step.dt.min()),
             "dynamic_modes": float(len(split.dynamic)),
             "quasi_static_modes": float(len(split.quasi_static)),
