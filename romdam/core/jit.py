@@ -265,7 +265,7 @@ def _guard(cache: Any) -> None:
         asked[0] = time.perf_counter()
         try:
             found = load(*place)
-        except Exception as error:
+        except Exception as error:  # whatever unpickling raises of a damaged file, or of another numba's
             log.info("%s: compiled functions cannot be read (%s); compiling again", cache.cache_path, error)
             with suppress(OSError):
                 cache.flush()
@@ -283,7 +283,7 @@ def _guard(cache: Any) -> None:
             log.info("compiled in %.0f s", seconds)
         try:
             save(*compiled)
-        except Exception as error:
+        except Exception as error:  # of the disk or of pickling: what is compiled works all the same
             log.info("%s: compiled functions cannot be kept (%s)", cache.cache_path, error)
 
     cache.load_overload, cache.save_overload = load_overload, save_overload

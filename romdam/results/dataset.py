@@ -24,7 +24,7 @@ from romdam.config.plausible import doubts
 from romdam.core.errors import ResultError
 from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion
-from romdam.core.sealed import Opened, examine, sealing
+from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.postprocess.concerns import concerns
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
@@ -273,7 +273,7 @@ def open_netcdf(path: Path, warn: bool = True) -> tuple[xr.Dataset, Opened]:
     known = examine(path)
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
-    except Exception as error:
+    except FAILURES as error:
         raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
     dataset, former = with_names_of_now(dataset)
     if "gap_joint" in dataset.coords and dataset.gap_joint.ndim == 1:
