@@ -38,6 +38,7 @@ from romdam.linalg.symmetric import Symmetric
 FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
 FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
 _DEPENDENT = 1e-8  # eigenvalue of the residual vectors' Gram matrix, relative, below which one is dropped
+_TOLD = 1e-7  # of a mode's size, from which on a finer basis takes its residual vector: round-off mirrors nothing
 _ALL = 2**62
 _RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _SOME = 30  # modes below a frequency, before they are counted
@@ -219,9 +220,9 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         orthonormality=modes.orthonormality,
         residual=modes.residual,
     )
-    sub = _with_residual_vectors(block, sub, solver, (choice.residual_vectors, None)).formed()
+    sub = _with_residual_vectors(block, sub, solver, (choice.residual_vectors, 0.0, None)).formed()
     yield replace(sub, omega2=without_roundoff(sub.omega2))
-    finer = _with_residual_vectors(block, sub, solver, (FINER_VECTORS, block.wet))
+    finer = _with_residual_vectors(block, sub, solver, (FINER_VECTORS, _TOLD, block.wet))
     yield replace(finer, omega2=without_roundoff(finer.omega2))
 
 
@@ -316,10 +317,15 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
 
 
 def _with_residual_vectors(
-    block: FreeBlock, sub: Substructure, solver: Solver, which: tuple[int, WetMass | None]
+    block: FreeBlock, sub: Substructure, solver: Solver, which: tuple[int, float, WetMass | None]
 ) -> Substructure:
-    """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced."""
-    (count, wet), K, M, retained = which, block.K, block.M, block.retained
+    """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced.
+
+    Parameters
+    ----------
+    which : of how many modes, the least size of an answer, and the water that the modes move
+    """
+    (count, least, wet), K, M, retained = which, block.K, block.M, block.retained
     T, V = sub.basis, sub.mix
     count = min(count, len(T) - V.shape[1])
     if not count:
@@ -331,8 +337,9 @@ def _with_residual_vectors(
     if wet is not None:
         unbalanced -= wet.inertia(low * lowest)
     D = over_interior(retained, solver.solve(unbalanced[~retained]))
-    for _ in range(2):  # what round-off leaves of the modes, and of the others, the second takes away
-        D = independent(D - T @ (V @ _onto(sub, M @ D)), M)
+    D = D - T @ (V @ _onto(sub, M @ D))
+    D = independent(D[:, np.sqrt((D * (M @ D)).sum(axis=0)) > least], M)
+    D = independent(D - T @ (V @ _onto(sub, M @ D)), M)  # what round-off left of the modes, and of the others
     KD = K @ D
     edge, own = _onto(sub, KD), D.T @ KD
     omega2, C = eigh(np.block([[np.diag(sub.omega2), edge], [edge.T, 0.5 * (own + own.T)]]))

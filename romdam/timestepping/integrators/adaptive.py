@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from romdam.core.system import History
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.modal.integrator import ModalIntegrator
 from romdam.timestepping.modal.mode_split import ModeSplit, split_by_damping
-from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts
+from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts, merged_start
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, cut_steps
@@ -57,8 +57,8 @@ class Adaptive(ModalIntegrator):
         self, simulations: Sequence[Simulation], settings: Settings, progress: Progress
     ) -> list[Outcome]:
         """Integrate with equivalent contacts merged where there are some, and expand the histories."""
-        smaller = [Simulation(self._merged(one, settings), one.ground) for one in simulations]
-        outcomes = super().advance(smaller, settings, progress)
+        smaller, own = self._smaller(simulations, settings)
+        outcomes = super().advance(smaller, own, progress)
         for i, ((prepared, _), outcome) in enumerate(zip(smaller, outcomes, strict=True)):
             if prepared.symmetry is not None and isinstance(outcome, History):
                 outcomes[i] = expand(outcome, prepared.symmetry)
@@ -66,11 +66,23 @@ class Adaptive(ModalIntegrator):
                 outcomes[i] = super().advance([simulations[i]], settings, progress)[0]
         return outcomes
 
+    def _smaller(
+        self, simulations: Sequence[Simulation], settings: Settings
+    ) -> tuple[Sequence[Simulation], Settings]:
+        """The simulations to integrate, and their settings; a start that does not mirror itself merges none."""
+        smaller = [Simulation(self._merged(one, settings), one.ground) for one in simulations]
+        if settings.start is None:
+            return smaller, settings
+        first = smaller[0].prepared
+        alike = first.symmetry is not None and all(one.prepared is first for one in smaller)
+        start = merged_start(settings.start, first) if alike else None
+        return (simulations, settings) if start is None else (smaller, replace(settings, start=start))
+
     def _merged(self, simulation: Simulation, settings: Settings) -> Prepared:
         """The system to integrate: with merged contacts where some are equivalent under the ground motion."""
         prepared, ground = simulation
         added = settings.shift is not None or prepared.system.pseudo_static is not None
-        if not self.merge_contacts or settings.start is not None or added:
+        if not self.merge_contacts or added:
             return prepared
         shaken = ground.any(axis=1)
         key = shaken.tobytes()

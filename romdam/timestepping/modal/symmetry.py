@@ -33,12 +33,15 @@ from scipy.sparse import csr_matrix, diags_array, eye_array
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
 from romdam.core.system import Coordinates, GapLaw, History, System
+from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.settings import Start
 
 _SAME = 1e-5  # relative, of frequencies squared
 _TOLD = 1e-5  # of the largest, by which values differ
 _MOVED = 1e-2  # direction among the modes of a frequency; those that gaps move have 0.4 or more, others 1e-4
 _DRIVEN = 1e-5  # of the most driven mode; those that mirror nothing of the loads have 1e-7
 _EXACT = 1e-6  # of the largest jump, what may be left out
+_MIRRORED = 1e-5  # of a state, what may be left out of it
 _LEAST = 1e-9  # of the largest omega^2: modes below it are rigid motions, and no lowest frequency
 _SHIFTS, _ABOVE = 5, 1e3  # values of s at which merging is proved, up to so many times the largest omega^2
 
@@ -163,6 +166,31 @@ def expand(history: History, symmetry: Symmetry) -> History:
         peaks=peaks,
         coordinates=None if merged is None else Coordinates(partial(_expanded, symmetry.modes, merged)),
     )
+
+
+def merged_start(start: Start, prepared: Prepared) -> Start | None:
+    """Give a state of the whole as the system with merged contacts has it; None where it is not that of one.
+
+    Parameters
+    ----------
+    prepared : with merged contacts
+    """
+    symmetry, d = prepared.symmetry, start.jump.shape[1]
+    assert symmetry is not None and prepared.whole is not None
+    spread = _spread(symmetry.gaps, symmetry.signs)
+    count = np.repeat(symmetry.count, d)
+    jump, traction = spread.T @ start.jump.ravel() / count, spread.T @ start.traction.ravel()
+    q, v = symmetry.modes.T @ start.q, symmetry.modes.T @ start.v
+    weight = np.sqrt(prepared.whole.system.K.diagonal())
+    for values, same in (
+        (start.jump.ravel(), spread @ jump),
+        (start.traction.ravel(), spread @ (traction / count)),
+        (weight * start.q, weight * (symmetry.modes @ q)),
+        (start.v, symmetry.modes @ v),
+    ):
+        if np.linalg.norm(values - same) > _MIRRORED * np.linalg.norm(values):
+            return None
+    return Start(q, v, jump.reshape(-1, d), traction.reshape(-1, d))
 
 
 def _times(values: Floats, factors: Floats) -> Floats:
