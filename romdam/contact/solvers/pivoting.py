@@ -128,10 +128,11 @@ def _adopt(W: Floats, set_: PivotingState) -> None:
     active, wanted = set_.active, set_.wanted
     changes, size = 0, 0
     for k in range(len(wanted)):
-        changes += int(active[k] != wanted[k])
-        size += int(wanted[k])
+        changes += active[k] ^ wanted[k]
     if changes == 0:
         return
+    for k in range(len(wanted)):
+        size += wanted[k]
     if 3 * changes > size:
         _rebuild(W, set_)
         return
@@ -158,10 +159,18 @@ def _evaluate(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> fl
         right[i] = y_free[order[i]]
     _minus_product(inverse, right, n, force)
     copy(y_free, out)
-    for a in range(n):
+    a = 0
+    while a + 4 <= n:
+        f0, f1, f2, f3 = force[a], force[a + 1], force[a + 2], force[a + 3]
+        r0, r1, r2, r3 = W[order[a]], W[order[a + 1]], W[order[a + 2]], W[order[a + 3]]
+        for j in range(len(out)):
+            out[j] += r0[j] * f0 + r1[j] * f1 + r2[j] * f2 + r3[j] * f3
+        a += 4
+    while a < n:
         f, row = force[a], W[order[a]]
         for j in range(len(out)):
             out[j] += row[j] * f
+        a += 1
     left = 0.0
     for a in range(n):
         left = max(left, abs(out[order[a]]))
@@ -259,7 +268,7 @@ def solve_unilateral(
     (W, Z), (force, failure, solver) = matrices, solved
     n, size, (tolerance, steady) = len(closed), 0, control
     for i in range(n):
-        size += int(closed[i])
+        size += closed[i]
     dual = 2 * size > n and len(Z) > 0
     set_, A, known = at(solver, OPEN_SET if dual else CLOSED_SET), W, y_free
     if dual:
