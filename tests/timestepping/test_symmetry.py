@@ -9,6 +9,7 @@ from scipy.sparse import csr_matrix, issparse
 from simulating import simulated
 
 from romdam.core.system import GapLaw, with_parameters
+from romdam.error.estimate import start_at
 from romdam.timestepping.modal import symmetry
 from romdam.timestepping.modal.symmetry import merge_equivalent_contacts
 
@@ -174,3 +175,19 @@ def test_modes_that_no_gap_touches_are_kept_where_the_loads_move_them():
     assert one.stats["integrated_gaps"] == 4
     assert np.abs(other.disp[:, 0]).max() > 1e-7
     assert_same(one, other, 1e-7)
+
+
+def test_a_start_that_mirrors_itself_is_merged_and_another_is_not():
+    """From a row of a run the rest of it, by four gaps for eight, or by all where modes start elsewhere."""
+    system = in_modes(mirrored())
+    whole = shaken(system)
+    row = 40
+    start = start_at(whole, system.law, row, whole.jump[row])
+    one, other = (shaken(system, start=start, merge_contacts=merge) for merge in (True, False))
+    assert (one.stats["integrated_gaps"], other.stats["integrated_gaps"]) == (4, 8)
+    assert_same(one, other, 1e-7)
+    uneven = start.q + 1e-3 * np.abs(start.q).max() * np.random.default_rng(0).normal(size=len(start.q))
+    moved = dataclasses.replace(start, q=uneven)
+    one, other = (shaken(system, start=moved, merge_contacts=merge) for merge in (True, False))
+    assert one.stats["integrated_gaps"] == 8
+    assert np.array_equal(one.jump, other.jump)

@@ -32,12 +32,14 @@ from romdam.reduction.interface import Interface
 from romdam.reduction.methods.craig_bampton import (
     FINER_VECTORS,
     FREE_SHIFT,
+    TOLD,
     FixedInterfaceModes,
     ModeChoice,
     Substructure,
     diagonalise,
     fixed_interface_modes,
     independent,
+    larger,
     lowest_with,
     over_interior,
     without_roundoff,
@@ -157,8 +159,8 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
     T.widen(len(modes.omega2))
     T.fill(T.shape[1], lambda a, b: over_interior(outer.retained, modes.Phi[:, a - boundary : b - boundary]))
     reduced, bases = _reduced(T, outer, modes.omega2 - shift), []
-    vectors = (choice.residual_vectors, None), (FINER_VECTORS, outer.wet)
-    for (count, wet), _ in zip(vectors, keys, strict=False):
+    vectors = (choice.residual_vectors, 0.0, None), (FINER_VECTORS, TOLD, outer.wet)
+    for (count, least, wet), _ in zip(vectors, keys, strict=False):
         if count:
             low, V = reduced.diagonalised(large)
             added = None if wet is None else wet.of(T.before(wet.operator) @ V)
@@ -166,7 +168,8 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
             unbalanced = _unbalanced(T, lowest - shift, some, outer, interior)
             if wet is not None:
                 unbalanced -= wet.inertia(T.combined(some) * lowest)[~outer.retained]
-            D = _orthogonal(T, V, over_interior(outer.retained, solver.solve(unbalanced)), outer.M)
+            D = over_interior(outer.retained, solver.solve(unbalanced))
+            D = _orthogonal(T, V, D, outer.M, least)
             reduced = _with_residual_vectors(T, reduced, D, outer, interior)
         bases.append(reduced)
     return _Ritz(T, outer, modes, bases)
@@ -188,11 +191,11 @@ def _unbalanced(T: OutOfCoreMatrix, lifted: Floats, V: Floats, outer: _Outer, in
     return left
 
 
-def _orthogonal(T: OutOfCoreMatrix, V: Floats, D: Floats, M: csr_matrix) -> Floats:
-    """Vectors D made M-orthonormal, and M-orthogonal to T, whose modes are T V."""
-    D = independent(D, M)
-    for _ in range(2):
-        D = independent(D - T.combined(V @ (V.T @ T.before((M @ D).T).T)), M)
+def _orthogonal(T: OutOfCoreMatrix, V: Floats, D: Floats, M: csr_matrix, least: float) -> Floats:
+    """Vectors D of at least this size made M-orthonormal, and M-orthogonal to T, whose modes are T V."""
+    for size in (least, 0.0):
+        D = D - T.combined(V @ (V.T @ T.before((M @ D).T).T))
+        D = independent(larger(D, M, size), M)
     return D
 
 

@@ -69,7 +69,7 @@ class Adaptive(ModalIntegrator):
     def _smaller(
         self, simulations: Sequence[Simulation], settings: Settings
     ) -> tuple[Sequence[Simulation], Settings]:
-        """The simulations to integrate, and their settings; a start that does not mirror itself merges none."""
+        """The simulations to integrate, and settings; a start that does not mirror itself merges none."""
         smaller = [Simulation(self._merged(one, settings), one.ground) for one in simulations]
         if settings.start is None:
             return smaller, settings
