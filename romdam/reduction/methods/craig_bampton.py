@@ -38,7 +38,7 @@ from romdam.linalg.symmetric import Symmetric
 FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
 FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
 _DEPENDENT = 1e-8  # eigenvalue of the residual vectors' Gram matrix, relative, below which one is dropped
-TOLD = 1e-7  # of a mode's size, from which on its residual vector is no round-off, which mirrors nothing
+ROUND_OFF = 1e-7  # of a mode's size: too much of a residual vector below it is that, and mirrors nothing
 _ALL = 2**62
 _RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _SOME = 30  # modes below a frequency, before they are counted
@@ -222,7 +222,7 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
     )
     sub = _with_residual_vectors(block, sub, solver, (choice.residual_vectors, 0.0, None)).formed()
     yield replace(sub, omega2=without_roundoff(sub.omega2))
-    finer = _with_residual_vectors(block, sub, solver, (FINER_VECTORS, TOLD, block.wet))
+    finer = _with_residual_vectors(block, sub, solver, (FINER_VECTORS, ROUND_OFF, block.wet))
     yield replace(finer, omega2=without_roundoff(finer.omega2))
 
 
@@ -337,9 +337,8 @@ def _with_residual_vectors(
     if wet is not None:
         unbalanced -= wet.inertia(low * lowest)
     D = over_interior(retained, solver.solve(unbalanced[~retained]))
-    D = D - T @ (V @ _onto(sub, M @ D))
-    D = independent(larger(D, M, least), M)
-    D = independent(D - T @ (V @ _onto(sub, M @ D)), M)  # what round-off left of the modes, and of the others
+    for size in (least, 0.0):  # what round-off leaves of the modes, and of the others, the second takes away
+        D = independent(larger(D - T @ (V @ _onto(sub, M @ D)), M, size), M)
     KD = K @ D
     edge, own = _onto(sub, KD), D.T @ KD
     omega2, C = eigh(np.block([[np.diag(sub.omega2), edge], [edge.T, 0.5 * (own + own.T)]]))

@@ -32,7 +32,7 @@ from romdam.reduction.interface import Interface
 from romdam.reduction.methods.craig_bampton import (
     FINER_VECTORS,
     FREE_SHIFT,
-    TOLD,
+    ROUND_OFF,
     FixedInterfaceModes,
     ModeChoice,
     Substructure,
@@ -159,7 +159,7 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
     T.widen(len(modes.omega2))
     T.fill(T.shape[1], lambda a, b: over_interior(outer.retained, modes.Phi[:, a - boundary : b - boundary]))
     reduced, bases = _reduced(T, outer, modes.omega2 - shift), []
-    vectors = (choice.residual_vectors, 0.0, None), (FINER_VECTORS, TOLD, outer.wet)
+    vectors = (choice.residual_vectors, 0.0, None), (FINER_VECTORS, ROUND_OFF, outer.wet)
     for (count, least, wet), _ in zip(vectors, keys, strict=False):
         if count:
             low, V = reduced.diagonalised(large)
@@ -194,8 +194,7 @@ def _unbalanced(T: OutOfCoreMatrix, lifted: Floats, V: Floats, outer: _Outer, in
 def _orthogonal(T: OutOfCoreMatrix, V: Floats, D: Floats, M: csr_matrix, least: float) -> Floats:
     """Vectors D of at least this size made M-orthonormal, and M-orthogonal to T, whose modes are T V."""
     for size in (least, 0.0):
-        D = D - T.combined(V @ (V.T @ T.before((M @ D).T).T))
-        D = independent(larger(D, M, size), M)
+        D = independent(larger(D - T.combined(V @ (V.T @ T.before((M @ D).T).T)), M, size), M)
     return D
 
 

@@ -169,7 +169,7 @@ def expand(history: History, symmetry: Symmetry) -> History:
 
 
 def merged_start(start: Start, prepared: Prepared) -> Start | None:
-    """Give a state of the whole as the system with merged contacts has it; None where it is not that of one.
+    """Give a state of the whole as the system with merged contacts has it; None where it mirrors nothing.
 
     Parameters
     ----------
@@ -185,6 +185,7 @@ def merged_start(start: Start, prepared: Prepared) -> Start | None:
     for values, same in (
         (start.jump.ravel(), spread @ jump),
         (start.traction.ravel(), spread @ (traction / count)),
+        (start.q, symmetry.modes @ q),  # rigid motions have no energy
         (weight * start.q, weight * (symmetry.modes @ q)),
         (start.v, symmetry.modes @ v),
     ):
