@@ -35,6 +35,13 @@ def named_folder(text: str | Path) -> Path:
     return Path(text)
 
 
+def _interval(seconds: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Seconds that go from a first to a later one, as they are."""
+    if seconds is not None and not 0.0 <= seconds[0] < seconds[1] < float("inf"):
+        raise typer.BadParameter(f"goes from a first to a later second, got {seconds[0]:g} to {seconds[1]:g}")
+    return seconds
+
+
 Config = Annotated[Path, typer.Argument(help="YAML file of the job.", metavar="CONFIG")]
 ResultFile = Annotated[Path, typer.Argument(help="NetCDF file that `romdam run` wrote.", metavar="RESULT")]
 Out = Annotated[
@@ -48,4 +55,11 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell what is don
 Json = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on stdout, and all else on stderr."),
+]
+Window = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        callback=_interval,
+        help="First and last second of the motion; 2 s around the largest displacement if not given.",
+    ),
 ]

@@ -8,7 +8,17 @@ from typing import Annotated
 import typer
 
 import romdam
-from romdam.commands.options import FAILED, Config, Json, Out, Quiet, ResultFile, Verbose, named_folder
+from romdam.commands.options import (
+    FAILED,
+    Config,
+    Json,
+    Out,
+    Quiet,
+    ResultFile,
+    Verbose,
+    Window,
+    named_folder,
+)
 from romdam.core.errors import RecordError
 
 
@@ -81,10 +91,7 @@ def plot(
         int | None,
         typer.Option(min=1, max=10_000, help="Frames of the series and of the GIF; 40 if not given."),
     ] = None,
-    window: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="First and last second of both; 2 s around the largest displacement if not given."),
-    ] = None,
+    window: Window = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -96,10 +103,6 @@ def plot(
     for option, value in (("--frames", frames), ("--window", window)):
         if value is not None and not (vtu or animation):
             raise typer.BadParameter("is of a series; give --vtu or --animation too", param_hint=option)
-    if window is not None and not 0.0 <= window[0] < window[1] < float("inf"):
-        raise typer.BadParameter(
-            f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
-        )
     stages, say = open_terminal(quiet, verbose)
     pictures = PlotOptions(fields, vtu, animation, frames or 40, window)
     with romdam.open_result(result) as opened:
@@ -118,10 +121,7 @@ def view(
         ),
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=10_000, help="Frames of the motion.")] = 40,
-    window: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="First and last second; 2 s around the largest displacement if not given."),
-    ] = None,
+    window: Window = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -129,10 +129,6 @@ def view(
     from romdam.pipelines.views import view_result
     from romdam.terminal import open_terminal
 
-    if window is not None and not 0.0 <= window[0] < window[1] < float("inf"):
-        raise typer.BadParameter(
-            f"goes from a first to a later second, got {window[0]:g} to {window[1]:g}", param_hint="--window"
-        )
     stages, say = open_terminal(quiet, verbose)
     with romdam.open_result(result) as opened:
         if page := view_result(opened, html, (frames, window), stages):
