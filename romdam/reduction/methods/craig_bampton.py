@@ -39,6 +39,7 @@ FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's e
 FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
 _DEPENDENT = 1e-8  # eigenvalue of the residual vectors' Gram matrix, relative, below which one is dropped
 ROUND_OFF = 1e-7  # of a mode's size: too much of a residual vector below it is that, and mirrors nothing
+_SAME = 1e-5  # relative, of frequencies squared that count as one
 _ALL = 2**62
 _RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _SOME = 30  # modes below a frequency, before they are counted
@@ -337,8 +338,9 @@ def _with_residual_vectors(
     if wet is not None:
         unbalanced -= wet.inertia(low * lowest)
     D = over_interior(retained, solver.solve(unbalanced[~retained]))
-    for size in (least, 0.0):  # what round-off leaves of the modes, and of the others, the second takes away
-        D = independent(larger(D - T @ (V @ _onto(sub, M @ D)), M, size), M)
+    D = larger(D - T @ (V @ _onto(sub, M @ D)), M, lowest, least)
+    D = independent(D, M)
+    D = independent(D - T @ (V @ _onto(sub, M @ D)), M)  # what round-off left of the modes, and of the others
     KD = K @ D
     edge, own = _onto(sub, KD), D.T @ KD
     omega2, C = eigh(np.block([[np.diag(sub.omega2), edge], [edge.T, 0.5 * (own + own.T)]]))
@@ -360,9 +362,19 @@ def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> 
     return low[:count], X @ C[:, :count]
 
 
-def larger(D: Floats, M: csr_matrix, least: float) -> Floats:
-    """Those of the vectors whose M-norm is above a size."""
-    return np.asarray(D[:, np.sqrt((D * (M @ D)).sum(axis=0)) > least])
+def larger(D: Floats, M: csr_matrix, omega2: Floats, least: float) -> Floats:
+    """The modes' residual vectors whose M-norm is above a size, of one frequency all or none.
+
+    Which modes of one frequency there are is round-off, and with it how large each one's vector is.
+
+    Parameters
+    ----------
+    omega2 : of the modes, ascending [1/s2]
+    """
+    together = np.cumsum(np.diff(omega2, prepend=omega2[:1]) > _SAME * omega2)
+    smallest = np.full(len(omega2), np.inf)
+    np.minimum.at(smallest, together, np.sqrt((D * (M @ D)).sum(axis=0)))
+    return np.asarray(D[:, smallest[together] > least]) if least else D
 
 
 def independent(D: Floats, M: csr_matrix) -> Floats:

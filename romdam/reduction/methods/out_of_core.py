@@ -169,7 +169,8 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
             if wet is not None:
                 unbalanced -= wet.inertia(T.combined(some) * lowest)[~outer.retained]
             D = over_interior(outer.retained, solver.solve(unbalanced))
-            D = _orthogonal(T, V, D, outer.M, least)
+            D = independent(larger(_apart(T, V, D, outer.M), outer.M, lowest, least), outer.M)
+            D = independent(_apart(T, V, D, outer.M), outer.M)
             reduced = _with_residual_vectors(T, reduced, D, outer, interior)
         bases.append(reduced)
     return _Ritz(T, outer, modes, bases)
@@ -191,11 +192,9 @@ def _unbalanced(T: OutOfCoreMatrix, lifted: Floats, V: Floats, outer: _Outer, in
     return left
 
 
-def _orthogonal(T: OutOfCoreMatrix, V: Floats, D: Floats, M: csr_matrix, least: float) -> Floats:
-    """Vectors D of at least this size made M-orthonormal, and M-orthogonal to T, whose modes are T V."""
-    for size in (least, 0.0):
-        D = independent(larger(D - T.combined(V @ (V.T @ T.before((M @ D).T).T)), M, size), M)
-    return D
+def _apart(T: OutOfCoreMatrix, V: Floats, D: Floats, M: csr_matrix) -> Floats:
+    """Part of vectors D that is M-orthogonal to T, whose modes are T V."""
+    return np.asarray(D - T.combined(V @ (V.T @ T.before((M @ D).T).T)))
 
 
 def _with_residual_vectors(
