@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import eigh, subspace_angles
+from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 from small_scenes import (
     DAMPING,
@@ -21,6 +22,7 @@ from small_scenes import (
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
+from romdam.reduction.methods.craig_bampton import larger
 
 LAWS = {
     "penalty": {},
@@ -352,3 +354,13 @@ def test_a_block_without_interior_takes_a_cutoff():
     small = reduced(scene(config), cutoff=100.0)
     assert small.report["low"]["fixed_interface_modes"] == 0
     assert small.system.size == 2 * 12
+
+
+def test_small_residual_vectors_are_left_out_with_those_of_their_frequency():
+    """Two rigid motions whose omega^2 is round-off, a mode of its own, and two pairs."""
+    omega2 = np.array([-3e-9, 2e-10, 5.0, 9.0, 9.0 + 1e-8, 20.0, 20.01])
+    D = np.diag([1e-12, 1e-11, 2e-7, 3e-7, 1e-9, 3e-7, 1e-9])
+    assert np.flatnonzero(larger(D, csr_matrix(np.eye(7)), omega2, 1e-7).any(axis=1)).tolist() == [2, 5]
+    assert larger(D, csr_matrix(np.eye(7)), omega2, 0.0) is D
+    heavy = csr_matrix(1e6 * np.eye(7))  # sizes are in the norm of the mass
+    assert np.flatnonzero(larger(D, heavy, omega2, 1e-7).any(axis=1)).tolist() == [2, 3, 4, 5, 6]

@@ -369,9 +369,9 @@ def larger(D: Floats, M: csr_matrix, omega2: Floats, least: float) -> Floats:
 
     Parameters
     ----------
-    omega2 : of the modes, ascending [1/s2]
+    omega2 : of the modes, ascending; of rigid motions round-off, which may be negative [1/s2]
     """
-    together = np.cumsum(np.diff(omega2, prepend=omega2[:1]) > _SAME * omega2)
+    together = np.append(0, np.cumsum(np.diff(omega2) > _SAME * omega2[1:]))
     smallest = np.full(len(omega2), np.inf)
     np.minimum.at(smallest, together, np.sqrt((D * (M @ D)).sum(axis=0)))
     return np.asarray(D[:, smallest[together] > least]) if least else D
