@@ -173,6 +173,8 @@ def test_stiff_gaps_with_strong_coupling_converge(seed, n, mu, K_n, K_s):
     check(case, *solve(case)[:3])
 
 
+@example(seed=25, n=21, K_n=1e14)  # round-off of a force turned its sign for ever
+@example(seed=47, n=26, K_n=1e14)
 @given(seed=_SEED, n=st.integers(2, 60), K_n=st.sampled_from([1e10, 1e14]))
 @settings(max_examples=60, deadline=None)
 def test_nearly_dependent_gaps(seed, n, K_n):

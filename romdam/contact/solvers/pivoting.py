@@ -206,19 +206,24 @@ def _change(W: Floats, set_: PivotingState, k: int) -> None:
 
 @njit(cache=True)
 def _change_until_feasible(
-    W: Floats, set_: PivotingState, y_free: Floats, out: Floats, most: int
+    W: Floats, set_: PivotingState, y_free: Floats, out: Floats, control: tuple[int, float]
 ) -> tuple[int, float]:
     """Change sides until no gap is infeasible.
+
+    Parameters
+    ----------
+    control : (most changes, share of the largest free opening that is round-off of an opening, or of what one
+        gap's force moves, where that is more than usual)
 
     Returns
     -------
     (changes, residual) : made, or -1 where more than `most` would be needed; the largest residual of a closed
         gap relative to the largest |y_free|
     """
-    active, wanted, size = set_.active, set_.wanted, 0.0
+    active, wanted, size, (most, share) = set_.active, set_.wanted, 0.0, control
     for i in range(len(y_free)):
         size = max(size, abs(y_free[i]))
-    slack = (_NO_FORCE * size / set_.counts.largest, _NO_OPENING * size)
+    slack = (max(_NO_FORCE, share) * size / set_.counts.largest, max(_NO_OPENING, share) * size)
     best, patience, changes = len(active) + 1, _PATIENCE, 0
     while True:
         left = _evaluate(W, set_, y_free, out)
@@ -281,13 +286,15 @@ def solve_unilateral(
         set_.wanted[i] = closed[i] != dual
     _adopt(A, set_)
     out, most = set_.scratch[SOLUTION], 0 if steady else _MOST_CHANGES_PER_GAP * n
-    changes, residual = _change_until_feasible(A, set_, known, out, most)
+    changes, residual = _change_until_feasible(A, set_, known, out, (most, 0.0))
     if steady and changes < 0:
         return np.inf
     if changes < 0 or residual > _LOST * tolerance or set_.counts.updates > _REFRESH:
         copy(set_.active, set_.wanted)
         _rebuild(A, set_)
-        changes, residual = _change_until_feasible(A, set_, known, out, most)
+        changes, residual = _change_until_feasible(A, set_, known, out, (most, 0.0))
+    if changes < 0:  # forces of gaps that determine each other lose more digits: all are within the tolerance
+        changes, residual = _change_until_feasible(A, set_, known, out, (most, tolerance / n))
     if not residual <= tolerance:
         failure.gap = out.argmin()
         return residual
