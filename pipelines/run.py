@@ -280,7 +280,7 @@ def _shared(model: Model, goal: Goal, clock: Clock) -> tuple[Model, dict[str, st
     None of it is asked for before the first record is integrated.
     """
     with replace(clock, show=silent).stage("stress_fields", "stress of the modes"):
-        model = replace(model, stress=stress_fields(model.scene, model.reduced))
+        model = replace(model, stress=stress_fields(model.scene, model.reduced, goal.folder))
     files = write_shared(goal.folder, model)
     if goal.figures:
         import_module(_PLOTS)
@@ -349,12 +349,9 @@ def run_motion(
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
-    estimating = partial(_estimated, job, model, motion, history, clock)
-    with beside(estimating, model.mesh_unknowns) as estimated:
-        with clock.stage("stress", "summing up the stress"):
-            history, stress = stress_of(model.scene, model.stress, history)
-        made, estimate = estimated()
-        history = replace(history, stats=made.stats, warnings=made.warnings)
+    history, estimate = _estimated(job, model, motion, history, clock)
+    with clock.stage("stress", "summing up the stress"):
+        history, stress = stress_of(model.scene, model.stress, history)
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         case = Case(model.scene, motion, history, stress)
@@ -377,7 +374,7 @@ def _estimated(
     """Estimate a run's error, see `with_estimates`; nothing is timed where none is made."""
     if model.finer is None:
         return history, None
-    with replace(clock, show=silent).stage("estimate", "estimating the error"):
+    with clock.stage("estimate", "estimating the error"):
         return with_estimates(job, model, motion, history)
 
 

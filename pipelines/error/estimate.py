@@ -11,7 +11,7 @@ from romdam.core.errors import recoverable, told
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
-from romdam.core.threads import cpu_time
+from romdam.core.threads import at_once, cpu_time
 from romdam.error.estimate import FinerModel, estimate_error, estimate_time_error
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
@@ -74,18 +74,24 @@ def with_estimates(
     There is neither where the model has no finer one nor where one of the two fails, as it does where a step
     does not converge: the run says why in its warnings.
     """
-    if model.finer is None:
+    if (finer := model.finer) is None:
         return history, None
+
+    def of_modes() -> ErrorStatement:
+        return estimate_run(job, finer, motion, history)
+
+    def of_steps() -> dict[str, float]:
+        if "estimated_time_error" in history.stats:
+            return {}
+        return {"estimated_time_error": estimate_steps(job, model.prepared, motion, history)}
+
     try:
-        statement = estimate_run(job, model.finer, motion, history)
-        if "estimated_time_error" not in history.stats:
-            of_steps = estimate_steps(job, model.prepared, motion, history)
-            history = replace(history, stats=history.stats | {"estimated_time_error": of_steps})
+        statement, more = at_once(of_modes, of_steps, model.mesh_unknowns)
     except recoverable() as error:
         why = f"its error is not estimated: {told(error)}"
         log.warning("%s: %s", motion.name, why)
         return replace(history, warnings=(*history.warnings, why)), None
-    return history, statement
+    return replace(history, stats=history.stats | more), statement
 
 
 def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: History) -> float:

@@ -16,7 +16,8 @@ rows at a time, a twentieth of a large reduction: they stay at one thread, so th
 depends on the number of cores. Nothing of numba's is compiled to run in parallel.
 
 A second core works on what is independent instead: on tasks that are cut alike whatever does them, their
-results taken in their order (`side_by_side`), and, of large models, on what nobody waits for yet (`beside`).
+results taken in their order (`side_by_side`), and, of large models, on the second of two (`at_once`) and on
+what nobody waits for yet (`beside`).
 Products, hashes and compiled functions let other Python threads go on; what they do not is what a small model
 takes its time for. A job whose blocks are kept, one thread against two, medians:
 
@@ -48,13 +49,14 @@ if TYPE_CHECKING:
     from threadpoolctl import LibController
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 VARIABLES = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "NUMEXPR"))
 
 # unknowns for each thread, measured on two cores: a second one takes a fourth to two fifths off the wall
 DENSE_EIGENPROBLEM = 2_000
 PARDISO = 30_000
-BESIDE = 40_000  # unknowns of a mesh from which a second thread works on what nobody waits for
+BESIDE = 40_000  # unknowns of a mesh from which a second thread works beside what is not cut into tasks
 
 _MOST = 2  # Python threads of a job: they take turns at the interpreter, and each has memory of its own
 
@@ -145,8 +147,24 @@ def beside(task: Callable[[], T], unknowns: int) -> Iterator[Callable[[], T]]:
         yield thread.submit(task).result
 
 
+def at_once(first: Callable[[], T], second: Callable[[], U], unknowns: int) -> tuple[T, U]:
+    """Results of two tasks that a run waits for; another thread works on the second.
+
+    Without one, the second follows the first.
+
+    Parameters
+    ----------
+    unknowns : of the mesh; the tasks of a small one follow each other, too
+    """
+    if unknowns < BESIDE or helpers() == 1:
+        return first(), second()
+    with ThreadPoolExecutor(1) as thread:
+        due = thread.submit(_timed, second)
+        return first(), _taken(due)
+
+
 def cpu_time() -> float:
-    """CPU seconds of this thread, and of what has worked for it: `side_by_side` and threads of libraries."""
+    """CPU seconds of this thread and of what has worked for it: `side_by_side`, `at_once`, libraries."""
     return time.thread_time() + float(getattr(_own, "helped", 0.0))
 
 
