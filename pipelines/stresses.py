@@ -5,7 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Floats
+from romdam.core.basis import BlockBasis
+from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.fem.gaps import water_force
@@ -15,42 +22,83 @@ from romdam.fem.sections import (
     lost_static_forces,
     modal_section_forces,
 )
-from romdam.fem.stress import modal_stress, with_carried_stress
+from romdam.fem.stress import carried_stress, modal_stress, stress_operators
+from romdam.linalg.dense import factors
 from romdam.postprocess.stress.sections import gap_section_forces, section_forces
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
+from romdam.reduction.storage.keys import code_digest
 from romdam.reduction.storage.staging import initial_forces, initial_stress
 from romdam.reduction.synthesis import ReducedModel
-from romdam.results.stress.file import StressFields
+from romdam.results.stress.file import StressFields, kept_stress
 
 log = logging.getLogger(__name__)
 
 
-def stress_fields(scene: Scene, reduced: ReducedModel | None) -> dict[str, StressFields]:
-    """Stress of every reduced coordinate at stress nodes and on sections; none at full order."""
+def stress_fields(
+    scene: Scene, reduced: ReducedModel | None, folder: Path | None = None
+) -> dict[str, StressFields]:
+    """Stress of every reduced coordinate at stress nodes and on sections; none at full order.
+
+    Parameters
+    ----------
+    folder : of results, where an earlier run may have left them
+    """
     if reduced is None or scene.stress is None:
         return {}
-    fields, offset = modal_stress(scene, reduced.basis), initial_stress(scene, reduced.basis)
-    sections, initial = modal_section_forces(scene, reduced.basis), initial_forces(scene, reduced.basis)
-    moving = reduced.system.pseudo_static
-    for name, share in lost_static_forces(scene, reduced.basis, sections).items():
+    basis, operators = reduced.basis, stress_operators(scene)
+    offset = initial_stress(scene, operators, basis)
+    sections, initial = modal_section_forces(scene, basis), initial_forces(scene, basis)
+    for name, share in lost_static_forces(scene, basis, sections).items():
         if share > LOST_LIMIT:
             log.warning(
                 "outputs.stress.sections.%s: the modes leave out %.2g %% of the static loads above it (limit "
                 "%g %%); raise model.modes or model.cutoff", name, 100 * share, 100 * LOST_LIMIT,
             )  # fmt: skip
-    if moving is not None:
-        fields, sections = with_carried_stress(scene, moving, fields, sections)
+    moving = reduced.system.pseudo_static
+    carried = {} if moving is None else carried_stress(scene, moving)
+    for name, (_, own) in carried.items():
+        sections[name] = np.dstack([sections[name], own])
+    stress_carried = {name: own for name, (own, _) in carried.items()}
+    made_of = {
+        name: _made_of(name, operator, basis[name], (offset[name], stress_carried.get(name)))
+        for name, operator in operators.items()
+    }
+    kept = {} if folder is None else kept_stress(folder, made_of)
+    found = kept or _factors(modal_stress(operators, basis), stress_carried)
     return {
         name: StressFields(
-            sites.nodes,
-            fields[name],
+            scene.stress.blocks[name].nodes,
+            *fields,
             offset[name],
-            reduced.basis[name].columns,
+            basis[name].columns,
+            made_of[name],
             sections[name],
             initial[name],
         )
-        for name, sites in scene.stress.blocks.items()
+        for name, fields in found.items()
     }
+
+
+def _made_of(name: str, operator: csr_matrix, basis: BlockBasis, beside: tuple[Floats, Floats | None]) -> str:
+    """SHA-256 that differs where a block's fields do: of the stress of a random motion, and of the code.
+
+    Parameters
+    ----------
+    beside : the offset, and what moving supports make
+    """
+    q = np.random.default_rng(0).standard_normal(basis.vectors.shape[1])
+    columns = basis.columns.start, basis.columns.stop
+    return fingerprint((code_digest(), name, columns, operator @ basis.vectors.apply(q), beside))
+
+
+def _factors(fields: Mapping[str, Floats], carried: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
+    """Block name -> (k, 6, r) and (r, m) whose product its fields are, those of moving supports last."""
+    found = {}
+    for name, own in fields.items():
+        whole = np.dstack([own, carried[name]]) if name in carried else own
+        left, right = factors(whole.reshape(-1, whole.shape[2]))
+        found[name] = left.reshape(len(own), 6, left.shape[1]), right
+    return found
 
 
 def stress_of(
@@ -63,7 +111,7 @@ def stress_of(
         coordinates = {name: own.coordinates(history) for name, own in fields.items()}
         source = StressHistory(
             fields={name: own.fields for name, own in fields.items()},
-            coordinates=coordinates,
+            coordinates={name: q @ fields[name].combinations.T for name, q in coordinates.items()},
             offset={name: own.offset for name, own in fields.items()},
             sections=section_forces(
                 (coordinates[name], own.sections, own.section_offset) for name, own in fields.items()
@@ -82,7 +130,8 @@ def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:
     assert scene.stress is not None
     probes, nodes = 3 * len(scene.probes), {name: len(s.nodes) for name, s in scene.stress.blocks.items()}
     end = probes + 6 * sum(nodes.values())
-    source = StressHistory.observed(history.disp[:, probes:end], nodes, initial_stress(scene))
+    offset = initial_stress(scene, stress_operators(scene))
+    source = StressHistory.observed(history.disp[:, probes:end], nodes, offset)
     forces = history.disp[:, end:].reshape(len(history.time), -1, 6) + sum(initial_forces(scene).values())
     motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
     return replace(history, **motion), replace(source, sections=forces)

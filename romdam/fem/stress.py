@@ -69,16 +69,21 @@ def stress_operator(block: Block, nodes: Ints) -> csr_matrix:
     return csr_matrix(total)
 
 
-def modal_stress(scene: Scene, basis: Mapping[str, BlockBasis]) -> dict[str, Floats]:
-    """Stress of every basis vector at the scene's stress nodes: block name -> (k, 6, m) [Pa kg-0.5]."""
-    if scene.stress is None:
-        return {}
-    found = {}
-    for name, sites in scene.stress.blocks.items():
-        operator = stress_operator(scene.blocks[name], sites.nodes)
-        vectors = basis[name].vectors
-        found[name] = vectors.under(operator).reshape(len(sites.nodes), 6, vectors.shape[1])
-    return found
+def stress_operators(scene: Scene) -> dict[str, csr_matrix]:
+    """Block name -> stress at its stress nodes from its displacement, see `stress_operator`."""
+    sites = scene.stress.blocks if scene.stress is not None else {}
+    return {name: stress_operator(scene.blocks[name], own.nodes) for name, own in sites.items()}
+
+
+def modal_stress(operators: Mapping[str, csr_matrix], basis: Mapping[str, BlockBasis]) -> dict[str, Floats]:
+    """Stress of every basis vector at stress nodes: block name -> (k, 6, m) [Pa kg-0.5].
+
+    Parameters
+    ----------
+    operators : see `stress_operators`
+    """
+    made = {name: basis[name].vectors.under(operator) for name, operator in operators.items()}
+    return {name: rows.reshape(len(rows) // 6, 6, rows.shape[1]) for name, rows in made.items()}
 
 
 def observed_stress(scene: Scene) -> csr_matrix:
@@ -127,15 +132,6 @@ def carried_stress(scene: Scene, moving: PseudoStatic) -> dict[str, tuple[Floats
         own, size = moving.shapes[name], (-1, 6, len(moving.stiffness))
         found[name] = (stress @ own).reshape(size), (section @ own).reshape(size)
     return found
-
-
-def with_carried_stress(
-    scene: Scene, moving: PseudoStatic, fields: dict[str, Floats], sections: dict[str, Floats]
-) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Stress and section forces per coordinate, block by block, with `carried_stress` behind."""
-    more = carried_stress(scene, moving)
-    stress = {name: np.dstack([fields[name], own]) for name, (own, _) in more.items()}
-    return stress, {name: np.dstack([sections[name], own]) for name, (_, own) in more.items()}
 
 
 def thermal_stress(scene: Scene) -> dict[str, Floats]:

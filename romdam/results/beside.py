@@ -46,7 +46,7 @@ def write_beside(
         where the folder or the disk refuses it.
     """
     kind, layout = about
-    if made_of is not None and (there := _made_before(folder, kind, made_of)) is not None:
+    if made_of is not None and (there := made_before(folder, about, made_of)) is not None:
         return there.name
     try:
         with own_folder(folder) as own:
@@ -64,13 +64,20 @@ def write_beside(
     return path.name
 
 
-def _made_before(folder: Path, kind: str, made_of: str) -> Path | None:
-    """The whole file of a content under its own name, where one of the newest is that."""
+def made_before(folder: Path, about: tuple[str, str], made_of: str) -> Path | None:
+    """The whole file of a content under its own name, where one of the newest is that.
+
+    Parameters
+    ----------
+    about, made_of : see `write_beside`
+    """
+    kind, layout = about
     for path in _newest(folder, f"{kind}-{'?' * _DIGITS}.h5"):
         try:
             with reading(path, only_sealed=True) as file:
                 named = text_of(file, "content_sha256")[:_DIGITS] == path.stem.rpartition("-")[2]
-                if named and "made_of" in file.attrs and text_of(file, "made_of") == made_of:
+                alike = text_of(file, "format") == layout and text_of(file, "made_of") == made_of
+                if named and alike:
                     return path
         except ResultError:
             continue
@@ -97,13 +104,13 @@ def _is_written(path: Path, digest: str) -> bool:
 
 
 def open_beside(
-    result: Path, name: str, about: tuple[str, str], content: Callable[[h5py.File], str]
+    result: Path, name: str, about: tuple[str, ...], content: Callable[[h5py.File], str]
 ) -> h5py.File:
     """Open the file of a name beside a result.
 
     Parameters
     ----------
-    about : kind and format
+    about : kind, format, and those of versions before that can be read
     content : the SHA-256 of what stands in an open file, asked for where its bytes carry no digest
 
     Raises
@@ -111,7 +118,7 @@ def open_beside(
     ResultError
         where it is not there, damaged, or of another model, version or kind.
     """
-    kind, layout = about
+    kind, *layouts = about
     name = Path(name).name  # a result never points outside its own folder
     if not re.fullmatch(rf"{kind}-[0-9a-f]{{{_DIGITS}}}\.h5", name):
         raise ResultError(f"{result}: its attribute {kind}_file names no such file: {shown(name)}")
@@ -127,18 +134,18 @@ def open_beside(
     except OSError as error:
         raise ResultError(f"{path}: cannot be opened ({error})") from error
     try:
-        _check(file, path, (layout, sealed, content))
+        _check(file, path, (layouts, sealed, content))
     except BaseException:
         file.close()
         raise
     return file
 
 
-def _check(file: h5py.File, path: Path, expected: tuple[str, bool, Callable[[h5py.File], str]]) -> None:
-    layout, sealed, content = expected
-    if text_of(file, "format") != layout:
+def _check(file: h5py.File, path: Path, expected: tuple[list[str], bool, Callable[[h5py.File], str]]) -> None:
+    layouts, sealed, content = expected
+    if text_of(file, "format") not in layouts:
         raise ResultError(
-            f"{path}: is of format {shown(text_of(file, 'format'))}, this version reads {layout!r}; "
+            f"{path}: is of format {shown(text_of(file, 'format'))}, this version reads {layouts[0]!r}; "
             "run it again"
         )
     try:

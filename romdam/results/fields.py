@@ -281,9 +281,9 @@ class Result:
         kept = read_stress(self._whole, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
         q = self._coordinates(times, kept.columns)
         supports = self._supports(times) if kept.carried else np.zeros((len(q), 0))
-        coordinates = np.hstack([q.values, supports])
+        combined = np.hstack([q.values, supports]) @ kept.combinations.T
         return xr.DataArray(
-            np.einsum("ncm,tm->tnc", kept.fields, coordinates, optimize=True) + kept.offset,
+            np.einsum("ncr,tr->tnc", kept.fields, combined, optimize=True) + kept.offset,
             dims=("time", "point", "stress_component"),
             coords={"time": q.time.values, "point": kept.nodes, "stress_component": list(COMPONENTS)},
             name="stress",

@@ -12,6 +12,7 @@ from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import hydrostatic_force, static_force, surface_force, thermal_force
+from romdam.fem.stress import stress_operators
 from romdam.fem.unreduced import assemble_full
 from romdam.linalg.factor import Factor
 from romdam.reduction.methods.craig_bampton import ModeChoice
@@ -176,7 +177,7 @@ def test_staged_displacement_comes_out_of_the_basis_of_a_part():
 def test_staged_stress_carries_the_weight():
     """The mean vertical stress at the middle of a pillar's height is the weight above it."""
     scene = build(pillars("staged"))
-    stress = initial_stress(scene)["left"]
+    stress = initial_stress(scene, stress_operators(scene))["left"]
     points = scene.blocks["left"].points[scene.stress.blocks["left"].nodes]
     middle = points[:, 2] == 3.0
     weight = np.outer([0.5, 1.0, 0.5], [0.5, 1.0, 0.5]).ravel() / 4.0

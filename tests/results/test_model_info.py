@@ -65,7 +65,7 @@ def test_another_file_is_refused(tmp_path):
 
 
 def test_a_stress_file_is_told_from_one_of_blocks(tmp_path):
-    fields = StressFields(np.arange(2), np.ones((2, 6, 3)), np.zeros((2, 6)), slice(0, 3))
+    fields = StressFields(np.arange(2), np.ones((2, 6, 3)), np.eye(3), np.zeros((2, 6)), slice(0, 3), "ones")
     path = tmp_path / write_stress(tmp_path, {"tower": fields})
     with pytest.raises(ResultError, match=r"holds the stress of modes.* name the file .*model-\*\.h5"):
         model_lines(path)

@@ -12,6 +12,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
 from romdam.core.scene import StressFace, StressNodes, StressSites
+from romdam.pipelines import stresses
 from romdam.postprocess.stress.summary import (
     DCR_LEVELS,
     StressHistory,
@@ -140,12 +141,12 @@ def outcome(request, outcomes):
     return request.param, outcomes[request.param]
 
 
-def shaken(order, folder, transient=None):
+def shaken(order, folder, transient=None, modulus="30 GPa"):
     t = np.arange(0.0, 0.2001, 0.01)
     np.savetxt(folder / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5 * t))
     sizes = {"size": ["2 m", "2 m", "8 m"], "element_size": 1.0, "element": "hex8"}
     raw = {
-        "materials": {"c": {"E": "30 GPa", "nu": 0.2, "rho": 2400}},
+        "materials": {"c": {"E": modulus, "nu": 0.2, "rho": 2400}},
         "blocks": {
             "left": {"material": "c", "box": {"origin": [0, -2, 0], **sizes}},
             "right": {"material": "c", "box": {"origin": [0, 0, 0], **sizes}},
@@ -213,6 +214,32 @@ def test_history_of_any_node_comes_from_the_stress_file(outcome):
         np.testing.assert_allclose(kept, envelope, rtol=1e-10)
         with pytest.raises(ResultError, match=r"no stress was kept for node 80 .* of block 'right'"):
             result.stress("right", nodes=80)
+
+
+def test_a_later_run_takes_the_stress_of_the_modes_from_the_file_where_it_is_that(tmp_path, monkeypatch):
+    """Not from a damaged one, nor from that of another dam or of other code."""
+    made, modal_stress = [], stresses.modal_stress
+
+    def counted(*args):
+        made.append(len(made))
+        return modal_stress(*args)
+
+    monkeypatch.setattr(stresses, "modal_stress", counted)
+    first = xr.load_dataset(shaken("reduced", tmp_path), engine="h5netcdf")
+    again = xr.load_dataset(shaken("reduced", tmp_path), engine="h5netcdf")
+    assert len(made) == 1
+    for name in first.data_vars:
+        np.testing.assert_array_equal(first[name], again[name], err_msg=str(name))
+    (path,) = tmp_path.glob("stress-*.h5")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:])
+    shaken("reduced", tmp_path)
+    assert len(made) == 2 and path.read_bytes()[:5001] == whole[:5001]
+    softer = xr.load_dataset(shaken("reduced", tmp_path, modulus="20 GPa"), engine="h5netcdf")
+    assert len(made) == 3 and softer.attrs["stress_file"] != first.attrs["stress_file"]
+    monkeypatch.setattr(stresses, "code_digest", lambda: "other")
+    shaken("reduced", tmp_path, modulus="20 GPa")
+    assert len(made) == 4
 
 
 def test_all_modes_give_the_stress_of_the_full_order(outcomes):

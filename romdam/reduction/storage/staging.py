@@ -19,7 +19,7 @@ from romdam.fem.assembly import assemble_mass
 from romdam.fem.loads import weight_force
 from romdam.fem.parts import assemble_part, gather
 from romdam.fem.sections import initial_section_forces
-from romdam.fem.stress import stress_operator, thermal_stress
+from romdam.fem.stress import thermal_stress
 from romdam.linalg.factor import Factor
 from romdam.scene.elements import Floats
 from romdam.scene.ties import Part, scene_parts
@@ -82,20 +82,23 @@ def initial_forces(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) 
     return initial_section_forces(scene, staged_displacement(scene, basis))
 
 
-def initial_stress(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) -> dict[str, Floats]:
+def initial_stress(
+    scene: Scene, operators: Mapping[str, csr_matrix], basis: Mapping[str, BlockBasis] | None = None
+) -> dict[str, Floats]:
     """Stress that the joints' structure does not make: block name -> (k, 6) at its stress nodes [Pa].
 
-    That of thermal expansion held back, and of weight that acted before the joints were grouted; `basis` as
-    in `staged_displacement`.
+    That of thermal expansion held back, and of weight that acted before the joints were grouted.
+
+    Parameters
+    ----------
+    operators : see `romdam.fem.stress.stress_operators`
+    basis : as in `staged_displacement`
     """
     found = thermal_stress(scene)
-    if scene.stress is None or not scene.staged_weight:
+    if not scene.staged_weight:
         return found
     displacement = staged_displacement(scene, basis)
     return {
-        name: offset
-        + (
-            stress_operator(scene.blocks[name], scene.stress.blocks[name].nodes) @ displacement[name].ravel()
-        ).reshape(offset.shape)
+        name: offset + (operators[name] @ displacement[name].ravel()).reshape(offset.shape)
         for name, offset in found.items()
     }

@@ -2,18 +2,22 @@
 
 The file (HDF5, `stress-<first 12 of its content's SHA-256>.h5`, one per model, beside the results):
 
-    /                       attributes: format, content_sha256, source
-    /blocks/<name>/nodes    (k,) node numbers, ascending
-    /blocks/<name>/fields   (k, 6, m) stress per reduced coordinate, xx yy zz xy yz xz [Pa kg-0.5];
-                            attribute first: the block's first column of `reduced_coordinates`; where supports
-                            move those per `support_displacement` behind, so many as attribute carried
-    /blocks/<name>/offset   (k, 6) stress without displacement [Pa]
+    /                             attributes: format, content_sha256, source, made_of
+    /blocks/<name>/nodes          (k,) node numbers, ascending
+    /blocks/<name>/fields         (k, 6, r) stress, xx yy zz xy yz xz [Pa kg-0.5], of the r combinations of
+                                  reduced coordinates that make some
+    /blocks/<name>/combinations   (r, m) of `reduced_coordinates`, and where supports move of
+                                  `support_displacement` behind them, so many as attribute carried; attribute
+                                  first: the block's first column of `reduced_coordinates`
+    /blocks/<name>/offset         (k, 6) stress without displacement [Pa]
+
+Files of romdam 0.1 have no combinations: their fields are (k, 6, m), with these attributes.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,40 +28,49 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
+from romdam.core.fingerprint import fingerprint
+from romdam.core.sealed import opened
 from romdam.core.system import History
-from romdam.results.beside import in_order, open_beside, write_beside
+from romdam.results.beside import in_order, made_before, open_beside, write_beside
 
-FORMAT = "romdam-stress-1"
+FORMAT, BEFORE = "romdam-stress-2", "romdam-stress-1"
+_ARRAYS = ("nodes", "fields", "combinations", "offset")
 Nodes = int | Sequence[int] | NDArray[np.integer[Any]] | None
 
 
 @dataclass(frozen=True)
 class StressFields:
-    """Stress of a block's nodes: fields @ q[columns] + offset, displacements of moving supports behind q's.
+    """Stress of a block's nodes: fields @ combinations @ q[columns] + offset.
+
+    Where supports move, their displacements follow q's.
 
     Attributes
     ----------
     nodes : (k,) node numbers
-    fields : (k, 6, m) [Pa kg-0.5]
+    fields : (k, 6, r) [Pa kg-0.5]
+    combinations : (r, m) of the coordinates, see `romdam.linalg.dense`
     offset : (k, 6) [Pa]
     columns : the block's slice of q
+    made_of : digest that differs where these do; empty where they were read
     sections, section_offset : (sections, 6, m), (sections, 6) the same of forces on sections; not in the file
     """
 
     nodes: NDArray[np.int64]
     fields: Floats
+    combinations: Floats
     offset: Floats
     columns: slice
+    made_of: str
     sections: Floats = field(default_factory=lambda: np.zeros((0, 6, 0)))
     section_offset: Floats = field(default_factory=lambda: np.zeros((0, 6)))
 
     @property
     def carried(self) -> int:
         """Number of the fields that are per displacement of a moving support."""
-        return self.fields.shape[2] - (self.columns.stop - self.columns.start)
+        return self.combinations.shape[1] - (self.columns.stop - self.columns.start)
 
     def coordinates(self, history: History) -> Floats:
-        """Factors of the fields: reduced coordinates, and displacements of moving supports, (nt, m)."""
+        """Reduced coordinates, and displacements of moving supports, (nt, m): those that are combined."""
         assert history.q is not None
         q = history.q[:, self.columns]
         return np.hstack([q, history.supports]) if self.carried else q
@@ -72,43 +85,57 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
         where the folder or the disk refuses it.
     """
 
-    digest = _digest(
-        (name, part.columns.start, (part.nodes, part.fields, part.offset)) for name, part in blocks.items()
-    )
-
     def fill(file: h5py.File) -> str:
         for name, part in blocks.items():
             group = file.create_group(f"blocks/{name}")
-            group["nodes"], group["fields"], group["offset"] = part.nodes, part.fields, part.offset
-            group["fields"].attrs["first"] = part.columns.start
+            for item in _ARRAYS:
+                group[item] = getattr(part, item)
+            group["combinations"].attrs["first"] = part.columns.start
             if part.carried:
-                group["fields"].attrs["carried"] = part.carried
-        return digest
+                group["combinations"].attrs["carried"] = part.carried
+        return _stored_digest(file)
 
-    size = sum(part.fields.nbytes + part.offset.nbytes for part in blocks.values())
-    return write_beside(folder, ("stress", FORMAT), fill, size, digest)
+    size = sum(part.fields.nbytes + part.combinations.nbytes for part in blocks.values())
+    made_of = _made_of({name: part.made_of for name, part in blocks.items()})
+    return write_beside(folder, ("stress", FORMAT), fill, size, made_of)
 
 
-def _digest(blocks: Iterable[tuple[str, int, tuple[NDArray[Any], Floats, Floats]]]) -> str:
-    """SHA-256 of blocks: name, first column; nodes, fields and offset."""
-    content = hashlib.sha256(FORMAT.encode())
-    for name, first, arrays in blocks:
-        content.update(f"{name} {first} {arrays[1].shape}".encode())
-        for array in arrays:
-            content.update(np.ascontiguousarray(array).data)
-    return content.hexdigest()
+def kept_stress(folder: Path, made_of: Mapping[str, str]) -> dict[str, tuple[Floats, Floats]]:
+    """Fields and combinations of blocks as an earlier run left them in a folder; none where it did not.
+
+    Parameters
+    ----------
+    made_of : block name -> digest of what they are made of
+    """
+    path = made_before(folder, ("stress", FORMAT), _made_of(made_of))
+    if path is None:
+        return {}
+    with opened(path) as file:
+        blocks = file["blocks"]
+        return {name: (blocks[name]["fields"][()], blocks[name]["combinations"][()]) for name in made_of}
+
+
+def _made_of(blocks: Mapping[str, str]) -> str:
+    return fingerprint((FORMAT, list(blocks.items())))
 
 
 def _stored_digest(file: h5py.File) -> str:
-    """The same of what stands in a stress file."""
-    return _digest(
-        (
-            name,
-            int(group["fields"].attrs["first"]),
-            (group["nodes"][()], group["fields"][()], group["offset"][()]),
-        )
-        for name, group in in_order(file)
-    )
+    """SHA-256 of the blocks of a stress file: name, first column, and arrays."""
+    written = in_order(file)
+    combined = all("combinations" in group for _, group in written)
+    content = hashlib.sha256((FORMAT if combined else BEFORE).encode())
+    for name, group in written:
+        first = int(_over_coordinates(group).attrs["first"])
+        content.update(f"{name} {first} {group['fields'].shape}".encode())
+        for item in _ARRAYS:
+            if item in group:
+                content.update(np.ascontiguousarray(group[item][()]).data)
+    return content.hexdigest()
+
+
+def _over_coordinates(group: h5py.Group) -> h5py.Dataset:
+    """The array with a column for each coordinate."""
+    return group["combinations"] if "combinations" in group else group["fields"]
 
 
 def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFields:
@@ -129,7 +156,7 @@ def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFiel
             f"{result}: no stress was kept of every node; name blocks, faces or nodes under outputs.stress, "
             "and run again with model.order: reduced"
         )
-    with open_beside(result, name, ("stress", FORMAT), _stored_digest) as file:
+    with open_beside(result, name, ("stress", FORMAT, BEFORE), _stored_digest) as file:
         return _read_block(file["blocks"], result, block, nodes)
 
 
@@ -145,7 +172,8 @@ def _read_block(blocks: h5py.Group, result: Path, block: str, nodes: Nodes) -> S
         )
     group = blocks[block]
     rows, back = np.unique(np.searchsorted(known, chosen), return_inverse=True)
-    fields = group["fields"][rows][back]
-    about = group["fields"].attrs
-    first, modes = int(about["first"]), fields.shape[2] - int(about.get("carried", 0))
-    return StressFields(chosen, fields, group["offset"][rows][back], slice(first, first + modes))
+    over, fields = _over_coordinates(group), group["fields"][rows][back]
+    first, count = int(over.attrs["first"]), over.shape[-1]
+    combinations = group["combinations"][()] if "combinations" in group else np.eye(count)
+    columns = slice(first, first + count - int(over.attrs.get("carried", 0)))
+    return StressFields(chosen, fields, combinations, group["offset"][rows][back], columns, "")
