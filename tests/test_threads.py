@@ -24,6 +24,7 @@ from romdam.core.errors import ConvergenceError, WriteError
 from romdam.core.threads import (
     BESIDE,
     DENSE_EIGENPROBLEM,
+    at_once,
     beside,
     cpu_time,
     helpers,
@@ -198,6 +199,31 @@ def test_a_task_beside_the_body_goes_on_with_it_and_ends_before():
                     failing()
 
 
+def test_two_tasks_are_worked_on_at_once_and_the_first_error_waits_for_the_other():
+    both, ended = Barrier(2, timeout=10.0), list[int]()
+
+    def task(k: int) -> int:
+        both.wait()
+        return k
+
+    def failing() -> None:
+        both.wait()
+        raise ValueError("first")
+
+    def late() -> None:
+        both.wait()
+        time.sleep(0.05)
+        ended.append(1)
+
+    with one_thread():
+        assert at_once(partial(task, 1), partial(task, 2), BESIDE) == (1, 2)
+        with pytest.raises(ValueError, match="first"):
+            at_once(failing, late, BESIDE)
+        assert ended == [1]
+        with pytest.raises(ValueError, match="first"):
+            at_once(late, failing, BESIDE)
+
+
 def test_one_thread_that_the_user_allows_does_everything_itself():
     with threadpool_limits(1, user_api="blas"), one_thread():
         assert set(side_by_side([threading.get_ident] * 4)) == {threading.get_ident()}
@@ -207,6 +233,9 @@ def test_one_thread_that_the_user_allows_does_everything_itself():
 
 def test_tasks_of_a_small_model_are_done_first():
     with one_thread():
+        own = threading.get_ident()
+        assert at_once(threading.get_ident, threading.get_ident, BESIDE - 1) == (own, own)
+        assert at_once(threading.get_ident, threading.get_ident, BESIDE) != (own, own)
         with beside(threading.get_ident, BESIDE - 1) as made:
             assert made() == threading.get_ident()
         with beside(threading.get_ident, BESIDE) as made:
@@ -223,6 +252,9 @@ def test_cpu_of_what_worked_for_a_thread_is_its_own():
         start, alone = cpu_time(), time.thread_time()
         list(side_by_side([task] * 4))
         assert cpu_time() - start >= 0.2 > time.thread_time() - alone
+        start = cpu_time()
+        at_once(task, task, BESIDE)
+        assert cpu_time() - start >= 0.1
         start = cpu_time()
         with beside(task, BESIDE):
             pass

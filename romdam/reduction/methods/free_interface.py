@@ -37,6 +37,7 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Ints, Scene
+from romdam.core.threads import at_once
 from romdam.fem.parts import gather, part_operator
 from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.condensed import CondensedSingle
@@ -228,13 +229,19 @@ def _ritz_vectors(
     solver = make_solver(shifted, merged.motions, columns, choice.solving, merged.place, merged.inner)
     T = OutOfCoreMatrix(path, key, (len(merged.row), right.shape[1]))
     width = solver.width if isinstance(solver, CondensedSingle | Multifrontal) else WIDTH
-    T.fill(
-        T.shape[1], lambda a, b: merged.over_blocks(_static(merged, solver, right[:, a:b].toarray())), width
-    )
-    log.info("%s: %d static answers; the modes are to come", merged.place, T.shape[1])
     K = merged.K if merged.K.shape[0] > SMALL else merged.K.whole()
     which, static = (choice.count, choice.cutoff), T.shape[1]
-    counts, make = span_of_modes(K, merged.M, which, solver, merged.shift, beyond)
+
+    def fill_static() -> None:
+        T.fill(
+            static, lambda a, b: merged.over_blocks(_static(merged, solver, right[:, a:b].toarray())), width
+        )
+        log.info("%s: %d static answers; the modes are to come", merged.place, static)
+
+    # other solvers' factors serve one thread
+    unknowns = K.shape[0] if isinstance(solver, Multifrontal) else 0
+    find_modes = partial(span_of_modes, K, merged.M, which, solver, merged.shift, beyond)
+    _, (counts, make) = at_once(fill_static, find_modes, unknowns)
     T.widen(counts[1])
     for count in counts:
         T.fill(static + count, lambda a, b: merged.over_blocks(make(a - static, b - static)), width)
