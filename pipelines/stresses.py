@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Scene
@@ -60,8 +60,8 @@ def stress_fields(
         sections[name] = np.dstack([sections[name], own])
     stress_carried = {name: own for name, (own, _) in carried.items()}
     made_of = {
-        name: _made_of(name, operator, basis[name], (offset[name], stress_carried.get(name)))
-        for name, operator in operators.items()
+        name: _made_of(operator, basis[name], (name, own.nodes, offset[name], stress_carried.get(name)))
+        for (name, own), operator in zip(scene.stress.blocks.items(), operators.values(), strict=True)
     }
     kept = {} if folder is None else kept_stress(folder, made_of)
     found = kept or _factors(modal_stress(operators, basis), stress_carried)
@@ -79,16 +79,16 @@ def stress_fields(
     }
 
 
-def _made_of(name: str, operator: csr_matrix, basis: BlockBasis, beside: tuple[Floats, Floats | None]) -> str:
+def _made_of(operator: csr_matrix, basis: BlockBasis, about: tuple[str, Ints, Floats, Floats | None]) -> str:
     """SHA-256 that differs where a block's fields do: of the stress of a random motion, and of the code.
 
     Parameters
     ----------
-    beside : the offset, and what moving supports make
+    about : the block's name, its stress nodes, the offset, and what moving supports make
     """
     q = np.random.default_rng(0).standard_normal(basis.vectors.shape[1])
     columns = basis.columns.start, basis.columns.stop
-    return fingerprint((code_digest(), name, columns, operator @ basis.vectors.apply(q), beside))
+    return fingerprint((code_digest(), columns, operator @ basis.vectors.apply(q), about))
 
 
 def _factors(fields: Mapping[str, Floats], carried: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
