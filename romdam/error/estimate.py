@@ -136,14 +136,14 @@ def moving_rows(history: History, joints: Mapping[str, slice], interval: float) 
     """
     rows, opening = len(history.time), history.jump[..., 0]
     peak, length = int(opening.max(axis=1).argmax()), max(2, round(WINDOW / interval))
+    last = min(max(peak + length // 12, length), rows - 1)
+    first = max(last - length, 0)
     motions = [(np.diff(opening[:, own], axis=0) ** 2).sum(axis=1).cumsum() for own in joints.values()]
     least = FLOOR**2 * sum(motion[-1] for motion in motions)
-    first, last = rows - 1, min(max(peak + length // 12, length), rows - 1)
     for motion in motions:
         quiet = _QUIET * max(motion[-1], least)
         begin, end = np.searchsorted(motion, [quiet, motion[-1] - quiet])
         first, last = min(first, int(begin)), max(last, int(end) + 1)
-    first = max(min(first, last - length), 0)
     return slice(first, last + 1)
 
 
