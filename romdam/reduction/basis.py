@@ -7,6 +7,7 @@ that contains another is kept as what it has besides.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -153,6 +154,17 @@ class Augmented:
         return np.asarray(
             self.inner.vectors.under(operator) @ self._upper + (operator @ self.more) @ self._lower
         )
+
+
+def over_coordinates(
+    operators: Mapping[str, csr_matrix], basis: Mapping[str, BlockBasis], size: int
+) -> Floats:
+    """Operators (k, n) of blocks as one (k, size) over the coordinates; each is made where it has rows."""
+    total = np.zeros((next(iter(operators.values())).shape[0], size))
+    for name, operator in operators.items():
+        own = np.flatnonzero(np.diff(operator.indptr))
+        total[own, basis[name].columns] += basis[name].vectors.under(operator[own])
+    return total
 
 
 def with_inner(basis: BlockBasis, inner: BlockBasis) -> BlockBasis:

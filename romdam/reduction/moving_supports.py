@@ -11,7 +11,7 @@ from romdam.core.basis import BlockBasis
 from romdam.core.system import PseudoStatic, System
 from romdam.fem.pseudo_static import applied
 from romdam.fem.water.added_mass import AddedMass
-from romdam.reduction.water import on_unknowns
+from romdam.reduction.basis import over_coordinates
 
 
 def with_supports(
@@ -33,6 +33,6 @@ def with_supports(
     for name, block in basis.items():
         load[block.columns] += block.vectors.project(inertia[name])
     if water is not None:
-        wet = on_unknowns(system.size, basis, water.coupling)
+        wet = over_coordinates(water.coupling, basis, system.size)
         load += wet.T @ water.times(applied(water.coupling, moving.shapes))
     return replace(system, load=np.hstack([system.load, load]), pseudo_static=moving)

@@ -15,11 +15,10 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import Basis
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
-from romdam.reduction.basis import Augmented, Lazy
+from romdam.reduction.basis import Augmented, Lazy, over_coordinates
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.methods.massless import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
-from romdam.reduction.water import on_unknowns
 from romdam.scene.ties import Part, scene_parts
 
 _RESIDUAL_VECTORS = 10
@@ -50,7 +49,7 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
         known = _within(fine.basis[first].vectors, coarse.basis[first].vectors)
         matrix[rows, columns] += _by_mass(part, scene, coarse, fine) if known is None else known
     if fine.water is not None:
-        onto, of = (on_unknowns(m.system.size, m.basis, fine.water.coupling) for m in (fine, coarse))
+        onto, of = (over_coordinates(fine.water.coupling, m.basis, m.system.size) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)
     return csr_matrix(matrix)
 

@@ -26,6 +26,7 @@ from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.pseudo_static import pseudo_static, support_inertia
 from romdam.fem.water.added_mass import AddedMass, added_mass
 from romdam.linalg.solvers import Solving, candidates
+from romdam.reduction.basis import over_coordinates
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
 from romdam.reduction.methods.acting import Acting
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
@@ -172,16 +173,8 @@ def _system(
         diagonal=True,
         floating=bool((omega2 == 0.0).any()),
         reduced=True,
-        at_point=None if more is None else csr_matrix(_over_coordinates(more, basis, size)),
+        at_point=None if more is None else csr_matrix(over_coordinates(more, basis, size)),
     )
-
-
-def _over_coordinates(operators: dict[str, csr_matrix], basis: dict[str, BlockBasis], size: int) -> Floats:
-    """Operators of blocks over the coordinates."""
-    total = np.zeros((next(iter(operators.values())).shape[0], size))
-    for name, operator in operators.items():
-        total[:, basis[name].columns] += basis[name].vectors.under(operator)
-    return total
 
 
 def _with_dashpots(
@@ -207,7 +200,7 @@ def _with_free_field(
     if field is None:
         return system
     forces = {name: csr_matrix(boundary_load(scene.blocks[name], field).T) for name in absorbing}
-    load = np.hstack([system.load, -_over_coordinates(forces, basis, system.size).T])
+    load = np.hstack([system.load, -over_coordinates(forces, basis, system.size).T])
     return replace(system, load=load, drive=deconvolution(field, damping))
 
 
@@ -294,7 +287,7 @@ def _reduced_matrices(
         if name not in scene.radiating:
             load[block.columns] += block.participation
         force[block.columns] += _static_force(scene, name, block, acting.forces[name])
-    return omega2, load, force, _over_coordinates(acting.operators, basis, size)
+    return omega2, load, force, over_coordinates(acting.operators, basis, size)
 
 
 def mode_choice(model: ModelConfig) -> ModeChoice:

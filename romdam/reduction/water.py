@@ -23,7 +23,7 @@ from romdam.core.system import System
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.water.added_mass import AddedMass
 from romdam.linalg.dense import eigh
-from romdam.reduction.basis import Lazy
+from romdam.reduction.basis import Lazy, over_coordinates
 from romdam.reduction.methods.craig_bampton import without_roundoff
 
 _MOST = 3000  # modes that take the water; higher ones, which answer as flexibilities, stay dry
@@ -50,6 +50,22 @@ class _Change:
                 found[name] = slice(int(first), int(last))
         return found
 
+    def of(self, first: int, last: int) -> tuple[slice, Floats | None]:
+        """The new unknowns of old ones from `first` to `last`, and what turns them; None where all are dry.
+
+        Where some are wet: old[first:last] = turn @ new[slice].
+        """
+        own = np.arange(first, last)
+        wet, dry = np.flatnonzero(np.isin(self.wet, own)), np.flatnonzero(np.isin(self.dry, own))
+        shift = len(self.wet)
+        if not len(wet):
+            return slice(shift + int(dry[0]), shift + int(dry[-1]) + 1) if len(dry) else slice(0, 0), None
+        columns = slice(0, shift + int(dry[-1]) + 1 if len(dry) else shift)
+        turn = np.zeros((len(own), columns.stop))
+        turn[self.wet[wet] - first, :shift] = self.V[wet]
+        turn[self.dry[dry] - first, shift + dry] = 1.0
+        return columns, turn
+
 
 def with_water(
     system: System, basis: dict[str, BlockBasis], water: AddedMass, damping: DampingConfig
@@ -69,7 +85,7 @@ def with_water(
     ReductionError
         where the eigenproblem fails.
     """
-    B = on_unknowns(system.size, basis, water.coupling)
+    B = over_coordinates(water.coupling, basis, system.size)
     wet, k = _wet_unknowns(system, B), system.K.diagonal()
     omega2, V = _wet_modes(k[wet], B[:, wet], water)
     change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
@@ -88,15 +104,9 @@ def with_water(
         at_point=None if more is None else csr_matrix(change.columns(more.toarray())),
         parts=change.parts(system.parts),
     )
-    return turned, {name: _changed(part, change, omega2) for name, part in basis.items()}
-
-
-def on_unknowns(size: int, basis: dict[str, BlockBasis], coupling: dict[str, csr_matrix]) -> Floats:
-    """The water's operator (r, size) on the unknowns of a reduced system, from those on the blocks."""
-    B = np.zeros((next(iter(coupling.values())).shape[0], size))
-    for name, operator in coupling.items():
-        B[:, basis[name].columns] += basis[name].vectors.under(operator)
-    return B
+    ends = {name: (part.columns.start, part.columns.stop) for name, part in basis.items()}
+    turns = {of: change.of(*of) for of in set(ends.values())}  # blocks of a part share one
+    return turned, {name: _changed(part, turns[ends[name]], omega2) for name, part in basis.items()}
 
 
 def _wet_unknowns(system: System, B: Floats) -> NDArray[np.int64]:
@@ -118,18 +128,11 @@ def _wet_modes(k: Floats, B: Floats, water: AddedMass) -> tuple[Floats, Floats]:
     return np.asarray(omega2), np.asarray(V)
 
 
-def _changed(part: BlockBasis, change: _Change, omega2: Floats) -> BlockBasis:
-    """A block's displacement from the new unknowns."""
-    own = np.arange(len(omega2))[part.columns]
-    wet, dry = np.flatnonzero(np.isin(change.wet, own)), np.flatnonzero(np.isin(change.dry, own))
-    shift, first = len(change.wet), part.columns.start
-    if not len(wet):
-        columns = slice(shift + int(dry[0]), shift + int(dry[-1]) + 1) if len(dry) else slice(0, 0)
+def _changed(part: BlockBasis, turn: tuple[slice, Floats | None], omega2: Floats) -> BlockBasis:
+    """A block's displacement from the new unknowns, see `_Change.of`."""
+    columns, V = turn
+    if V is None:
         return replace(part, columns=columns)
-    columns = slice(0, shift + int(dry[-1]) + 1 if len(dry) else shift)
-    V = np.zeros((len(own), columns.stop))
-    V[change.wet[wet] - first, :shift] = change.V[wet]
-    V[change.dry[dry] - first, shift + dry] = 1.0
     return replace(
         part,
         vectors=Lazy(part.vectors, V),

@@ -25,8 +25,8 @@ from romdam.fem.water.compressible import Waves, reservoir_waves, with_waves
 from romdam.linalg.dense import eigh
 from romdam.linalg.eigen import modes_below
 from romdam.linalg.factor import Factor
+from romdam.reduction.basis import over_coordinates
 from romdam.reduction.methods.craig_bampton import independent
-from romdam.reduction.water import on_unknowns
 
 _OWN = 1e-6  # of a static answer, what is not in the modes: less is their round-off
 
@@ -45,7 +45,7 @@ def with_reservoir(system: System, scene: Scene, basis: dict[str, BlockBasis]) -
     if whole is None or scene.reservoir is None or scene.reservoir.sound is None:
         return system
     reduced = reduced_waves(whole, scene.reservoir.sound.cutoff)
-    B = on_unknowns(system.size, basis, whole.coupling)
+    B = over_coordinates(whole.coupling, basis, system.size)
     M = system.M + csr_matrix(B.T @ reduced.rest @ B)
     return with_waves(replace(system, M=csr_matrix(M)), reduced.waves, csr_matrix(B))
 
