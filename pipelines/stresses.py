@@ -7,12 +7,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from scipy.sparse import csr_matrix
-
-from romdam.core.arrays import Floats, Ints
-from romdam.core.basis import BlockBasis
-from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.fem.gaps import water_force
@@ -22,12 +16,11 @@ from romdam.fem.sections import (
     lost_static_forces,
     modal_section_forces,
 )
-from romdam.fem.stress import carried_stress, modal_stress, stress_operators
-from romdam.linalg.dense import factors
+from romdam.fem.stress import carried_stress, modal_stress, stress_operators, with_carried
 from romdam.postprocess.stress.sections import gap_section_forces, section_forces
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
-from romdam.reduction.storage.keys import code_digest
 from romdam.reduction.storage.staging import initial_forces, initial_stress
+from romdam.reduction.stress import digest_of_stress, stress_factors
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.stress.file import StressFields, kept_stress
 
@@ -56,15 +49,16 @@ def stress_fields(
             )  # fmt: skip
     moving = reduced.system.pseudo_static
     carried = {} if moving is None else carried_stress(scene, moving)
-    for name, (_, own) in carried.items():
-        sections[name] = np.dstack([sections[name], own])
     stress_carried = {name: own for name, (own, _) in carried.items()}
+    sections = with_carried(sections, {name: own for name, (_, own) in carried.items()})
     made_of = {
-        name: _made_of(operator, basis[name], (name, own.nodes, offset[name], stress_carried.get(name)))
+        name: digest_of_stress(
+            operator, basis[name], (name, own.nodes, offset[name], stress_carried.get(name))
+        )
         for (name, own), operator in zip(scene.stress.blocks.items(), operators.values(), strict=True)
     }
     kept = {} if folder is None else kept_stress(folder, made_of)
-    found = kept or _factors(modal_stress(operators, basis), stress_carried)
+    found = kept or stress_factors(with_carried(modal_stress(operators, basis), stress_carried))
     return {
         name: StressFields(
             scene.stress.blocks[name].nodes,
@@ -79,28 +73,6 @@ def stress_fields(
     }
 
 
-def _made_of(operator: csr_matrix, basis: BlockBasis, about: tuple[str, Ints, Floats, Floats | None]) -> str:
-    """SHA-256 that differs where a block's fields do: of the stress of a random motion, and of the code.
-
-    Parameters
-    ----------
-    about : the block's name, its stress nodes, the offset, and what moving supports make
-    """
-    q = np.random.default_rng(0).standard_normal(basis.vectors.shape[1])
-    columns = basis.columns.start, basis.columns.stop
-    return fingerprint((code_digest(), columns, operator @ basis.vectors.apply(q), about))
-
-
-def _factors(fields: Mapping[str, Floats], carried: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
-    """Block name -> (k, 6, r) and (r, m) whose product its fields are, those of moving supports last."""
-    found = {}
-    for name, own in fields.items():
-        whole = np.dstack([own, carried[name]]) if name in carried else own
-        left, right = factors(whole.reshape(-1, whole.shape[2]))
-        found[name] = left.reshape(len(own), 6, left.shape[1]), right
-    return found
-
-
 def stress_of(
     scene: Scene, fields: Mapping[str, StressFields], history: History
 ) -> tuple[History, StressSummary | None]:
@@ -111,7 +83,7 @@ def stress_of(
         coordinates = {name: own.coordinates(history) for name, own in fields.items()}
         source = StressHistory(
             fields={name: own.fields for name, own in fields.items()},
-            coordinates={name: q @ fields[name].combinations.T for name, q in coordinates.items()},
+            coordinates={name: fields[name].combined(q) for name, q in coordinates.items()},
             offset={name: own.offset for name, own in fields.items()},
             sections=section_forces(
                 (coordinates[name], own.sections, own.section_offset) for name, own in fields.items()

@@ -134,6 +134,11 @@ def carried_stress(scene: Scene, moving: PseudoStatic) -> dict[str, tuple[Floats
     return found
 
 
+def with_carried(fields: Mapping[str, Floats], carried: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Stress or forces per coordinate (.., 6, m), with those of what moving supports displace behind."""
+    return {name: np.dstack([own, carried[name]]) if name in carried else own for name, own in fields.items()}
+
+
 def thermal_stress(scene: Scene) -> dict[str, Floats]:
     """Stress of the blocks' temperature change with every expansion held back: block name -> (k, 6) [Pa].
 

@@ -281,7 +281,7 @@ class Result:
         kept = read_stress(self._whole, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
         q = self._coordinates(times, kept.columns)
         supports = self._supports(times) if kept.carried else np.zeros((len(q), 0))
-        combined = np.hstack([q.values, supports]) @ kept.combinations.T
+        combined = kept.combined(np.hstack([q.values, supports]))
         return xr.DataArray(
             np.einsum("ncr,tr->tnc", kept.fields, combined, optimize=True) + kept.offset,
             dims=("time", "point", "stress_component"),

@@ -75,6 +75,10 @@ class StressFields:
         q = history.q[:, self.columns]
         return np.hstack([q, history.supports]) if self.carried else q
 
+    def combined(self, coordinates: Floats) -> Floats:
+        """Factors (nt, r) of the fields, of coordinates (nt, m)."""
+        return np.asarray(coordinates @ self.combinations.T)
+
 
 def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
     """Write the stress file of a model unless it is there; its name, made from its content.

@@ -1,0 +1,38 @@
+"""Stress of the modes of a block as that of the few combinations of them that it knows apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Floats, Ints
+from romdam.core.basis import BlockBasis
+from romdam.core.fingerprint import fingerprint
+from romdam.linalg.dense import factors
+from romdam.reduction.storage.keys import code_digest
+
+
+def stress_factors(fields: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
+    """Block name -> (k, 6, r) and (r, m) whose product its fields (k, 6, m) are; see `factors`."""
+    found = {}
+    for name, own in fields.items():
+        left, right = factors(own.reshape(-1, own.shape[2]))
+        found[name] = left.reshape(len(own), 6, left.shape[1]), right
+    return found
+
+
+def digest_of_stress(
+    operator: csr_matrix, basis: BlockBasis, about: tuple[str, Ints, Floats, Floats | None]
+) -> str:
+    """SHA-256 that differs where a block's fields do: of the stress of a random motion, and of the code.
+
+    Parameters
+    ----------
+    operator : stress of the block's displacement, see `romdam.fem.stress.stress_operator`
+    about : the block's name, its stress nodes, the offset, and what moving supports make
+    """
+    q = np.random.default_rng(0).standard_normal(basis.vectors.shape[1])
+    columns = basis.columns.start, basis.columns.stop
+    return fingerprint((code_digest(), columns, operator @ basis.vectors.apply(q), about))
