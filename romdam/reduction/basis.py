@@ -162,7 +162,7 @@ def over_coordinates(
     """Operators (k, n) of blocks as one (k, size) over the coordinates; each is made where it has rows."""
     total = np.zeros((next(iter(operators.values())).shape[0], size))
     for name, operator in operators.items():
-        own = np.flatnonzero(np.diff(operator.indptr))
+        own = np.flatnonzero(operator.getnnz(axis=1))
         total[own, basis[name].columns] += basis[name].vectors.under(operator[own])
     return total
 

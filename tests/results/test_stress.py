@@ -142,12 +142,12 @@ def outcome(request, outcomes):
     return request.param, outcomes[request.param]
 
 
-def shaken(order, folder, transient=None, modulus="30 GPa"):
+def shaken(order, folder, transient=None, modulus="30 GPa", loads=None):
     t = np.arange(0.0, 0.2001, 0.01)
     np.savetxt(folder / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5 * t))
     sizes = {"size": ["2 m", "2 m", "8 m"], "element_size": 1.0, "element": "hex8"}
     raw = {
-        "materials": {"c": {"E": modulus, "nu": 0.2, "rho": 2400}},
+        "materials": {"c": {"E": modulus, "nu": 0.2, "rho": 2400, "expansion": 1e-5}},
         "blocks": {
             "left": {"material": "c", "box": {"origin": [0, -2, 0], **sizes}},
             "right": {"material": "c", "box": {"origin": [0, 0, 0], **sizes}},
@@ -155,7 +155,7 @@ def shaken(order, folder, transient=None, modulus="30 GPa"):
         "supports": [{"block": b, "face": "zmin"} for b in ("left", "right")],
         "joints": {"j": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
         "damping": {"rayleigh": {"frequencies": [5, 50], "ratio": 0.05}},
-        "loads": {"gravity": [0, 0, -9.81]},
+        "loads": {"gravity": [0, 0, -9.81]} | (loads or {}),
         "records": [
             {"name": "pulse", "file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}
         ],
@@ -238,9 +238,14 @@ def test_a_later_run_takes_the_stress_of_the_modes_from_the_file_where_it_is_tha
     assert len(made) == 2 and path.read_bytes()[:5001] == whole[:5001]
     softer = xr.load_dataset(shaken("reduced", tmp_path, modulus="20 GPa"), engine="h5netcdf")
     assert len(made) == 3 and softer.attrs["stress_file"] != first.attrs["stress_file"]
+    with open_result(shaken("reduced", tmp_path, loads={"temperature": [{"change": "-5 K"}]})) as cooler:
+        assert len(made) == 4, "the same stress of the modes, with another offset"
+        envelope = principal_stresses(cooler.stress("left").values)[..., 0].max(axis=0)
+        kept = cooler.dataset.max_principal_stress[cooler.dataset.stress_block == "left"]
+        np.testing.assert_allclose(kept, envelope, rtol=1e-10)
     monkeypatch.setattr(reduction_stress, "code_digest", lambda: "other")
     shaken("reduced", tmp_path, modulus="20 GPa")
-    assert len(made) == 4
+    assert len(made) == 5
 
 
 def test_all_modes_give_the_stress_of_the_full_order(outcomes):
