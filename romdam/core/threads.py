@@ -25,7 +25,7 @@ takes its time for. A job whose blocks are kept, one thread against two, medians
 |---|---|---|
 | 4,410, main job | 2.48 and 2.64 s | 2.45 and 2.67 s |
 | 28,782, the same with half the elements | 3.6 and 3.9 s | 3.5 and 3.9 s |
-| 75,798, arch dam | 19.8 and 16.5 s | 21.5 and 22.6 s |
+| 75,798, arch dam, on a quicker machine | 14.1 and 10.8 s | 14.1 and 14.7 s |
 
 What a user has set (OPENBLAS_NUM_THREADS, OMP_NUM_THREADS, MKL_NUM_THREADS, or threadpoolctl around a call)
 is what a library says when it is first asked, and is never exceeded.
