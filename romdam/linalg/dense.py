@@ -58,3 +58,14 @@ def factors(A: Floats) -> tuple[Floats, Floats]:
     left = np.empty((len(A), rank))
     left[order] = R[:rank].T
     return left, Q[:, :rank].T * length
+
+
+def orthonormalising(gram: Floats, least: float) -> Floats:
+    """C (k, r) that makes D C orthonormal where D^T M D = gram (k, k).
+
+    Directions are dropped whose share is below `least` of the largest, of columns of unit length.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
+    size, U = np.linalg.eigh(gram * scale * scale[:, None])
+    keep = size > least * size.max(initial=0.0)
+    return np.asarray(scale[:, None] * U[:, keep] / np.sqrt(size[keep]))

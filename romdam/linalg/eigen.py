@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, spmatrix
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ReductionError
@@ -16,7 +15,8 @@ from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.dense import eigh
 from romdam.linalg.factor import Factor
-from romdam.linalg.krylov import krylov_modes, ritz_vectors
+from romdam.linalg.flexibility import Flexibility
+from romdam.linalg.krylov import krylov_modes, narrow_modes, ritz_vectors
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.multigrid import Multigrid
@@ -35,7 +35,7 @@ def lowest_modes(
 ) -> tuple[Floats, Floats]:
     """Lowest modes: by shift-invert Lanczos on a factorisation that exists, or by LOBPCG under multigrid.
 
-    Above 5,000 unknowns Lanczos takes sixteen vectors at once.
+    Up to 5,000 unknowns Lanczos takes four vectors at once, above sixteen.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def lowest_modes(
     Raises
     ------
     ReductionError
-        where Lanczos does not converge, or a dense solve would not fit.
+        where Lanczos misses a mode, or a dense solve would not fit.
     """
     n = K.shape[0]
     moving = np.flatnonzero(M.diagonal() > 0.0)
@@ -65,16 +65,7 @@ def lowest_modes(
         return omega2[:count], modes[:, :count]
     if n > SMALL or isinstance(solver, Multigrid):
         return _large_modes(K, M, Wanted(count), solver, shift)
-    operator = LinearOperator((n, n), matvec=solver.solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(n)  # seeded: the same scene gives the same basis
-    try:
-        omega2, modes = eigsh(K, k=count, M=M, sigma=shift, OPinv=operator, v0=start, tol=0.0)
-    except ArpackNoConvergence as error:
-        raise ReductionError(
-            f"Lanczos found {len(error.eigenvalues)} of {count} modes of {n} unknowns; ask for fewer modes"
-        ) from error
-    order = np.argsort(omega2)
-    return omega2[order], modes[:, order]
+    return narrow_modes(Flexibility(csr_matrix(M), solver.solve, shift, K), count)
 
 
 def modes_below(
@@ -115,7 +106,7 @@ def _large_modes(
 ) -> tuple[Floats, Floats]:
     if isinstance(solver, Multigrid):
         return block_modes(Pencil(K, M, solver.precondition), wanted)
-    (count, _), make = krylov_modes(csr_matrix(M), wanted, solver.solve, shift)
+    (count, _), make = krylov_modes(Flexibility(csr_matrix(M), solver.solve, shift, K), wanted)
     modes = np.empty((K.shape[0], count))
     for first in range(0, count, WIDTH):
         modes[:, first : first + WIDTH] = make(first, min(first + WIDTH, count))
@@ -148,9 +139,9 @@ def span_of_modes(
     large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
     if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
         wanted = Wanted(count, np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2)
-        if isinstance(solver, CondensedSingle | Multifrontal):
+        if isinstance(solver, CondensedSingle | Multifrontal) and len(solver.outer) < K.shape[0]:
             return _outer_modes(csr_matrix(M), wanted, solver, shift, beyond)
-        return krylov_modes(csr_matrix(M), wanted, solver.solve, shift, beyond)
+        return krylov_modes(Flexibility(csr_matrix(M), solver.solve, shift, K), wanted, beyond)
     omega2, modes = modes_below(K, M, count, cutoff, solver, shift)
     counts = len(omega2), len(omega2)
     if beyond > 1.0 and counts[0] and omega2[-1] > 0.0:
@@ -165,13 +156,13 @@ def _outer_modes(
     """`span_of_modes` where all mass is on the solver's outer rows: found there, then carried inside."""
     own = csr_matrix(M[solver.outer][:, solver.outer])
     if isinstance(solver, CondensedSingle):
-        (count, _), make = krylov_modes(own, wanted, solver.near.solve, shift)
+        (count, _), make = krylov_modes(Flexibility(own, solver.near.solve, shift), wanted)
         vectors = make(0, count)
         del make  # it holds the factors that are to go
         if count:
             solver.sharpen(vectors)
         del vectors
-    counts, make = krylov_modes(own, wanted, solver.near.solve, shift, beyond)
+    counts, make = krylov_modes(Flexibility(own, solver.near.solve, shift), wanted, beyond)
 
     def over_all(first: int, last: int) -> Floats:
         forces = np.zeros((M.shape[0], last - first))

@@ -1,9 +1,13 @@
-"""Lowest eigenpairs of K x = omega^2 M x from the inverse of K - s M, sixteen right-hand sides at a time.
+"""Lowest eigenpairs of K x = omega^2 M x from the inverse of K - s M, several right-hand sides at a time.
 
 Block Lanczos on D M with D = (K - s M)^-1 on the unknowns that have mass: an unknown without any follows from
-the others, and on a dam on light rock those with mass are few. One vector at a time reads the factors for
-every solution; sixteen at once read them once. Every vector is kept M-orthogonal to all before it, so that
-no mode comes twice, and the last solution takes the modes to all unknowns.
+the others, and on a dam on light rock those with mass are few. Every vector is kept M-orthogonal to all that
+were before it, so that no mode comes twice.
+
+Of a large part sixteen at once read the factors once for all of them, and a last solution takes the modes to
+all unknowns and rids them of their error. Of some thousand unknowns a space that grows by four takes the
+least time, and does not miss one of two modes of the same frequency, as a block of square plan has them. One
+vector at a time, which is ARPACK's way, sees the second by its round-off alone, or not at all.
 
 References
 ----------
@@ -12,10 +16,9 @@ Grimes, Lewis, Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228 (shifted block La
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 
 import numpy as np
 from scipy.linalg import eigh
@@ -24,21 +27,53 @@ from scipy.sparse import csr_matrix, spmatrix
 from romdam.core.arrays import Floats
 from romdam.core.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH
-from romdam.linalg.lobpcg import Wanted, independent
-
-Apply = Callable[[Floats], Floats]
+from romdam.linalg.dense import orthonormalising
+from romdam.linalg.flexibility import Flexibility
+from romdam.linalg.lobpcg import Wanted
 
 RESIDUAL = 1e-7  # of a mode found: |D M x - mu x| relative to mu, in the norm of M
 _NEAR = 1e-2  # the same of the modes next to them
 _BESIDE = 2  # so many of those
 _BELOW = 1e-6  # relative, by which the omega^2 of a mode that was missed lies below the highest
-_GROWTH = 1.125  # of the space between two looks at its content
+_FIRST_LOOK = 3  # vectors for each mode, in which modes are looked for at first
+_GROWTH = 1.125  # of the space between two looks at its content, at most
+_DEPENDENT = 1e-12  # eigenvalue of a new block's Gram matrix, relative, below which a direction is dropped
+_NARROW, _NARROW_RESIDUAL = 4, 1e-10  # vectors at a time of a space whose Ritz vectors are taken as they are
+_SMALLER = 0.5  # of a vector's squared length: less of it is left after too much has been taken away
+_PIECE = 2**19  # numbers in one array of vectors, 4 MB
 _NONE = (
     1e-12  # length of a new direction, relative to T's largest diagonal entry, below which it is round-off
 )
 _ROWS = 65_536
 _PROBE, _PROBE_WIDTH = 5, 8  # steps and random vectors that look for a missed mode
 _WIDEST = 64
+
+
+class _Space:
+    """M-orthonormal vectors side by side, in pieces of many columns where the vectors are short."""
+
+    def __init__(self, rows: int, width: int) -> None:
+        self._width, self._free = max(width, _PIECE // max(rows, 1)), 0
+        self._pieces: list[Floats] = []
+
+    @property
+    def pieces(self) -> list[Floats]:
+        """All vectors."""
+        return [*self._pieces[:-1], *(last[:, : self._width - self._free] for last in self._pieces[-1:])]
+
+    def append(self, V: Floats) -> None:
+        """Add vectors, no more at a time than the space is wide."""
+        if V.shape[1] > self._free:
+            self._pieces = [*self.pieces, np.empty((len(V), self._width), order="F")]
+            self._free = self._width
+        first = self._width - self._free
+        self._pieces[-1][:, first : first + V.shape[1]] = V
+        self._free -= V.shape[1]
+
+    def combined(self, C: Floats) -> Floats:
+        """The vectors times C."""
+        ends = np.cumsum([piece.shape[1] for piece in self.pieces])
+        return np.asarray(sum(p @ c for p, c in zip(self.pieces, np.split(C, ends[:-1]), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -48,26 +83,21 @@ class _Ritz:
     mu: Floats
     vectors: Floats
     error: Floats
-    blocks: list[Floats]
+    space: _Space
 
     def first(self, count: int) -> Floats:
         """The first vectors, over the unknowns with mass."""
-        rows = np.cumsum([0, *(block.shape[1] for block in self.blocks)])
-        return np.asarray(
-            sum(b @ self.vectors[k : k + b.shape[1], :count] for b, k in zip(self.blocks, rows, strict=False))
-        )
+        return self.space.combined(self.vectors[:, :count])
 
 
 def krylov_modes(
-    M: csr_matrix, wanted: Wanted, inverse: Apply, shift: float, beyond: float = 1.0
+    D: Flexibility, wanted: Wanted, beyond: float = 1.0
 ) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """Lowest modes, and a second space of random vectors beside them that looks for one that was missed.
 
     Parameters
     ----------
-    M : (n, n) sparse, symmetric; a zero on the diagonal is an unknown without mass
-    inverse : of K - shift M, for (n, k)
-    shift : [1/s2], below the lowest omega^2
+    D : of n unknowns
     beyond : what the Krylov space holds of further modes comes too, up to so many times the highest frequency
 
     Returns
@@ -81,111 +111,188 @@ def krylov_modes(
     ReductionError
         where modes are still missed from the widest start.
     """
-    moving = np.flatnonzero(M.diagonal() > 0.0)
-    if not len(moving):
-        return (0, 0), lambda first, last: np.zeros((M.shape[0], last - first))
-    own = csr_matrix(M[moving][:, moving]) if len(moving) < M.shape[0] else M
-
-    def lifted(forces: Floats) -> Floats:
-        right = np.zeros((M.shape[0], forces.shape[1]))
-        right[moving] = forces
-        return inverse(right)
-
-    def on_moving(forces: Floats) -> Floats:
-        return np.asarray(np.take(lifted(forces), moving, axis=0))
-
-    width, limit = WIDTH, 1.0 / (wanted.limit - shift)
+    rigid = D.rigid.shape[1]
+    elastic = wanted if wanted.count is None else Wanted(max(wanted.count - rigid, 0))
+    if D.size == rigid or elastic.count == 0:
+        few = rigid if wanted.count is None else min(wanted.count, rigid)
+        return (few, few), lambda first, last: D.rigid[:, first:last]
+    width, limit = WIDTH, 1.0 / (wanted.limit - D.shift)
     while width <= _WIDEST:
-        start = np.random.default_rng(width).standard_normal((len(moving), min(width, len(moving))))
-        for ritz in _grown(own, on_moving, start):
-            count = _among(ritz.mu, wanted, limit)
-            if _converged(ritz, count, len(moving)):
-                break
+        count, ritz = _searched(D, elastic, limit, (width, RESIDUAL))
         highest = limit if wanted.count is None else float(ritz.mu[count - 1])
         more = max(count, int((ritz.mu >= highest / beyond**2).sum()))
         X, mu = ritz.first(more), ritz.mu[:more]
         lowest = limit if wanted.count is None else highest * (1.0 + _BELOW)
-        if not _missed(own, on_moving, X[:, :count], lowest):
-            return (count, more), partial(_columns, lifted, (own @ X) / mu)
+        if not _missed(D, X[:, :count], lowest):
+            return (rigid + count, rigid + more), partial(_columns, D, (D.own @ X) / mu)
         width *= 2
     raise ReductionError(
-        f"Lanczos on {M.shape[0]} unknowns misses modes from {_WIDEST} random vectors; use another "
+        f"Lanczos on {D.M.shape[0]} unknowns misses modes from {_WIDEST} random vectors; use another "
         "`model.solver`, or fewer modes"
     )
 
 
-def _columns(lifted: Apply, forces: Floats, first: int, last: int) -> Floats:
-    return lifted(forces[:, first:last])
+def narrow_modes(D: Flexibility, count: int) -> tuple[Floats, Floats]:
+    """Lowest modes of some thousand unknowns: the Ritz vectors of a space that grows by four, to round-off.
+
+    Parameters
+    ----------
+    count : of modes, no more than unknowns with mass
+
+    Returns
+    -------
+    omega2 : (count,) ascending [1/s2]
+    modes : (n, count), M-orthonormal
+    """
+    rigid = D.rigid[:, :count]
+    elastic = count - rigid.shape[1]
+    if not elastic:
+        return np.zeros(count), rigid
+    _, ritz = _searched(D, Wanted(elastic), 0.0, (_NARROW, _NARROW_RESIDUAL))
+    mu, X = ritz.mu[:elastic], ritz.first(elastic)
+    X = X if D.every else D.displacement((D.own @ X) / mu)
+    return np.append(np.zeros(count - elastic), 1.0 / mu + D.shift), np.hstack([rigid, X])
 
 
-def _among(mu: Floats, wanted: Wanted, limit: float) -> int:
-    return min(wanted.count, len(mu)) if wanted.count is not None else int((mu >= limit).sum())
+def _columns(D: Flexibility, forces: Floats, first: int, last: int) -> Floats:
+    """Some of the rigid motions and, after them, of the answers to forces."""
+    rigid = D.rigid.shape[1]
+    own = slice(max(first - rigid, 0), max(last - rigid, 0))
+    return np.hstack([D.rigid[:, first:last], D.displacement(forces[:, own])])
 
 
-def _converged(ritz: _Ritz, count: int, size: int) -> bool:
+def _searched(D: Flexibility, wanted: Wanted, limit: float, how: tuple[int, float]) -> tuple[int, _Ritz]:
+    """The space in which the modes that are wanted were found, and their number.
+
+    Between two looks at its content the space grows as the modes' errors fall, by an eighth at most.
+
+    Parameters
+    ----------
+    limit : least 1 / (omega^2 - shift), where their number is not given
+    how : so many vectors at a time, up to such a residual
+    """
+    width, residual = how
+    krylov, size, error = _Krylov(D, D.start(width, width)), 0, 0.0
+    due = float(_FIRST_LOOK * (wanted.count or 0))
+    while True:
+        krylov.grow(due)
+        ritz = krylov.content()
+        count = int((ritz.mu >= limit).sum()) if wanted.count is None else min(wanted.count, len(ritz.mu))
+        if krylov.ended or _converged(ritz, count, residual):
+            return count, ritz
+        before, size = (size, error), len(ritz.mu)
+        error = float(np.log(max(ritz.error[: count + 1].max(), residual)))
+        fall, left = (before[1] - error) / (size - before[0]), error - np.log(residual)
+        most = (_GROWTH - 1.0) * size
+        due = size + (left / fall if left < fall * most else most)
+
+
+def _converged(ritz: _Ritz, count: int, residual: float) -> bool:
     """True where the first `count` are modes, and the next ones so near that none can join them."""
-    if len(ritz.mu) == size:
-        return True
     near = ritz.error[count : count + _BESIDE]
-    return len(near) == _BESIDE and bool((ritz.error[:count] <= RESIDUAL).all() and (near <= _NEAR).all())
+    return len(near) == _BESIDE and bool((ritz.error[:count] <= residual).all() and (near <= _NEAR).all())
 
 
-def _grown(
-    own: csr_matrix, flexibility: Apply, start: Floats, against: Floats | None = None
-) -> Iterator[_Ritz]:
-    """The Krylov space of D M, grown block by block; within what is M-orthogonal to `against`.
+class _Krylov:
+    """The Krylov space of D M, grown block by block; M-orthogonal to rigid motions and to `against`.
 
     A new block has parts in the two before it, by the symmetry of D; those are taken out first, then what
-    round-off has left of any. The dense eigenproblem is solved each time the space has grown by an eighth: at
-    every block it would cost more than the solutions.
+    round-off has left of any.
+
+    Attributes
+    ----------
+    ended : whether the space is all there is
     """
-    blocks = [] if against is None else [against]
-    fixed, T, due, images = len(blocks), np.zeros((0, 0)), 0.0, list[Floats]()
-    V = _independent(own, _apart(own, blocks, _apart(own, blocks, start)))
-    while V.shape[1]:
-        blocks.append(V)
-        images = [*images[-1:], own @ V]
-        W = flexibility(images[-1])
-        parts = [image.T @ W for image in images]  # W has round-off alone of the blocks before those
-        for block, part in zip(blocks[-len(images) :], parts, strict=True):
+
+    def __init__(self, D: Flexibility, start: Floats, against: Floats | None = None) -> None:
+        self.ended, self._D, self._space = False, D, _Space(*start.shape)
+        self._fixed = [*D.apart, *([] if against is None else [against])]
+        self._edges, self._size, self._largest = list[Floats](), 0, 0.0
+        self._most = D.size - sum(vectors.shape[1] for vectors in self._fixed)
+        self._blocks, self._images = list[Floats](), list[Floats]()
+        self._next = _apart(D.own, self._fixed, start)
+
+    def grow(self, size: float) -> None:
+        """Grow by a block, and on until there are so many vectors, or all."""
+        self._step()
+        while self._size < size and not self.ended:
+            self._step()
+
+    def content(self) -> _Ritz:
+        """The Ritz values and vectors; a dense eigenproblem, which costs as much as some blocks."""
+        mu, S = eigh(_projected(self._edges), driver="evd")
+        gram = self._next[1]
+        last = S[-len(gram) :]
+        error = np.sqrt(np.maximum((last * (gram @ last)).sum(axis=0), 0.0)) / np.abs(mu)
+        return _Ritz(mu[::-1], S[:, ::-1], error[::-1], self._space)
+
+    def _step(self) -> None:
+        own = self._D.own
+        V, image = _orthonormal(own, *self._next)
+        self._space.append(V)
+        self._blocks, self._images = [*self._blocks[-1:], V], [*self._images[-1:], image]
+        W = self._D @ image
+        parts = [each.T @ W for each in self._images]  # W has round-off alone of the blocks before those
+        for block, part in zip(self._blocks, parts, strict=True):
             W -= block @ part
-        T = np.pad(T, ((0, V.shape[1]),) * 2)
-        edge = np.vstack(parts)
-        T[-len(edge) :, -V.shape[1] :] = edge
-        T[-V.shape[1] :, -len(edge) :] = edge.T
-        W = _apart(own, blocks, W)
-        gram = W.T @ (own @ W)
-        ended = np.sqrt(gram.diagonal().max()) <= _NONE * T.diagonal().max()
-        if ended or len(T) >= due:
-            mu, S = eigh(0.5 * (T + T.T))
-            last, due = S[-V.shape[1] :], _GROWTH * len(T)
-            error = np.sqrt(np.maximum((last * (gram @ last)).sum(axis=0), 0.0)) / np.abs(mu)
-            yield _Ritz(mu[::-1], S[:, ::-1], error[::-1], blocks[fixed:])
-        if ended:
-            return
-        V = _independent(own, W)
+        self._edges.append(np.vstack(parts))
+        self._size += V.shape[1]
+        W, gram = self._next = _apart(own, [*self._fixed, *self._space.pieces], W)
+        self._largest = max(self._largest, parts[-1].diagonal().max())
+        self.ended = self._size >= self._most or bool(gram.diagonal().max() <= (_NONE * self._largest) ** 2)
 
 
-def _apart(own: csr_matrix, blocks: list[Floats], W: Floats) -> Floats:
-    """W less its part in the blocks, in place."""
-    MW = own @ W
-    for block in blocks:
-        W -= block @ (block.T @ MW)
-    return W
+def _projected(edges: list[Floats]) -> Floats:
+    """V^T M D M V, block tridiagonal, from the last columns that each block has brought it."""
+    size = sum(edge.shape[1] for edge in edges)
+    T, last = np.zeros((size, size)), 0
+    for edge in edges:
+        last += edge.shape[1]
+        rows, columns = slice(last - len(edge), last), slice(last - edge.shape[1], last)
+        T[rows, columns] = edge
+        T[columns, rows] = edge.T
+    return 0.5 * (T + T.T)
 
 
-def _independent(own: csr_matrix, W: Floats) -> Floats:
-    """M-orthonormal vectors that span W's."""
-    return independent(own, independent(own, W))
+def _apart(own: csr_matrix, pieces: list[Floats], W: Floats) -> tuple[Floats, Floats]:
+    """W less its part in M-orthonormal vectors, in place, and W^T M W of what is left.
+
+    Where that is the smaller part it has few digits, and is taken apart once more: twice is enough.
+    """
+    for _ in range(2):
+        MW = own @ W
+        gram = W.T @ MW
+        before = gram.diagonal().copy()
+        for piece in pieces:
+            part = piece.T @ MW
+            W -= piece @ part
+            gram -= part.T @ part
+        if (gram.diagonal() >= _SMALLER * before).all():
+            return W, gram
+    return W, W.T @ (own @ W)
 
 
-def _missed(own: csr_matrix, flexibility: Apply, X: Floats, lowest: float) -> bool:
+def _orthonormal(own: csr_matrix, W: Floats, gram: Floats) -> tuple[Floats, Floats]:
+    """M-orthonormal vectors V that span W's, and M V, from W^T M W; once more for what round-off has left."""
+    V = W @ orthonormalising(gram, _DEPENDENT)
+    image = np.asarray(own @ V)
+    mix = orthonormalising(V.T @ image, _DEPENDENT)
+    return V @ mix, image @ mix
+
+
+def _missed(D: Flexibility, X: Floats, lowest: float) -> bool:
     """True where random vectors beside the modes X lead to one of them; Ritz values are never too large."""
-    spare = len(X) - X.shape[1]
+    spare = len(X) - X.shape[1] - D.rigid.shape[1]
     if not spare or not X.shape[1]:
         return False
-    start = np.random.default_rng(1).standard_normal((len(X), min(_PROBE_WIDTH, spare)))
-    return any(ritz.mu[0] > lowest for ritz in islice(_grown(own, flexibility, start, X), _PROBE))
+    krylov = _Krylov(D, D.start(min(_PROBE_WIDTH, spare), 1), X)
+    for _ in range(_PROBE):
+        krylov.grow(0)
+        if krylov.content().mu[0] > lowest:
+            return True
+        if krylov.ended:
+            break
+    return False
 
 
 def ritz_vectors(K: spmatrix, M: spmatrix, X: Floats) -> tuple[Floats, Floats]:

@@ -24,6 +24,7 @@ from scipy.sparse import spmatrix
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ReductionError
+from romdam.linalg.dense import orthonormalising
 
 Apply = Callable[[Floats], Floats]
 
@@ -202,10 +203,7 @@ def _forms(left: tuple[Floats, ...], A: spmatrix, D: Floats) -> list[Floats]:
 def independent(M: spmatrix, D: Floats) -> Floats:
     """M-orthonormal vectors that span D's, in D's place; directions that depend on others are dropped."""
     (gram,) = _forms((D,), M, D)
-    scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
-    size, U = np.linalg.eigh(gram * scale * scale[:, None])
-    keep = size > _DEPENDENT * size[-1]
-    mix = scale[:, None] * U[:, keep] / np.sqrt(size[keep])
+    mix = orthonormalising(gram, _DEPENDENT)
     for first in range(0, len(D), _ROWS):
         rows = slice(first, first + _ROWS)
         D[rows, : mix.shape[1]] = D[rows] @ mix

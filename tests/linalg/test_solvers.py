@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.sparse import block_diag, csr_matrix, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -15,11 +16,13 @@ from romdam.core.errors import ReductionError
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.linalg import conjugate, krylov, multigrid, solvers
-from romdam.linalg.eigen import modes_below
+from romdam.linalg.eigen import lowest_modes, modes_below
 from romdam.linalg.factor import Factor
+from romdam.linalg.flexibility import Flexibility
 from romdam.linalg.lobpcg import Pencil, Wanted, block_modes, missed
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.solvers import Solving, candidates, make_solver
+from romdam.reduction.methods.craig_bampton import FREE_SHIFT
 from romdam.scene.boxes import box_block
 from romdam.scene.supports import rigid_motions
 
@@ -135,9 +138,9 @@ def test_modes_below_a_frequency_are_those_of_a_sturm_count(name, block, monkeyp
 def test_block_lanczos_notices_a_mode_that_was_missed(lost, block):
     K, M, _ = block
     _, modes = reference(block)
-    lowest, flexibility = 1.0 / (2.0 * np.pi * CUTOFF) ** 2, Factor(K).solve
-    assert not krylov._missed(M, flexibility, modes, lowest)
-    assert krylov._missed(M, flexibility, np.delete(modes, lost, axis=1), lowest)
+    lowest, D = 1.0 / (2.0 * np.pi * CUTOFF) ** 2, Flexibility(M, Factor(K).solve, 0.0)
+    assert not krylov._missed(D, modes, lowest)
+    assert krylov._missed(D, np.delete(modes, lost, axis=1), lowest)
 
 
 def test_block_lanczos_finds_modes_that_come_in_numbers_where_half_the_unknowns_have_no_mass():
@@ -155,7 +158,8 @@ def test_block_lanczos_finds_modes_that_come_in_numbers_where_half_the_unknowns_
     heavy = mass > 0.0
     flexibility = np.linalg.inv(chain.toarray())[np.ix_(heavy, heavy)]
     known = np.repeat(np.sort(1.0 / np.linalg.eigvalsh(flexibility))[:3], chains)
-    (count, _), make = krylov.krylov_modes(M, Wanted(None, known[-1] * 1.01), Factor(K).solve, 0.0)
+    D = Flexibility(M, Factor(K).solve, 0.0)
+    (count, _), make = krylov.krylov_modes(D, Wanted(None, known[-1] * 1.01))
     omega2, modes = krylov.ritz_vectors(K, M, make(0, count))
     assert len(omega2) == len(known) and np.abs(omega2 / known - 1.0).max() < 1e-12
     assert np.abs(K @ modes - (M @ modes) * omega2).max() < 1e-8 * omega2.max()
@@ -236,3 +240,56 @@ def test_a_singular_matrix_is_refused_by_every_solver(name, block):
     motions = Motions(np.arange(3 * len(loose.points)), rigid_motions(loose).reshape(-1, 6))
     with pytest.raises(ReductionError, match=r"singular|cannot be factored|gives way|iterations"):
         make_solver(csr_matrix(assemble(loose)[0]), motions, 1, Solving(name), "b")
+
+
+def tower(size, element_size, held):
+    """K and M of a box in hex8, its foot held or nothing, and its rigid motions."""
+    box = BoxConfig(origin=(0.0,) * 3, size=size, element_size=(element_size,) * 3, element="hex8")
+    made = box_block("b", box, Material(30e9, 0.2, 2400.0), "b")
+    K, M = assemble(made)
+    free = np.repeat(made.points[:, 2] > 0.0, 3) if held else np.ones(K.shape[0], dtype=bool)
+    return K[free][:, free], M[free][:, free], rigid_motions(made).reshape(-1, 6)[free]
+
+
+@pytest.mark.parametrize("count", [5, 16, 17, 25, 28, 66])
+def test_both_modes_of_a_frequency_of_a_square_tower_are_found(count):
+    """Bending has each frequency twice; one vector at a time misses one of them in all counts here but 66."""
+    K, M, _ = tower((10.0, 10.0, 30.0), 2.5, held=True)
+    known = eigh(K.toarray(), M.toarray(), eigvals_only=True)[:count]
+    assert (np.diff(known) < 1e-9 * known[1:]).any()
+    omega2, modes = lowest_modes(K, M, count, Factor(K))
+    assert np.abs(omega2 / known - 1.0).max() < 1e-10
+    assert np.abs(modes.T @ (M @ modes) - np.eye(count)).max() < 1e-12
+
+
+@pytest.mark.parametrize("small", [True, False])
+@pytest.mark.parametrize("by", ["count", "frequency"])
+def test_rigid_motions_leave_modes_their_digits(small, by, monkeypatch):
+    """A factor of K + s M answers a rigid motion a million times as much as the first mode that strains."""
+    K, M, rigid = tower((8.0, 6.0, 12.0), 2.0, held=False)
+    rigid = np.linalg.cholesky(np.linalg.inv(rigid.T @ (M @ rigid))).T @ rigid.T
+    known = eigh(K.toarray(), M.toarray(), eigvals_only=True)[:20]
+    if not small:
+        monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)
+    solver, cutoff = Factor(K + FREE_SHIFT * M), np.sqrt(known[-1] * (1 + 1e-6)) / (2.0 * np.pi)
+    which = (20, None) if by == "count" else (None, cutoff)
+    omega2, modes = modes_below(K, M, *which, solver, -FREE_SHIFT)
+    assert len(omega2) == 20 and np.abs(omega2[:6]).max() < 1e-12 * known[-1]
+    assert np.abs(omega2[6:] / known[6:] - 1.0).max() < 1e-9
+    assert np.abs(rigid @ (M @ modes[:, 6:])).max() < 1e-12
+    assert np.abs(modes.T @ (M @ modes) - np.eye(20)).max() < 1e-12
+
+
+def test_slow_motions_on_springs_are_not_taken_for_rigid_ones():
+    """Springs of 1e-4 of the shift hold the block: no more than their round-off may be lost."""
+    K, M, _ = tower((8.0, 6.0, 12.0), 2.0, held=False)
+    slow = 1e-4 * FREE_SHIFT
+    D = Flexibility(M, Factor(K + FREE_SHIFT * M).solve, -FREE_SHIFT, K)
+    held = csr_matrix(K + slow * M)
+    on_springs = Flexibility(M, Factor(held + FREE_SHIFT * M).solve, -FREE_SHIFT, held)
+    assert (
+        D.rigid.shape[1] == 6 and np.abs(K @ D.rigid).max() < 1e-12 * np.abs(K).max() * np.abs(D.rigid).max()
+    )
+    assert on_springs.rigid.shape[1] == 0
+    omega2, _ = lowest_modes(held, M, 8, Factor(held + FREE_SHIFT * M), -FREE_SHIFT)
+    assert np.abs(omega2[:6] / slow - 1.0).max() < 1e-2

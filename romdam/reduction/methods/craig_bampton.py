@@ -29,7 +29,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError, ReductionError
 from romdam.fem.water.added_mass import WetMass
-from romdam.linalg.dense import eigh
+from romdam.linalg.dense import eigh, orthonormalising
 from romdam.linalg.eigen import dense_modes, modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
@@ -379,11 +379,7 @@ def larger(D: Floats, M: csr_matrix, omega2: Floats, least: float) -> Floats:
 
 def independent(D: Floats, M: csr_matrix) -> Floats:
     """M-orthonormal vectors that span D's, without directions that are round-off."""
-    gram = D.T @ (M @ D)
-    scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
-    size, U = np.linalg.eigh(gram * scale * scale[:, None])
-    keep = size > _DEPENDENT * size.max(initial=0.0)
-    return np.asarray(D @ (scale[:, None] * U[:, keep] / np.sqrt(size[keep])))
+    return np.asarray(D @ orthonormalising(D.T @ (M @ D), _DEPENDENT))
 
 
 def without_roundoff(omega2: Floats) -> Floats:
