@@ -29,7 +29,8 @@ _QUIET_RUNS = 3  # of such jobs
 _RETRIES = 2  # further halvings of a first step that does not converge
 _BASE_HALVINGS = 4  # of the base step at least, where it makes the error
 _NEGLIGIBLE = 1e-12
-_QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step's own error counts
+_QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step's own error may count
+_CUT = 0.5  # of the time in which joints are closed: where more was cut, it was impacts
 _FLOOR = 0.01  # of what all jumps do: openings, or slips, that do less are measured by that
 
 
@@ -51,7 +52,8 @@ def simulate_to(
 
     Where contact does not change, the base step makes the error: closed springs follow it. So it is halved
     with the finest where joints have a tension stiffness or carry shear, and from the second run on where the
-    first hardly cut a base step above what impacts ask for; elsewhere they make the error.
+    first hardly cut a base step above what impacts ask for, nor half of the time in which joints were closed;
+    elsewhere impacts make the error.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def simulate_to(
         for i, outcome in motions.simulate(trials, halvings):
             if not isinstance(outcome, ConvergenceError):
                 trials[i] = trials[i].after(outcome, motions.compared(i, outcome))
-                if halvings == first and settings.steps.base > wanted and motions.quiet(outcome):
+                if halvings == first and settings.steps.base > wanted and motions.quiet(outcome, first):
                     trials[i] = trials[i].quiet(first)
             elif trials[i].measured is not None or halvings >= min(first + _RETRIES, _MOST_HALVINGS):
                 outcomes[i] = outcome
@@ -171,13 +173,15 @@ class _Motions:
         made = simulate([self.prepared[i] for i in trials], grounds, settings, self.progress)
         return list(zip(list(trials), made, strict=True))
 
-    def quiet(self, history: History) -> bool:
-        """Tell whether a run at the coarse base step hardly cut it."""
+    def quiet(self, history: History, halvings: int) -> bool:
+        """Tell whether a run at the coarse base step hardly cut it, though joints were closed meanwhile."""
         system = self.prepared[0].system
         base_steps = (len(history.time) - 1) * self.settings.steps.stride
         if _refined_from(system, 1) is not None:
-            base_steps *= 2
-        return len(system.law) > 0 and history.stats["steps"] <= _QUIET_RUN * base_steps
+            base_steps, halvings = 2 * base_steps, halvings - 1
+        more = history.stats["steps"] / base_steps - 1.0
+        closed = (history.traction[..., NORMAL] != 0.0).any(axis=1).mean() if len(system.law) else 0.0
+        return bool(closed > 0.0 and more <= min(_QUIET_RUN - 1.0, _CUT * closed * (2.0**halvings - 1.0)))
 
     def compared(self, number: int, history: History) -> Floats:
         """Values by which a run of one of them is compared with its next."""

@@ -41,6 +41,20 @@ def test_springs_of_a_joint_that_stays_closed_are_within_the_stated_error(tensio
     assert found.stats["estimated_time_error"] > truth / 2.0
 
 
+def test_a_gap_that_closes_seldom_keeps_its_base_step():
+    """Its first run hardly cuts a base step either, but all while it is closed: impacts make the error."""
+    law = gap_law(1, K_n=1e4, gap=0.02)
+    system = sparse_system(1.0, (2.0 * np.pi) ** 2, [[1.0]], law, C=0.2, load=[1.0])
+    prepared = prepared_for(modal_twin(system), "adaptive")
+    found = simulate_to([prepared], [shaking], Settings(Steps(COARSE)), ACCURACY)[0]
+    exact = simulate_one(prepared, shaking(COARSE / 512), Settings(Steps(COARSE / 512, 512)))
+    closed = (exact.traction[..., 0] > 0.0).mean()
+    assert 0.0 < closed < 0.1 and found.stats["steps"] < 1.5 * (len(found.time) - 1)
+    assert found.stats["base_step"] == COARSE
+    truth = np.linalg.norm(found.jump - exact.jump) / np.linalg.norm(exact.jump)
+    assert truth <= found.stats["estimated_time_error"] <= ACCURACY
+
+
 @pytest.mark.parametrize("failures", [1, 2, 3])
 def test_a_first_step_that_does_not_converge_is_halved_twice(monkeypatch, failures):
     law = gap_law(1, K_n=1e4, gap=0.01)
