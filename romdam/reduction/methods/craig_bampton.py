@@ -167,10 +167,11 @@ class FreeBlock:
 
 
 class FixedInterfaceModes(NamedTuple):
-    """Fixed-interface modes Phi, their omega^2 and Phi^T M Phi; see `Substructure` for `residual`."""
+    """Fixed-interface modes Phi, their omega^2, M Phi and Phi^T M Phi; see `Substructure` for `residual`."""
 
     omega2: Floats
     Phi: Floats
+    MPhi: Floats
     gram: Floats
     residual: float
 
@@ -183,6 +184,41 @@ class FixedInterfaceModes(NamedTuple):
     def orthonormality(self) -> float:
         """Largest entry of Phi^T M Phi - I."""
         return float(np.abs(self.gram - np.eye(len(self.gram))).max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class _Interior:
+    """The interior's solver, and forces K - s M on it under vectors of a basis, without K times any mode.
+
+    Constraint modes take none, and a mode's are s less than its inertia. K times low modes would be a small
+    difference of large forces, whose round-off, answered and made as long as a mode, mirrors nothing: with it
+    two mirrored gaps of the main job were 7e-7 apart, and are 1e-10 now.
+
+    Attributes
+    ----------
+    own : (n, f) forces under the last f vectors of the first basis
+    constraint : how many constraint modes are before those
+    steps : (mix, forces) of bases since then: modes made of the one before and of vectors beside it
+    """
+
+    solver: Solver
+    own: Floats
+    constraint: int
+    steps: tuple[tuple[Floats, Floats], ...] = ()
+
+    def after(self, mix: Floats, more: Floats) -> _Interior:
+        """The same for modes made of this basis and of vectors beside it with such forces."""
+        return replace(self, steps=(*self.steps, (mix, more)))
+
+    def forces(self, C: Floats) -> Floats:
+        """(n, k) under vectors that are (m, k) in terms of the last basis."""
+        found = np.zeros((len(self.own), C.shape[1]))
+        for mix, more in reversed(self.steps):
+            C = mix @ C
+            first = len(C) - more.shape[1]
+            found += more @ C[first:]
+            C = C[:first]
+        return found + self.own @ C[self.constraint :]
 
 
 def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
@@ -199,11 +235,11 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         where a factorisation or an eigenproblem fails.
     """
     K, M, retained = block.K, block.M, block.retained
-    interior = int((~retained).sum())
-    choice = _within(choice, interior, block.place)
-    if choice.keeps_all or choice.count == interior:
+    inner = int((~retained).sum())
+    choice = _within(choice, inner, block.place)
+    if choice.keeps_all or choice.count == inner:
         omega2, basis = dense_modes(K, M)
-        known = np.eye(len(omega2)), len(retained) - interior, interior, highest_hz(omega2)
+        known = np.eye(len(omega2)), len(retained) - inner, inner, highest_hz(omega2)
         none = np.zeros((len(basis), 0))
         yield from repeat(Substructure(without_roundoff(omega2), basis, none, *known, 0.0, 0.0))
     Psi, modes, solver = _ritz_vectors(block, choice)
@@ -221,9 +257,11 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         orthonormality=modes.orthonormality,
         residual=modes.residual,
     )
-    sub = _with_residual_vectors(block, sub, solver, (choice.residual_vectors, 0.0, None)).formed()
+    interior = _Interior(solver, modes.MPhi * (modes.omega2 - block.shift), Psi.shape[1])
+    sub, interior = _with_residual_vectors(block, sub, interior, (choice.residual_vectors, 0.0, None))
+    sub = sub.formed()
     yield replace(sub, omega2=without_roundoff(sub.omega2))
-    finer = _with_residual_vectors(block, sub, solver, (FINER_VECTORS, ROUND_OFF, block.wet))
+    finer, _ = _with_residual_vectors(block, sub, interior, (FINER_VECTORS, ROUND_OFF, block.wet))
     yield replace(finer, omega2=without_roundoff(finer.omega2))
 
 
@@ -258,7 +296,7 @@ def fixed_interface_modes(
     """Lowest modes of the interior; `solver` is of K - shift M."""
     omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, solver, shift)
     MPhi = M @ Phi
-    return FixedInterfaceModes(omega2, Phi, Phi.T @ MPhi, eigen_residual(K, MPhi, omega2, Phi))
+    return FixedInterfaceModes(omega2, Phi, MPhi, Phi.T @ MPhi, eigen_residual(K, MPhi, omega2, Phi))
 
 
 def highest_hz(omega2: Floats) -> float:
@@ -318,26 +356,32 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
 
 
 def _with_residual_vectors(
-    block: FreeBlock, sub: Substructure, solver: Solver, which: tuple[int, float, WetMass | None]
-) -> Substructure:
+    block: FreeBlock, sub: Substructure, interior: _Interior, which: tuple[int, float, WetMass | None]
+) -> tuple[Substructure, _Interior]:
     """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced.
 
     Parameters
     ----------
+    interior : for vectors in terms of the substructure's basis
     which : of how many modes, the least size of an answer, and the water that the modes move
+
+    Returns
+    -------
+    made : its basis is the one given, with residual vectors beside it
+    interior : for vectors in terms of what is made's modes
     """
     (count, least, wet), K, M, retained = which, block.K, block.M, block.retained
     T, V = sub.basis, sub.mix
     count = min(count, len(T) - V.shape[1])
     if not count:
-        return sub
+        return sub, interior.after(V, np.zeros((int((~retained).sum()), 0)))
     added = None if wet is None else wet.of(wet.operator @ T @ V)
     lowest, some = lowest_with(added, sub.omega2, V, count)
     low = T @ some
-    unbalanced = K @ low - (M @ low) * lowest
+    unbalanced = interior.forces(some) - (M @ (low * (lowest - block.shift)))[~retained]
     if wet is not None:
-        unbalanced -= wet.inertia(low * lowest)
-    D = over_interior(retained, solver.solve(unbalanced[~retained]))
+        unbalanced -= wet.inertia(low * lowest)[~retained]
+    D = over_interior(retained, interior.solver.solve(unbalanced))
     D = larger(D - T @ (V @ _onto(sub, M @ D)), M, lowest, least)
     D = independent(D, M)
     D = independent(D - T @ (V @ _onto(sub, M @ D)), M)  # what round-off left of the modes, and of the others
@@ -346,7 +390,8 @@ def _with_residual_vectors(
     omega2, C = eigh(np.block([[np.diag(sub.omega2), edge], [edge.T, 0.5 * (own + own.T)]]))
     mix = np.vstack([V @ C[: V.shape[1]], C[V.shape[1] :]])
     residual = sub.residual_vectors + D.shape[1]
-    return replace(sub, omega2=omega2, more=D, mix=np.ascontiguousarray(mix), residual_vectors=residual)
+    made = replace(sub, omega2=omega2, more=D, mix=np.ascontiguousarray(mix), residual_vectors=residual)
+    return made, interior.after(mix, (KD - block.shift * (M @ D))[~retained])
 
 
 def _onto(sub: Substructure, forces: Floats) -> Floats:

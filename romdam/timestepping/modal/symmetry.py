@@ -14,7 +14,7 @@ The partition is the coarsest: from groups of equal law on, gaps whose jumps dif
 do. Eigenvectors of nearly equal frequencies mix what mirrors and what does not, so the modes of a
 frequency are turned to what the groups and the loads move; what is left out is measured. Of the 100 gaps and
 360 modes of configs/two_cantilevers.yaml 60 and 193 remain, whose flexibilities are those of the whole to
-1e-11 at rest and 1e-8 within a step. Openings are equal to 1e-11.
+1e-11 at rest and 1e-10 within a step. Openings are equal to 1e-11.
 
 References
 ----------
