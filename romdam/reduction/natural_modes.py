@@ -21,7 +21,7 @@ from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import Unknowns, unknowns
 from romdam.fem.unreduced import MOST_WET, assemble_full
 from romdam.fem.water.added_mass import AddedMass, added_mass, sparse_added_mass
-from romdam.linalg.eigen import lowest_modes_by_blocks
+from romdam.linalg.modes.eigen import lowest_modes_by_blocks
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
 from romdam.scene.meshes.quality import sound_volume

@@ -23,10 +23,10 @@ from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.fem.water.compressible import Waves, reservoir_waves, with_waves
 from romdam.linalg.dense import eigh
-from romdam.linalg.eigen import modes_below
 from romdam.linalg.factor import Factor
+from romdam.linalg.modes.eigen import modes_below
 from romdam.reduction.basis import over_coordinates
-from romdam.reduction.methods.craig_bampton import independent
+from romdam.reduction.methods.residual_vectors import independent
 
 _OWN = 1e-6  # of a static answer, what is not in the modes: less is their round-off
 

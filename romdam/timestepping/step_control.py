@@ -52,8 +52,7 @@ def simulate_to(
 
     Where contact does not change, the base step makes the error: closed springs follow it. So it is halved
     with the finest where joints have a tension stiffness or carry shear, and from the second run on where the
-    first hardly cut a base step above what impacts ask for, nor half of the time in which joints were closed;
-    elsewhere impacts make the error.
+    first hardly cut a base step above what impacts ask for (see `_Motions.quiet`); elsewhere impacts make it.
 
     Parameters
     ----------

@@ -28,8 +28,8 @@ from scipy.sparse.linalg import LinearOperator, lobpcg
 from romdam.core.arrays import Floats
 from romdam.core.errors import ReductionError
 from romdam.fem.assembly import assemble
-from romdam.linalg.eigen import modes_below
-from romdam.linalg.lobpcg import RESIDUAL, Pencil, Wanted, block_modes, missed
+from romdam.linalg.modes.eigen import modes_below
+from romdam.linalg.modes.lobpcg import RESIDUAL, Pencil, Wanted, block_modes, missed
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, Solving, make_solver
 from romdam.scene.supports import rigid_motions

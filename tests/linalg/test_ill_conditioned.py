@@ -12,7 +12,7 @@ from romdam.core.errors import MeshError
 from romdam.core.scene import Material, Scene, Tie
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import assemble_part
-from romdam.linalg.eigen import modes_below
+from romdam.linalg.modes.eigen import modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, make_solver
 from romdam.reduction.methods.craig_bampton import ModeChoice

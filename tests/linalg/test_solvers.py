@@ -15,11 +15,12 @@ from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
-from romdam.linalg import conjugate, krylov, multigrid, solvers
-from romdam.linalg.eigen import lowest_modes, modes_below
+from romdam.linalg import conjugate, multigrid, solvers
 from romdam.linalg.factor import Factor
-from romdam.linalg.flexibility import Flexibility
-from romdam.linalg.lobpcg import Pencil, Wanted, block_modes, missed
+from romdam.linalg.modes import krylov
+from romdam.linalg.modes.eigen import lowest_modes, modes_below
+from romdam.linalg.modes.flexibility import Flexibility
+from romdam.linalg.modes.lobpcg import Pencil, Wanted, block_modes, missed
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.solvers import Solving, candidates, make_solver
 from romdam.reduction.methods.craig_bampton import FREE_SHIFT
@@ -124,7 +125,7 @@ def reference(block):
 @pytest.mark.parametrize("name", NAMES)
 def test_modes_below_a_frequency_are_those_of_a_sturm_count(name, block, monkeypatch):
     K, M, _ = block
-    monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)  # the way of large blocks: no count beforehand
+    monkeypatch.setattr("romdam.linalg.modes.eigen.SMALL", 0)  # the way of large blocks: no count beforehand
     omega2, modes = modes_below(K, M, None, CUTOFF, made(name, block))
     known, known_modes = reference(block)
     assert len(omega2) == len(known)
@@ -270,7 +271,7 @@ def test_rigid_motions_leave_modes_their_digits(small, by, monkeypatch):
     rigid = np.linalg.cholesky(np.linalg.inv(rigid.T @ (M @ rigid))).T @ rigid.T
     known = eigh(K.toarray(), M.toarray(), eigvals_only=True)[:20]
     if not small:
-        monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)
+        monkeypatch.setattr("romdam.linalg.modes.eigen.SMALL", 0)
     solver, cutoff = Factor(K + FREE_SHIFT * M), np.sqrt(known[-1] * (1 + 1e-6)) / (2.0 * np.pi)
     which = (20, None) if by == "count" else (None, cutoff)
     omega2, modes = modes_below(K, M, *which, solver, -FREE_SHIFT)

@@ -22,7 +22,7 @@ from small_scenes import (
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
-from romdam.reduction.methods.craig_bampton import larger
+from romdam.reduction.methods.residual_vectors import larger
 
 LAWS = {
     "penalty": {},

@@ -15,9 +15,9 @@ from romdam.config import parse_config
 from romdam.error.metrics import relative_l2
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns
-from romdam.linalg import eigen
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.factor import Factor
+from romdam.linalg.modes import eigen
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import Solving
 from romdam.linalg.symmetric import Symmetric
@@ -187,7 +187,7 @@ def test_all_modes_on_rock_without_mass_are_those_of_the_condensed_mesh():
 
 def test_rock_without_mass_is_eliminated_before_modes_are_looked_for(monkeypatch):
     """On the dam alone, by fronts; omega^2 and flexibility of the gaps are those of SuperLU on the whole."""
-    monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)
+    monkeypatch.setattr("romdam.linalg.modes.eigen.SMALL", 0)
     made = []
 
     class Noted(Multifrontal):
@@ -225,8 +225,8 @@ def test_rock_without_mass_is_condensed_to_the_same_model(monkeypatch):
             super().__init__(matrix, inner, memory)
 
     monkeypatch.setattr("romdam.linalg.solvers.CondensedSingle", Noted)
-    monkeypatch.setattr("romdam.linalg.eigen.SMALL", 0)
-    monkeypatch.setattr("romdam.linalg.eigen.CondensedSingle", Noted)
+    monkeypatch.setattr("romdam.linalg.modes.eigen.SMALL", 0)
+    monkeypatch.setattr("romdam.linalg.modes.eigen.CondensedSingle", Noted)
     scene = massless(divisions=COARSE | {"rock": 3, "upstream": 3})
     mine, known = (
         reduce_scene(scene, ModeChoice(cutoff=30.0, solving=Solving(name)), DAMPING)

@@ -9,7 +9,7 @@ from small_scenes import DAMPING, raw, scene
 from romdam.config.sections.job import ModelConfig
 from romdam.fem.assembly import assemble_mass
 from romdam.fem.unreduced import assemble_full
-from romdam.reduction.methods.craig_bampton import independent
+from romdam.reduction.methods.residual_vectors import independent
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 
 

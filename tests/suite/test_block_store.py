@@ -18,7 +18,7 @@ from romdam.core.system import with_parameters
 from romdam.fem.gaps import gap_law
 from romdam.reduction import single_block
 from romdam.reduction.basis import Augmented, Dense, Mapped
-from romdam.reduction.methods.craig_bampton import FINER_VECTORS
+from romdam.reduction.methods.residual_vectors import FINER_VECTORS
 from romdam.reduction.storage import model_file
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice

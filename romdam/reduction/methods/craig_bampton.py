@@ -29,17 +29,21 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError, ReductionError
 from romdam.fem.water.added_mass import WetMass
-from romdam.linalg.dense import eigh, orthonormalising
-from romdam.linalg.eigen import dense_modes, modes_below
+from romdam.linalg.dense import eigh
+from romdam.linalg.modes.eigen import dense_modes, modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
 from romdam.linalg.symmetric import Symmetric
+from romdam.reduction.methods.residual_vectors import (
+    FINER_VECTORS,
+    ROUND_OFF,
+    Interior,
+    independent,
+    larger,
+    lowest_with,
+)
 
 FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
-FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
-_DEPENDENT = 1e-8  # eigenvalue of the residual vectors' Gram matrix, relative, below which one is dropped
-ROUND_OFF = 1e-7  # of a mode's size: too much of a residual vector below it is that, and mirrors nothing
-_SAME = 1e-5  # relative, of frequencies squared that count as one
 _ALL = 2**62
 _RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _SOME = 30  # modes below a frequency, before they are counted
@@ -186,41 +190,6 @@ class FixedInterfaceModes(NamedTuple):
         return float(np.abs(self.gram - np.eye(len(self.gram))).max(initial=0.0))
 
 
-@dataclass(frozen=True)
-class _Interior:
-    """The interior's solver, and forces K - s M on it under vectors of a basis, without K times any mode.
-
-    Constraint modes take none, and a mode's are s less than its inertia. K times low modes would be a small
-    difference of large forces, whose round-off, answered and made as long as a mode, mirrors nothing: with it
-    two mirrored gaps of the main job were 7e-7 apart, and are 1e-10 now.
-
-    Attributes
-    ----------
-    own : (n, f) forces under the last f vectors of the first basis
-    constraint : how many constraint modes are before those
-    steps : (mix, forces) of bases since then: modes made of the one before and of vectors beside it
-    """
-
-    solver: Solver
-    own: Floats
-    constraint: int
-    steps: tuple[tuple[Floats, Floats], ...] = ()
-
-    def after(self, mix: Floats, more: Floats) -> _Interior:
-        """The same for modes made of this basis and of vectors beside it with such forces."""
-        return replace(self, steps=(*self.steps, (mix, more)))
-
-    def forces(self, C: Floats) -> Floats:
-        """(n, k) under vectors that are (m, k) in terms of the last basis."""
-        found = np.zeros((len(self.own), C.shape[1]))
-        for mix, more in reversed(self.steps):
-            C = mix @ C
-            first = len(C) - more.shape[1]
-            found += more @ C[first:]
-            C = C[:first]
-        return found + self.own @ C[self.constraint :]
-
-
 def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
     """Reduce a block and diagonalise it with its joints open; then a finer one from the same factors.
 
@@ -257,7 +226,7 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         orthonormality=modes.orthonormality,
         residual=modes.residual,
     )
-    interior = _Interior(solver, modes.MPhi * (modes.omega2 - block.shift), Psi.shape[1])
+    interior = Interior(solver, modes.MPhi * (modes.omega2 - block.shift), Psi.shape[1])
     sub, interior = _with_residual_vectors(block, sub, interior, (choice.residual_vectors, 0.0, None))
     sub = sub.formed()
     yield replace(sub, omega2=without_roundoff(sub.omega2))
@@ -356,8 +325,8 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
 
 
 def _with_residual_vectors(
-    block: FreeBlock, sub: Substructure, interior: _Interior, which: tuple[int, float, WetMass | None]
-) -> tuple[Substructure, _Interior]:
+    block: FreeBlock, sub: Substructure, interior: Interior, which: tuple[int, float, WetMass | None]
+) -> tuple[Substructure, Interior]:
     """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced.
 
     Parameters
@@ -397,34 +366,6 @@ def _with_residual_vectors(
 def _onto(sub: Substructure, forces: Floats) -> Floats:
     """Forces (n, k) on the modes (m, k)."""
     return np.asarray(sub.mix.T @ (sub.basis.T @ forces))
-
-
-def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> tuple[Floats, Floats]:
-    """omega^2 and vectors of the lowest of modes X (n, m), with an added modal mass (m, m) or without."""
-    if added is None:
-        return omega2[:count], X[:, :count]
-    low, C = eigh(np.diag(omega2), np.eye(len(omega2)) + 0.5 * (added + added.T))
-    return low[:count], X @ C[:, :count]
-
-
-def larger(D: Floats, M: csr_matrix, omega2: Floats, least: float) -> Floats:
-    """The modes' residual vectors whose M-norm is above a size, of one frequency all or none.
-
-    Which modes of one frequency there are is round-off, and with it how large each one's vector is.
-
-    Parameters
-    ----------
-    omega2 : of the modes, ascending; of rigid motions round-off, which may be negative [1/s2]
-    """
-    together = np.append(0, np.cumsum(np.diff(omega2) > _SAME * omega2[1:]))
-    smallest = np.full(len(omega2), np.inf)
-    np.minimum.at(smallest, together, np.sqrt((D * (M @ D)).sum(axis=0)))
-    return np.asarray(D[:, smallest[together] > least]) if least else D
-
-
-def independent(D: Floats, M: csr_matrix) -> Floats:
-    """M-orthonormal vectors that span D's, without directions that are round-off."""
-    return np.asarray(D @ orthonormalising(D.T @ (M @ D), _DEPENDENT))
 
 
 def without_roundoff(omega2: Floats) -> Floats:

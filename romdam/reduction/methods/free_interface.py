@@ -42,20 +42,20 @@ from romdam.fem.parts import gather, part_operator
 from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
-from romdam.linalg.eigen import dense_modes, span_of_modes
+from romdam.linalg.modes.eigen import dense_modes, span_of_modes
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.acting import Acting
 from romdam.reduction.methods.attachment_modes import Pencil, beside, diagonalised, with_more
 from romdam.reduction.methods.craig_bampton import (
-    FINER_VECTORS,
     ModeChoice,
     Substructure,
     eigen_residual,
     without_roundoff,
 )
 from romdam.reduction.methods.merged_part import MergedPart, merged_part
+from romdam.reduction.methods.residual_vectors import FINER_VECTORS
 from romdam.reduction.storage.keys import part_keys
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix

@@ -30,19 +30,21 @@ from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.interface import Interface
 from romdam.reduction.methods.craig_bampton import (
-    FINER_VECTORS,
     FREE_SHIFT,
-    ROUND_OFF,
     FixedInterfaceModes,
     ModeChoice,
     Substructure,
     diagonalise,
     fixed_interface_modes,
+    over_interior,
+    without_roundoff,
+)
+from romdam.reduction.methods.residual_vectors import (
+    FINER_VECTORS,
+    ROUND_OFF,
     independent,
     larger,
     lowest_with,
-    over_interior,
-    without_roundoff,
 )
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix

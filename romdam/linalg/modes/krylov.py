@@ -28,8 +28,8 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.dense import orthonormalising
-from romdam.linalg.flexibility import Flexibility
-from romdam.linalg.lobpcg import Wanted
+from romdam.linalg.modes.flexibility import Flexibility
+from romdam.linalg.modes.lobpcg import Wanted
 
 RESIDUAL = 1e-7  # of a mode found: |D M x - mu x| relative to mu, in the norm of M
 _NEAR = 1e-2  # the same of the modes next to them

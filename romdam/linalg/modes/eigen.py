@@ -15,9 +15,9 @@ from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.dense import eigh
 from romdam.linalg.factor import Factor
-from romdam.linalg.flexibility import Flexibility
-from romdam.linalg.krylov import krylov_modes, narrow_modes, ritz_vectors
-from romdam.linalg.lobpcg import Pencil, Wanted, block_modes
+from romdam.linalg.modes.flexibility import Flexibility
+from romdam.linalg.modes.krylov import krylov_modes, narrow_modes, ritz_vectors
+from romdam.linalg.modes.lobpcg import Pencil, Wanted, block_modes
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.multigrid import Multigrid
 from romdam.linalg.solvers import SMALL, Solver
