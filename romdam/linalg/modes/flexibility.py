@@ -40,7 +40,8 @@ class Flexibility:
 
     Attributes
     ----------
-    own : (m, m) mass of the unknowns that have any
+    size, every : m, how many unknowns have mass, and whether all have
+    own : (m, m) their mass
     rigid : (n, r) motions that K does not feel, M-orthonormal
     apart : the same over the unknowns with mass, where there are any
     """

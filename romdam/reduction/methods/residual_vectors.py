@@ -3,7 +3,8 @@
 What a mode of a Craig-Bampton basis leaves is its own inertia less that of the fixed-interface modes in it,
 since constraint modes take no force inside; so it comes from inertia alone. K times a low mode is a small
 difference of large forces, whose round-off, answered and made as long as a mode, mirrors nothing: with it
-mirrored gaps of the main job were alike to 7e-7, and are to 1e-10 without.
+mirrored gaps of the main job were alike to 7e-7, and are to 1e-10 without. The answer to the part of the
+modes lies in the span of the basis, and could be taken out afterwards; that leaves 3e-6.
 """
 
 from __future__ import annotations
