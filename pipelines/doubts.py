@@ -46,7 +46,13 @@ def doubts_of(job: Job, motions: Sequence[GroundMotion]) -> tuple[str, ...]:
 
 def with_doubts_of(scene: Scene, job: Job) -> Job:
     """The job with the doubts that its scene brings."""
-    return replace(job, doubts=tuple(_of_drag(job, scene)))
+    of_matrices = [
+        text
+        for block in scene.blocks.values()
+        if block.matrices is not None
+        for text in block.matrices.warnings
+    ]
+    return replace(job, doubts=(*of_matrices, *_of_drag(job, scene)))
 
 
 def telling_doubts_of(scene: Scene, job: Job) -> Job:

@@ -112,27 +112,27 @@ class BlockMatrices:
     K, M : (3 n, 3 n) sparse, symmetric; rows of DOFs that are no unknowns are empty [N/m], [kg]
     motion : (n, 3) what each DOF is: 0, 1, 2 displacement along x, y, z; 3, 4, 5 rotation about them;
         6 any other coordinate; -1 no unknown
+    translations : (3 n, 3) displacement in unit translations along x, y, z; coordinates of other kinds follow
+        as K says
     C : (3 n, 3 n) sparse, in place of Rayleigh damping; None without [N s/m]
     inertia : (3 n, 3) M r for unit translations r along x, y, z, where M does not tell; None where it does
     force : (3 n,) static force that comes with the matrices [N]
+    warnings : what a careful reader should know of them, one sentence each
     """
 
     K: csr_matrix
     M: csr_matrix
     motion: Ints
+    translations: Floats
     C: csr_matrix | None
     inertia: Floats | None
     force: Floats
+    warnings: tuple[str, ...] = ()
 
     @property
     def absent(self) -> Bools:
         """(n, 3) True where a DOF is no unknown."""
         return self.motion < 0
-
-    @property
-    def translations(self) -> Floats:
-        """(3 n, 3) displacement in unit translations along x, y, z."""
-        return np.equal.outer(self.motion.ravel(), np.arange(3)).astype(float)
 
 
 Complex = NDArray[np.complex128]

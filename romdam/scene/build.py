@@ -152,7 +152,8 @@ def _blocks(
         if block.matrices is not None:
             numbered = None if block.mesh is None else files.numbered(block.mesh)
             place = f"{source}: blocks.{name}.matrices"
-            made = with_matrices(made, block.matrices, files.folder, numbered, place)
+            supported = any(support.block == name for support in config.supports)
+            made = with_matrices(made, block.matrices, files.folder, numbered, place, supported=supported)
         blocks |= cut_block(made, config.cut, files.folder, source) if name in config.cut else {name: made}
     return blocks
 

@@ -188,11 +188,11 @@ def test_matrices_whose_supports_were_applied_before(tmp_path, caplog):
     caplog.set_level("INFO")
     keys = dict.fromkeys((*EXPORTED, "inertia"), "r.h5")
     same(history(built(raw(0.7, matrices=keys), tmp_path)), history(scene))
-    assert "0 of 6 rigid motions are free of force" in caplog.text
+    assert "resists 6 of 6 rigid motions of its unknowns" in caplog.text
 
 
 def with_oscillator(folder, scene):
-    """Matrices of the right column, with a mass on a spring at its top and a rotation that nothing joins."""
+    """Matrices of the right column, with a mass on a spring at its top and a lone oscillator."""
     block = scene.blocks["right"]
     K, M = assemble(block)
     n, top = K.shape[0], 3 * int(np.argmax(block.points.sum(axis=1))) + 1
@@ -202,9 +202,9 @@ def with_oscillator(folder, scene):
     K[top, n] = K[n, top] = -spring
     K[n, n], M[n, n], K[n + 1, n + 1], M[n + 1, n + 1] = spring, 2e4, 3e9, 1e3
     unknowns = Unknowns(
-        np.r_[np.repeat(np.arange(n // 3) + 1, 3), 900, 1],
-        np.r_[np.tile(np.arange(3), n // 3), DIRECTIONS.index("internal"), DIRECTIONS.index("rx")],
-        np.vstack([np.repeat(block.points, 3, axis=0), np.full((1, 3), np.nan), block.points[:1]]),
+        np.r_[np.repeat(np.arange(n // 3) + 1, 3), 900, 901],
+        np.r_[np.tile(np.arange(3), n // 3), [DIRECTIONS.index("internal")] * 2],
+        np.vstack([np.repeat(block.points, 3, axis=0), np.full((2, 3), np.nan)]),
     )
     with creating(folder / "o.h5") as file:
         write_unknowns(file, unknowns)

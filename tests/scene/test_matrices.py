@@ -3,6 +3,7 @@
 import logging
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -234,15 +235,15 @@ def test_what_no_elastic_body_has_is_refused_with_numbers(case, tmp_path):
     change, message = REFUSED[case]
     keys = write_market(tmp_path, *change(*of_mesh()), symmetry="general")
     with pytest.raises(MeshError, match=message) as raised:
-        check_matrices(read(tmp_path, **keys), None, PLACE)
+        check_matrices(read(tmp_path, **keys), PLACE)
     assert str(raised.value).startswith(PLACE)
 
 
 def test_a_mass_in_other_units_is_refused(tmp_path):
     own = read(tmp_path, **write_market(tmp_path, *of_mesh()))
-    check_matrices(own, 4 * 4 * 8 * 2400.0, PLACE)
+    check_matrices(own, PLACE, 4 * 4 * 8 * 2400.0)
     with pytest.raises(MeshError, match=r"mass: is 3.072e\+05, .* total_mass is 307.2 kg, limit 0.1"):
-        check_matrices(own, 307.2, PLACE)
+        check_matrices(own, PLACE, 307.2)
 
 
 def beam(length=3.0):
@@ -263,23 +264,16 @@ def beam(length=3.0):
 
 def test_rotations_take_part_in_rigid_motions(caplog):
     with caplog.at_level(logging.INFO):
-        check_matrices(beam(), None, PLACE)
+        check_matrices(beam(), PLACE)
     assert "mass 2, 2, 2 kg along x, y, z; 6 rigid motions" in caplog.text
 
 
-def test_supports_that_were_applied_before_are_told(caplog):
+def test_what_is_held_inside_is_a_warning_unless_the_job_says_so():
     own = beam()
-    held = FileMatrices(
-        own.unknowns,
-        own.K + csr_matrix(np.diag(np.r_[np.ones(6), np.zeros(6)])),
-        own.M,
-        None,
-        None,
-        own.force,
-    )
-    with caplog.at_level(logging.INFO):
-        check_matrices(held, None, PLACE)
-    assert "0 of 6 rigid motions are free of force" in caplog.text
+    held = replace(own, K=own.K + csr_matrix(np.diag(np.r_[np.ones(6), np.zeros(6)])))
+    (said,) = check_matrices(held, PLACE).warnings
+    assert "resists 6 of 6 rigid motions of its unknowns" in said
+    assert check_matrices(held, PLACE, supported=True).warnings == ()
 
 
 TEXTS = {

@@ -14,7 +14,7 @@ from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Joint, Scene
 from romdam.core.system import BlockMatrices
-from romdam.scene.matrices.checks import check_matrices
+from romdam.scene.matrices.checks import Checked, check_matrices
 from romdam.scene.matrices.data import Unknowns
 from romdam.scene.matrices.files import FileMatrices, Numbered, read_matrices
 from romdam.scene.nearest import tree
@@ -25,7 +25,13 @@ _NOTHING = 1e-12  # weights and cosines below it are rounding
 
 
 def with_matrices(
-    block: Block, config: MatricesConfig, folder: Path, mesh: Numbered | None, place: str
+    block: Block,
+    config: MatricesConfig,
+    folder: Path,
+    mesh: Numbered | None,
+    place: str,
+    *,
+    supported: bool = False,
 ) -> Block:
     """The block with the stiffness and mass of files; nodes are the same that lie within the tolerance.
 
@@ -34,6 +40,7 @@ def with_matrices(
     folder : where relative paths start
     mesh : numbers and positions of the nodes in the block's mesh file, where it has one
     place : file and key, for messages
+    supported : `supports` of the configuration name this block
 
     Raises
     ------
@@ -42,11 +49,13 @@ def with_matrices(
         nodes is one of the mesh.
     """
     own = read_matrices(config, folder, mesh, place)
-    check_matrices(own, config.total_mass, place)
     points, dof = _numbered(block, own.unknowns, config.tolerance, place)
+    checked = check_matrices(
+        own, place, config.total_mass, block, supported=supported or own.inertia is not None
+    )
     motion = np.full(3 * len(points), -1)
     motion[dof] = own.unknowns.motion
-    matrices = _over_nodes(own, dof, motion.reshape(-1, 3))
+    matrices = _over_nodes(own, dof, motion.reshape(-1, 3), checked)
     lacking = matrices.absent[: len(block.points)].sum(axis=1)
     log.info(
         "%s: %d unknowns, in %s; of %d nodes of the mesh %d have all three displacements and %d none, which "
@@ -100,20 +109,23 @@ def _span(points: Floats) -> str:
     return ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in ends)
 
 
-def _over_nodes(own: FileMatrices, dof: Ints, motion: Ints) -> BlockMatrices:
+def _over_nodes(own: FileMatrices, dof: Ints, motion: Ints, checked: Checked) -> BlockMatrices:
     size = motion.size
 
     def spread(matrix: csr_matrix) -> csr_matrix:
         entries = matrix.tocoo()
         return csr_matrix((entries.data, (dof[entries.row], dof[entries.col])), shape=(size, size))
 
-    force, inertia = np.zeros(size), None
+    force, inertia, translations = np.zeros(size), None, np.zeros((size, 3))
     force[dof] = own.force
+    translations[dof] = checked.translations
     if own.inertia is not None:
         inertia = np.zeros((size, 3))
         inertia[dof] = own.inertia
     C = None if own.C is None else spread(own.C)
-    return BlockMatrices(spread(own.K), spread(own.M), motion, C, inertia, force)
+    return BlockMatrices(
+        spread(own.K), spread(own.M), motion, translations, C, inertia, force, checked.warnings
+    )
 
 
 def held_by(blocks: dict[str, Block], fixed: dict[str, Bools]) -> dict[str, Bools]:
