@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import romdam
 from romdam.config.coupling import coupling
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
-from romdam.core.fingerprint import scene_digest
+from romdam.core.fingerprint import code_digest, scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
@@ -122,7 +121,7 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
         scene = scene_of(job)
     run.refuse_other(scene.gap_position, run.q.shape[1])
     stated = run.attributes.get("scene_sha256")
-    if _of_this_version(run) and stated is not None and stated != scene_digest(scene):
+    if _of_this_code(run) and stated is not None and stated != scene_digest(scene):
         raise ResultError(
             f"{run.path}: was made of another scene than {job.path} is now: a mesh, matrices or "
             "a gap table have changed since; run the configuration again"
@@ -130,8 +129,8 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
     return scene
 
 
-def _of_this_version(run: StoredRun) -> bool:
-    return str(run.attributes.get("source")) == f"romdam {romdam.__version__}"
+def _of_this_code(run: StoredRun) -> bool:
+    return run.attributes.get("code_sha256") == code_digest()
 
 
 def _interval(run: StoredRun) -> float:
@@ -206,11 +205,11 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     stored = parse_config(raw, f"{run.path}: configuration")
     folder = run.path.parent / str(run.attributes.get(FOLDER, "."))
     job = Job(stored, folder / str(run.attributes["configuration_file"]))
-    if _of_this_version(run) and job.digest != run.attributes["configuration_sha256"]:
+    if _of_this_code(run) and job.digest != run.attributes["configuration_sha256"]:
         raise ResultError(
             f"{run.path}: its attribute configuration is not the one of SHA-256 "
             f"{shown(run.attributes['configuration_sha256'])} that it states; run it again"
-        )  # of another version keys may have come since
+        )  # by other code: keys may have come since
     if config is None:
         return job
     named = load_config(config)

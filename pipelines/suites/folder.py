@@ -157,9 +157,10 @@ def leftovers(folder: Path, plan: Plan, rows: Mapping[str, Row]) -> tuple[Path, 
     ----------
     rows : key -> row of the design's runs that are done
     """
-    kept = [row.kept for row in rows.values() if row.kept is not None]
-    known = {file_name(run) for run in plan.first.values()} if plan.keeps_results else set()
-    known |= {name for one in kept for name in one.shared.values()}
+    kept = {key: row.kept for key, row in rows.items() if row.kept is not None}
+    # a run that has moved in the design has its file under the name of before until the suite is run again
+    known = {kept[key].file if key in kept else file_name(run) for key, run in plan.first.items()}
+    known |= {name for one in kept.values() for name in one.shared.values()}
     runs = [
         path
         for pattern in ("*.nc", "*.h5")

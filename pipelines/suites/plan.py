@@ -15,11 +15,10 @@ from tempfile import TemporaryDirectory
 
 import xarray as xr
 
-import romdam
 from romdam.config.load import Job, located
 from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
 from romdam.core.errors import ConfigError, RecordError
-from romdam.core.fingerprint import fingerprint, scene_content
+from romdam.core.fingerprint import code_digest, fingerprint, scene_content
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
@@ -34,7 +33,7 @@ from romdam.records.components import check_components
 from romdam.records.record_set import Loaded, usable_apart
 from romdam.results.suite.design import design_dataset, parameter_places
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
-from romdam.results.suite.rows import SOURCE, Row
+from romdam.results.suite.rows import Row, source_of_rows
 from romdam.results.suite.scaling import no_factors, scale_count, scale_factors
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 
@@ -75,11 +74,6 @@ class Plan:
     def first(self) -> dict[str, Run]:
         """Key -> run; of several runs of one content the first."""
         return {run.key: run for run in reversed(self.runs)}
-
-    @property
-    def keeps_results(self) -> bool:
-        """True where every run is kept as a result file of its own."""
-        return _suite(self.job).keep != "peaks"
 
     @property
     def motions(self) -> dict[str, GroundMotion]:
@@ -256,7 +250,7 @@ def _model_key(job: Job, scene: Scene) -> str:
         "keep": "" if suite is None else str(suite.keep),
         "directions": gap_law(scene).directions,
     }
-    return fingerprint((LAYOUT, romdam.__version__, asked, *scene_content(scene, _OF_SAMPLES)))
+    return fingerprint((LAYOUT, code_digest(), asked, *scene_content(scene, _OF_SAMPLES)))
 
 
 def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
@@ -270,8 +264,9 @@ def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
         where the folder or the disk refuses a file.
     """
     known = read_rows(folder / JOURNAL)
-    _warn_of_versions(known, folder / JOURNAL)
     done = {key: known[key] for key in plan.first if key in known}
+    if len(done) < len(plan.first):
+        _warn_of_other_code(known, folder / JOURNAL)
     if not suite.keeps_results:
         return done
     results, found = KeptResults(suite, plan.motions), dict[str, Row]()
@@ -286,13 +281,13 @@ def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
     return found
 
 
-def _warn_of_versions(rows: Mapping[str, Row], path: Path) -> None:
-    """Say of rows that another version made: the numbers of one suite are those of one version."""
-    others = Counter(row.source for row in rows.values() if row.source != SOURCE)
-    for source, count in others.items():
+def _warn_of_other_code(rows: Mapping[str, Row], path: Path) -> None:
+    """Say of rows that other code computed: the numbers of one suite are those of one code."""
+    now = source_of_rows()
+    for source, count in Counter(row.source for row in rows.values() if row.source != now).items():
         log.warning(
             "%s: %d rows are of %s, this is %s; their runs are made again, for a suite has the numbers of "
-            "one version (to go on with theirs, install %s)", path, count, source, SOURCE, source,
+            "one code (to go on with theirs, install %s)", path, count, source, now, source,
         )  # fmt: skip
 
 

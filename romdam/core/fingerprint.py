@@ -1,7 +1,8 @@
 """SHA-256 of plain data: what a stored file was made from; of a scene; and of a file's bytes.
 
 Results are told apart by their scene and their samples: the SHA-256 of a configuration is of its keys alone,
-and a mesh, a record, matrices or a gap table can be another under the same name.
+and a mesh, a record, matrices or a gap table can be another under the same name. What is kept for later
+counts for the code that computed it alone: its key has the digest of that code; a version stands for many.
 """
 
 from __future__ import annotations
@@ -10,16 +11,23 @@ import hashlib
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import romdam
+from romdam.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from hashlib import _Hash
 
     from romdam.core.motion import MovingSupports
     from romdam.core.scene import Scene
+
+# rooms that show what was computed, or write it for other programs; every other room may move a number
+_SHOWING = ("commands", "examples", "export", "terminal", "visual")
+_LIBRARIES = ("numpy", "scipy", "numba")  # that multiply, factor and compile
 
 
 def fingerprint(value: object) -> str:
@@ -59,6 +67,42 @@ def files_digest(paths: Iterable[Path]) -> str:
     return content.hexdigest()
 
 
+@cache
+def code_digest(*rooms: str) -> str:
+    """SHA-256 of the code of some rooms, of all that compute if none is named, and its libraries.
+
+    Raises
+    ------
+    ConfigError
+        where that code is not what this process has loaded: it computes by the one and would keep the numbers
+        under the other.
+    """
+    package = Path(romdam.__file__).parent
+    if _times(package) != _LOADED:
+        raise ConfigError(
+            f"{package}: has changed since this process started, so what it computes is of no known code; "
+            "start again"
+        )
+    files = [path for path in _sources(package) if not rooms or path.relative_to(package).parts[0] in rooms]
+    return fingerprint((files_digest(files), [version(name) for name in ("romdam", *_LIBRARIES)]))
+
+
+def _sources(package: Path) -> list[Path]:
+    """Files of the rooms that compute; the pipelines of a checkout stand outside the package, by a link."""
+    with suppress(OSError):  # a package in an archive, which does not change file by file
+        rooms = sorted(path for path in package.iterdir() if path.is_dir() and path.name not in _SHOWING)
+        return [path for room in rooms for path in sorted(room.rglob("*.py"))]
+    return []
+
+
+def _times(package: Path) -> dict[Path, tuple[int, int]]:
+    """Time and size of every source file."""
+    return {path: ((about := path.stat()).st_mtime_ns, about.st_size) for path in _sources(package)}
+
+
+_LOADED = _times(Path(romdam.__file__).parent)
+
+
 def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object, object]:
     """The joints of a scene and the rest of it, as `fingerprint` takes them.
 
@@ -75,8 +119,8 @@ def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object,
 
 
 def scene_digest(scene: Scene) -> str:
-    """SHA-256 of everything in a scene, as this version of romdam builds it: 7 ms with 70,000 unknowns."""
-    return fingerprint((romdam.__version__, *scene_content(scene)))
+    """SHA-256 of everything in a scene, as this code builds it: 7 ms with 70,000 unknowns."""
+    return fingerprint((code_digest(), *scene_content(scene)))
 
 
 def _moving(supports: MovingSupports | None) -> object:

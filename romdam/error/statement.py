@@ -180,7 +180,7 @@ def _other(document: Mapping[str, object], labels: Mapping[str, object]) -> str:
     if "scene_sha256" not in document or "record_sha256" not in document:
         return "it does not say of which mesh and which samples it is"
     if document["scene_sha256"] != labels["scene_sha256"]:
-        return "it is of another scene, a mesh, matrices or gaps have changed since, or the version"
+        return "it is of another scene, a mesh, matrices or gaps have changed since, or the code"
     same_record = document.get("record") == labels["record"]
     if same_record and document["record_sha256"] != labels["record_sha256"]:
         return "it is of other samples of that record"

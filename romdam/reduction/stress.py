@@ -9,9 +9,9 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import BlockBasis
-from romdam.core.fingerprint import fingerprint
+from romdam.core.fingerprint import code_digest, fingerprint
 from romdam.linalg.dense import factors
-from romdam.reduction.storage.keys import code_digest
+from romdam.reduction.storage.keys import ROOMS
 
 
 def stress_factors(fields: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
@@ -35,4 +35,4 @@ def digest_of_stress(
     """
     q = np.random.default_rng(0).standard_normal(basis.vectors.shape[1])
     columns = basis.columns.start, basis.columns.stop
-    return fingerprint((code_digest(), columns, operator @ basis.vectors.apply(q), about))
+    return fingerprint((code_digest(*ROOMS), columns, operator @ basis.vectors.apply(q), about))

@@ -22,7 +22,7 @@ import romdam
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.core.errors import ResultError
-from romdam.core.fingerprint import scene_digest
+from romdam.core.fingerprint import code_digest, scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.postprocess.concerns import concerns
@@ -136,6 +136,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
         | {
             "rock_blocks": json.dumps(rock_blocks(case.scene)),
             "source": f"romdam {romdam.__version__}",
+            "code_sha256": code_digest(),
             "date_created": _now(),
             "record_dt": motion.dt,
             "record_peak_acceleration": motion.peak,

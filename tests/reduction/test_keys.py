@@ -31,7 +31,7 @@ REST = {
 @pytest.fixture(autouse=True)
 def version(monkeypatch):
     monkeypatch.setattr(romdam, "__version__", "0.1.0")
-    monkeypatch.setattr(keys, "code_digest", lambda: "code")
+    monkeypatch.setattr(keys, "code_digest", lambda *rooms: "code")
 
 
 def scene(raw):

@@ -119,6 +119,18 @@ def test_clean_lists_and_removes_what_is_of_no_run(tmp_path):
     assert made(config, out).made == 0
 
 
+def test_clean_leaves_a_run_that_has_moved_in_the_design(tmp_path):
+    """Its file has the name of before until the suite is run again."""
+    out = tmp_path / "out"
+    config = write_job(tmp_path, records=2, suite={"keep": "full", "scales": [0.5, 1.0]})
+    names = made(config, out).summary.file.values[:, :, 0]
+    job = edited(config, scales=[1.0])
+    cleaned = clean(job, out, remove=True)
+    assert sorted(path.name for path in cleaned.files) == sorted(names[:, 0]) and cleaned.rows == 2
+    assert sorted(path.name for path in (out / "runs").glob("*.nc")) == sorted(names[:, 1])
+    assert made(config, out).made == 0
+
+
 def test_clean_refuses_what_is_not_the_suite(tmp_path):
     config = write_job(tmp_path, records=1)
     with pytest.raises(ResultError, match="is not the folder of a suite"):

@@ -8,15 +8,10 @@ damping, loads and records are not part of it; water is, where a finer basis ans
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.metadata import version
-from pathlib import Path
-
 from scipy.sparse import csr_matrix
 
-import romdam
 from romdam.core.arrays import Bools, Floats
-from romdam.core.fingerprint import files_digest, fingerprint
+from romdam.core.fingerprint import code_digest, fingerprint
 from romdam.core.scene import Block, Scene
 from romdam.fem.water.added_mass import WetMass
 from romdam.reduction.interface import Interface
@@ -24,7 +19,7 @@ from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.scene.ties import Part
 
 LAYOUT = "romdam-block-2"
-_ROOMS = ("core", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
+ROOMS = ("core", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
 
 
 def block_key(
@@ -69,12 +64,4 @@ def _water(choice: ModeChoice, wet: WetMass | None) -> tuple[WetMass, ...]:
 
 
 def _key(*what: object) -> str:
-    return fingerprint((LAYOUT, code_digest(), *what))
-
-
-@cache
-def code_digest() -> str:
-    """SHA-256 of what makes a basis: the code, and the versions of NumPy and SciPy."""
-    package = Path(romdam.__file__).parent
-    files = sorted(path for room in _ROOMS for path in (package / room).rglob("*.py"))
-    return fingerprint((files_digest(files), [version(name) for name in ("romdam", "numpy", "scipy")]))
+    return fingerprint((LAYOUT, code_digest(*ROOMS), *what))

@@ -9,6 +9,7 @@ import numpy as np
 
 import romdam
 from romdam.core.arrays import Floats
+from romdam.core.fingerprint import code_digest
 from romdam.core.system import ENERGY_TERMS, OPEN, SLIP, History
 from romdam.postprocess.sliding import REST, row_seconds
 from romdam.postprocess.stress.faces import HEADLINE
@@ -23,7 +24,12 @@ Place = tuple[int, int, int]  # numbers of record, scale and sample
 AT_THE_END = ", at the end"  # of the long names of what is the last of a variable over time
 _HALF = 0.5  # of a joint's area
 DONE, FAILED = 0, 1
-SOURCE = f"romdam {romdam.__version__}"
+_DIGITS = 12  # of the code's SHA-256, in the source of a row
+
+
+def source_of_rows() -> str:
+    """Name the version, and the code, that rows are computed by now."""
+    return f"romdam {romdam.__version__}, code {code_digest()[:_DIGITS]}"
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class Row:
     values : name -> array, see `ROWS`; empty where it failed
     kept : its result file, where results are kept whole
     lasts : whether it fails again wherever it is made; a row that does not is not kept
-    source : the version that made it
+    source : the version, and the code, that computed it
     """
 
     key: str
@@ -64,7 +70,7 @@ class Row:
     values: dict[str, Array] = field(default_factory=dict)
     kept: Kept | None = None
     lasts: bool = True
-    source: str = SOURCE
+    source: str = field(default_factory=source_of_rows)
 
 
 def _at_rest(history: History) -> Floats:
