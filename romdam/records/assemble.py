@@ -45,7 +45,8 @@ def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
 
 def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     config, place = source.config, source.place
-    channels = [_filled(one, config, place) for one in (axes.values() if axes else source.channels)]
+    chosen, left_out = (list(axes.values()), ()) if axes else _pointed(source)
+    channels = [_filled(one, config, place) for one in chosen]
     for channel in channels:
         check_channel(channel, place)
         _check_dt(channel, config, place)
@@ -58,7 +59,7 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     scale, scaled_to = _scale(acc, signal.dt, config.scale, place)
     if not np.all(np.isfinite(scale * acc)):
         raise RecordError(f"{place}: correction and scale make values that are not finite; change them")
-    warnings = (*doubts, *_below_usable(channels, signal), *signal.warnings)
+    warnings = (*left_out, *doubts, *_below_usable(channels, signal), *signal.warnings)
     if not config.correction:
         warnings += check_processed(recorded, signal.dt)
     warnings += _vertical_rules(scale * acc, config.scale)
@@ -66,6 +67,42 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     factor = scale.item(0) if np.all(scale == scale[0]) else scale.ravel().tolist()
     account |= {"scale": factor, "scaled_to": scaled_to}
     return GroundMotion(source.name, scale * acc, signal.dt, account, warnings)
+
+
+def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
+    """The channels to be rotated, with the azimuths that the entry declares, and what is said of others.
+
+    Raises
+    ------
+    RecordError
+        for an azimuth of a channel that is not there, or whose file says another.
+    """
+    declared, place = source.config.azimuths, source.place
+    if not declared:
+        return source.channels, ()
+    codes = [channel.code for channel in source.channels]
+    if unknown := [code for code in declared if codes.count(code) != 1]:
+        raise RecordError(
+            f"{place}: `azimuths` names {unknown[0]}, the channels are {', '.join(codes)}", "azimuths"
+        )
+    channels, left_out = [], []
+    for channel in source.channels:
+        word, stated = declared.get(channel.code), channel.orientation
+        if word is None and stated is None:
+            left_out.append(f"channel {channel.code} is left out, it is not among `azimuths`")
+            continue
+        if word is not None:
+            upright = {"up": 1, "down": -1}.get(str(word))
+            where = Orientation(float(word) % 360.0) if upright is None else Orientation(None, upright)
+            if stated is not None and stated != where:
+                raise RecordError(
+                    f"{place}, channel {channel.code}: the file says {stated}, `azimuths` {where}; remove it "
+                    "from `azimuths`",
+                    "azimuths",
+                )
+            channel = replace(channel, orientation=where)
+        channels.append(channel)
+    return channels, tuple(left_out)
 
 
 def _doubts_of_recorded(
@@ -160,7 +197,7 @@ def _known(channel: Channel, place: str) -> Orientation:
     if channel.orientation is None:
         raise RecordError(
             f"{place}, channel {channel.code}: the file does not say its azimuth; "
-            "name the axes under `components`"
+            f"give it, `azimuths: {{{channel.code}: 90 deg, ...}}`, or name the axes under `components`"
         )
     return channel.orientation
 

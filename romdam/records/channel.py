@@ -21,10 +21,32 @@ SENTINELS = (  # of missing values
 BREAKING = (  # what arithmetic and parsing raise on damaged data
     ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RecursionError, TypeError, ValueError,
 )  # fmt: skip
-_DIRECTIONS = {"N": 0.0, "E": 90.0, "S": 180.0, "W": 270.0}
+# N, E, S, W, their words and PEER's abbreviations in names of files: ANLCSOU.AT2 has the component SOUTH,
+# PBFEAS.AT2 has EAST. Each names where positive motion points.
+_DIRECTIONS = {
+    "N": 0.0, "NORTH": 0.0, "NOR": 0.0, "E": 90.0, "EAST": 90.0, "EAS": 90.0,
+    "S": 180.0, "SOUTH": 180.0, "SOU": 180.0, "W": 270.0, "WEST": 270.0, "WES": 270.0,
+}  # fmt: skip
+# A pair of letters names an axis whose positive sense is north or east, in whichever order it is written.
+# NIED, "About K-NET ASCII format": N-S is positive to the north, E-W to the east. ITACA and ISESD have NS and
+# WE; INGV's converter of their files (`obspy_dyna`) turns these into HNN and HNE. PEER has both (GCN-WE.AT2).
+_PAIRS = {"NS": 0.0, "SN": 0.0, "EW": 90.0, "WE": 90.0}
 _UP = {"UP", "UD", "U", "Z", "V", "VERT", "VERTICAL", "VRT", "VER"}
 _DOWN = {"DOWN", "DWN", "DN", "D"}
-_PAIRS = {"NS": 0.0, "EW": 90.0, "SN": 180.0, "WE": 270.0}
+# SEED manual 2.4, appendix A: a band, an instrument of ground motion, then N, E or Z. W is an axis of a
+# Galperin triple there, not west; 1, 2 and 3 are orthogonal axes of any azimuth.
+_SEED = re.compile(r"[FGDCESHBMLV][HLGMNP]([NEZ])")
+# A bare number is an azimuth from two digits on, as agencies print it (90, 090, 360), and 0; 1 to 9 count
+# channels.
+_AZIMUTH = re.compile(r"0|\d{2,3}(\.\d+)?")
+
+
+class NoAccelerationError(RecordError):
+    """A file is no record of acceleration: a text, a picture, a velocity, a displacement, a spectrum."""
+
+
+class UnknownFormatError(RecordError):
+    """No reader knows the format of a file."""
 
 
 @dataclass(frozen=True)
@@ -73,37 +95,37 @@ class Channel:
 
 
 def parse_orientation(text: str) -> Orientation | None:
-    """Read an orientation from a component code: "090", "N35E", "EW", "HNZ", "UP".
+    """Read an orientation from a component code: "090", "90 deg", "N35E", "WE", "NORTH", "HNZ", "UP".
 
-    A three-letter SEED code counts by its last letter; 1, 2, R and T say nothing.
+    A three-letter SEED code counts by its last letter; 1, 2, 3, L, R and T say nothing.
     """
-    word = text.strip().upper().replace("-", "")
-    if word in _UP:
-        return Orientation(None, 1)
-    if word in _DOWN:
-        return Orientation(None, -1)
-    if re.fullmatch(r"\d{1,3}(\.\d+)?", word) and float(word) <= 360.0:
+    word = re.sub(r"[\s-]|°", "", text.strip().upper())
+    if word in _UP or word in _DOWN:
+        return Orientation(None, 1 if word in _UP else -1)
+    if match := re.fullmatch(r"(\d{1,3}(?:\.\d+)?)DEG(?:REES?)?", word):
+        return Orientation(float(match[1]) % 360.0) if float(match[1]) <= 360.0 else None
+    if _AZIMUTH.fullmatch(word) and float(word) <= 360.0:
         return Orientation(float(word) % 360.0)
-    if match := re.fullmatch(r"([NS])(\d{1,2})([EW])", word):
-        return Orientation(_quadrant(match[1], float(match[2]), match[3]))
+    if match := re.fullmatch(r"([NS])(\d{1,2}(?:\.\d+)?)([EW])", word):
+        return (
+            Orientation(_quadrant(match[1], float(match[2]), match[3])) if float(match[2]) <= 90.0 else None
+        )
     stem = re.sub(r"[12]$", "", word)  # KiK-net: EW1 down the hole, EW2 at the surface
     if stem in _PAIRS:
         return Orientation(_PAIRS[stem])
-    if stem in _UP:
+    if stem == "UD":
         return Orientation(None, 1)
-    return _seed(word)
+    if word in _DIRECTIONS:
+        return Orientation(_DIRECTIONS[word])
+    if match := _SEED.fullmatch(word):
+        return Orientation(None, 1) if match[1] == "Z" else Orientation(_DIRECTIONS[match[1]])
+    return None
 
 
 def _quadrant(origin: str, angle: float, towards: str) -> float:
     base = 0.0 if origin == "N" else 180.0
     clockwise = (origin == "N") == (towards == "E")
     return (base + (angle if clockwise else -angle)) % 360.0
-
-
-def _seed(word: str) -> Orientation | None:
-    if not re.fullmatch(r"([A-Z][A-Z])?[NESWZ]", word):
-        return None
-    return Orientation(None, 1) if word[-1] == "Z" else Orientation(_DIRECTIONS[word[-1]])
 
 
 def check_channel(channel: Channel, where: str) -> None:

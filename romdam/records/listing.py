@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,9 +16,13 @@ from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
 from romdam.records.components import measures
 from romdam.records.design.aim import Aimed
+from romdam.records.formats.columns import first_row, is_columns
+from romdam.records.formats.knet import is_component
+from romdam.records.formats.registry import HEAD
+from romdam.records.formats.text import decode, read_bytes
 from romdam.records.p695 import SETS
 from romdam.records.record_set import EACH, Loaded, load_records
-from romdam.records.sources import matching_files
+from romdam.records.sources import files_of_record, matching_files
 
 GRAVITY = 9.80665
 AXES = "xyz"
@@ -72,7 +77,17 @@ def list_records(
     common : unit, dt, correction, target and the like for sources that are not a job; its own source is
         ignored
     """
-    return [row for source in sources for row in _of_source(source, common)]
+    rows: list[Listed] = []
+    seen: set[Path] = set()  # files of K-NET that belong to a record which is listed already
+    for source in sources:
+        path = Path(source)
+        if path in seen:
+            continue
+        if is_component(path):
+            with suppress(RecordError):
+                seen |= set(files_of_record(path)[1])
+        rows += _of_source(source, common)
+    return rows
 
 
 def read_settings(path: Path | None, select: int | None) -> dict[str, object]:
@@ -127,10 +142,12 @@ def _entries(
     settings, path = _settings(common), Path(source)
     if source in SETS:
         yield read_entry(settings | {"suite": source}, source), Path()
-    elif path.suffix.lower() not in (".yaml", ".yml", ".csv"):
-        if not matching_files(path):
+    elif path.suffix.lower() not in (".yaml", ".yml", ".csv") or _is_plain_record(path):
+        is_file = any(one.exists() for one in files_of_record(path)[1]) and not path.is_dir()
+        if not is_file and not matching_files(path):
             raise RecordError(f"{source}: no such file, folder, pattern or P-695 set ({', '.join(SETS)})")
-        yield read_entry(settings | {"files": str(path.resolve())}, source), Path()
+        key = "file" if is_file else "files"
+        yield read_entry(settings | {key: str(path.resolve())}, source), Path()
     elif is_manifest(path):
         manifest_rows(path)  # its own mistakes are those of the source, not of a record
         yield read_entry(settings | {"manifest": path.resolve()}, source), Path()
@@ -139,6 +156,17 @@ def _entries(
             raise RecordError(f"{source}: a job says itself what is done to its records; leave --target out")
         job = load_config(path)
         yield from ((entry, job.folder) for entry in job.config.records)
+
+
+def _is_plain_record(path: Path) -> bool:
+    """Tell a CSV file that holds samples from one that lists records."""
+    if path.suffix.lower() != ".csv":
+        return False
+    try:
+        head = decode(read_bytes(path, HEAD))
+    except RecordError:
+        return False
+    return is_columns(head) or first_row(head) is not None
 
 
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:

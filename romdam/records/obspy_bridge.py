@@ -16,7 +16,7 @@ import numpy as np
 
 from romdam.core.errors import RecordError
 from romdam.core.files import check_file
-from romdam.records.channel import Channel, Orientation, parse_orientation
+from romdam.records.channel import Channel, Orientation, UnknownFormatError, parse_orientation
 from romdam.records.formats.text import MAX_BYTES, read_bytes
 
 if TYPE_CHECKING:
@@ -103,7 +103,9 @@ def _obspy_read(path: Path) -> tuple[Stream, list[str]]:
             warnings.simplefilter("always")
             stream = obspy.read(glob.escape(str(path.resolve())), check_compression=False, endtime=always)
     except _obspy_errors() as error:
-        reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
+        if "Unknown format" in str(error):
+            raise UnknownFormatError(f"{path}: line 1: not a record of any known format") from None
+        reason = str(error).strip().replace(str(path), path.name).splitlines()[:1] or [type(error).__name__]
         raise RecordError(f"{path}: line 1: not a record of any known format ({reason[0][:120]})") from None
     if len(stream) == 0:
         raise RecordError(f"{path}: line 1: no trace in it; the file is cut short")

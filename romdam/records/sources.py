@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from romdam.config.sections.motions.records import RecordConfig, manifest_rows, read_row
-from romdam.core.errors import RecordError, shown
-from romdam.records.channel import Channel, one_record
+from romdam.core.errors import RecordError, listed, shown
+from romdam.records.channel import Channel, NoAccelerationError, one_record
+from romdam.records.formats.columns import Layout
 from romdam.records.formats.knet import BOREHOLE, SURFACE, is_component, missing_files, of_one_record
 from romdam.records.formats.registry import FORMATS, Declared, read_channels
 from romdam.records.formats.text import NUMBER, read_bytes
@@ -24,6 +25,7 @@ from romdam.records.formats.text import NUMBER, read_bytes
 log = logging.getLogger(__name__)
 
 MOST_FILES = 10_000  # of one folder or glob
+_OF_COLUMNS = {"time_column", "layout", "header_lines", "delimiter", "decimal"}  # keys for them alone
 NOT_RECORDS = {".md", ".yaml", ".yml", ".csv", ".json", ".xml", ".py", ".pdf", ".png"}
 
 
@@ -85,7 +87,7 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
     if entry.files is not None:
         return _files(entry, folder)
     if entry.file is not None:
-        return [_file(entry, _three_files(folder / entry.file), folder)]
+        return [_file(entry, files_of_record(folder / entry.file), folder)]
     return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
 
 
@@ -94,7 +96,7 @@ def _file(entry: RecordConfig, record: tuple[str, list[Path]], folder: Path) -> 
     return Source(entry.name or name, lambda: [_from_files(entry.name or name, paths, entry, folder)])
 
 
-def _three_files(path: Path) -> tuple[str, list[Path]]:
+def files_of_record(path: Path) -> tuple[str, list[Path]]:
     """Name of the record of a file, and the files of K-NET and KiK-net that belong to it, itself first.
 
     Raises
@@ -132,7 +134,7 @@ def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path)
 
 
 def _files(entry: RecordConfig, folder: Path) -> list[Source]:
-    paths = matching_files(folder / str(entry.files))
+    paths = _without_companions(matching_files(folder / str(entry.files)), str(entry.files))
     if not paths:
         raise RecordError(
             f"{folder / str(entry.files)}: no record files found; check the path or the pattern"
@@ -141,12 +143,48 @@ def _files(entry: RecordConfig, folder: Path) -> list[Source]:
         records = of_one_record(paths)
         _tell_boreholes([name for name, _ in records], str(entry.files))
         return [_file(entry, record, folder) for record in records]
-    return [
-        Source(
-            entry.name or str(entry.files),
-            lambda: list(_by_station([_from_file(path, entry, folder) for path in paths])),
-        )
+    return [Source(entry.name or str(entry.files), partial(_from_stations, paths, entry, folder))]
+
+
+def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list[Recorded]:
+    """Records of one station and event each; files that are no acceleration are left out with a word.
+
+    Raises
+    ------
+    RecordError
+        for a record that is damaged: its station would lack a component.
+    """
+    every: list[Recorded] = []
+    left_out: list[str] = []
+    for path in paths:
+        try:
+            every.append(_from_file(path, entry, folder))
+        except NoAccelerationError as error:
+            left_out.append(path.name)
+            if len(left_out) == len(paths):
+                raise RecordError(
+                    f"{entry.files}: none of {len(paths)} files is a record ({error})"
+                ) from None
+    if left_out:
+        names = ", ".join(left_out[:5]) + (" ..." if len(left_out) > 5 else "")
+        said = f"{len(left_out)} files of {entry.files} are no record of acceleration, left out: {names}"
+        first = every[0].channels[0]
+        noted = replace(first, warnings=(*first.warnings, said))
+        every[0] = replace(every[0], channels=[noted, *every[0].channels[1:]])
+    return list(_by_station(every))
+
+
+def _without_companions(paths: list[Path], place: str) -> list[Path]:
+    """Leave out PEER's velocity and displacement of a record whose acceleration is there."""
+    stems = {path.with_suffix("") for path in paths if path.suffix.upper() == ".AT2"}
+    left = [
+        path for path in paths if path.suffix.upper() in (".VT2", ".DT2") and path.with_suffix("") in stems
     ]
+    if left:
+        log.warning(
+            "%s: left out %s, velocity and displacement of .AT2 files", place, listed([p.name for p in left])
+        )
+    return [path for path in paths if path not in left]
 
 
 def _tell_boreholes(records: list[str], place: str) -> None:
@@ -171,7 +209,10 @@ def _rows(manifest: Path, entry: RecordConfig) -> list[Source]:
 
 def _declared(config: RecordConfig, folder: Path) -> Declared:
     response = None if config.response is None else folder / config.response
-    return Declared(config.dt, config.time_column, response)
+    layout = Layout(config.layout, config.header_lines, config.delimiter, config.decimal)
+    return Declared(
+        config.dt, config.time_column, response, config.unit, None if layout == Layout() else layout
+    )
 
 
 def _from_file(path: Path, config: RecordConfig, folder: Path) -> Recorded:
@@ -183,8 +224,8 @@ def _read(path: Path, config: RecordConfig, folder: Path) -> list[Channel]:
     with one_record(str(path)):
         channels = read_channels(path, _declared(config, folder))
     kind = str(channels[0].meta.get("format", ""))
-    if config.time_column is not None and kind != "columns":
-        raise RecordError(f"{path}: `time_column` is for plain columns, the file is {kind}; remove it")
+    if kind != "columns" and (keys := sorted(_OF_COLUMNS & config.model_fields_set)):
+        raise RecordError(f"{path}: `{keys[0]}` is for plain columns, the file is {kind}; remove it")
     if config.response is not None and kind in (*FORMATS, "columns"):
         raise RecordError(f"{path}: `response` is for counts that ObsPy reads, the file is {kind}; remove it")
     return channels
@@ -221,11 +262,27 @@ def pick(channels: list[Channel], wanted: int | str | None, place: str, axis: st
         return channels[0]
     if str(wanted) in codes and codes.count(str(wanted)) == 1:
         return channels[codes.index(str(wanted))]
-    if isinstance(wanted, int) and 1 <= wanted <= len(channels) and not any(code.isdigit() for code in codes):
-        return channels[wanted - 1]
+    meant = {index for index, channel in enumerate(channels) if _is_azimuth(channel, wanted)}
+    numbered = isinstance(wanted, int) and 1 <= wanted <= len(channels)
+    if numbered and all(not c.code.isdigit() or _is_azimuth(c, c.code) for c in channels):
+        meant.add(int(str(wanted)) - 1)
+    if len(meant) == 1:
+        return channels[meant.pop()]
     asked = "no channel named" if wanted is None else f"no channel {wanted!r}"
-    text = f"{place}: {asked}; it has {', '.join(codes)}; name one under `components`"
+    if len(meant) > 1:
+        asked = f"channel {wanted} is the number of one and the azimuth of another"
+    rises = [text for text in channels[0].warnings if text.startswith(f"column {wanted} ")]
+    aside = f"; {rises[0]}" if rises else ""
+    text = f"{place}: {asked}; it has {', '.join(codes)}; name one under `components`{aside}"
     raise RecordError(text, f"components.{axis}.channel")
+
+
+def _is_azimuth(channel: Channel, wanted: int | str | None) -> bool:
+    """Tell whether a code is an azimuth in degrees, and the wanted one: 90 is that of channel 090."""
+    where = channel.orientation
+    if where is None or where.azimuth is None or not (channel.code.isdigit() and str(wanted).isdigit()):
+        return False
+    return float(channel.code) % 360.0 == where.azimuth == float(str(wanted)) % 360.0
 
 
 def matching_files(pattern: Path) -> list[Path]:
@@ -238,7 +295,7 @@ def matching_files(pattern: Path) -> list[Path]:
     """
     try:
         if pattern.is_dir():
-            every = (path for path in pattern.iterdir() if path.suffix.lower() not in NOT_RECORDS)
+            every = (path for path in pattern.iterdir() if not _is_remark(path))
         else:
             every = (Path(match) for match in glob.iglob(str(pattern), recursive=True))
         paths = list(itertools.islice(every, MOST_FILES + 1))
@@ -247,6 +304,11 @@ def matching_files(pattern: Path) -> list[Path]:
     if len(paths) > MOST_FILES:
         raise RecordError(f"{pattern}: more than {MOST_FILES} files; name fewer of them")
     return sorted(path for path in paths if path.is_file() and not path.name.startswith("."))
+
+
+def _is_remark(path: Path) -> bool:
+    """Tell what lies in folders of records but is none: tables, pictures, PEER's _readME.txt."""
+    return path.suffix.lower() in NOT_RECORDS or "readme" in path.stem.lower()
 
 
 def _by_station(every: list[Recorded]) -> Iterator[Recorded]:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import obspy
@@ -306,9 +307,16 @@ def _columns() -> Iterator[Trap]:
     for line in (
         "# dt = 0.01 s", "# dt: 5.1 ms", "# sampling rate = 100 Hz", "# fs: 20", "# NPTS = 604",
         "# samples: 1000", "# units: g", "% Unit = cm/s2", "# units: cm/s", "# unit: g/10",
-        "# time step = 0.02", "# acceleration in g",
+        "# time step = 0.02", "# acceleration units: cm/s2",
     ):  # fmt: skip
         yield Trap(f"columns: {line}", single, above(line), REFUSED)
+    for line in (
+        "# acceleration in g",
+        "# accelerations [cm/s2]",
+        "# PGA = 9 g",
+        "# peak acceleration: 3 gal",
+    ):
+        yield Trap(f"columns: {line}", single, above(line), TOLD)
     for line in (
         "# dt = 0.005 s",
         "# dt: 5 ms",
@@ -316,6 +324,9 @@ def _columns() -> Iterator[Trap]:
         "# NPTS: 603",
         "# Units: m/s2",
         "# by hand, 3 of 4",
+        "# crest, PGA in g: 0.1475",
+        "# noise in mg",
+        "# range 2 g, recorded in Italy",
     ):
         yield Trap(f"columns: {line}", single, above(line), READ)
     for name in ("acc (g)", "acc [cm/s2]", "acc_g", "vel (cm/s)", "disp [cm]"):
@@ -323,7 +334,103 @@ def _columns() -> Iterator[Trap]:
     for name in ("acc (m/s2)", "acceleration", "ch1"):
         yield Trap(f"columns: named {name}", single, above(name), READ)
     yield from _columns_of_times()
+    yield from _wide()
+    yield from _wraps()
+    yield from _headers()
     yield from _odd_columns()
+
+
+def _wide() -> Iterator[Trap]:
+    """Three columns: times, g, and the motion in m/s2, under names that fit or do not."""
+    honest_unit = {"unit": None, "components": {"y": 3}}
+
+    def wide(mark: str, names: str) -> Edit:
+        def edit(lines: list[str]) -> list[str]:
+            pairs = [line.split(", ") for line in lines[1:]]
+            return [names, *(f"{t}{mark}{float(a) / 9.80665:.8f}{mark}{a}" for t, a in pairs)]
+
+        return rows(edit)
+
+    named = ("Time (s)", "Raw acc (g)", "Top acc (m/s2)")
+    for mark, join in ((",", ","), (";", ";"), ("\t", "\t"), ("   ", "   ")):
+        yield Trap(f"names: parted by {mark!r}", "columns", wide(mark, join.join(named)), READ, honest_unit)
+        quoted = join.join(f'"{name}"' for name in named)
+        yield Trap(f"names: quoted, by {mark!r}", "columns", wide(mark, quoted), READ, honest_unit)
+        fewer = join.join(named[:2])
+        yield Trap(f"names: two, by {mark!r}", "columns", wide(mark, fewer), REFUSED, honest_unit)
+    for names in ("Time (s),Raw, acc (g),Top acc (m/s2)", "Time (s) Raw acc (g) Top acc (m/s2)"):
+        yield Trap(f"names: {names}", "columns", wide(",", names), REFUSED, honest_unit)
+    said = {"unit": "m/s2", "components": {"y": 3}}
+    yield Trap("names: too few, unit declared", "columns", wide(",", "a (g), b (g)"), READ, said)
+    for name in ("(g)", "(cm/s2)", "(cm/s)", "(m)"):
+        lie = wide(",", f"Time (s),a,b {name}")
+        yield Trap(f"names: {name} against the unit", "columns", lie, REFUSED, said)
+    yield Trap("names: velocity", "columns", wide(",", "t,acc,vel"), REFUSED, said)
+    yield Trap("names: times in hours", "columns", wide(",", "t (h),a,b"), TOLD, said)
+
+
+def _wraps() -> Iterator[Trap]:
+    """One series several values a row: by the key alone, or by a count that says it."""
+    base = {"dt": samples.DT, "time_column": None}
+    for width, mark in itertools.product((2, 3, 5, 8, 10), (" ", ",", "\t")):
+
+        def wrap(lines: list[str], width: int = width, mark: str = mark) -> list[str]:
+            return [mark.join(lines[i : i + width]) for i in range(0, len(lines), width)]
+
+        key, name = base | {"layout": "series"}, f"{width} by {mark!r}"
+        if mark == " ":
+            yield Trap(f"wrapped: {name}, no key", "single", rows(wrap), REFUSED, base)
+        yield Trap(f"wrapped: {name}, key", "single", rows(wrap), READ, key)
+
+        def counted(lines: list[str], wrap: Any = wrap) -> list[str]:
+            return ["# NPTS = 603", *wrap(lines)]
+
+        def shortened(lines: list[str], wrap: Any = wrap, mark: str = mark) -> list[str]:
+            lines = wrap(lines)
+            lines[20] = lines[20].partition(mark)[2]
+            return lines
+
+        def lost(lines: list[str], counted: Any = counted) -> list[str]:
+            return [line for i, line in enumerate(counted(lines)) if i != 20]
+
+        yield Trap(f"wrapped: {name}, count", "single", rows(counted), TOLD, base)
+        yield Trap(f"wrapped: {name}, a number lost", "single", rows(shortened), REFUSED, key)
+        yield Trap(f"wrapped: {name}, a row lost", "single", rows(lost), REFUSED, key)
+
+
+def _headers() -> Iterator[Trap]:
+    """Lines of text above the rows, skipped by a key; decimal commas; quoted numbers."""
+    head = [
+        "SeismoSignal v2023",
+        "Time step: 0.005 sec",
+        "Acceleration units: m/s2",
+        "",
+        "t [s]   a [m/s2]",
+        "",
+    ]
+
+    def headed(*lines: str) -> Edit:
+        return rows(lambda r: [*(lines or head), *(x.replace(", ", "   ") for x in r[1:])])
+
+    two, six = "columns", {"header_lines": 6}
+    yield Trap("header: not declared", two, headed(), REFUSED, {"unit": None})
+    yield Trap("header: declared", two, headed(), READ, six | {"unit": None})
+    yield Trap("header: too few declared", two, headed(), REFUSED, {"unit": None, "header_lines": 2})
+    yield Trap(
+        "header: another step", two, headed(head[0], "dt: 0.01", *head[2:]), REFUSED, {"header_lines": 6}
+    )
+    yield Trap("header: another unit", two, headed(*head[:2], "units: g", *head[3:]), TOLD, six)
+    yield Trap("header: beyond the file", two, headed(), REFUSED, {"header_lines": 9000})
+    comma = {"decimal": "comma"}
+    yield Trap("decimal: comma declared", two, rows(_semicolons), READ, comma)
+    yield Trap("decimal: comma declared, points there", two, lambda d: d, REFUSED, comma)
+    yield Trap(
+        "decimal: tabs", two, rows(lambda r: [x.replace(";", "\t") for x in _semicolons(r)]), READ, comma
+    )
+    yield Trap("decimal: alone", "single", put(".", ",", -1), READ, comma)
+    quote = rows(lambda r: ['"t","a"', *('"' + x.replace(", ", '","') + '"' for x in r[1:])])
+    yield Trap("quoted numbers", two, quote, READ)
+    yield Trap("an empty cell", two, rows(lambda r: [*r[:50], r[50].split(",")[0] + ",", *r[51:]]), REFUSED)
 
 
 def _columns_of_times() -> Iterator[Trap]:
@@ -334,6 +441,18 @@ def _columns_of_times() -> Iterator[Trap]:
     yield Trap("columns: times with a jump", two, rows(_times(1.0, lambda t: t + 0.05 * (t > 1.5))), REFUSED)
     yield Trap("columns: times backwards", two, rows(_times(-1.0)), REFUSED)
     yield Trap("columns: times as motion", two, lambda d: d, TOLD, {"time_column": None, "dt": samples.DT})
+    coarse = rows(lambda r: [f"{float(x.split(',')[0]):.2f},{x.split(',')[1]}" for x in r[1:]])
+    motion_only = {"time_column": None, "dt": samples.DT}
+    yield Trap("columns: coarse times as motion", two, coarse, TOLD, motion_only)
+    yield Trap("columns: coarse times", two, coarse, REFUSED)
+    yield Trap(
+        "columns: coarse times and another dt", two, coarse, REFUSED, {"time_column": None, "dt": 0.01}
+    )
+    energy = rows(lambda r: [f"{x},{i * i}" for i, x in enumerate(r[1:])])
+    yield Trap("columns: a sum as motion", two, energy, TOLD, {"components": {"y": 3}})
+    yield Trap(
+        "columns: only times", "single", rows(lambda r: [f"{i * 0.005:.4f}" for i in range(603)]), REFUSED
+    )
     yield Trap("columns: times and another dt", two, lambda d: d, REFUSED, {"time_column": None, "dt": 0.01})
     yield Trap("columns: two dts", two, lambda d: d, REFUSED, {"dt": 0.01})
     yield Trap("columns: no such column", two, lambda d: d, REFUSED, {"time_column": 7})

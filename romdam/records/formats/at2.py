@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.errors import RecordError
-from romdam.records.channel import Channel, Orientation, parse_orientation
+from romdam.records.channel import Channel, NoAccelerationError, Orientation, parse_orientation
 from romdam.records.formats.stated import acceleration_unit
 from romdam.records.formats.text import TextFile, read_text
 
@@ -48,7 +48,9 @@ def read_at2(path: Path) -> list[Channel]:
     text = read_text(path)
     series = _SERIES.search(text.head(2))
     if series is None or series[1].upper() != "ACCELERATION":
-        raise text.fail(2, "expected an acceleration time series; take the .AT2 file, not .VT2 or .DT2")
+        raise NoAccelerationError(
+            f"{path}: line 3: expected an acceleration time series; take the .AT2 file, not .VT2 or .DT2"
+        )
     count, dt = _count_and_dt(text)
     values, ends = text.free(HEADER_LINES)
     if values.size != count:

@@ -1,11 +1,12 @@
-"""Plain columns of numbers: white space or commas, comment lines and one line of names allowed.
+"""Plain text of numbers: columns, or one series that is wrapped several values a row.
 
-Such a file says little of itself; what it does say (names with units, comments, a column of times) is held
-against the data and against what the configuration declares.
+Such a file says little of itself. What it does say (names with units, comments, a column of times) is held
+against the data and against what the configuration declares. Names and rows are split by the same delimiter.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,34 +14,98 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.core.errors import RecordError
 from romdam.records.channel import Channel
-from romdam.records.formats.stated import acceleration_unit
+from romdam.records.formats.stated import PEAK_SHARE, acceleration_unit
 from romdam.records.formats.text import TextFile, read_text, split_words
+from romdam.records.plausible import DOUBTED_UNIT
 
+Array = NDArray[np.float64]
 COMMENTS = ("#", "%", "!", "//")
+DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t"}
 MANY = 16  # rows; fewer may rise evenly by chance
-_ROW = re.compile(r"^[\s,;]*[-+]?(\d|\.\d|nan\b)[-+.\deEdDnaN,;\s]*$")
+COARSE = 10.0  # steps; times that are printed more coarsely say nothing of their interval
+RUNS_ON = 1.25  # change along rows over change down columns, below which a table may be a wrapped series
+MOST_HEADER = 200  # lines of text above columns that are looked through for the first row of numbers
+_ROW = re.compile(r"^[\s,;\"]*[-+]?(\d|\.\d|nan\b)[-+.\deEdDnaN,;\s\"]*$")
 _REAL = r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 _DT = re.compile(rf"\b(?:dt|delta[ _]?t|time[ _]?step|sampling[ _]interval)\s*[=:]\s*{_REAL}\s*(ms)?", re.I)
 _RATE = re.compile(rf"\b(?:fs|sampl(?:ing|e)[ _](?:rate|freq\w*))[^=:\d]*[=:]\s*{_REAL}", re.I)
 _COUNT = re.compile(r"\b(?:npts|ndata|(?:number of )?(?:points|samples))\s*[=:]\s*(\d{1,9})\b", re.I)
 _NUMERIC = re.compile(r"[-+.\d]|.*(?:\d\.\d|\.\d\d)|[^A-Za-z]*$")  # words that no name begins as
-_UNIT = re.compile(r"\bunits?(?:\s+of(?:\s+acceleration)?)?\s*[=:]?\s+([^\s,;]+)", re.I)
-_IN = re.compile(r"\bin\s+(?:units\s+of\s+)?([a-zA-Z/^*\d]+)", re.I)
-_BRACKETS = re.compile(r"[(\[]\s*([^)\]]*?)\s*[)\]]|_([a-zA-Z]+[/\d^s]*)$")
-_NAME = re.compile(r"[^\s,;()\[\]]+(?:\s*[(\[][^)\]]*[)\]])?")
+_WORDS = r"(?:(?:ground|base|horizontal|vertical|recorded|raw|corrected|uncorrected|absolute|input|time)\s+)*"
+_VALUES = r"(?:accelerations?|accel|accs?|accelerograms?|data|values|samples|amplitudes?)"
+_OF_DATA = rf"{_WORDS}{_VALUES}(?:\s+(?:time\s+)?(?:series|histor(?:y|ies)|values|data))?"
+_UNIT_WORD = r"[A-Za-z%][A-Za-z%/^*\d.²-]*"
+# A clause such as "units: g" or "acceleration units = cm/s2" states the unit of the data ...
+_UNIT = re.compile(
+    rf"(?:the\s+)?(?:{_OF_DATA}\s+)?units?(?:\s+of\s+(?:the\s+)?{_OF_DATA})?\s*(?:[=:]|\bare\b|\bis\b|\s)\s*"
+    rf"((?:\d[\d.]*\s*\*?\s*)?{_UNIT_WORD})\s*[.]?",
+    re.I,
+)
+# ... and so does "acceleration in g", alone in its clause. A unit that prose mentions otherwise does not.
+_IN = re.compile(
+    rf"(?:the\s+)?{_OF_DATA}\s*(?:\b(?:is|are)\s+)?(?:(?:given\s+)?\bin\s+(?:units?\s+of\s+)?|[\[(])\s*"
+    rf"({_UNIT_WORD})\s*[\])]?\s*[.]?",
+    re.I,
+)
+_PEAK = r"\b(?:PGA|(?:peak|max(?:imum)?\.?)(?:\s+(?:ground\s+)?(?:acc\w*|value|amplitude))?)"
+_PEAK_FIRST = re.compile(rf"{_PEAK}\b\s*(?:is|of|at|[=:])?\s*[-+]?{_REAL}\s*({_UNIT_WORD})", re.I)
+_UNIT_FIRST = re.compile(
+    rf"{_PEAK}\b\s*,?\s*(?:\bin\b|[\[(])\s*({_UNIT_WORD})\s*[\])]?\s*(?:is|of|[=:])?\s*[-+]?{_REAL}", re.I
+)
+_BRACKETS = re.compile(r"[(\[]\s*([^)\]]*?)\s*[)\]]")
+_SUFFIX = re.compile(r"_([a-zA-Z]+[/\d^s]*)$")
+_LENGTH_UNIT = re.compile(r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?", re.I)
+_OTHER_UNIT = re.compile(
+    r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?|s|ms|sec|seconds?|hz|deg|rad|m?v|volts?|[^\s:=]*[\d/^*][^\s:=]*", re.I
+)
+_OTHER_NAME = re.compile(r"(?:vel|veloc|velocity|disp|displ|displacement)\b", re.I)
+_SPACED_NAME = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;()\[\]]+(?:\s*[(\[][^)\]]*[)\]])?")
+_SECONDS = {
+    "": 1.0,
+    "s": 1.0,
+    "sec": 1.0,
+    "secs": 1.0,
+    "second": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+    "msec": 1e-3,
+}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the configuration says that a plain text is laid out; None and 0 where it does not.
+
+    Attributes
+    ----------
+    layout : "columns", or "series" for one series that is wrapped several values a row
+    header_lines : lines above the first row of numbers
+    delimiter : "blank", "comma", "semicolon" or "tab"
+    decimal : "point" or "comma"
+    """
+
+    layout: str | None = None
+    header_lines: int = 0
+    delimiter: str | None = None
+    decimal: str = "point"
 
 
 @dataclass(frozen=True)
 class _Table:
-    """Rows of numbers, the names above them, what comments say; lines of the first and last row, from 0."""
+    """Rows of numbers, the names above them, what comments say; lines of the first and last row, from 0.
 
-    values: NDArray[np.float64]
+    `values` is (rows, columns), or (values, 1) of a wrapped series. `named_apart` says that a delimiter other
+    than blanks parts the names, which prose does not have.
+    """
+
+    values: Array
     names: dict[int, str]
     comments: tuple[tuple[int, str], ...]
     first: int
     last: int
+    named_apart: bool
+    warnings: tuple[str, ...]
 
 
 def is_columns(head: str) -> bool:
@@ -51,7 +116,25 @@ def is_columns(head: str) -> bool:
     return "\x00" not in head and any(_ROW.match(row) for row in whole[:2])
 
 
-def read_columns(path: Path, dt: float | None = None, time_column: int | None = None) -> list[Channel]:
+def first_row(head: str) -> int | None:
+    """Index of the line from which on a text holds rows of numbers alone; None where there are none."""
+    lines = head.splitlines()[:-1]
+    if "\x00" in head or not lines:
+        return None
+    for index in range(min(len(lines), MOST_HEADER)):
+        below = [line for line in lines[index : index + MANY] if line.strip()]
+        if lines[index].strip() and len(below) >= MANY // 2 and all(_ROW.match(line) for line in below):
+            return index
+    return None
+
+
+def read_columns(
+    path: Path,
+    dt: float | None = None,
+    time_column: int | None = None,
+    unit: str | None = None,
+    layout: Layout | None = None,
+) -> list[Channel]:
     """Read a text file of numbers, one channel per column; columns count from 1.
 
     Parameters
@@ -59,167 +142,363 @@ def read_columns(path: Path, dt: float | None = None, time_column: int | None = 
     path : the file
     dt : sampling interval [s]; a plain file does not say it
     time_column : column of sample times [s], which then gives dt and is no channel
+    unit : declared unit of the values; it counts where prose in a comment says another
+    layout : how the numbers stand in the file
 
     Raises
     ------
     RecordError
-        naming file and line, for text that is not a number, rows of different length, uneven times, and
-        comments or columns that contradict the data or `dt`.
+        naming file and line, for text that is not a number, rows of different length, uneven times,
+        comments or columns that contradict the data or `dt`, and rows that may be one wrapped series.
     """
-    text = read_text(path)
-    table = _read_table(text)
+    text, layout = read_text(path), layout or Layout()
+    table = _read_table(text, layout)
     if time_column is not None:
-        dt = _even_dt(_column(table, time_column, path), path, table.first)
+        dt = _even_dt(_times(table, time_column, text), text, table.first)
     if dt is None:
-        raise RecordError(f"{path}: line 1: plain text does not say its interval; give `dt` or `time_column`")
+        raise text.fail(0, f"plain text does not say its interval; {_interval_remedy(table)}")
     left, warnings = _not_channels(text, table, dt, time_column)
+    if layout.layout is None and time_column is None and not left:
+        _refuse_wrapped(text, table)
+    warnings = (*table.warnings, *warnings)
     if amid := [index + 1 for index, _ in table.comments if table.first < index < table.last]:
         warnings = (*warnings, f"line {amid[0]} is a comment amid the rows: two records in one file?")
-    if time_column is not None and abs(begin := _column(table, time_column, path)[0]) > 1.1 * dt:
+    if time_column is not None and abs(begin := _times(table, time_column, text)[0]) > 1.1 * dt:
         warnings = (*warnings, f"the times begin at {begin:g} s, not at 0; is the start cut off?")
-    unit = _check_comments(text, table, dt)
+    stated, said = _check_comments(text, table, dt, unit)
     columns = [i for i in range(table.values.shape[1]) if i not in left]
+    units = {i: _unit_of_name(table.names.get(i, "")) or stated for i in columns}
+    said = (*said, *_check_peaks(table, columns, units, unit))
+    for i in columns:
+        if stated and acceleration_unit(units[i]) and not _same_unit(stated, units[i]):
+            said = (*said, f"comments state {stated}, column {i + 1} is named in {units[i]}, which counts")
     return [
         Channel(
             code=str(i + 1),
             data=table.values[:, i].copy(),
             dt=dt,
-            unit=_bracketed(table.names.get(i, "")) or unit,
+            unit=units[i],
             meta={"format": "columns", "column": table.names.get(i, "")},
-            warnings=warnings,
+            warnings=(*warnings, *said),
         )
         for i in columns
     ]
 
 
-def _column(table: _Table, number: int, path: Path) -> NDArray[np.float64]:
-    """The times of a column [s]."""
-    if number > table.values.shape[1]:
-        raise RecordError(
-            f"{path}: line 1: time_column is {number}, the file has {table.values.shape[1]} columns"
+def _read_table(text: TextFile, layout: Layout) -> _Table:
+    """Rows as they stand, split by one delimiter; lines that are skipped count as comments."""
+    skipped = layout.header_lines
+    if skipped >= len(text.lines):
+        raise text.fail(
+            len(text.lines) - 1, f"`header_lines` is {skipped}, the file has {len(text.lines)} lines"
         )
-    scale = 1e-3 if _bracketed(table.names.get(number - 1, "")).lower() in ("ms", "msec") else 1.0
-    return scale * table.values[:, number - 1]
-
-
-def _read_table(text: TextFile) -> _Table:
-    names: dict[int, str] = {}
-    comments: list[tuple[int, str]] = []
-    rows: list[list[float]] = []
-    first = last = 0
-    _refuse_decimal_commas(text)
-    for index, line in enumerate(text.lines):
-        words = _words(line)
-        if not words:
-            continue
-        if words[0].startswith(COMMENTS):
+    comments = [(index, text.head(index)) for index in range(skipped) if text.lines[index].strip()]
+    header: int | None = None
+    lines: list[tuple[int, str]] = []
+    for index in range(skipped, len(text.lines)):
+        line = text.lines[index]
+        if line.lstrip().startswith(COMMENTS):
             comments.append((index, text.head(index)))
-            continue
-        if not rows and not names and not _ROW.match(line):
-            names = _names(text, index)
-            continue
-        first, last = first if rows else index, index
-        rows.append([text.value(word, index) for word in words])
-        if len(rows[-1]) != len(rows[0]):
-            raise text.fail(index, f"{len(rows[-1])} numbers, the rows above have {len(rows[0])}")
-    if not rows:
+        elif line.strip() and not lines and header is None and not _ROW.match(line):
+            header = index
+        elif line.strip():
+            lines.append((index, line))
+    if not lines:
         raise text.fail(max(0, len(text.lines) - 1), "no row of numbers in it; empty, or of another format")
-    _refuse_count(text, rows, first)
-    return _Table(np.array(rows), names, tuple(comments), first, last)
+    delimiter = _delimiter(lines, layout)
+    if layout.decimal == "point" and layout.delimiter is None:
+        _refuse_decimal_commas(text, lines, delimiter)
+    rows = [(index, _cells(text, index, delimiter, layout.decimal)) for index, _ in lines]
+    _refuse_count(text, rows)
+    warnings: tuple[str, ...] = ()
+    first, last, held = rows[0][0], rows[-1][0], sum(len(row) for _, row in rows)
+    series = layout.layout == "series"
+    if layout.layout is None and len(rows) < held and held in _stated_counts(comments):
+        series = True
+        warnings = (f"{held} values are stated: read as one series of {len(rows[0][1])} in a row",)
+    if series:
+        return _Table(_series(text, rows), {}, tuple(comments), first, last, False, warnings)
+    values = _columns(text, rows, series_too=layout.layout is None)
+    if header is not None:
+        names, warnings = _names(text, header, delimiter, values.shape[1])
+    else:
+        names = _names_above(comments, first, skipped, delimiter, values.shape[1])
+    return _Table(values, names, tuple(comments), first, last, delimiter != " ", warnings)
 
 
-def _words(line: str) -> list[str]:
-    return split_words(line.replace(",", " ").replace(";", " "))
+def _stated_counts(comments: list[tuple[int, str]]) -> set[int]:
+    return {int(match[1]) for _, line in comments if (match := _COUNT.search(line))}
 
 
-def _names(text: TextFile, index: int) -> dict[int, str]:
-    """Names of columns; a first row with a damaged number is none."""
-    if any(_NUMERIC.match(word) for word in _words(text.lines[index])):
-        raise text.fail(index, f"not a row of numbers, nor one of names: {text.lines[index].strip()[:60]!r}")
-    return dict(enumerate(_NAME.findall(text.head(index))))
+def _names_above(
+    comments: list[tuple[int, str]], first: int, skipped: int, delimiter: str, width: int
+) -> dict[int, str]:
+    """Names in a comment or a skipped line above the rows; in a comment only where they state units."""
+    best: dict[int, str] = {}
+    for index, line in reversed([one for one in comments if one[0] < first]):
+        names = _parse_names(line.lstrip(" \t#%!/"), delimiter, width)
+        if any(_BRACKETS.search(name) for name in names.values()):
+            return names
+        if index < skipped and not best:
+            best = names
+        if index >= skipped:
+            break  # only the comment next to the rows
+    return best
 
 
-def _refuse_decimal_commas(text: TextFile) -> None:
+def _delimiter(lines: list[tuple[int, str]], layout: Layout) -> str:
+    """What parts the numbers of the first row: a tab, a semicolon, a comma, or blanks (" ")."""
+    if layout.delimiter is not None:
+        return DELIMITERS.get(layout.delimiter, " ")
+    row = lines[0][1].strip()
+    for mark in ("\t", ";") if layout.decimal == "comma" else ("\t", ";", ","):
+        if mark in row:
+            return mark
+    return " "
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, quotes taken off; a delimiter at the end closes the last one."""
+    if delimiter == " ":
+        return [word.strip("\"'") for word in split_words(line)]
+    line = line.strip(" ")
+    try:
+        read = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+        cells = [cell.strip() for cell in (next(read) if '"' in line else line.split(delimiter))]
+    except csv.Error:
+        return [line]
+    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+
+
+def _cells(text: TextFile, index: int, delimiter: str, decimal: str) -> list[float]:
+    """The numbers of a row; an empty cell is a missing value."""
+    cells = _split(text.lines[index], delimiter)
+    if decimal == "comma":
+        if any("." in cell for cell in cells):
+            raise text.fail(
+                index, f"a point in {text.lines[index].strip()[:60]!r}, but `decimal: comma` is set"
+            )
+        cells = [cell.replace(",", ".") for cell in cells]
+    return [text.value(cell, index) if cell else np.nan for cell in cells]
+
+
+def _columns(text: TextFile, rows: list[tuple[int, list[float]]], series_too: bool) -> Array:
+    width = len(rows[0][1])
+    for index, row in rows[1:]:
+        if len(row) == width:
+            continue
+        if series_too and index == rows[-1][0] and width > 2 and len(row) < width:
+            raise text.fail(
+                index,
+                f"{len(row)} numbers, all rows above have {width}: one series written {width} in a row? Then "
+                "declare `layout: series`; else the file is cut short",
+            )
+        raise text.fail(index, f"{len(row)} numbers, the rows above have {width}")
+    return np.array([row for _, row in rows])
+
+
+def _series(text: TextFile, rows: list[tuple[int, list[float]]]) -> Array:
+    """All numbers, row by row; only the last row may be shorter than the first."""
+    width = len(rows[0][1])
+    for index, row in rows[1:]:
+        if len(row) > width or (len(row) < width and index != rows[-1][0]):
+            raise text.fail(
+                index,
+                f"{len(row)} numbers, the rows of the series above have {width}; a number is lost or added",
+            )
+    return np.array([value for _, row in rows for value in row])[:, None]
+
+
+def _names(text: TextFile, index: int, delimiter: str, width: int) -> tuple[dict[int, str], tuple[str, ...]]:
+    """Names of columns of a line above the rows, and what is said where it does not name every one.
+
+    A first row with a damaged number is no line of names.
+    """
+    line = text.head(index)
+    if any(_NUMERIC.match(word) for word in _split(line, delimiter)):
+        raise text.fail(index, f"not a row of numbers, nor one of names: {line.strip()[:60]!r}")
+    names = _parse_names(line, delimiter, width)
+    if names:
+        return names, ()
+    said = f"line {index + 1} does not name {width} column{'s' * (width > 1)}: none of its names counts"
+    return {}, (said,) if _BRACKETS.search(line) else ()
+
+
+def _parse_names(line: str, delimiter: str, width: int) -> dict[int, str]:
+    """Names split by the rows' delimiter; none where they are not as many as the columns, or numbers.
+
+    Where blanks part the rows, two blanks or more part the names if there are any; else each name is one
+    word, which its unit may follow in brackets. "Raw acc (g)" may then be two names: each must have a unit.
+    """
+    names = _split(line, delimiter)
+    if delimiter == " ":
+        names = re.split(r"\s{2,}|\t", line.strip())
+        if len(names) == 1:
+            names = _SPACED_NAME.findall(line)
+            apart = [" " in name and bool(_BRACKETS.search(name)) for name in names]
+            if any(apart) and not all(_BRACKETS.search(name) for name in names):
+                return {}
+        names = [name.strip("\"'") for name in names]
+    if len(names) != width or any(_NUMERIC.match(name) for name in names):
+        return {}
+    if width > 1 and all(_is_unit(name) for name in names):  # a line of units below the names
+        names = [f"({name})" for name in names]
+    return dict(enumerate(names))
+
+
+def _is_unit(word: str) -> bool:
+    return bool(acceleration_unit(word) or word.lower() in _SECONDS or _LENGTH_UNIT.fullmatch(word))
+
+
+def _refuse_decimal_commas(text: TextFile, lines: list[tuple[int, str]], delimiter: str) -> None:
     """Refuse commas for points: no number has a point, and each has one comma within."""
-    rows = [(i, line) for i, line in enumerate(text.lines) if _ROW.match(line)]
-    marked = [i for i, line in rows if "," in line]
+    rows = [(index, line) for index, line in lines if _ROW.match(line)]
+    marked = [index for index, line in rows if "," in line]
     if not marked or any("." in line for _, line in rows):
         return
-    words = [word for _, line in rows for word in line.replace(";", " ").split() if "," in word]
-    if all(re.search(r"^[^,]*\d,\d[^,]*$", word) for word in words):
+    words = [word for _, line in rows for word in re.split(r"[;\s]+|\",\"", line) if "," in word]
+    if all(re.search(r"^\"?[^,]*\d,\d[^,]*\"?$", word) for word in words):
+        remedy = "" if delimiter in ";\t" else ", or `delimiter: comma` if it parts two columns"
         raise text.fail(
-            marked[0],
-            f"is the comma of {words[0]!r} a decimal one? Write a point; or put a space behind a comma that "
-            "parts two columns",
+            marked[0], f"is the comma of {words[0]!r} a decimal one? Then declare `decimal: comma`{remedy}"
         )
 
 
-def _refuse_count(text: TextFile, rows: list[list[float]], first: int) -> None:
+def _refuse_count(text: TextFile, rows: list[tuple[int, list[float]]]) -> None:
     """The number of values above them is no sample."""
-    word = _words(text.lines[first])[0]
-    behind = [_words(line)[0] for line in text.lines[first + 1 : first + 4] if _words(line)]
+    first, values = rows[0]
+    word = split_words(text.lines[first].replace(",", " ").replace(";", " "))[0]
+    behind = [text.lines[index].split()[0] for index, _ in rows[1:4]]
     alone = word.isdigit() and int(word[:9]) >= 10 and bool(behind)
-    if alone and (all("." in other for other in behind) or rows[0][0] == len(rows) - 1):
+    held = sum(len(row) for _, row in rows[1:])
+    if alone and (all("." in other for other in behind) or values[0] in (len(rows) - 1, held)):
         raise text.fail(
             first,
-            f"{word[:40]} looks like the number of values that follow ({len(rows) - 1} rows), not like a "
-            "sample; delete it or make it a comment",
+            f"{word[:40]} looks like the number of values that follow ({held} in {len(rows) - 1} rows), not "
+            "like a sample; skip it by `header_lines: 1`, delete it or make it a comment",
         )
 
 
-def _bracketed(name: str) -> str:
+def _unit_of_name(name: str) -> str:
     """The unit in a column's name: "acc (cm/s2)", "a[g]", "acc_g"; "" where there is none."""
+    words = [word for word in _BRACKETS.findall(name) if word]
+    words += [match[1]] if (match := _SUFFIX.search(name)) and acceleration_unit(match[1]) else []
+    units = list(dict.fromkeys(filter(None, map(acceleration_unit, words))))
+    if len(units) == 1:
+        return units[0]
+    if units:
+        return " or ".join(units)  # no unit: the record is refused
+    others = [word for word in words if _OTHER_UNIT.fullmatch(word)]
+    others += ["velocity or displacement"] if _OTHER_NAME.match(name) else []
+    return others[0] if others else ""
+
+
+def _times(table: _Table, number: int, text: TextFile) -> Array:
+    """The times of a column [s]."""
+    if number > table.values.shape[1]:
+        raise text.fail(0, f"time_column is {number}, the file has {table.values.shape[1]} columns")
+    name = table.names.get(number - 1, "")
     match = _BRACKETS.search(name)
-    if match is None:
-        return ""
-    if match[1] is None:
-        return acceleration_unit(match[2])
-    return "" if match[1].lower() in ("", "counts", "count", "-") else acceleration_unit(match[1]) or match[1]
+    unit = match[1].lower().rstrip(".") if match else ""
+    if match and unit not in _SECONDS:
+        if acceleration_unit(unit) or _OTHER_UNIT.fullmatch(unit):
+            raise text.fail(0, f"time_column is {number}, which is named {name!r}: no times in s or ms")
+        unit = ""
+    return _SECONDS[unit] * table.values[:, number - 1]
+
+
+def _interval_remedy(table: _Table) -> str:
+    for i in range(table.values.shape[1]):
+        if table.values.shape[0] >= MANY and (step := _rises(table.values[:, i])):
+            return f"column {i + 1} rises evenly by {step:g}: give `time_column: {i + 1}`, or `dt`"
+    return "give `dt` or `time_column`"
+
+
+def _rises(column: Array) -> float:
+    """The step of a column that rises evenly, as far as its printed digits tell; 0 where it does not."""
+    steps = np.diff(column)
+    step = float((column[-1] - column[0]) / steps.size)
+    if not (step > 0.0 and np.min(steps) >= 0.0):
+        return 0.0
+    away = np.abs(column - column[0] - step * np.arange(column.size))
+    if np.max(np.abs(steps - step)) <= 0.1 * step:  # evenly, and no drift that is not of its digits
+        return step
+    printed = float(np.min(steps[steps > 0.0]))
+    return step if printed <= COARSE * step and np.max(away) <= 1.01 * printed else 0.0
 
 
 def _not_channels(
     text: TextFile, table: _Table, dt: float, time_column: int | None
 ) -> tuple[set[int], tuple[str, ...]]:
-    """Columns that hold times or row numbers, and what is said of it and of the table's shape."""
-    if time_column is not None:
-        return {time_column - 1}, ()
+    """Columns that hold times, row numbers or sums, and what is said of it: what never falls is no motion."""
     count, width = table.values.shape
+    left = set() if time_column is None else {time_column - 1}
+    said: list[str] = []
     if count < MANY:
-        return set(), ()
-    if width == 1:
-        same = table.values[0, 0] == dt
-        return set(), ("the first value equals `dt`; is it a header's?",) if same else ()
-    left, said = set(), []
+        return left, ()
+    if width == 1 and table.values[0, 0] == dt:
+        said.append("the first value equals `dt`; is it a header's?")
     for i in range(width):
-        steps = np.diff(table.values[:, i])
-        step = float(np.mean(steps))
-        if not (step > 0.0 and np.max(np.abs(steps - step)) <= 0.1 * step):
+        column = table.values[:, i]
+        if i in left or not np.all(np.diff(column) >= 0.0) or column[-1] == column[0]:
             continue
-        if step != 1.0 and abs(step - dt) > 1e-3 * dt:
+        step = _rises(column)
+        if width == 1 and step:
+            raise text.fail(table.first, f"the only column rises evenly by {step:g}: times, not a motion")
+        if width == 1:
+            said.append("the only column never falls: times or a sum, not a motion?")
+            continue
+        if step and step != 1.0 and abs(step - dt) > 2e-3 * dt and time_column is None:
             raise text.fail(
                 table.first,
                 f"column {i + 1} rises by {step:g} from row to row as times do, `dt` is {dt:g} s; give "
-                "`time_column` in place of `dt`, or take the column out",
+                f"`dt: {step:g} s`, or `time_column: {i + 1}` in its place, or take the column out",
             )
         left.add(i)
-        said.append(f"column {i + 1} rises evenly by {step:g}: taken for times or numbers, not for a motion")
-    if not left and _looks_wrapped(table.values):
-        said.append(f"{width} columns run on from row to row: is this one series written {width} in a row?")
+        how = f"rises evenly by {step:g}" if step else "never falls"
+        said.append(f"column {i + 1} {how}: taken for times or numbers, not for a motion")
+    if len(left) == width:
+        raise text.fail(table.first, "every column rises as times do; none is a motion")
     return left, tuple(said)
 
 
-def _looks_wrapped(values: NDArray[np.float64]) -> bool:
-    """A series in rows is smoother from number to number than from row to row."""
-    along, down = np.mean(np.abs(np.diff(values.ravel()))), np.mean(np.abs(np.diff(values, axis=0)))
-    return values.shape[1] > 2 and bool(along < 0.8 * down)
+def _refuse_wrapped(text: TextFile, table: _Table) -> None:
+    """Refuse columns that may be one series: they run on from number to number as from row to row.
+
+    Raises
+    ------
+    RecordError
+        unless names, parted by more than blanks, say that they are columns.
+    """
+    count, width = table.values.shape
+    if width == 1 or not np.all(np.isfinite(table.values)):
+        return
+    along, down = (
+        np.mean(np.abs(np.diff(table.values.ravel()))),
+        np.mean(np.abs(np.diff(table.values, axis=0))),
+    )
+    if (count >= MANY and along >= RUNS_ON * down) or (table.names and table.named_apart):
+        return
+    if table.names and along >= down:
+        return
+    raise text.fail(
+        table.first,
+        f"is this one series written {width} in a row, or {width} columns? They change by {along:.3g} along "
+        f"a row and by {down:.3g} down a column; declare `layout: series` or `layout: columns`",
+    )
 
 
-def _check_comments(text: TextFile, table: _Table, dt: float) -> str:
-    """Hold comments such as "dt = 0.01 s", "NPTS: 3000" against the data; return the unit that they state."""
-    unit = ""
+def _check_comments(
+    text: TextFile, table: _Table, dt: float, declared: str | None
+) -> tuple[str, tuple[str, ...]]:
+    """Hold comments such as "dt = 0.01 s", "NPTS: 3000" against the data; return the unit that they state.
+
+    A keyed statement ("units: g") stands against the configuration; prose ("acceleration in g") gives way to
+    it, with a warning.
+    """
+    units: dict[str, int] = {}
+    keyed = ""
     for index, line in table.comments:
-        if match := _IN.search(line):
-            unit = acceleration_unit(match[1]) or unit
         if match := _DT.search(line):
             _check_dt(text, index, float(match[1]) * (1e-3 if match[2] else 1.0), dt)
         if (match := _RATE.search(line)) and float(match[1]) > 0.0:
@@ -227,9 +506,72 @@ def _check_comments(text: TextFile, table: _Table, dt: float) -> str:
         if (match := _COUNT.search(line)) and int(match[1]) != len(table.values):
             held = len(table.values)
             raise text.fail(index, f"{match[1]} samples are stated, the file holds {held}; it is cut short")
-        if match := _UNIT.search(line):
-            unit = acceleration_unit(match[1]) or (match[1] if re.search(r"[\d/*]", match[1]) else unit)
-    return unit
+        for clause in re.split(r"[,;]|\.\s", line.strip().lstrip("#%!/ \t")):
+            if match := _UNIT.fullmatch(clause.strip()):
+                unit = acceleration_unit(match[1])
+                if not unit and match[1].lower() not in (*_SECONDS, "hz"):
+                    unit = match[1] if _OTHER_UNIT.fullmatch(match[1]) else ""
+                keyed = unit or keyed
+            elif match := _IN.fullmatch(clause.strip()):
+                unit = acceleration_unit(match[1])
+            else:
+                continue
+            if unit:
+                units.setdefault(unit, index)
+    if len(units) > 1:
+        lines = ", ".join(f"{unit} in line {index + 1}" for unit, index in units.items())
+        if declared is None:
+            raise text.fail(table.first, f"comments state two units, {lines}; give `unit`")
+        return "", (f"comments state two units, {lines}; `unit` {declared} counts",)
+    unit = next(iter(units), "")
+    if unit and not keyed and declared is not None and not _same_unit(unit, declared):
+        return "", (f"line {units[unit] + 1} says {unit}, `unit` {declared} counts",)
+    return unit, ()
+
+
+def _same_unit(unit: str, declared: str) -> bool:
+    from romdam.config.sections.motions.records import unit_in_si
+
+    try:
+        return abs(unit_in_si(unit) / unit_in_si(declared) - 1.0) < 0.005
+    except ValueError:
+        return False
+
+
+def _check_peaks(
+    table: _Table, columns: list[int], units: dict[int, str], declared: str | None
+) -> tuple[str, ...]:
+    """Say where a comment states a peak that no column has."""
+    from romdam.config.sections.motions.records import unit_in_si
+
+    peaks: list[float] = []
+    for i in columns:
+        unit = declared or units[i]
+        try:
+            peaks.append(float(np.nanmax(np.abs(table.values[:, i]))) * unit_in_si(unit) if unit else np.nan)
+        except ValueError:
+            continue
+    if not peaks or not np.all(np.isfinite(peaks)):
+        return ()
+    said = []
+    for index, line in table.comments:
+        stated = [(match[1], match[2]) for match in _PEAK_FIRST.finditer(line)]
+        stated += [(match[2], match[1]) for match in _UNIT_FIRST.finditer(line)]
+        for number, word in stated:
+            if not (unit := acceleration_unit(word)) or float(number) == 0.0:
+                continue
+            peak, digits = float(number), len(number.partition(".")[2])
+            slack = max(PEAK_SHARE, 0.0 if "e" in number.lower() else 0.5 * 10.0**-digits / peak)
+            ratios = np.array(peaks) / (peak * unit_in_si(unit))
+            if np.any(np.abs(ratios - 1.0) <= 1.01 * slack):
+                continue
+            nearest = ratios[np.argmin(np.abs(np.log(np.maximum(ratios, 1e-300))))]
+            doubt = f"; {DOUBTED_UNIT}" if not 0.5 < nearest < 2.0 else ""
+            said.append(
+                f"line {index + 1} states a peak of {number} {unit}, the data's is {nearest * peak:.4g} "
+                f"{unit}{doubt}"
+            )
+    return tuple(said)
 
 
 def _check_dt(text: TextFile, index: int, stated: float, dt: float) -> None:
@@ -237,23 +579,34 @@ def _check_dt(text: TextFile, index: int, stated: float, dt: float) -> None:
         raise text.fail(index, f"an interval of {stated:g} s is stated, `dt` or the times say {dt:g} s")
 
 
-def _even_dt(time: NDArray[np.float64], path: Path, first: int) -> float:
+def _even_dt(time: Array, text: TextFile, first: int) -> float:
     """The interval of a time column; a tenth of a step may be lost in its printed digits."""
     steps = np.diff(time)
     if steps.size == 0 or not np.all(np.isfinite(steps)):
-        raise RecordError(f"{path}: line {first + 1}: a time column needs two finite values or more")
+        raise text.fail(first, "a time column needs two finite values or more")
     dt = float((time[-1] - time[0]) / steps.size)
     worst = int(np.argmax(np.abs(steps - dt)))
+    rising = steps[steps > 0.0]
+    printed = float(np.min(rising)) if rising.size else 1.0
+    rounded = np.allclose(time, printed * np.round(time / printed), rtol=0.0, atol=1e-3 * printed)
+    if time.size >= MANY and rounded and abs(steps[worst] - dt) > 0.1 * dt and _rises(time):
+        raise text.fail(
+            first,
+            f"the times are printed to {printed:g} s, too coarse for their interval of {dt:g} s on average; "
+            f"give `dt: {dt:g} s` in place of `time_column`",
+        )
     if dt <= 0.0 or abs(steps[worst] - dt) > 0.1 * dt:
-        raise RecordError(
-            f"{path}: line {first + worst + 2}: uneven sampling: a step of {steps[worst]:g} s, on average "
-            f"{dt:g} s; resample the record to an even interval first"
+        raise text.fail(
+            first + worst + 1,
+            f"uneven sampling: a step of {steps[worst]:g} s, on average {dt:g} s; resample the record to an "
+            "even interval first",
         )
     away = time - time[0] - dt * np.arange(time.size)
     worst = int(np.argmax(np.abs(away)))
     if abs(away[worst]) > 0.1 * dt:
-        raise RecordError(
-            f"{path}: line {first + worst + 1}: uneven sampling: {time[worst]:g} s is {away[worst] / dt:.2g} "
-            f"of a step off an even interval of {dt:g} s; resample the record to an even interval first"
+        raise text.fail(
+            first + worst,
+            f"uneven sampling: {time[worst]:g} s is {away[worst] / dt:.2g} of a step off an even interval of "
+            f"{dt:g} s; resample the record to an even interval first",
         )
     return dt

@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.records.channel import Channel
+from romdam.core.errors import RecordError
+from romdam.records.channel import Channel, NoAccelerationError, UnknownFormatError
 from romdam.records.formats.at2 import is_at2, read_at2, write_at2
-from romdam.records.formats.columns import is_columns, read_columns
+from romdam.records.formats.columns import Layout, first_row, is_columns, read_columns
 from romdam.records.formats.cosmos import is_cosmos, read_cosmos, write_cosmos
 from romdam.records.formats.csmip import is_csmip, read_csmip
 from romdam.records.formats.esm import is_esm, read_esm, write_esm
+from romdam.records.formats.foreign import READ, recognise
 from romdam.records.formats.knet import is_knet, read_knet
 from romdam.records.formats.smc import is_smc, read_smc, write_smc
 from romdam.records.formats.text import decode, read_bytes
@@ -28,11 +30,15 @@ class Declared:
     dt : sampling interval [s] of plain columns
     time_column : column of sample times, from 1
     response : StationXML file with the instrument's response
+    unit : of the values of plain columns, which counts where prose in a comment says another
+    layout : how the numbers of plain columns stand in the file; None where nothing is said
     """
 
     dt: float | None = None
     time_column: int | None = None
     response: Path | None = None
+    unit: str | None = None
+    layout: Layout | None = None
 
 
 @dataclass(frozen=True)
@@ -75,11 +81,22 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
     for known in FORMATS.values():
         if known.matches(head):
             return known.read(path)
-    if is_columns(head):
-        return read_columns(path, declared.dt, declared.time_column)
+    if is_columns(head) or declared.layout is not None:
+        return read_columns(path, declared.dt, declared.time_column, declared.unit, declared.layout)
+    if foreign := recognise(head):
+        raise NoAccelerationError(f"{path}: line 1: {foreign}")
     from romdam.records.obspy_bridge import read_with_obspy  # here: ObsPy is slow to load
 
-    return read_with_obspy(path, declared.response)
+    try:
+        return read_with_obspy(path, declared.response)
+    except UnknownFormatError:
+        row = first_row(head)
+    if row is None:
+        raise NoAccelerationError(f"{path}: line 1: not a record of any known format; romdam reads {READ}")
+    raise RecordError(
+        f"{path}: line 1: not a record of any known format, but rows of numbers begin in line {row + 1}: "
+        f"declare `header_lines: {row}` if these are its samples; romdam reads {READ}"
+    )
 
 
 FORMATS: dict[str, Format] = {

@@ -10,6 +10,7 @@ from romdam.records.formats.text import TextFile
 _ACCELERATIONS = {
     "g": "g",
     "mg": "0.001 g",
+    "%g": "0.01 g",
     "gal": "cm/s2",
     "gals": "cm/s2",
     "cm/s2": "cm/s2",
@@ -25,7 +26,7 @@ PEAK_SHARE = 0.01  # of the peak; headers round it to three digits
 
 def acceleration_unit(word: str) -> str:
     """A file's unit in romdam's spelling; "" for anything else, however much of it looks like a unit."""
-    text = re.sub(r"\s|\^|\*\*", "", word.lower()).strip(".").replace("²", "2")
+    text = re.sub(r"\s|\^|\*\*|·", "", word.lower()).strip(".").replace("²", "2").replace("⁻", "-")
     return _ACCELERATIONS.get(text.replace("sec", "s").replace("/s/s", "/s2"), "")
 
 

@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
@@ -25,6 +25,15 @@ from romdam.core.errors import ConfigError, listed, shown
 from romdam.core.files import check_file
 
 Axis = Literal["x", "y", "z"]
+_SIGNS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank", ".": "point"}
+
+
+def _word_of_sign(value: object) -> object:
+    return _SIGNS.get(value, value) if isinstance(value, str) else value
+
+
+Delimiter = Annotated[Literal["blank", "comma", "semicolon", "tab"], BeforeValidator(_word_of_sign)]
+Decimal = Annotated[Literal["point", "comma"], BeforeValidator(_word_of_sign)]
 MEASURES = {  # what records can be filtered by, and the unit of each
     "pga": "m/s^2",
     "pgv": "m/s",
@@ -178,12 +187,23 @@ class RecordConfig(Model):
     """Interval of the samples, where the file does not say it."""
     time_column: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
     """Column of sample times, from 1."""
+    layout: Literal["columns", "series"] | None = None
+    """Meaning of several numbers in a row of plain text: a column each, or one series that runs on."""
+    header_lines: Annotated[Whole, Field(ge=0, le=10_000)] = 0
+    """Lines of text above the first row of numbers of plain text."""
+    delimiter: Delimiter | None = None
+    """What parts the numbers of plain text, where their first row does not show it."""
+    decimal: Decimal = "point"
+    """Decimal sign of plain text."""
     response: Path | None = None
     """StationXML file with the instrument's response."""
     components: dict[Axis, ComponentConfig] = Field(default_factory=dict)
     x_azimuth: Degrees | None = None
     """Azimuth of the model's x, from north to east; channels are rotated there by the azimuths in their
     files."""
+    azimuths: dict[str, Degrees | Literal["up", "down"]] = Field(default_factory=dict)
+    """Channels whose files do not say where they point, such as {HN1: 35 deg, HN2: 125 deg, HNZ: up}, from
+    north to east; for `x_azimuth`."""
     group: Literal["file", "station"] = "file"
     """Files that make one record: each file alone, or those of one station and event."""
     gaps: Literal["error", "zero", "linear"] = "error"
@@ -210,6 +230,12 @@ class RecordConfig(Model):
             )
         return value
 
+    @field_validator("azimuths", mode="before")
+    @classmethod
+    def _codes(cls, value: object) -> object:
+        """Codes of channels are words, also where YAML reads a number."""
+        return {str(key): one for key, one in value.items()} if isinstance(value, dict) else value
+
     @field_validator("keep")
     @classmethod
     def _known_measures(cls, value: dict[str, RangeConfig]) -> dict[str, RangeConfig]:
@@ -230,6 +256,10 @@ class RecordConfig(Model):
             raise ValueError(
                 "give exactly one source: `file`, `files`, `manifest`, `suite`, or a `file` per component"
             )
+        if self.layout == "series" and self.time_column is not None:
+            raise ValueError("`layout: series` has no `time_column`; give `dt`")
+        if self.azimuths and self.x_azimuth is None:
+            raise ValueError("`azimuths` are for the rotation to `x_azimuth`; give that, or take them out")
         if self.components and self.x_azimuth is not None:
             raise ValueError(
                 "give `components` or `x_azimuth`, not both: either name the axes or rotate to them"
@@ -327,7 +357,10 @@ def _refuse_misplaced(path: Path, number: int, row: dict[object, object]) -> Non
 
 
 MOST_BYTES = 20e6  # of a manifest in CSV
-_ROW_KEYS = {"file", "name", "unit", "dt", "time_column", "response", "components", "scale"}
+_ROW_KEYS = {
+    "file", "name", "unit", "dt", "time_column", "layout", "header_lines", "delimiter", "decimal", "response",
+    "components", "scale",
+}  # fmt: skip
 
 
 def is_manifest(path: Path) -> bool:
