@@ -15,7 +15,9 @@ from romdam.records.channel import Channel, Orientation, check_channel, missing,
 from romdam.records.components import AXES, peak, spectrum
 from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
 from romdam.records.processing.align import align
+from romdam.records.processing.changes import changed_measures, refuse_lost_motion
 from romdam.records.processing.correction import Signal, check_processed, correct
+from romdam.records.processing.offset import doubt_drift, find_offset
 from romdam.records.processing.orientation import rotation
 from romdam.records.sources import Recorded
 
@@ -26,8 +28,9 @@ def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     """Make the ground motion of one record.
 
     In this order: missing samples are filled; each channel is checked, turned to m/s2 and cut to what all
-    have in common; what was recorded is corrected step by step (`correction:`), turned to the model's axes,
-    and scaled. The integration resamples it to its step (`processing.resampling`).
+    have in common; a recorder's offset is subtracted; what was recorded is corrected step by step
+    (`correction:`), turned to the model's axes, and scaled. The integration resamples it to its step
+    (`processing.resampling`).
 
     Parameters
     ----------
@@ -53,17 +56,25 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     factors = np.array([_factor(channel, config, place) for channel in channels])
     recorded = align(channels, config.align, place) * factors[:, None]
     doubts = _doubts_of_recorded(channels, axes, recorded, source)
-    signal = _corrected(recorded, channels[0].dt, config, place)
+    offset = find_offset(recorded, channels[0].dt)
+    recorded = recorded - offset[:, None]
+    signal = _corrected(recorded, channels, config, place)
     matrix = _matrix(axes, channels, config, place)
     acc = matrix @ signal.acc
+    drifts = doubt_drift(acc, signal.dt)
+    if drifts and (config.scale_to_measure or config.keep):
+        raise RecordError(f"{place}: {drifts}")
     scale, scaled_to = _scale(acc, signal.dt, config.scale, place)
     if not np.all(np.isfinite(scale * acc)):
         raise RecordError(f"{place}: correction and scale make values that are not finite; change them")
-    warnings = (*left_out, *doubts, *_below_usable(channels, signal), *signal.warnings)
-    if not config.correction:
+    warnings = (*left_out, *doubts, *_subtracted(channels, offset, recorded))
+    warnings += (*_below_usable(channels, signal), *signal.warnings, *([drifts] if drifts else []))
+    if config.correction:
+        warnings += changed_measures(matrix @ recorded, acc, signal.dt, AXES)
+    else:
         warnings += check_processed(recorded, signal.dt)
     warnings += _vertical_rules(scale * acc, config.scale)
-    account = _account(source, channels, factors, matrix) | _done(signal, config)
+    account = _account(source, channels, factors, matrix, offset) | _done(signal, config)
     factor = scale.item(0) if np.all(scale == scale[0]) else scale.ravel().tolist()
     account |= {"scale": factor, "scaled_to": scaled_to}
     return GroundMotion(source.name, scale * acc, signal.dt, account, warnings)
@@ -119,11 +130,33 @@ def _doubts_of_recorded(
     )
 
 
-def _corrected(recorded: NDArray[np.float64], dt: float, config: RecordConfig, place: str) -> Signal:
+def _corrected(
+    recorded: NDArray[np.float64], channels: list[Channel], config: RecordConfig, place: str
+) -> Signal:
+    dt = channels[0].dt
+    magnitudes = (channel.meta.get("magnitude") for channel in channels)
+    magnitude = next((one for one in magnitudes if isinstance(one, float) and one > 0.0), None)
     try:
-        return correct(recorded, dt, config.correction)
+        signal = correct(recorded, dt, config.correction, magnitude)
+        if config.correction:
+            names = [f"channel {channel.code}" for channel in channels]
+            refuse_lost_motion(recorded, signal.acc, dt, names)
     except RecordError as error:
         raise RecordError(f"{place}: {error}") from None
+    return signal
+
+
+def _subtracted(
+    channels: list[Channel], offset: NDArray[np.float64], rest: NDArray[np.float64]
+) -> tuple[str, ...]:
+    """Say which channels lost the constant that their recorder had added, and how large it was."""
+    peak = np.max(np.abs(rest), axis=-1)
+    return tuple(
+        f"channel {channel.code}: a constant of {offset[row]:.3g} m/s2 was subtracted, the offset of its "
+        f"recorder; the peak of the rest is {peak[row]:.3g} m/s2"
+        for row, channel in enumerate(channels)
+        if offset[row]
+    )
 
 
 def _filled(channel: Channel, config: RecordConfig, place: str) -> Channel:
@@ -275,7 +308,11 @@ def _lowest_usable(channel: Channel) -> float | None:
 
 
 def _account(
-    source: Recorded, channels: list[Channel], factors: NDArray[np.float64], matrix: NDArray[np.float64]
+    source: Recorded,
+    channels: list[Channel],
+    factors: NDArray[np.float64],
+    matrix: NDArray[np.float64],
+    offset: NDArray[np.float64],
 ) -> dict[str, object]:
     """Account for the source of the motion."""
     return {
@@ -287,12 +324,13 @@ def _account(
                 "code": channel.code,
                 "unit": source.config.unit or channel.unit,
                 "unit_m_s2": float(factor),
+                "offset_m_s2": float(constant),
                 "azimuth": None if channel.orientation is None else channel.orientation.azimuth,
                 "vertical": None if channel.orientation is None else channel.orientation.vertical,
                 "start": channel.start,
                 **channel.meta,
             }
-            for channel, factor in zip(channels, factors, strict=True)
+            for channel, factor, constant in zip(channels, factors, offset, strict=True)
         ],
         "to_axes": matrix.tolist(),
     }

@@ -16,6 +16,7 @@ from romdam.records.channel import Channel
 from romdam.records.components import measures
 from romdam.records.design.aim import Aimed, aim
 from romdam.records.plausible import DOUBTED_UNIT
+from romdam.records.processing.offset import COUNTED_AS_MOTION
 from romdam.records.sources import Recorded, Source, pick, sources_of
 
 EACH = "each"
@@ -222,8 +223,8 @@ def usable_apart(
 ) -> list[Loaded]:
     """Give every record of `load_records` a name of its own that can name a file, for runs by the hundred.
 
-    A motion whose unit is doubted counts as one that cannot be used: nobody reads a warning among hundreds of
-    records, and a unit taken wrongly is a factor of ten or a thousand. So does one whose name is taken.
+    A motion whose unit is doubted, or whose drift counts as motion, cannot be used: nobody reads a warning
+    among hundreds of records, and each is a wrong factor. Nor can one whose name is taken.
     """
     loaded: list[Loaded] = []
     places: dict[str, str] = {}
@@ -245,7 +246,11 @@ def usable_apart(
 
 
 def _refuse_doubted(one: Loaded) -> Loaded:
-    doubts = [text for text in one.motion.warnings if DOUBTED_UNIT in text] if one.motion else []
+    doubts = (
+        [text for text in one.motion.warnings if DOUBTED_UNIT in text or COUNTED_AS_MOTION in text]
+        if one.motion
+        else []
+    )
     return Loaded(one.name, error=RecordError("; ".join(doubts))) if doubts else one
 
 

@@ -1,4 +1,10 @@
-"""Corner frequencies of a record's band-pass: searched on the displacement, or from signal to noise."""
+"""Corner frequencies of a record's band-pass: searched on the displacement, or from signal to noise.
+
+References
+----------
+Hearne, M. et al. gmprocess (USGS, public domain): `ridder_fchp`, `snr_check` and `get_corner_frequencies`.
+Brune, J. N. (1970). Tectonic stress and the spectra of seismic shear waves. JGR 75(26), 4997-5009.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +18,8 @@ from romdam.records.processing.integrate import displacement
 Array = NDArray[np.float64]
 POLYNOMIAL_ORDER = 3
 FILTER_ORDER = 5
+SOURCE_CORNERS = (0.1, 2.0)  # Hz; gmprocess' floor and ceiling of the source's corner
+NEEDED_TO = 5.0  # Hz; gmprocess' `max_freq`
 
 
 def drift_ratio(acc: Array, dt: float, corner: float) -> float:
@@ -64,16 +72,32 @@ def _ridder(acc: Array, dt: float, target: float, band: tuple[float, float]) -> 
     return float(optimize.ridder(excess, np.log(band[0]), np.log(band[1]), xtol=1e-3, maxiter=60))
 
 
-def signal_to_noise_band(acc: Array, dt: float, onset: int, threshold: float) -> tuple[float, float]:
+def source_corner(magnitude: float | None) -> float:
+    """Frequency [Hz] from which a record must stand out of its noise: the corner of Brune's source spectrum.
+
+    As gmprocess' `snr_check` takes it: 10 bar, 3.7 km/s, within 0.1 and 2 Hz; 2 Hz for an unknown magnitude,
+    the least that any record must show.
+    """
+    if magnitude is None:
+        return SOURCE_CORNERS[1]
+    moment = 10.0 ** (1.5 * magnitude + 16.05)  # dyn cm, Hanks and Kanamori (1979)
+    return float(np.clip(4.9e6 * 3.7 * (10.0 / moment) ** (1.0 / 3.0), *SOURCE_CORNERS))
+
+
+def signal_to_noise_band(
+    acc: Array, dt: float, onset: int, threshold: float, magnitude: float | None = None
+) -> tuple[float, float]:
     """Find the band [Hz] in which signal over noise exceeds `threshold` in every component.
 
     The noise is the part before `onset`, the signal the rest; both spectra are smoothed over a ninth of a
-    decade and divided by the root of their length.
+    decade and divided by the root of their length. The band must hold all from `source_corner` (or the
+    lowest frequency that the noise's length resolves, if that is higher) up to `NEEDED_TO`; elsewhere the
+    band would be a sliver between peaks of noise, and a filter to it would take the motion away.
 
     Raises
     ------
     RecordError
-        when less than a second precedes the onset, or no band is left.
+        when less than a second precedes the onset, or the ratio is too small within what the band must hold.
     """
     if onset * dt < 1.0:
         raise RecordError(
@@ -81,26 +105,26 @@ def signal_to_noise_band(acc: Array, dt: float, onset: int, threshold: float) ->
             "give the corners or search them (method: ridder)"
         )
     rows = acc.reshape(-1, acc.shape[-1])
-    bands = [_band(row, dt, onset, threshold) for row in rows]
-    low, high = max(b[0] for b in bands), min(b[1] for b in bands)
-    if low >= high:
-        raise RecordError(
-            f"correction: no band with signal over noise above {threshold:g} in all components "
-            f"({low:.3g} Hz to {high:.3g} Hz); lower `threshold` or give the corners"
-        )
-    return low, high
+    bands = [_band(row, dt, onset, threshold, source_corner(magnitude)) for row in rows]
+    return max(b[0] for b in bands), min(b[1] for b in bands)
 
 
-def _band(row: Array, dt: float, onset: int, threshold: float) -> tuple[float, float]:
+def _band(row: Array, dt: float, onset: int, threshold: float, corner: float) -> tuple[float, float]:
     noise, shaking = row[:onset] - np.mean(row[:onset]), row[onset:] - np.mean(row[:onset])
     freq = np.geomspace(max(1.0 / (onset * dt), 0.01), 0.45 / dt, 200)
     ratio = _smooth(shaking, dt, freq) / np.maximum(_smooth(noise, dt, freq), np.finfo(float).tiny)
-    peak = int(np.argmax(ratio))
-    if ratio[peak] < threshold:
-        return float(freq[-1]), float(freq[0])
-    below, above = np.flatnonzero(ratio[:peak] < threshold), np.flatnonzero(ratio[peak:] < threshold)
+    needed = np.flatnonzero((freq >= corner) & (freq <= NEEDED_TO))
+    first, last = (needed[0], needed[-1]) if needed.size else (0, freq.size - 1)
+    least = first + int(np.argmin(ratio[first : last + 1]))
+    if ratio[least] < threshold:
+        raise RecordError(
+            f"correction: signal over noise is {ratio[least]:.3g} at {freq[least]:.3g} Hz, and must be "
+            f"{threshold:g} from {freq[first]:.3g} to {freq[last]:.3g} Hz, or the band-pass would filter the "
+            "motion away; search the corners on the displacement (`peer`, or method: ridder), or give them"
+        )
+    below, above = np.flatnonzero(ratio[:first] < threshold), np.flatnonzero(ratio[last:] < threshold)
     low = freq[below[-1] + 1] if below.size else freq[0]
-    high = freq[peak + above[0] - 1] if above.size else freq[-1]
+    high = freq[last + above[0] - 1] if above.size else freq[-1]
     return float(low), float(high)
 
 

@@ -42,6 +42,7 @@ class Signal:
     dt : [s]
     before, after : samples of padding at the ends
     corners : highpass and lowpass chosen so far [Hz]
+    magnitude : of the earthquake; None where the record does not say it
     log : one entry per step done, plain JSON values
     warnings : sentences
     """
@@ -51,6 +52,7 @@ class Signal:
     before: int = 0
     after: int = 0
     corners: tuple[float | None, float | None] = (None, None)
+    magnitude: float | None = None
     log: tuple[dict[str, object], ...] = ()
     warnings: tuple[str, ...] = field(default=())
 
@@ -64,7 +66,9 @@ class Signal:
         return replace(self, acc=acc, log=(*self.log, entry))
 
 
-def correct(acc: NDArray[np.float64], dt: float, chain: Sequence[Model]) -> Signal:
+def correct(
+    acc: NDArray[np.float64], dt: float, chain: Sequence[Model], magnitude: float | None = None
+) -> Signal:
     """Apply the steps of `chain` in order.
 
     Parameters
@@ -72,6 +76,7 @@ def correct(acc: NDArray[np.float64], dt: float, chain: Sequence[Model]) -> Sign
     acc : (k, nt) components [m/s2]
     dt : [s]
     chain : steps of romdam.config.sections.motions.correction
+    magnitude : of the earthquake, if it is known; corners from signal to noise ask for it
 
     Returns
     -------
@@ -82,7 +87,7 @@ def correct(acc: NDArray[np.float64], dt: float, chain: Sequence[Model]) -> Sign
     RecordError
         when a step cannot do what it is asked.
     """
-    signal = Signal(acc, dt)
+    signal = Signal(acc, dt, magnitude=magnitude)
     for number, step in enumerate(chain):
         place = f"correction[{number}].{getattr(step, 'step', '')}"
         try:
@@ -174,7 +179,7 @@ def _corners(signal: Signal, step: CornersStep) -> Signal:
         highpass = search_highpass(part, signal.dt, step.target, (step.lowest, step.highest))
     elif step.method == "snr":
         onset = steps.pick_onset(part, signal.dt)
-        highpass, found = signal_to_noise_band(part, signal.dt, onset, step.threshold)
+        highpass, found = signal_to_noise_band(part, signal.dt, onset, step.threshold, signal.magnitude)
         lowpass = min(found, NYQUIST_SHARE * 0.5 / signal.dt, lowpass or np.inf)
     noted = signal.noted(
         signal.acc, step="corners", method=step.method, highpass_hz=highpass, lowpass_hz=lowpass

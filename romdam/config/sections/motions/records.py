@@ -221,6 +221,12 @@ class RecordConfig(Model):
     match: MatchConfig | None = None
     keep: dict[str, RangeConfig] = Field(default_factory=dict)
 
+    @property
+    def scale_to_measure(self) -> bool:
+        """Whether the factor follows from a measure of the motion."""
+        scale = self.scale
+        return self.target is not None or (scale is not None and (scale.pga or scale.sa) is not None)
+
     @field_validator("unit")
     @classmethod
     def _unit_of_acceleration(cls, value: str | None) -> str | None:
