@@ -116,9 +116,12 @@ def _type(node: Node) -> str:
     if "enum" in node or "const" in node:
         return ", ".join(f"`{one}`" for one in node.get("enum", [node.get("const")]) if one is not None)
     branches = [one for one in (*node.get("anyOf", ()), *node.get("oneOf", ())) if one.get("type") != "null"]
+    if "unit" in node:
+        return f"number with its unit [{node['unit']}]"
     units = [one["unit"] for one in branches if "unit" in one]
     if branches:
-        words = [f"number [{units[0]}]" if units[0] else "number"] if units else []
+        what = "number" if any(one.get("type") == "number" for one in branches) else "number with its unit"
+        words = [f"{what} [{units[0]}]" if units[0] else what] if units else []
         words += [
             _type(one) for one in branches if not units or (one.get("type") not in ("number", "string"))
         ]

@@ -136,7 +136,7 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
     stated = json.loads(str(summary.attrs["configuration"]))
     made, now = (
         config.model_dump(mode="json", exclude=_BESIDE)
-        for config in (parse_config(stated, f"{folder / SUMMARY}: configuration"), job.config)
+        for config in (parse_config(stated, f"{folder / SUMMARY}: configuration", si=True), job.config)
     )
     if now["model"]["modes"] == "auto":  # the summary states the number that it came to
         now["model"]["modes"] = made["model"]["modes"]

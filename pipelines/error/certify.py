@@ -202,7 +202,7 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
             f"{run.path}: its record was given as arrays in Python, and a certificate reads records again; "
             "write it to a file, name that under `records`, and run it"
         )
-    stored = parse_config(raw, f"{run.path}: configuration")
+    stored = parse_config(raw, f"{run.path}: configuration", si=True)
     folder = run.path.parent / str(run.attributes.get(FOLDER, "."))
     job = Job(stored, folder / str(run.attributes["configuration_file"]))
     if _of_this_code(run) and job.digest != run.attributes["configuration_sha256"]:

@@ -166,6 +166,7 @@ def parse_config(
     source: str,
     line: Callable[[Location], int] | None = None,
     folder: Path | None = None,
+    si: bool = False,
 ) -> Config:
     """Validate a mapping, keys by their names of before too.
 
@@ -174,6 +175,7 @@ def parse_config(
     source : names it in errors
     line : number of the line of a key, where `source` is a file
     folder : of laws that the configuration names, that of `source` if not given
+    si : whether every number without a unit is in SI, as results hold them, also where a unit is asked for
 
     Raises
     ------
@@ -184,6 +186,6 @@ def parse_config(
         raise ConfigError(f"{source}: expected a mapping of keys at the top level, got {type(raw).__name__}")
     raw, _ = with_present_names(raw, source)
     try:
-        return Config.model_validate(raw, context={"folder": folder or Path(source).parent})
+        return Config.model_validate(raw, context={"folder": folder or Path(source).parent, "si": si})
     except ValidationError as error:
         raise ConfigError(explain(error, source, Config, line)) from None

@@ -10,7 +10,7 @@ import re
 from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, PlainSerializer, ValidationInfo
 
 from romdam.core.errors import shown
 
@@ -44,6 +44,7 @@ _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; 
     "byte": 1e18,
     "degree": 1e4,
 }
+_COMMONLY = {"m/s^2": "g", "m/s": "cm/s", "m": "cm"}  # units that measures of ground motion are stated in
 _SPELT = {"delta_degC": "K", "N*s/m^3": "N s/m3"}  # else pint's way without its ^
 # as pint defines them; without names that would be others than to pint: "rads" is none of "rad", "kt" of "t"
 _COMMON = """
@@ -126,6 +127,36 @@ def to_si(value: float | str, unit: str) -> float:
     return number
 
 
+def to_si_stated(value: float | str, info: ValidationInfo, unit: str) -> float:
+    """Convert text with a unit to a number in `unit`, for what is commonly stated in others than SI.
+
+    A bare number is refused: an acceleration of 0.3 may be in g or in m/s2, a factor of ten. Where the
+    context of the validation has "si", it is taken as SI: older results hold such configurations.
+
+    Raises
+    ------
+    ValueError
+        for a number without a unit, and as `to_si` does.
+    """
+    number = to_si(value, unit)
+    if not (info.context or {}).get("si"):
+        refuse_bare(value, unit)
+    return number
+
+
+def refuse_bare(value: float | str, unit: str) -> None:
+    """Raise a ValueError for a number without a unit, but 0, where others than SI are common."""
+    match = _NUMBER_AND_UNIT.match(str(value))
+    if unit in _COMMONLY and match is not None and not match[2] and float(match[1]) != 0.0:
+        common = _COMMONLY[unit]
+        raise ValueError(f"{match[1]} has no unit; write {match[1]} {common} or {match[1]} {spelt(unit)}")
+
+
+def with_unit(number: float, unit: str) -> str:
+    """Write a number in SI so that `to_si_stated` reads it again, to the last bit."""
+    return f"{number!r} {spelt(unit)}"
+
+
 def _in(unit: str) -> str:
     return f" in {unit}" if unit else ""
 
@@ -175,9 +206,24 @@ def _si(unit: str) -> BeforeValidator:
     return BeforeValidator(partial(to_si, unit=unit))
 
 
+def _stated(unit: str) -> Any:
+    """A number that must be written with its unit, and is written so again."""
+    return Annotated[
+        float,
+        BeforeValidator(partial(to_si_stated, unit=unit)),
+        PlainSerializer(partial(with_unit, unit=unit), return_type=str),
+    ]
+
+
 def unit_of(validator: object) -> str | None:
     """The unit that a validator of this module converts to, in pint's spelling; None for any other."""
-    return validator.keywords["unit"] if isinstance(validator, partial) and validator.func is to_si else None
+    known = isinstance(validator, partial) and validator.func in (to_si, to_si_stated)
+    return validator.keywords["unit"] if known else None
+
+
+def needs_unit(validator: object) -> bool:
+    """Whether a validator of this module refuses a bare number."""
+    return isinstance(validator, partial) and validator.func is to_si_stated
 
 
 def spelt(unit: str) -> str:
@@ -209,6 +255,7 @@ Density = Annotated[float, _si("kg/m^3")]
 Mass = Annotated[float, _si("kg")]
 Force = Annotated[float, _si("N")]
 Acceleration = Annotated[float, _si("m/s^2")]
+GroundAcceleration: Any = _stated("m/s^2")  # of records, spectra and codes: commonly in g
 Velocity = Annotated[float, _si("m/s")]
 Dimensionless = Annotated[float, _si("")]
 Expansion = Annotated[float, _si("1/K")]

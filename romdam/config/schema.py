@@ -15,12 +15,13 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from romdam.config.base import Model
-from romdam.config.quantities import spelt, unit_of
+from romdam.config.quantities import needs_unit, spelt, unit_of
 from romdam.config.sections.job import Config
 from romdam.config.sections.joint_laws import both
 from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
 from romdam.config.texts import meaning, own_doc
 
+_WITH_UNIT = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*(1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*$"
 _QUANTITY = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*)?$"
 
 
@@ -40,6 +41,8 @@ class _Generator(GenerateJsonSchema):
         unit = unit_of(function)
         if unit is None:
             return {"anyOf": [*_SHORT_FORMS[function](made), made]} if function in _SHORT_FORMS else made
+        if needs_unit(function):
+            return {"type": "string", "pattern": _WITH_UNIT, _UNIT: spelt(unit)}
         text = {"type": "string", "pattern": _QUANTITY, _UNIT: spelt(unit)}
         return {"anyOf": [made, text]}
 

@@ -1,6 +1,7 @@
 """Numbers with units: read as written, or refused; never as something else of the same dimension."""
 
 import pytest
+from pydantic import ValidationError
 
 from romdam.config.quantities import _COMMON, _EXAMPLES, _MOST, _registry, _registry_of, to_si
 
@@ -89,3 +90,69 @@ def test_what_is_refused(value, unit):
     with pytest.raises(ValueError) as caught:
         to_si(value, unit)
     assert len(str(caught.value)) < 400
+
+
+def _of_every_kind():
+    from romdam.config.sections.motions.records import RecordConfig, ScaleConfig
+    from romdam.config.sections.motions.target import Asce7Spectrum, Eurocode8Spectrum, SpectrumConfig
+    from romdam.config.sections.suite import IntensityConfig
+
+    return [
+        (ScaleConfig, lambda a: {"pga": a}, "pga"),
+        (ScaleConfig, lambda a: {"sa": a, "period": 1.0}, "sa"),
+        (Asce7Spectrum, lambda a: {"SDS": a, "SD1": "0.6 g", "TL": 8.0}, "SDS"),
+        (Asce7Spectrum, lambda a: {"SDS": "1 g", "SD1": a, "TL": 8.0}, "SD1"),
+        (Eurocode8Spectrum, lambda a: {"ag": a, "type": 1, "ground": "A"}, "ag"),
+        (SpectrumConfig, lambda a: {"points": [[0.1, "1 g"], [1.0, a]]}, "points"),
+        (IntensityConfig, lambda a: {"measure": "pga", "values": ["0.1 g", a]}, "values"),
+        (RecordConfig, lambda a: {"file": "x", "keep": {"pga": {"min": a}}}, "keep"),
+    ]
+
+
+@pytest.mark.parametrize("number", [0.3, "0.3", 1, " 1e-1 "])
+@pytest.mark.parametrize("kind", range(8))
+def test_a_bare_acceleration_of_records_and_codes_is_refused(kind, number):
+    """A code's 0.3 is in g: taken as m/s2 it is 9.81 times too weak."""
+    model, keys, name = _of_every_kind()[kind]
+    bare = str(number).strip() if model.__name__ != "RecordConfig" or number != 1 else "1.0"
+    with pytest.raises(
+        ValidationError, match=rf"{name}[\s\S]*{bare} has no unit; write {bare} g or {bare} m/s2"
+    ):
+        model.model_validate(keys(number))
+
+
+@pytest.mark.parametrize("kind", range(8))
+def test_what_is_written_out_is_read_again_to_the_last_bit(kind):
+    """Also where a result of before holds the number alone, which is in SI."""
+    model, keys, _ = _of_every_kind()[kind]
+    made = model.model_validate(keys("0.1234567 g"))
+    for mode in ("python", "json"):
+        assert model.model_validate(made.model_dump(mode=mode, exclude_unset=True)) == made
+    assert model.model_validate(keys(1.21069521555), context={"si": True})
+
+
+def test_no_key_of_an_acceleration_takes_a_bare_number_but_gravity():
+    """By the schema, so that a key of tomorrow is held to it."""
+    from romdam.config.schema import schema
+
+    def bare(node, path):
+        if isinstance(node, dict):
+            if node.get("unit") == "m/s2" and node["pattern"].endswith(")?$"):
+                yield path
+            for key, inner in node.items():
+                yield from bare(inner, f"{path}.{key}")
+        elif isinstance(node, list):
+            for inner in node:
+                yield from bare(inner, path)
+
+    assert {path.partition(".properties.")[2].split(".")[0] for path in bare(schema(), "")} == {"gravity"}
+
+
+@pytest.mark.parametrize(("name", "common"), [("pgv", "cm/s"), ("pgd", "cm"), ("cav", "cm/s")])
+def test_limits_of_measures_in_other_units_than_si_need_theirs(name, common):
+    from romdam.config.sections.motions.records import RecordConfig
+
+    with pytest.raises(ValidationError, match=f"{name}: max: 20.0 has no unit; write 20.0 {common} or"):
+        RecordConfig.model_validate({"file": "x", "keep": {name: {"max": 20}}})
+    kept = RecordConfig.model_validate({"file": "x", "keep": {name: {"min": 0, "max": f"20 {common}"}}})
+    assert kept.keep[name].max == f"20 {common}"

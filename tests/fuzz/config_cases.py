@@ -209,7 +209,7 @@ def _suite() -> dict[str, Any]:
             "dt": 0.01,
             "components": {"y": {"channel": "each"}},
             "target": {
-                "spectrum": {"eurocode8": {"ag": 1.0, "S": 1.0, "TB": 0.1, "TC": 0.4, "TD": 2.0}},
+                "spectrum": {"eurocode8": {"ag": "1 m/s2", "S": 1.0, "TB": 0.1, "TC": 0.4, "TD": 2.0}},
                 "periods": [0.1, 0.2],
                 "of": "y",
             },
@@ -223,7 +223,7 @@ def _suite() -> dict[str, Any]:
     del raw["joints"]["gap"]["shear_key"], raw["outputs"]["stress"], raw["study"], raw["comparison"]
     raw["pipeline"] = "suite"
     raw["suite"] = {
-        "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "of": "y", "values": [1.0]},
+        "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "of": "y", "values": ["1 m/s2"]},
         "parameters": {
             "mu": {"path": "joints.gap.friction", "low": 0.4, "high": 0.7, "distribution": "uniform"},
             "alpha": {"path": "damping.rayleigh.alpha", "values": [0.5, 1.0]},

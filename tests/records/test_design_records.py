@@ -151,7 +151,7 @@ def test_tables_that_are_no_target(tmp_path, table, message):
             {"target": TARGET | {"spectrum": {"table": "t.csv", "unit": "s"}}, "scale": "target"},
             "unit|dimension|m/s",
         ),
-        ({"scale": {"pga": 1, "to": "target"}}, "exactly one of"),
+        ({"scale": {"pga": "1 m/s2", "to": "target"}}, "exactly one of"),
         ({"scale": {"factor": 1, "of": "x"}}, "`of` belongs to"),
         ({"scale": {"factor": 2, "mean_at_least": 0.9}}, "belong to `to: target`"),
         ({"scale": {}}, "exactly one of"),
@@ -167,7 +167,7 @@ def test_keys_that_contradict_are_refused(change, message):
     [
         PAIRS | {"scale": {"to": "target", "z": 2}, "select": 3},
         PAIRS | {"match": {}},
-        {"file": "r", "components": {"y": 1}, "scale": {"pga": 1}, "correction": "gmprocess"},
+        {"file": "r", "components": {"y": 1}, "scale": {"pga": "1 m/s2"}, "correction": "gmprocess"},
         {"file": "r", "components": {"y": 1}, "scale": {"x": 2}, "correction": "peer"},
     ],
 )
@@ -196,8 +196,8 @@ def test_a_vertical_component_that_decides_the_factor_is_said(tmp_path):
     for seed, code in enumerate(samples.ORIENTATIONS, start=1):
         at2(tmp_path, f"r{code}.AT2", seed, code)
     entry = {"files": "*.AT2", "group": "station", "x_azimuth": 90}
-    (silent,) = load(tmp_path, **entry, scale={"z": 5, "pga": 1.0, "of": "largest"})
-    (said,) = load(tmp_path, **entry, scale={"z": 5, "pga": 1.0})
+    (silent,) = load(tmp_path, **entry, scale={"z": 5, "pga": "1 m/s2", "of": "largest"})
+    (said,) = load(tmp_path, **entry, scale={"z": 5, "pga": "1 m/s2"})
     np.testing.assert_array_equal(silent.acc, said.acc)
     assert set(said.warnings) - set(silent.warnings) == {
         "scale: of the largest of x, y, z, and z is the largest; say of: larger_horizontal, or largest"
@@ -230,7 +230,7 @@ def test_selection_says_what_was_passed_over(tmp_path):
     (plain,) = load(tmp_path, file="r2.AT2", components={"y": "090"})
     periods = np.geomspace(0.1, 1.0, 300)
     own = pseudo_acceleration(plain.acc[1], plain.dt, periods)[0]
-    points = [[float(t), float(3 * a)] for t, a in zip(periods, own, strict=True)]
+    points = [[float(t), f"{float(3 * a)} m/s2"] for t, a in zip(periods, own, strict=True)]
     target = {"spectrum": {"points": points}, "periods": [0.1, 1.0], "of": "y"}
     entry = {"files": ".", "components": {"y": "090"}, "target": target, "scale": "target", "select": 1}
     told = []
@@ -306,6 +306,6 @@ def test_what_cannot_be_matched_is_refused(tmp_path):
     ):
         with pytest.raises(RecordError, match=message):
             load(tmp_path, **entry, target=TARGET | {"of": "y", "periods": periods})
-    points = [[0.2, 1.0], [0.21, 50.0], [0.22, 0.1], [0.5, 20.0]]
+    points = [[0.2, "1 m/s2"], [0.21, "50 m/s2"], [0.22, "0.1 m/s2"], [0.5, "20 m/s2"]]
     with pytest.raises(RecordError, match=r"component y: cannot be matched: .* % from the target at"):
         load(tmp_path, **entry, target={"spectrum": {"points": points}, "periods": [0.2, 0.5], "of": "y"})

@@ -316,7 +316,7 @@ def test_bad_entries_name_the_place_and_the_remedy(tmp_path, entry, message):
         ({"correction": ["magic"]}, "magic"),
         ({"correction": [{"taper": {}}]}, "exactly one of `fraction` and `length`"),
         ({"correction": [{"corners": {"highpass": 5, "lowpass": 1}}]}, "must lie below lowpass"),
-        ({"scale": {"sa": 1.0}}, "`sa` and `period` belong together"),
+        ({"scale": {"sa": "1 g"}}, "`sa` and `period` belong together"),
         ({"keep": {"pgz": {}}}, "no such measure pgz"),
         ({"keep": {"pga": {"min": "3 kg"}}}, "not a quantity in m/s"),
         ({"resampling": "cubic"}, "linear"),

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Acceleration, Dimensionless, NumberOrText, Time, Whole
+from romdam.config.quantities import Dimensionless, GroundAcceleration, NumberOrText, Time, Whole
 from romdam.config.sections.motions.target import Of
 from romdam.core.errors import shown
 
@@ -29,7 +29,7 @@ class IntensityConfig(Model):
     """Period of the spectral acceleration."""
     damping: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] = 0.05
     """Damping ratio of the spectral acceleration."""
-    values: Annotated[tuple[Annotated[Acceleration, Positive], ...], Field(min_length=1)]
+    values: Annotated[tuple[Annotated[GroundAcceleration, Positive], ...], Field(min_length=1)]
     """Targets, one scale each."""
 
     @model_validator(mode="after")

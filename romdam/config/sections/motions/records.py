@@ -12,12 +12,21 @@ import re
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
 from romdam.config.names import OfFile
-from romdam.config.quantities import Acceleration, Degrees, Dimensionless, NumberOrText, Time, Whole, to_si
+from romdam.config.quantities import (
+    Degrees,
+    Dimensionless,
+    GroundAcceleration,
+    NumberOrText,
+    Time,
+    Whole,
+    refuse_bare,
+    to_si,
+)
 from romdam.config.sections.motions.correction import Correction
 from romdam.config.sections.motions.target import MatchConfig, Of, TargetConfig
 from romdam.config.yaml_text import read_yaml
@@ -45,6 +54,7 @@ MEASURES = {  # what records can be filtered by, and the unit of each
     "duration": "s",
     "dt": "s",
 }
+_OFTEN_NOT_SI = ("pga", "pgv", "pgd", "cav")  # a limit of these needs its unit
 _BARE_UNIT = re.compile(r"^\s*[A-Za-z]")
 SHORTEST_DT, LONGEST_DT = 1e-5, 0.9  # s; milliseconds taken for seconds are 1 or more
 
@@ -102,9 +112,9 @@ class ScaleConfig(Model):
     """Factor on the y component alone, applied first."""
     z: Annotated[Dimensionless, Field(gt=0.0)] = 1.0
     """Factor on the z component alone, applied first."""
-    pga: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    pga: Annotated[GroundAcceleration, Field(gt=0.0)] | None = None
     """Peak ground acceleration to scale to."""
-    sa: Annotated[Acceleration, Field(gt=0.0)] | None = None
+    sa: Annotated[GroundAcceleration, Field(gt=0.0)] | None = None
     """Spectral acceleration at `period` to scale to."""
     period: Annotated[Time, Field(gt=0.0)] | None = None
     """Period of the wanted spectral acceleration."""
@@ -147,7 +157,7 @@ class ScaleConfig(Model):
 
 
 class RangeConfig(Model):
-    """Keep a record whose measure lies in [min, max], in SI or with a unit."""
+    """Keep a record whose measure lies in [min, max]; PGA, PGV, PGD and CAV with their unit."""
 
     min: NumberOrText | None = None
     """Least value."""
@@ -244,12 +254,18 @@ class RecordConfig(Model):
 
     @field_validator("keep")
     @classmethod
-    def _known_measures(cls, value: dict[str, RangeConfig]) -> dict[str, RangeConfig]:
+    def _known_measures(cls, value: dict[str, RangeConfig], info: ValidationInfo) -> dict[str, RangeConfig]:
         unknown = sorted(set(value) - set(MEASURES))
         if unknown:
             raise ValueError(f"no such measure {listed(unknown)}; known: {', '.join(MEASURES)}")
         for name, limits in value.items():
             low, high = limits.in_unit(MEASURES[name])
+            for key, limit in limits.model_dump(exclude_none=True).items():
+                if name in _OFTEN_NOT_SI and not (info.context or {}).get("si"):
+                    try:
+                        refuse_bare(limit, MEASURES[name])
+                    except ValueError as error:
+                        raise ValueError(f"{name}: {key}: {error}") from None
             if low > high:
                 raise ValueError(f"{name}: min {low:g} is above max {high:g}, no record has that; swap them")
         return value

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from romdam.config.base import Model
-from romdam.config.quantities import Acceleration, Dimensionless, Time
+from romdam.config.quantities import Dimensionless, GroundAcceleration, Time
 
 Of = Literal["largest", "larger_horizontal", "geometric_mean", "rotd50", "rotd100", "x", "y", "z"]
 NAMED: dict[str, str] = {  # as tables and files say it
@@ -30,9 +30,9 @@ MOST_POINTS = 10_000  # of a spectrum
 class Asce7Spectrum(Model):
     """Two-period design spectrum of ASCE/SEI 7-16 and 7-22, 11.4.6 (7-22: 11.4.5.2); 5 % damping."""
 
-    SDS: Annotated[Acceleration, Positive]
+    SDS: Annotated[GroundAcceleration, Positive]
     """Spectral acceleration at short periods."""
-    SD1: Annotated[Acceleration, Positive]
+    SD1: Annotated[GroundAcceleration, Positive]
     """Spectral acceleration at 1 s."""
     TL: Annotated[Time, Positive]
     """Long-period transition."""
@@ -45,7 +45,7 @@ class Eurocode8Spectrum(Model):
     of a national annex.
     """
 
-    ag: Annotated[Acceleration, Positive]
+    ag: Annotated[GroundAcceleration, Positive]
     """Design ground acceleration on ground A, times the factor of importance."""
     type: Literal[1, 2] | None = None
     """Type of the spectrum."""
@@ -81,7 +81,7 @@ class SpectrumConfig(Model):
     """
 
     points: Annotated[
-        tuple[tuple[Annotated[Time, Positive], Annotated[Acceleration, Positive]], ...] | None,
+        tuple[tuple[Annotated[Time, Positive], Annotated[GroundAcceleration, Positive]], ...] | None,
         Field(min_length=2, max_length=MOST_POINTS),
     ] = None
     """Pairs of period and spectral acceleration, by rising period."""
