@@ -217,8 +217,9 @@ def _stated(unit: str) -> Any:
 
 def unit_of(validator: object) -> str | None:
     """The unit that a validator of this module converts to, in pint's spelling; None for any other."""
-    known = isinstance(validator, partial) and validator.func in (to_si, to_si_stated)
-    return validator.keywords["unit"] if known else None
+    if isinstance(validator, partial) and validator.func in (to_si, to_si_stated):
+        return str(validator.keywords["unit"])
+    return None
 
 
 def needs_unit(validator: object) -> bool:

@@ -30,7 +30,7 @@ def changed_measures(before: Array, after: Array, dt: float, names: Sequence[str
     had, has = measure(before, dt), measure(after, dt)
     judged = had["pga"] > 1e-9 * np.max(had["pga"], initial=0.0)  # else what rotation leaves of nothing
     said = []
-    for row in np.flatnonzero(judged):
+    for row in np.flatnonzero(judged).tolist():
         changes = [
             f"{text} from {had[name][row]:.3g} to {has[name][row]:.3g} {unit} "
             f"({100 * (has[name][row] / had[name][row] - 1.0):+.0f} %)"
@@ -59,7 +59,7 @@ def refuse_lost_motion(before: Array, after: Array, dt: float, names: Sequence[s
     had, has = (measure(acc - moving_average(acc, dt), dt) for acc in (before, after))
     judged = had["pga"] > NOISE * np.max(had["pga"], initial=0.0)
     for name, (text, unit) in COMPARED.items():
-        for row in np.flatnonzero(judged & (has[name] < LEFT * had[name])):
+        for row in np.flatnonzero(judged & (has[name] < LEFT * had[name])).tolist():
             raise RecordError(
                 f"correction: it leaves {100 * has[name][row] / had[name][row]:.0f} % of the {text} of "
                 f"{names[row]} ({had[name][row]:.3g} to {has[name][row]:.3g} {unit}), at least "
