@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +9,7 @@ from pathlib import Path
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.fem.gaps import water_force
-from romdam.fem.sections import (
-    LOST_LIMIT,
-    gap_section_operator,
-    lost_static_forces,
-    modal_section_forces,
-)
+from romdam.fem.sections import gap_section_operator, modal_section_forces
 from romdam.fem.stress import carried_stress, modal_stress, stress_operators, with_carried
 from romdam.postprocess.stress.sections import gap_section_forces, section_forces
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
@@ -23,8 +17,6 @@ from romdam.reduction.storage.staging import initial_forces, initial_stress
 from romdam.reduction.stress import digest_of_stress, stress_factors
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.stress.file import StressFields, kept_stress
-
-log = logging.getLogger(__name__)
 
 
 def stress_fields(
@@ -41,12 +33,6 @@ def stress_fields(
     basis, operators = reduced.basis, stress_operators(scene)
     offset = initial_stress(scene, operators, basis)
     sections, initial = modal_section_forces(scene, basis), initial_forces(scene, basis)
-    for name, share in lost_static_forces(scene, basis, sections).items():
-        if share > LOST_LIMIT:
-            log.warning(
-                "outputs.stress.sections.%s: the modes leave out %.2g %% of the static loads above it (limit "
-                "%g %%); raise model.modes or model.cutoff", name, 100 * share, 100 * LOST_LIMIT,
-            )  # fmt: skip
     moving = reduced.system.pseudo_static
     carried = {} if moving is None else carried_stress(scene, moving)
     stress_carried = {name: own for name, (own, _) in carried.items()}

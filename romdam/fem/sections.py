@@ -18,13 +18,11 @@ from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Joint, Scene, Section
 from romdam.fem.assembly import assemble
 from romdam.fem.gaps import gap_axes, gap_operators
-from romdam.fem.loads import static_force, thermal_force
+from romdam.fem.loads import thermal_force
 from romdam.fem.parts import unknowns
 from romdam.scene.elements import Floats
 from romdam.scene.stress.sections import gaps_above, stepping_cells
-from romdam.scene.ties import scene_parts
 
-LOST_LIMIT = 0.01  # of the static loads above a section: what a run says
 COMPONENTS = 6  # force along the section's normal and its two axes, moment about them
 
 
@@ -56,34 +54,6 @@ def modal_section_forces(scene: Scene, basis: Mapping[str, BlockBasis]) -> dict[
     return {
         name: rows.reshape(len(rows) // COMPONENTS, COMPONENTS, rows.shape[1]) for name, rows in modal.items()
     }
-
-
-def lost_static_forces(
-    scene: Scene, basis: Mapping[str, BlockBasis], modal: Mapping[str, Floats]
-) -> dict[str, float]:
-    """Share of the static loads above each section that the modes leave out: section -> part of 1.
-
-    Of sections whose blocks stand by themselves, where nothing but their supports bears the loads.
-
-    Parameters
-    ----------
-    modal : from `modal_section_forces`
-    """
-    alone = {part.blocks[0] for part in scene_parts(scene).values() if len(part.blocks) == 1}
-    lost = {}
-    for k, section in enumerate(scene.stress.sections if scene.stress is not None else ()):
-        if not all(name in alone and basis[name].omega2.min() > 0.0 for name in section.step):
-            continue
-        if any((step[scene.fixed[name].any(axis=1)] > 0.0).any() for name, step in section.step.items()):
-            continue  # the supports are on the side that it bears
-        wanted, borne = np.zeros(COMPONENTS), np.zeros(COMPONENTS)
-        for name in section.step:
-            force = np.where(scene.fixed[name], 0.0, static_force(scene, name)).ravel()
-            wanted += _of_block(scene.blocks[name], section) @ force
-            borne += modal[name][k] @ (basis[name].vectors.project(force) / basis[name].omega2)
-        if whole := float(np.linalg.norm(wanted[:3])):
-            lost[section.name] = float(np.linalg.norm((wanted - borne)[:3])) / whole
-    return lost
 
 
 def observed_section_forces(scene: Scene) -> csr_matrix:

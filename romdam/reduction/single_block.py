@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, eye_array
 
+from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block
 from romdam.fem.assembly import assemble, inertia
@@ -30,6 +31,7 @@ def reduced_block(
     block: Block,
     operator: csr_matrix,
     fixed: NDArray[np.bool_],
+    loads: Floats,
     choices: list[ModeChoice],
     store: BlockStore | None,
     wet: WetMass | None = None,
@@ -40,6 +42,7 @@ def reduced_block(
     ----------
     operator : jumps of its gaps over the displacement of its nodes
     fixed : (n, 3) components held by supports
+    loads : (3 n, l) forces besides the ground's inertia that the basis answers statically right
     choices : one, and where there is a second the finer one beside it
     wet : added mass of water, which its finer basis knows of; None without any
 
@@ -55,15 +58,15 @@ def reduced_block(
     interface, choice = joint_interface(operator, fixed), choices[0]
     large = is_large(interface, choice)
     if store is None and not large:
-        return list(islice(_reduce(block, interface, fixed, choice, wet), len(choices)))
+        return list(islice(_reduce(block, interface, fixed, loads, choice, wet), len(choices)))
     store = store or BlockStore.passing()
-    keys = [block_key(block, fixed, interface, one, wet) for one in choices]
+    keys = [block_key(block, fixed, interface, loads, one, wet) for one in choices]
     found = store.read_each(keys)
     if len(found) < len(keys) and large:
         held = _held_interior(block, fixed, interface)
-        return reduce_large(LargeBlock(block, fixed, interface, held, wet), choice, store, keys)
+        return reduce_large(LargeBlock(block, fixed, loads, interface, held, wet), choice, store, keys)
     if len(found) < len(keys):
-        made = _reduce(block, interface, fixed, choice, wet)
+        made = _reduce(block, interface, fixed, loads, choice, wet)
         found = [store.write(keys[0], block, next(made))]
         found += [store.write(key, block, with_inner(next(made), found[0])) for key in keys[1:]]
     return found
@@ -73,6 +76,7 @@ def _reduce(
     block: Block,
     interface: Interface,
     fixed: NDArray[np.bool_],
+    loads: Floats,
     choice: ModeChoice,
     wet: WetMass | None,
 ) -> Iterator[BlockBasis]:
@@ -85,8 +89,17 @@ def _reduce(
     motions = Motions(np.flatnonzero(free), (turn @ rigid_motions(block).reshape(-1, 6))[free])
     spread = turn.T[:, free]
     wet = None if wet is None else wet.over(spread)
-    own = FreeBlock(K, M, interface.retained[free], held, motions, f"block {block.name!r}", wet)
     carried, first = inertia(block, mass), None
+    own = FreeBlock(
+        K=K,
+        M=M,
+        retained=interface.retained[free],
+        loads=(turn @ np.hstack([carried, loads]))[free],
+        held=held,
+        motions=motions,
+        place=f"block {block.name!r}",
+        wet=wet,
+    )
     for sub in reduce_block(own, choice):
         vectors = Augmented(first, spread @ sub.more, sub.mix) if first else Dense(spread @ sub.basis)
         report = sub.report() | choice.report()

@@ -25,10 +25,11 @@ from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
 from romdam.fem.pseudo_static import pseudo_static, support_inertia
 from romdam.fem.water.added_mass import AddedMass, added_mass
+from romdam.fem.water.compressible import reservoir_waves
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import over_coordinates
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
-from romdam.reduction.methods.acting import Acting
+from romdam.reduction.methods.acting import Acting, pressed_by
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.methods.free_interface import merged_bases, merged_keys
 from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys, refuse_wet
@@ -112,8 +113,10 @@ def _reduced_scene(
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
     moving, water, models = pseudo_static(scene, law.directions, choices[0].solving), added_mass(scene), []
-    carried = support_inertia(scene, moving)
-    acting = Acting(gap_operators(scene, law.directions), forces, law.directions, carried, water)
+    carried, waves = support_inertia(scene, moving), reservoir_waves(scene)
+    pressed = pressed_by(waves or water, moving, scene.blocks)
+    operators = gap_operators(scene, law.directions)
+    acting = Acting(operators, forces, pressed, law.directions, carried, water)
     for choice in choices:
         _refuse_large(scene, acting, choice, store)
     parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
@@ -125,7 +128,7 @@ def _reduced_scene(
             system, basis = with_water(system, basis, water, damping)
         system = _with_dashpots(system, scene, basis, damping)
         system = _with_free_field(system, scene, basis, damping)
-        system = with_reservoir(system, scene, basis)
+        system = with_reservoir(system, scene, basis, waves)
         system = with_supports(system, basis, moving, carried, water)
         report["cpu_seconds"] = time.process_time() - start
         models.append(ReducedModel(system=system, basis=basis, report=report, water=water))
@@ -227,7 +230,8 @@ def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[
         return merged_keys(part, scene, acting, *free)
     (name,) = part.blocks
     interface = joint_interface(acting.operators[name], scene.fixed[name])
-    return {name: block_key(scene.blocks[name], scene.fixed[name], interface, choice, acting.wet(name))}
+    block, fixed, loads = scene.blocks[name], scene.fixed[name], acting.loads(name)
+    return {name: block_key(block, fixed, interface, loads, choice, acting.wet(name))}
 
 
 def _by_free_modes(part: Part, scene: Scene, acting: Acting, choices: list[ModeChoice]) -> list[ModeChoice]:
@@ -272,7 +276,7 @@ def _reduced_part(
     if free:
         return merged_bases(part, scene, acting, free, store)
     (name,) = part.blocks
-    asked = scene.blocks[name], acting.operators[name], scene.fixed[name]
+    asked = scene.blocks[name], acting.operators[name], scene.fixed[name], acting.loads(name)
     bases = reduced_block(*asked, choices, store, acting.wet(name))
     return [{name: basis} for basis in bases]
 

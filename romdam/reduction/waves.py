@@ -21,7 +21,7 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Scene
 from romdam.core.system import System
-from romdam.fem.water.compressible import Waves, reservoir_waves, with_waves
+from romdam.fem.water.compressible import Waves, with_waves
 from romdam.linalg.dense import eigh
 from romdam.linalg.factor import Factor
 from romdam.linalg.modes.eigen import modes_below
@@ -39,9 +39,8 @@ class ReducedWaves:
     rest: Floats
 
 
-def with_reservoir(system: System, scene: Scene, basis: dict[str, BlockBasis]) -> System:
+def with_reservoir(system: System, scene: Scene, basis: dict[str, BlockBasis], whole: Waves | None) -> System:
     """Put the coordinates of a scene's compressible water, if it has any, behind those of its reduced dam."""
-    whole = reservoir_waves(scene)
     if whole is None or scene.reservoir is None or scene.reservoir.sound is None:
         return system
     reduced = reduced_waves(whole, scene.reservoir.sound.cutoff)

@@ -65,6 +65,7 @@ def _block_lines(name: str, group: h5py.Group) -> list[str]:
         f"  mesh         {len(cells)} {cells.attrs['element']}, {nodes} nodes, {3 * nodes} DOFs",
         f"  coordinates  {block.vectors.shape[1]}: {report.get('retained_dofs')} retained, "
         f"{report.get('fixed_interface_modes')} fixed-interface modes ({asked}), "
+        f"{report.get('static_vectors', 0)} static vectors, "
         f"{report.get('residual_vectors', report.get('corrections'))} residual vectors",
         f"  frequencies  {lowest} Hz with the joints open; fixed interface up to "
         f"{report.get('highest_fixed_interface_hz', 0.0):.4g} Hz",

@@ -14,7 +14,6 @@ from romdam.fem.loads import static_force
 from romdam.fem.sections import (
     gap_section_operator,
     initial_section_forces,
-    lost_static_forces,
     modal_section_forces,
     observed_section_forces,
     section_operators,
@@ -152,14 +151,49 @@ def test_foot_of_a_vibrating_block_bears_its_inertia():
     assert errors[1] < 0.004 and errors[1] < errors[0] / 6
 
 
-@pytest.mark.parametrize(("modes", "low", "high"), [(5, 0.05, 1.0), ("all", 0.0, 1e-9)])
-def test_loads_that_the_modes_leave_out_are_known(modes, low, high):
-    scene = scene_of(at(0.0, 4.0), {"gravity": [0, 0, -G]})
+WATER = {"level": 7.0, "model": "westergaard", "faces": [{"block": "a", "face": "xmin"}]}
+
+
+@pytest.mark.parametrize("modes", [0, 3, 20, "all"])
+@pytest.mark.parametrize("beside", [{}, {"b": ([T, 0.7, 2.0], [2.0, B, 4.0])}])
+def test_sections_bear_all_that_is_above_whatever_the_number_of_modes(modes, beside):
+    """Weight, pressure, a force, and the ground's acceleration with Westergaard's 7/12 rho d^2 b of water.
+
+    Joints open. The block is in Craig and Bampton's form, or in free-interface form beside another one.
+    """
+    boxes = {"a": ([0, 0, 0], [T, B, H]), **beside}
+    elements = {"a": ("hex8", [1.0, 1.5, 1.0]), "b": ("hex8", [1.0, 1.0, 1.0])}
+    scene = scene_of(
+        at(0.0),
+        {
+            "gravity": [0, 0, -G],
+            "pressure": [{"block": "a", "face": "ymin", "value": P}],
+            "force": [{"block": "a", "at": [0, 0, H], "force": [3e5, -2e5, 1e5]}],
+        },
+        blocks={
+            name: {
+                "material": "c",
+                "box": dict(zip(("element", "element_size"), elements[name], strict=True))
+                | {"origin": origin, "size": whole},
+            }
+            for name, (origin, whole) in boxes.items()
+        },
+        supports=[{"block": name, "face": "zmin"} for name in boxes],
+        joints={"j": {"between": ["a", "b"], "normal_stiffness": 1e9}} if beside else {},
+        water=WATER,
+    )
     reduced = reduce_scene(scene, ModelConfig(modes=modes), DampingConfig())
-    modal = modal_section_forces(scene, reduced.basis)
-    lost = lost_static_forces(scene, reduced.basis, modal)
-    assert list(lost) == ["z0", "z1"]
-    assert all(low <= share <= high for share in lost.values())
+    system, basis = reduced.system, reduced.basis["a"]
+    k, modal = system.K.diagonal(), modal_section_forces(scene, reduced.basis)["a"][0]
+    mass, wet = RHO * B * T * H, 7.0 / 12.0 * 1000.0 * WATER["level"] ** 2 * B
+    pushed = np.array([0.0, P * T * H, 0.0])
+    wanted = [mass * np.array([0.0, 0.0, -G]) + pushed + [3e5, -2e5, 1e5]]
+    wanted += [np.array([mass + wet, 0.0, 0.0]), np.array([0.0, mass, 0.0]), np.array([0.0, 0.0, mass])]
+    axes = scene.stress.sections[0].axes
+    exact = [1e-9, 1e-3, 1e-9, 1e-9]  # the water's pressure, a root of the depth, is integrated by points
+    for force, whole, near in zip([system.force, *system.load.T], wanted, exact, strict=True):
+        found = axes.T @ (modal @ (force / k)[basis.columns])[:3]
+        assert found == pytest.approx(whole, rel=near, abs=1e-9 * np.abs(whole).max())
 
 
 JOINT = {"normal_stiffness": 1e9, "shear_stiffness": 1e9, "friction": 0.5, "gaps": "corners"}

@@ -122,7 +122,8 @@ def test_only_normals_are_retained_without_friction():
         assert smooth.report[block]["retained_dofs"] == gaps
         assert rough.report[block]["retained_dofs"] == 3 * gaps
         assert smooth.report[block]["fixed_interface_modes"] == 8
-    assert smooth.system.size == 2 * (gaps + 8)
+        assert smooth.report[block]["static_vectors"] == 4  # inertia along three axes, and the load
+    assert smooth.system.size == 2 * (gaps + 8 + 4)
     assert smooth.system.B.shape == (gaps, smooth.system.size)
     assert rough.system.B.shape == (3 * gaps, rough.system.size)
 

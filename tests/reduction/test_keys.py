@@ -41,15 +41,18 @@ def scene(raw):
 @pytest.mark.parametrize(
     ("residual_vectors", "key"),
     [
-        (0, "b1cfc3b86ec49b83fe21f42d8b3e389ae80729047688762b522f0268039d9b60"),
-        (2, "4ecc1584638ab2e0a36a0f9fba3b7377ae4f3aefab3f47629427319dfe6c8e8e"),
+        (0, "497b9e6b08b34453ff8bee6af73773de8a8a91699e3800e0726ae294f6d99feb"),
+        (2, "79eacf4b39cbf126af05218bb663e4623958077bd5571172be20f5c9c6184cd6"),
     ],
 )
 def test_key_of_a_block(residual_vectors, key):
     built = scene(two_boxes())
     interface = joint_interface(gap_operators(built, 1)["left"], built.fixed["left"])
     choice = ModeChoice(5, residual_vectors=residual_vectors)
-    assert block_key(built.blocks["left"], built.fixed["left"], interface, choice) == key
+    loads = np.zeros((built.blocks["left"].points.size, 0))
+    assert block_key(built.blocks["left"], built.fixed["left"], interface, loads, choice) == key
+    loads = np.ones((built.blocks["left"].points.size, 1))
+    assert block_key(built.blocks["left"], built.fixed["left"], interface, loads, choice) != key
 
 
 def test_keys_of_a_part():

@@ -154,3 +154,16 @@ def test_a_stored_model_is_read_whatever_memory_its_reduction_would_take(tmp_pat
     next(iter(tmp_path.glob("block-*"))).unlink()
     with pytest.raises(ReductionError, match=r"unknowns need more than model.memory = 0 MB"):
         reduced(where, cache, memory=100.0)
+
+
+@pytest.mark.parametrize("solver", ["superlu", "multigrid"])
+def test_a_block_without_a_mode_below_the_cutoff_has_constraint_modes_and_static_vectors(
+    solver, monkeypatch, through_the_disk, tmp_path
+):
+    """Lanczos on a block of many unknowns finds none below 5 Hz: a basis without modes is a basis."""
+    monkeypatch.setattr("romdam.linalg.modes.eigen.SMALL", 100)
+    monkeypatch.setattr("romdam.linalg.modes.eigen._DENSE_SIZE", 50)
+    made = reduced(built(), BlockStore(tmp_path), solver=solver, cutoff=5.0)
+    for report in (made.report["left"], made.report["right"]):
+        assert report["fixed_interface_modes"] == 0 and report["highest_fixed_interface_hz"] == 0.0
+        assert report["static_vectors"] >= 3

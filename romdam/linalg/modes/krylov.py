@@ -297,6 +297,8 @@ def _missed(D: Flexibility, X: Floats, lowest: float) -> bool:
 
 def ritz_vectors(K: spmatrix, M: spmatrix, X: Floats) -> tuple[Floats, Floats]:
     """Values and M-orthonormal vectors of K x = omega^2 M x in the span of X, in X's place."""
+    if not X.shape[1]:
+        return np.zeros(0), X
     energy, mass = (np.hstack([X.T @ (A @ X[:, s]) for s in _slices(X.shape[1], WIDTH)]) for A in (K, M))
     omega2, C = eigh(0.5 * (energy + energy.T), 0.5 * (mass + mass.T))
     for rows in _slices(len(X), _ROWS):

@@ -121,11 +121,12 @@ def merged_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) ->
 
 
 def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats, WetMass | None]:
-    """The part's gap operator, its static forces, and the added mass of its water."""
+    """The part's gap operator, its static forces with those of shaken water (3 nodes, l), and added mass."""
     water, wet = acting.water, None
     if water is not None and set(water.coupling) & set(part.blocks):
         wet = WetMass(part_operator(part, water.coupling), water.flexibility)
-    return part_operator(part, acting.operators), gather(part, acting.forces), wet
+    static = np.hstack([gather(part, acting.forces)[:, None], gather(part, acting.pressed)])
+    return part_operator(part, acting.operators), static, wet
 
 
 def _reduced(

@@ -85,7 +85,7 @@ def merged_part(
 
     Parameters
     ----------
-    on : its gap operator, its static forces, and the added mass of its water
+    on : its gap operator, its static forces (3 nodes, l), and the added mass of its water
     carried : inertia of supports that move on their own, over the part's nodes
     """
     operator, static, wet = on
@@ -97,7 +97,7 @@ def merged_part(
     heavy = [name for name in part.blocks if name not in scene.excluded_from_gravity]
     loads = [
         _sum(part, inertia, shaken),
-        static[:, None],
+        static,
         _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
         boundary_tractions(part, scene),
         free_field_forces(part, scene),

@@ -64,6 +64,7 @@ class LargeBlock:
     Attributes
     ----------
     fixed : (n, 3) components held by supports
+    loads : (3 n, l) forces but those of inertia that the basis is to answer statically right
     interface : retained DOFs and turned frames
     held : whether supports and retained DOFs, if held, stop every rigid motion
     wet : added mass of water, which its finer basis knows of; None without any
@@ -71,6 +72,7 @@ class LargeBlock:
 
     block: Block
     fixed: Bools
+    loads: Floats
     interface: Interface
     held: bool
     wet: WetMass | None = None
@@ -114,7 +116,8 @@ def reduce_large(
             more=np.zeros((0, 0)),
             mix=np.zeros((0, 0)),
             retained=boundary,
-            fixed_interface=len(modes.omega2),
+            fixed_interface=modes.modes,
+            static=len(modes.omega2) - modes.modes,
             highest=modes.highest,
             orthonormality=modes.orthonormality,
             residual=modes.residual,
@@ -152,12 +155,13 @@ def _ritz_vectors(large: LargeBlock, choice: ModeChoice, path: Path, keys: list[
     place, shift = large.place, large.shift
     outer, interior = _split(large, shift)
     boundary = interior.coupling.shape[1]
-    solver = make_solver(interior.K, interior.motions, boundary + choice.columns, choice.solving, place)
+    columns = boundary + choice.columns + interior.loads.shape[1]
+    solver = make_solver(interior.K, interior.motions, columns, choice.solving, place)
     T = OutOfCoreMatrix(path, keys[-1], (len(outer.retained), boundary))
     T.fill(boundary, lambda first, last: _constraint_modes(outer.retained, interior, solver, first, last))
     log.info("%s: %d constraint modes; the modes are to come", place, boundary)
     K = interior.K + shift * interior.M if shift else interior.K
-    modes = fixed_interface_modes(K, interior.M, choice, solver, shift)
+    modes = fixed_interface_modes(K, interior.M, interior.loads, choice, solver, shift)
     T.widen(len(modes.omega2))
     T.fill(T.shape[1], lambda a, b: over_interior(outer.retained, modes.Phi[:, a - boundary : b - boundary]))
     reduced, bases = _reduced(T, outer, modes.omega2 - shift), []
@@ -235,11 +239,12 @@ class _Outer:
 
 @dataclass
 class _Interior:
-    """Over the interior DOFs: K - s M, M, the columns of K - s M at the retained DOFs, rigid motions."""
+    """Over the interior DOFs: K - s M, M, columns of K - s M at the retained DOFs, loads, rigid motions."""
 
     K: csr_matrix
     M: csr_matrix
     coupling: csr_matrix
+    loads: Floats
     motions: Motions
 
 
@@ -259,6 +264,7 @@ def _split(large: LargeBlock, shift: float) -> tuple[_Outer, _Interior]:
         K=K_i[:, ~retained],
         M=mass[~retained][:, ~retained],
         coupling=csr_matrix(K_i[:, retained]),
+        loads=(turn @ np.hstack([carried, large.loads]))[free][~retained],
         motions=Motions(np.flatnonzero(free), rigid).of(~retained),
     )
     wet = None if large.wet is None else large.wet.over(turn.T[:, free])

@@ -1,9 +1,9 @@
 """Keys of stored bases: the SHA-256 of everything that a basis depends on.
 
-Mesh, element, material, supports, what the joints retain (or what the basis of a merged part answers
-statically), the choice of modes, the layout, and the code that reduces with the libraries that multiply and
-factor for it: what is found is what would be made, to the bit. Stiffness and friction of joints, gaps,
-damping, loads and records are not part of it; water is, where a finer basis answers its inertia.
+Mesh, element, material, supports, what the joints retain, the loads that the basis answers statically, the
+choice of modes, the layout, and the code that reduces with the libraries that multiply and factor for it:
+what is found is what would be made, to the bit. Stiffness and friction of joints, gaps, damping, weight and
+records are not part of it; water is, where a finer basis answers its inertia.
 """
 
 from __future__ import annotations
@@ -23,14 +23,19 @@ ROOMS = ("core", "fem", "linalg", "reduction", "scene")  # whose code makes a ba
 
 
 def block_key(
-    block: Block, fixed: Bools, interface: Interface, choice: ModeChoice, wet: WetMass | None = None
+    block: Block,
+    fixed: Bools,
+    interface: Interface,
+    loads: Floats,
+    choice: ModeChoice,
+    wet: WetMass | None = None,
 ) -> str:
-    """Key of the Craig-Bampton basis of a block."""
+    """Key of the Craig-Bampton basis of a block, which answers loads (3 n, l) statically right."""
     elastic = (block.material.E, block.material.nu, block.material.rho)
     mesh = (block.element, block.points, block.cells, elastic)
     outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
     own = () if block.matrices is None else (block.matrices,)
-    return _key(*outside, *own, interface, choice.stored, *_water(choice, wet))
+    return _key(*outside, *own, interface, loads, choice.stored, *_water(choice, wet))
 
 
 def part_keys(
