@@ -17,7 +17,6 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import romdam
-from romdam.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from hashlib import _Hash
@@ -71,36 +70,22 @@ def files_digest(paths: Iterable[Path]) -> str:
 def code_digest(*rooms: str) -> str:
     """SHA-256 of the code of some rooms, of all that compute if none is named, and its libraries.
 
-    Raises
-    ------
-    ConfigError
-        where that code is not what this process has loaded: it computes by the one and would keep the numbers
-        under the other.
+    It is of the code as it was when this process began: what is computed is not by what is edited meanwhile.
     """
-    package = Path(romdam.__file__).parent
-    if _times(package) != _LOADED:
-        raise ConfigError(
-            f"{package}: has changed since this process started, so what it computes is of no known code; "
-            "start again"
-        )
-    files = [path for path in _sources(package) if not rooms or path.relative_to(package).parts[0] in rooms]
-    return fingerprint((files_digest(files), [version(name) for name in ("romdam", *_LIBRARIES)]))
+    files = [digest for room, digest in _CODE if not rooms or room in rooms]
+    return fingerprint((files, [version(name) for name in ("romdam", *_LIBRARIES)]))
 
 
-def _sources(package: Path) -> list[Path]:
-    """Files of the rooms that compute; the pipelines of a checkout stand outside the package, by a link."""
-    with suppress(OSError):  # a package in an archive, which does not change file by file
+def _digests(package: Path) -> list[tuple[str, str]]:
+    """Room and SHA-256 of every file of those that compute, in the order of their paths.
+
+    The pipelines of a checkout stand outside the package, by a link. A package in an archive has no files: it
+    changes by its version alone.
+    """
+    with suppress(OSError):
         rooms = sorted(path for path in package.iterdir() if path.is_dir() and path.name not in _SHOWING)
-        return [path for room in rooms for path in sorted(room.rglob("*.py"))]
+        return [(room.name, file_digest(path)) for room in rooms for path in sorted(room.rglob("*.py"))]
     return []
-
-
-def _times(package: Path) -> dict[Path, tuple[int, int]]:
-    """Time and size of every source file."""
-    return {path: ((about := path.stat()).st_mtime_ns, about.st_size) for path in _sources(package)}
-
-
-_LOADED = _times(Path(romdam.__file__).parent)
 
 
 def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object, object]:
@@ -177,3 +162,6 @@ def _add_array(content: _Hash, value: Any) -> None:
         content.update(plain.data if plain.size else b"")
     else:
         raise TypeError(f"no fingerprint of {type(value).__name__}")
+
+
+_CODE = _digests(Path(romdam.__file__).parent)
