@@ -99,12 +99,12 @@ def _motion(job: Job, record: GroundMotion, options: ExportOptions) -> Motion:
 
 
 def _deck(job: Job, scene: Scene, motion: Motion) -> Deck:
-    config, gap = job.config, None
+    config, law = job.config, None
     if gap_law(scene).grout.any():
-        gap = grouted(assemble_full(scene, config.damping), config.transient.tolerance).law.gap
+        law = grouted(assemble_full(scene, config.damping), config.transient.tolerance).law
     title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
     static = config.loads.initial_state == "static"
-    return build_deck(scene, config.damping, motion, title=title, static=static, gap=gap)
+    return build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)
 
 
 @one_thread()

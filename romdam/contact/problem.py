@@ -177,11 +177,12 @@ def gap_problem(
     Raises
     ------
     ConfigError
-        where K_nz exceeds K_n, or equals it at a gap with friction; for a dashpot on a rigid gap.
+        where K_n is not above zero; where K_nz exceeds K_n, or equals it at a gap with friction; for a
+        dashpot on a rigid gap.
     """
     (dt, most_ratio), K_n, K_nz, n = step, law.K_n, law.K_nz, len(law)
     d = max(1, len(H) // max(n, 1))
-    _check_tension(K_n, K_nz, law.mu)
+    _check_stiffness(K_n, K_nz, law.mu)
     unilateral = np.maximum(K_n - K_nz, _LEAST_UNILATERAL * np.where(np.isinf(K_n), 1.0, K_n))
     with np.errstate(invalid="ignore"):
         whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
@@ -203,9 +204,16 @@ def gap_problem(
         mu=np.ascontiguousarray(_friction(law.mu) * whole[:, None]),
         whole=whole,
         gap=np.ascontiguousarray(law.gap, dtype=float),
-        slip=np.zeros((n if d == 3 else 0, d - 1)),
+        slip=_initial_slip(law, d),
         laws=laws,
     )
+
+
+def _initial_slip(law: GapLaw, d: int) -> Floats:
+    """Initial jump along j and k, (n, 2), empty without friction [m]."""
+    if d == 3 and len(law.slip):
+        return np.ascontiguousarray(law.slip, dtype=float)
+    return np.zeros((len(law) if d == 3 else 0, d - 1))
 
 
 def _compliance(unilateral: Floats, K_s: Floats, dashpot_share: Floats | None, d: int) -> Floats:
@@ -292,7 +300,14 @@ def _dashpot_share(law: GapLaw, stiffness: Floats, dt: float) -> Floats:
     return np.where(viscous > 0.0, viscous / (finite + viscous), 0.0)
 
 
-def _check_tension(K_n: Floats, K_nz: Floats, mu: Floats) -> None:
+def _check_stiffness(K_n: Floats, K_nz: Floats, mu: Floats) -> None:
+    soft = ~(K_n > 0.0)  # True for NaN
+    if soft.any():
+        i = int(np.argmax(soft))
+        raise ConfigError(
+            f"joints: normal_stiffness must be above 0, got {K_n[i]:.4g} N/m at gap {i}; give a stiffness or "
+            "rigid, or leave the joint out where the blocks never touch"
+        )
     wrong = (K_nz > K_n) | ((K_nz == K_n) & (mu.max(axis=1, initial=0.0) > 0.0))
     if wrong.any():
         i = int(np.argmax(wrong))

@@ -63,10 +63,14 @@ class GapLaw:
     K_n, K_nz, K_s : (ng,) closed, tension and stick stiffness [N/m]; K_n is inf where rigid
     mu : (ng, 2) friction along the local axes j and k
     gap : (ng,) initial gap [m]
+    slip : (ng, 2) initial jump along j and k [m]; empty where it is zero
     joints : name -> slice of its gaps
     laws : further laws, in the order in which they apply; empty without any
     viscosity : (ng,) normal dashpot [N s/m]; empty without any
     grout : (ng,) force of the grouting that is still to be done [N]; empty without any
+    slipped : (ng, 2) accumulated slip that grouting left behind [m]; empty where it is zero
+    memory : (L, ng, s) memory of the further laws that grouting left behind, see
+        `romdam.contact.problem.GapMemory`; empty where it is that of unloaded gaps
     """
 
     K_n: Floats
@@ -78,6 +82,9 @@ class GapLaw:
     laws: tuple[LawRows, ...] = ()
     viscosity: Floats = field(default_factory=lambda: np.zeros(0))
     grout: Floats = field(default_factory=lambda: np.zeros(0))
+    slip: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    slipped: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    memory: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     @property
     def directions(self) -> int:
@@ -88,6 +95,11 @@ class GapLaw:
     def has_memory(self) -> bool:
         """Tell whether the gaps' forces follow from more than stiffness and friction."""
         return bool(self.laws) or bool(self.viscosity.any())
+
+    @property
+    def remembers(self) -> bool:
+        """Tell whether grouting left slip behind, or broke what further laws keep."""
+        return bool(len(self.slipped) or self.memory.size)
 
     def place(self, gap: int) -> str:
         """A gap by its number within its joint, for messages."""

@@ -191,6 +191,9 @@ def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool
     if law.laws:
         has_moved = (history.state[0 if static else 1 : row + 1] != STICK).any(axis=0)
         rate = _slip_rate(history, row)
+        if law.memory.size:  # what a gap lost in the grouting of other joints it has not
+            fresh = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
+            has_moved |= (law.memory != fresh).any(axis=(0, 2))
 
         def resumed(each: type[Law], values: Floats, i: int) -> tuple[float, ...]:
             sliding, opening = bool(history.state[row, i] == SLIP), float(jump[i, 0])

@@ -37,14 +37,14 @@ def build_deck(
     *,
     title: str,
     static: bool,
-    gap: Floats | None = None,
+    grouted: GapLaw | None = None,
 ) -> Deck:
     """Describe a scene and a record.
 
     Parameters
     ----------
     static : whether equilibrium under the static loads comes first
-    gap : (ng,) initial gaps after the joints' grouting [m]; those of the scene if not given
+    grouted : the gaps after the joints' grouting; those of the scene if not given
 
     Raises
     ------
@@ -52,8 +52,10 @@ def build_deck(
         for modal damping, and for what no nodal mass, force or linear constraint stands for.
     """
     _refuse(scene, damping)
+    law = gap_law(scene) if grouted is None else grouted
+    _refuse_initial_slip(law)
     number, follows = _numbered(scene)
-    gaps, position, means = _gaps(scene, number, follows, gap)
+    gaps, position, means = _gaps(scene, number, follows, law)
     count = follows.shape[0] // 3
     shape = (count + len(position), 3)
     points, fixed = np.zeros(shape), np.zeros(shape, dtype=bool)
@@ -112,6 +114,19 @@ def _refuse(scene: Scene, damping: DampingConfig) -> None:
             raise ConfigError(f"{key} is not written for other codes; {remedy}")
 
 
+def _refuse_initial_slip(law: GapLaw) -> None:
+    """Refuse gaps with friction whose shear counts from another position than that of the mesh."""
+    sticks = (law.mu.min(axis=1, initial=np.inf) > 0.0) & (law.K_s > 0.0)
+    for slip in (law.slip, law.slipped):
+        if len(slip) and slip[sticks].any():
+            raise ConfigError(
+                "joints.<name>.grouting_pressure with friction is not written for other codes: shear counts "
+                "from where the blocks stand after grouting, "
+                f"{1e3 * np.abs(slip[sticks]).max():.3g} mm from where the mesh has them, which their "
+                "springs do not know; leave out friction or grouting_pressure"
+            )
+
+
 def _numbered(scene: Scene) -> tuple[dict[str, Ints], csr_matrix]:
     """Numbers of every block's nodes, and what slave nodes follow, (3 n, 3 n)."""
     number, follows, first = dict[str, Ints](), [], 0
@@ -131,7 +146,7 @@ def _square(rows: csr_matrix) -> csr_matrix:
 
 
 def _gaps(
-    scene: Scene, number: dict[str, Ints], follows: csr_matrix, gap: Floats | None
+    scene: Scene, number: dict[str, Ints], follows: csr_matrix, law: GapLaw
 ) -> tuple[Gaps, Floats, csr_matrix]:
     """The gaps, the positions of points of their own (m, 3), and what these follow (3 m, 3 n)."""
     size = follows.shape[0]
@@ -154,17 +169,15 @@ def _gaps(
         points.append(both)
     names = tuple(name for name, joint in scene.joints.items() for _ in joint.gap)
     axes = np.concatenate([np.zeros((0, 3, 3)), *(joint.axes for joint in scene.joints.values())])
-    made = Gaps(names, np.concatenate(points), axes, _law(scene, gap))
+    made = Gaps(names, np.concatenate(points), axes, _law(scene, law))
     return made, np.concatenate(position), csr_matrix(vstack(means))
 
 
-def _law(scene: Scene, gap: Floats | None) -> GapLaw:
+def _law(scene: Scene, law: GapLaw) -> GapLaw:
     """Parameters of all gaps, rigid ones with the stiffness of a layer of their block."""
-    law = gap_law(scene)
     layer = [scene.blocks[j.blocks[0]].material.E * j.area / _GIVE for j in scene.joints.values()]
     stiff = np.concatenate([np.zeros(0), *layer])
-    K_n = np.where(np.isinf(law.K_n), stiff, law.K_n)
-    return replace(law, K_n=K_n, gap=law.gap if gap is None else gap)
+    return replace(law, K_n=np.where(np.isinf(law.K_n), stiff, law.K_n))
 
 
 def _stated(scene: Scene) -> Iterator[str]:

@@ -130,14 +130,20 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
     n, d = len(law), law.directions
     jump = np.zeros((n, d))
     jump[:, NORMAL] = law.gap
+    slipped = np.zeros((n if d == 3 else 0, 2))
+    if d == 3 and len(law.slip):
+        jump[:, 1:] = law.slip
+    if d == 3 and len(law.slipped):
+        slipped = law.slipped.copy()
     stiffness = np.where(law.gap < 0.0, np.where(np.isinf(law.K_n), 0.0, law.K_n), law.K_nz)
     empty = GapState(
         jump=jump,
         force=np.zeros((n, d)),
         state=np.zeros(n, dtype=np.uint8),
         p_c=np.zeros(n * d),
-        accumulated_slip=np.zeros((n if d == 3 else 0, 2)),
+        accumulated_slip=slipped,
         stored=float((0.5 * stiffness * law.gap**2).sum()),
+        history=law.memory.copy(),
         water=_water_at_start(system) if law.has_memory else np.zeros(0),
     )
     return np.zeros(system.size), empty
@@ -217,6 +223,8 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
     least, rest, calm = rest_shift(system), max(_REST, 100.0 * tolerance), 0
     step, (q, gaps) = _proximal_step(system, least), _unloaded(system)
     memory = gap_memory(step.problem)
+    if system.law.remembers:
+        take_over(memory, gaps)
     for iteration in range(_MAX_ITERATIONS):
         if iteration == _DOUBTFUL:
             _refuse_what_slides(system, step.problem)

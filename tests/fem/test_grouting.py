@@ -1,5 +1,6 @@
 """Joints grouted under pressure: what they then carry, and how it goes with the loads that follow."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,14 +17,22 @@ from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium
 from romdam.timestepping.grouting import grouted
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
+from arch_dams import arch_dam
+
 PRESSURE = 0.4e6
 
 
-def three_blocks(order, held=("a", "b", "c"), **joint):
-    """Cantilevers side by side along x, two joints; `joint` of the first, the second is as stiff."""
+def three_blocks(order, held=("a", "b", "c"), heights=(6, 6, 6), width=2.0, second=None, **joint):
+    """Cantilevers side by side along x, two joints; `joint` of the first, `second` of the other."""
     boxes = {
-        name: {"origin": [2.0 * k, 0, 0], "size": [2, 2, 6], "element_size": 2.0, "element": "hex8"}
-        for k, name in enumerate("abc")
+        name: {
+            "origin": [width * k, 0, 0],
+            "size": [width, 2, height],
+            "element_size": [width, 2, 2],
+            "element": "hex8",
+        }
+        for k, (name, height) in enumerate(zip("abc", heights, strict=True))
     }
     raw = {
         "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400}},
@@ -31,7 +40,7 @@ def three_blocks(order, held=("a", "b", "c"), **joint):
         "supports": [{"block": name, "face": "zmin"} for name in held],
         "joints": {
             "J1": {"between": ["a", "b"], "normal_stiffness": 2e10} | joint,
-            "J2": {"between": ["b", "c"], "normal_stiffness": 2e10},
+            "J2": {"between": ["b", "c"], "normal_stiffness": 2e10} | (second or {}),
         },
         "records": [{"name": "r", "unit": "m/s2", "dt": 0.01, "components": {"x": {"file": "r.txt"}}}],
         "model": {"modes": 6},
@@ -96,3 +105,100 @@ def test_blocks_that_nothing_holds_are_told():
     law = replace(system.law, grout=np.where(np.arange(len(system.law)) < 8, 0.0, 1e4))
     with pytest.raises(ConvergenceError, match=r"joints: grouting_pressure acts before weight and water"):
         grouted(replace(system, law=law), 1e-10)
+
+
+GROUTED = {"normal_stiffness": 2e10, "shear_stiffness": 1e10, "grouting_pressure": PRESSURE}
+SHEAR_LAWS = {
+    "friction": {"friction": 0.6},
+    "one direction": {"friction": [0.6, 0.2]},
+    "static friction": {"friction": 0.5, "friction_static": 0.7},
+    "velocity": {"velocity_friction": {"mu_s": 0.7, "mu_d": 0.5, "v_c": 0.01}},
+    "key": {"shear_key": {"depth": 0.05}},
+    "bond": {"friction": 0.3, "cohesion": 1e6, "tensile_strength": 0.5e6},
+    "dashpot": {"friction": 0.6, "viscosity": 1e6},
+    "tension": {"friction": 0.6, "tension_stiffness": 1e9},
+    "initial gap": {"friction": 0.6, "gap": 1e-3},
+    "rigid": {"friction": 0.6, "normal_stiffness": "rigid"},
+}
+
+
+def assert_pressure_alone(scene, system, gaps, pressure=PRESSURE):
+    """Each gap carries pressure times area and no shear, and its jump counts from there."""
+    force = pressure * np.concatenate([joint.area for joint in scene.joints.values()])
+    assert gaps.force[:, 0] == pytest.approx(force, rel=1e-9)
+    assert np.abs(gaps.force[:, 1:]).max() < 1e-9 * force.min()
+    assert gaps.jump[:, 0] == pytest.approx(-force / system.law.K_n, rel=1e-9, abs=1e-15)
+    assert np.abs(gaps.jump[:, 1:]).max() < 1e-15
+
+
+@pytest.mark.parametrize("law", SHEAR_LAWS)
+@pytest.mark.parametrize("order", ["reduced", "full"])
+def test_grouted_joints_hold_no_shear_at_rest(order, law):
+    """Blocks of three heights slide against each other as the pressure bends them: the grout sets after."""
+    keys = GROUTED | SHEAR_LAWS[law]
+    scene, system = three_blocks(order, heights=(6, 10, 8), width=10.0, second=keys, **keys)
+    after = grouted(system, 1e-12)
+    assert np.abs(after.law.slip).max() > 1e-6  # what it counts from is not where the blocks stood
+    assert_pressure_alone(scene, after, static_equilibrium(after, 1e-12)[1])
+
+
+@pytest.mark.parametrize("integrator", ["modal", "adaptive", "generalized_alpha"])
+@pytest.mark.parametrize("law", ["friction", "key"])
+def test_a_grouted_dam_stays_at_rest(integrator, law):
+    keys = GROUTED | SHEAR_LAWS[law]
+    scene, system = three_blocks("reduced", heights=(6, 10, 8), width=10.0, second=keys, **keys)
+    history = simulated(grouted(system, 1e-12), np.zeros((3, 21)), 0.01, integrator, tolerance=1e-12)
+    force = PRESSURE * np.concatenate([joint.area for joint in scene.joints.values()])
+    for row in (0, -1):
+        assert history.traction[row, :, 0] == pytest.approx(force, rel=1e-8)
+        assert np.abs(history.traction[row, :, 1:]).max() < 1e-8 * force.min()
+
+
+def test_an_arch_dam_with_friction_holds_no_shear_at_rest():
+    """Curved joints that taper, mixed cells of rock below, gaps at corners."""
+    raw = arch_dam() | {
+        "records": [{"name": "r", "unit": "m/s2", "dt": 0.01, "components": {"x": {"file": "r.txt"}}}],
+        "model": {"order": "full"},
+        "transient": {"finest_step": 0.01},
+    }
+    raw["arch_dam"]["joints"] = raw["arch_dam"]["joints"] | {"grouting_pressure": PRESSURE}
+    config = parse_config(raw, "dam.yaml")
+    scene = build_scene(config, Path(), "dam.yaml")
+    after = grouted(assemble_full(scene, config.damping), 1e-12)
+    assert_pressure_alone(scene, after, static_equilibrium(after, 1e-12)[1])
+
+
+@pytest.mark.parametrize("order", ["reduced", "full"])
+def test_what_other_joints_lost_in_grouting_stays_lost(order):
+    """J1's pressure slides J2, whose bond breaks; then a load takes most of the push back (J1 is soft).
+
+    Both at once would leave the bond whole, and it would hold shear.
+    """
+    bond = {"shear_stiffness": 1e10, "cohesion": 1e5}
+    soft = {"normal_stiffness": 1e6, "grouting_pressure": PRESSURE}
+    scene, system = three_blocks(order, heights=(6, 8, 4), second=bond, **soft)
+    first, second = (system.law.joints[name] for name in ("J1", "J2"))
+    push = np.asarray(system.B[::3][first].T @ (PRESSURE * scene.joints["J1"].area))
+    after = grouted(system, 1e-12)
+    at_once = replace(after.law, memory=np.zeros((0, 0, 0)), slipped=np.zeros((0, 2)))
+    for law, holds in ((after.law, False), (at_once, True)):
+        _, gaps = static_equilibrium(replace(after, law=law, force=-0.97 * push), 1e-12)
+        assert (np.abs(gaps.force[second, 1:]).max() > 1e4) == holds
+
+
+def test_mirrored_gaps_are_merged_with_what_they_slid_in_grouting():
+    """A dam symmetric about a plane across its joints: merged contacts give the same history."""
+    keys = GROUTED | {"friction": 0.3}
+    _, system = three_blocks("reduced", heights=(6, 8, 6), second=keys, **keys)
+    after = grouted(system, 1e-12)
+    time = 0.005 * np.arange(121)
+    ground = np.stack([0.0 * time, 0.0 * time, 6.0 * np.sin(30.0 * time)])
+    ground[0] = 8.0 * np.sin(20.0 * time)
+    one, other = (
+        simulated(after, ground, 0.005, "adaptive", tolerance=1e-11, merge_contacts=merge)
+        for merge in (True, False)
+    )
+    assert one.stats["integrated_gaps"] < other.stats["integrated_gaps"] == len(system.law)
+    for name in ("jump", "traction"):
+        values = getattr(other, name)
+        assert np.abs(getattr(one, name) - values).max() < 1e-6 * np.abs(values).max()

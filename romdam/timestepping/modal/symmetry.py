@@ -81,14 +81,14 @@ def merge_equivalent_contacts(
     if len(law) < 2 or not system.diagonal or law.has_memory or law.K_nz.any():
         return None
     classes = _equal_laws(system)
-    key = (active.tobytes(), law.directions, classes.tobytes())
+    key = (active.tobytes(), law.directions, classes.tobytes(), law.slip.tobytes(), law.slipped.tobytes())
     if key not in found:
         found[key] = _equivalence(system, active, classes)
     same = found[key]
     if same is None or (np.isinf(law.K_s) & (same.signs == 0.0).any(axis=1)).any():
         return None
     C = _diagonal(same.modes, system.C)
-    return replace(same, system=replace(same.system, C=C, law=_of_groups(law, same.gaps)))
+    return replace(same, system=replace(same.system, C=C, law=_of_groups(law, same.gaps, same.signs)))
 
 
 def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None:
@@ -235,13 +235,18 @@ def _partition(system: System, active: Ints, gaps: Ints) -> tuple[Ints, Floats]:
         before = (groups, np.abs(signs).sum())
         force = signs * random.uniform(0.5, 1.5, (groups, law.directions))[gaps]
         for s in _shifts(system):
-            for jump in _jumps(system, active, force.ravel(), s).T:
+            for jump in (*_jumps(system, active, force.ravel(), s).T, *_initial_slips(law)):
                 jump = jump.reshape(signs.shape)
                 moves = (signs == 0.0) & (np.abs(jump) > _TOLD * np.abs(jump).max())
                 signs[moves] = np.sign(jump[moves])
                 gaps = _told_apart(gaps, signs * jump, np.abs(jump).max())
     first = np.unique(gaps, return_index=True)[1]
     return np.asarray(np.argsort(np.argsort(first))[gaps]), signs
+
+
+def _initial_slips(law: GapLaw) -> list[Floats]:
+    """What the gaps start with along j and k, beside the initial gap that it is measured by, (ng, 3) each."""
+    return [np.column_stack([law.gap, slip]) for slip in (law.slip, law.slipped) if len(slip)]
 
 
 def _told_apart(gaps: Ints, values: Floats, size: float | None = None) -> Ints:
@@ -283,7 +288,7 @@ def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr
         load=Q.T @ system.load,
         force=Q.T @ system.force,
         observe=csr_matrix(system.observe @ Q),
-        law=_of_groups(system.law, gaps),
+        law=_of_groups(system.law, gaps, signs),
         parts=_parts(system, Q),
     )
     return Symmetry(smaller, gaps, np.bincount(gaps), signs, Q)
@@ -293,9 +298,15 @@ def _diagonal(Q: csr_matrix, A: csr_matrix) -> csr_matrix:
     return csr_matrix(diags_array((Q.T @ A @ Q).diagonal()))
 
 
-def _of_groups(law: GapLaw, gaps: Ints) -> GapLaw:
+def _of_groups(law: GapLaw, gaps: Ints, signs: Floats) -> GapLaw:
     """The law of the groups: a group's stiffness is that of all its gaps."""
     count, first = np.bincount(gaps), np.unique(gaps, return_index=True)[1]
+
+    def mean(slip: Floats) -> Floats:
+        total = np.zeros((len(count) if len(slip) else 0, 2))
+        np.add.at(total, gaps[: len(slip)], signs[: len(slip), 1:] * slip)
+        return total / count[: len(total), None]
+
     ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
     return replace(
         law,
@@ -304,6 +315,8 @@ def _of_groups(law: GapLaw, gaps: Ints) -> GapLaw:
         K_s=law.K_s[first] * count,
         mu=law.mu[first],
         gap=law.gap[first],
+        slip=mean(law.slip),
+        slipped=mean(law.slipped),
         joints={name: slice(int(a), int(b)) for name, (a, b) in ends.items()},
     )
 
