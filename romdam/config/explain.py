@@ -41,7 +41,7 @@ _REMEDIES = {
     "friction": "concrete joints have about 0.6",
     "ratio": "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)",
     "tolerance": "leave the key out to use the default",
-    "normal_stiffness": "a stiffness cannot be negative; `rigid` makes the joint exactly unilateral",
+    "normal_stiffness": "`rigid` makes the joint exactly unilateral; leave out a joint that never touches",
     "element_size": "give an edge length above 0, for example 2.5 m",
     "modes": 'give a number of modes per block such as 60, or "all"',
     "records": "name at least one ground motion",

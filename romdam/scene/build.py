@@ -38,7 +38,7 @@ from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
 from romdam.scene.plausible import say_odd
 from romdam.scene.reservoir.build import build_reservoir, refuse_level
-from romdam.scene.select import nearest_node, select_facets
+from romdam.scene.select import nearest_node, refuse_selected_twice, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import Part, build_tie, merged_parts, refuse_tied
@@ -197,20 +197,23 @@ def _fill_joints(config: Config, joints: dict[str, Joint], blocks: dict[str, Blo
 
 def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:
     size = config.loads.gravity_of_water
-    found = []
+    found, of_density = [], dict[float, dict[tuple[str, tuple[int, ...]], str]]()
     for k, load in enumerate(config.loads.hydrostatic):
         place = f"{source}: loads.hydrostatic[{k}]"
         faces = [
             (face.block, select_facets(blocks[face.block], face.face, f"{place}.faces[{i}].face"))
             for i, face in enumerate(load.faces)
         ]
+        for i, (name, facets) in enumerate(faces):  # other densities may add up: silt as a heavy fluid
+            seen = of_density.setdefault(load.density, {})
+            refuse_selected_twice(seen, name, facets, f"{place}.faces[{i}]")
         refuse_level(load.level, [blocks[name].points[facets, 2] for name, facets in faces], place)
         found += [Hydrostatic(name, facets, load.level, load.density * size) for name, facets in faces]
     return tuple(found)
 
 
 def _warmed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, float]:
-    found = dict.fromkeys(blocks, 0.0)
+    found, warmed = dict.fromkeys(blocks, 0.0), dict[str, int]()
     for k, load in enumerate(config.loads.temperature):
         names = load.blocks or [name for name, block in blocks.items() if block.material.expansion > 0.0]
         stiff = [name for name in names if blocks[name].material.expansion == 0.0]
@@ -222,7 +225,13 @@ def _warmed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, 
                 "about 1e-5 1/K for concrete"
             )
         for name in names:
-            found[name] += load.change
+            if name in warmed:
+                raise ConfigError(
+                    f"{source}: loads.temperature[{k}]: the change of block {name!r} is named by "
+                    f"loads.temperature[{warmed[name]}] already ({found[name]:g} K), limit once; name each "
+                    "block once, with its whole change"
+                )
+            found[name], warmed[name] = load.change, k
     return {name: change for name, change in found.items() if change != 0.0}
 
 

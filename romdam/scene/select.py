@@ -33,6 +33,39 @@ def select_facets(block: Block, face: FaceRef, place: str) -> Ints:
     return block.faces[face]
 
 
+def facet_keys(block: str, facets: Ints) -> list[tuple[str, tuple[int, ...]]]:
+    """Names of facets by their nodes, whatever selects them and in whatever order."""
+    return [(block, tuple(facet)) for facet in np.sort(facets, axis=1).tolist()]
+
+
+def refuse_selected_twice(
+    seen: dict[tuple[str, tuple[int, ...]], str], block: str, facets: Ints, place: str
+) -> None:
+    """Refuse a facet that a list names already: what acts on it would act twice.
+
+    Parameters
+    ----------
+    seen : facet -> where it was named, of the entries before; gains those at hand
+
+    Raises
+    ------
+    ConfigError
+    """
+    keys = facet_keys(block, facets)
+    again = [key for key in keys if key in seen]
+    if again:
+        raise ConfigError(
+            f"{place}: {len(again)} of {len(keys)} facets of block {block!r} are named by "
+            f"{seen[again[0]]} already, limit 0: what acts there would act twice; name each facet once"
+        )
+    seen |= dict.fromkeys(keys, place)
+    if len(set(keys)) < len(keys):
+        raise ConfigError(
+            f"{place}: {len(keys) - len(set(keys))} of {len(keys)} facets of block {block!r} stand twice in "
+            "that face, limit 0; name each facet of the mesh's group once"
+        )
+
+
 def _in_plane(block: Block, plane: PlaneRef, place: str) -> Ints:
     boundary = boundary_facets(block.cells, block.element)
     axis = "xyz".index(plane.axis)

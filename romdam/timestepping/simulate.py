@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS
@@ -54,9 +56,9 @@ def simulate(
     _refuse_ignored(integrator, settings)
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
     return [
-        made
-        if settings.only_jumps or isinstance(made, ConvergenceError)
-        else _finished(made, one, settings.steps.stride)
+        _finite(made if settings.only_jumps else _finished(made, one, settings.steps.stride), one)
+        if isinstance(made, History)
+        else made
         for made, one in zip(outcomes, simulations, strict=True)
     ]
 
@@ -81,6 +83,36 @@ def history_of(outcome: Outcome) -> History:
     if isinstance(outcome, ConvergenceError):
         raise outcome
     return outcome
+
+
+def _finite(history: History, of: Simulation) -> Outcome:
+    """The history, or the error that it is none: numbers that are not finite pass every comparison."""
+    series = {
+        "jump": history.jump,
+        "joint force": history.traction,
+        "displacement": history.disp,
+        "velocity": history.vel,
+        "acceleration": history.acc,
+        **{f"energy {name}": values for name, values in history.energy.items()},
+    }
+    for name, values in series.items():
+        finite = np.isfinite(values)
+        if not finite.all():
+            row, *where = np.argwhere(~finite)[0]
+            at = f" at {of.prepared.system.law.place(int(where[0]))}" if values.ndim == 3 else ""
+            return ConvergenceError(
+                f"t = {history.time[row]:.6g} s: the {name}{at} is {values[(row, *where)]}, which is no "
+                "number, though its step had passed for converged; look for stiffnesses, densities and units "
+                "of extreme size, or take a finer transient.finest_step"
+            )
+    for name, values in history.peaks.items():
+        if not np.isfinite(values).all():
+            i = int(np.argmin(np.isfinite(values)))
+            return ConvergenceError(
+                f"the peak of {name} at {of.prepared.system.law.place(i)} is {values[i]}, which is no "
+                "number; look for stiffnesses, densities and units of extreme size"
+            )
+    return history
 
 
 def _refuse_ignored(integrator: Integrator, settings: Settings) -> None:

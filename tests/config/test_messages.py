@@ -36,7 +36,9 @@ MISTAKES = [
         "euler",
         ["transient.integrator must be one of adaptive, conserving, generalized_alpha, modal, got 'euler'"],
     ),
-    ((*JOINT, "normal_stiffness"), -1, ["normal_stiffness must be at least 0, got -1"]),
+    ((*JOINT, "normal_stiffness"), -1, ["normal_stiffness must be greater than 0, got -1"]),
+    ((*JOINT, "normal_stiffness"), 0, ["normal_stiffness must be greater than 0, got 0"]),
+    ((*JOINT, "normal_stiffness"), {"per_gap": 0}, ["per_gap must be greater than 0, got 0"]),
     ((*JOINT, "normal_stiffness"), "30 kg", ["normal_stiffness: '30 kg' is not a quantity in N/m^3"]),
     (
         (*JOINT, "normal_stiffness"),

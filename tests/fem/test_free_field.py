@@ -282,7 +282,7 @@ def test_faces_without_a_distance_take_it_from_the_foot():
         ({"viscous": [{"block": "low", "faces": ["zmin"]}]}, None),
         (
             {"viscous": [{"block": "low", "faces": ["zmin", "xmin", {"axis": "z", "at": 0.0}]}]},
-            r"ground.viscous\[0\].faces\[2\]: 8 of 8 facets of block 'low' are viscous already",
+            r"ground.viscous\[0\].faces\[2\]: 8 of 8 facets of block 'low' are named by",
         ),
         ({"surface": -1.0}, r"the rock's surface, -1 m, must be above its bottom, 0 m"),
         ({"input": "uniform", "surface": 1.0}, r"ground: `surface` is that of `input: free_field`"),

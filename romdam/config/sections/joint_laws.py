@@ -30,9 +30,9 @@ def both(value: object) -> object:
 
 
 @cache
-def _per_gap(unit: str) -> type[Model]:
-    """A stiffness of each gap, whatever its tributary area."""
-    stiffness: Any = Annotated[in_unit(unit), Field(ge=0.0)]
+def _per_gap(unit: str, above: bool) -> type[Model]:
+    """A stiffness of each gap, whatever its tributary area; `above` zero or from there on."""
+    stiffness: Any = Annotated[in_unit(unit), Field(gt=0.0) if above else Field(ge=0.0)]
     text = "The stiffness of one gap, whatever its area."
     return create_model("PerGap", __base__=Model, __doc__=text, per_gap=(stiffness, Field(description=text)))
 
@@ -51,7 +51,7 @@ def _type(parameter: Parameter) -> Any:
     """As `annotation`, with {per_gap: value} and the word "rigid" where these are allowed."""
     if not parameter.per_gap:
         return annotation(parameter)
-    number, mapping = annotation(parameter), _per_gap(parameter.per_gap)
+    number, mapping = annotation(parameter), _per_gap(parameter.per_gap, parameter.above)
     numbers: Any = Annotated[number, Tag("number")] | Annotated[mapping, Tag("mapping")]
     if not parameter.rigid:
         return Annotated[numbers, by_shape(_STIFFNESS.format(", or", ""))]

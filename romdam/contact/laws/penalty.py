@@ -9,6 +9,8 @@ class Penalty(Law):
     """K_n acts while the gap overlaps; "rigid" makes it exactly unilateral."""
 
     parameters = (
-        Parameter("normal_stiffness", "N/m^3", per_area=True, per_gap="N/m", rigid=True, required=True),
+        Parameter(
+            "normal_stiffness", "N/m^3", above=True, per_area=True, per_gap="N/m", rigid=True, required=True
+        ),
     )
     array = "K_n"

@@ -13,7 +13,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Absorbing, Block, Ints
 from romdam.scene.elements import Floats
 from romdam.scene.facets import area_vectors
-from romdam.scene.select import select_facets
+from romdam.scene.select import refuse_selected_twice, select_facets
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ def with_viscous_faces(
         for faces that a block has not, and blocks without mass.
     """
     foot = _foot(blocks, rock)
-    found = dict(blocks)
+    found, seen = dict(blocks), dict[tuple[str, tuple[int, ...]], str]()
     for k, one in enumerate(faces):
         place, block = f"{source}: ground.viscous[{k}]", found[one.block]
         if block.material.rho == 0.0:
@@ -46,22 +46,11 @@ def with_viscous_faces(
             )
         for i, face in enumerate(one.faces):
             facets = select_facets(block, face, f"{place}.faces[{i}]")
-            _refuse_twice(block, facets, f"{place}.faces[{i}]")
+            refuse_selected_twice(seen, one.block, facets, f"{place}.faces[{i}]")
             away = one.distance or _distance(block.points, facets, foot, f"{place}.faces[{i}]")
             block = replace(block, absorbing=(*block.absorbing, Absorbing(facets, away)))
         found[one.block] = block
     return found
-
-
-def _refuse_twice(block: Block, facets: Ints, place: str) -> None:
-    """A facet of two entries would take up waves twice."""
-    seen = {tuple(sorted(facet)) for face in block.absorbing for facet in face.facets.tolist()}
-    again = sum(tuple(sorted(facet)) in seen for facet in facets.tolist())
-    if again:
-        raise ConfigError(
-            f"{place}: {again} of {len(facets)} facets of block {block.name!r} are viscous already, limit 0; "
-            "name each face once"
-        )
 
 
 def _foot(blocks: Mapping[str, Block], rock: frozenset[str]) -> Floats:

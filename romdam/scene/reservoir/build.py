@@ -17,7 +17,7 @@ from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.nearest import tree
 from romdam.scene.reservoir.own_mesh import reservoir_mesh
-from romdam.scene.select import select_facets
+from romdam.scene.select import refuse_selected_twice, select_facets
 
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
@@ -55,6 +55,9 @@ def build_reservoir(
         WetFace(face.block, select_facets(blocks[face.block], face.face, f"{place}.faces[{k}].face"))
         for k, face in enumerate(config.faces)
     ]
+    seen = dict[tuple[str, tuple[int, ...]], str]()
+    for k, face in enumerate(faces):
+        refuse_selected_twice(seen, face.block, face.facets, f"{place}.faces[{k}]")
     heights = [blocks[face.block].points[face.facets, 2] for face in faces]
     refuse_level(config.level, heights, place)
     for k, (face, height) in enumerate(zip(faces, heights, strict=True)):
