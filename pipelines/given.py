@@ -12,6 +12,7 @@ from romdam.core.errors import RecordError, shown
 from romdam.core.motion import GroundMotion
 from romdam.records.design.account import write_choice
 from romdam.records.plausible import too_strong
+from romdam.records.processing.offset import doubt_drift
 from romdam.records.record_set import Loaded, check_names, load_motions, load_records
 
 Motions = GroundMotion | Sequence[GroundMotion]
@@ -119,5 +120,7 @@ def _checked(motion: GroundMotion, place: str) -> GroundMotion:
             f"{place}, {motion.name}: dt must be from {SHORTEST_DT:g} to {LONGEST_DT:g} s, got {again.dt:g} s"
         )
     doubts = too_strong(again.acc, f"{place}, {motion.name}")
+    if drifts := doubt_drift(again.acc, again.dt):
+        doubts += (drifts,)
     about = {"place": place, **motion.provenance, **again.provenance_of_arrays}
     return replace(again, provenance=about, warnings=tuple(dict.fromkeys((*motion.warnings, *doubts))))

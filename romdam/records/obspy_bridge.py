@@ -17,6 +17,7 @@ import numpy as np
 from romdam.core.errors import RecordError
 from romdam.core.files import check_file
 from romdam.records.channel import Channel, Orientation, UnknownFormatError, parse_orientation
+from romdam.records.clipping import clipping
 from romdam.records.formats.text import MAX_BYTES, read_bytes
 
 if TYPE_CHECKING:
@@ -165,9 +166,12 @@ def _remove_response(stream: Stream, path: Path, response: Path) -> None:
             # 0.01 Hz and 90 % of Nyquist: outside, dividing by the response only amplifies noise
             nyquist = 0.5 * trace.stats.sampling_rate
             band = (0.005, 0.01, 0.9 * nyquist, nyquist)
+            why = (
+                clipping(np.asarray(trace.data, dtype=np.float64)) if np.all(np.isfinite(trace.data)) else ""
+            )
             trace.remove_response(inventory, output="ACC", pre_filt=band, zero_mean=True, taper=True)
             where = inventory.get_orientation(trace.id, trace.stats.starttime)
-            trace.stats.romdam = {"azimuth": where["azimuth"], "dip": where["dip"]}
+            trace.stats.romdam = {"azimuth": where["azimuth"], "dip": where["dip"], "clipped": why}
     except (*PARSING, ObsPyException) as error:
         raise RecordError(
             f"{path}: response of {response.name} cannot be removed ({error}); "
@@ -222,6 +226,8 @@ def channel_of(trace: Trace, in_si: bool = False) -> Channel:
     where, by_code = _where(trace), parse_orientation(code)
     if where and by_code and len(code) == 3 and where != by_code:
         said.append(f"channel {code}: the header says {where}, its code {by_code}; the header counts")
+    if extra.get("clipped"):
+        said.append(f"channel {code} looks clipped before its response is removed: {extra['clipped']}")
     start = str(stats.starttime)
     return Channel(code, data, float(stats.delta), unit, where, start, meta, tuple(said))
 

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel
+from romdam.records.clipping import clipping, longest_run
 
-FLAT_TOP = 6  # samples in a row at the extreme; real peaks of digital records repeat two or three times
 STANDARD_GRAVITY = 9.80665  # m/s2
 STRONGEST = 5.0  # g; no instrument has recorded more than about 4 g (Iwate-Miyagi 2008)
 IMPOSSIBLE = 1e4  # g; even gal taken for g make less
 DOUBTED_UNIT = "is the unit right?"
-FINE = 100  # values; with fewer the extreme is often met by chance
 SPIKE = 5.0  # times all other samples but its neighbours
 DROPOUT = 20  # samples in a row of one value, between strong ones
 STRONG = 0.2  # of the peak
@@ -39,18 +38,8 @@ def said_of_channels(channels: list[Channel]) -> tuple[str, ...]:
 
 
 def _clipped(channel: Channel) -> str:
-    data = channel.data
-    for extreme in (np.max(data), np.min(data)):
-        if abs(extreme) < 0.5 * np.max(np.abs(data)) or extreme == 0.0:
-            continue
-        run, times = _longest_run(data == extreme), np.count_nonzero(data == extreme)
-        if run >= FLAT_TOP:
-            return (
-                f"looks clipped: {run} samples in a row at {extreme:g} {channel.unit} (limit {FLAT_TOP - 1})"
-            )
-        if times >= 2 * FLAT_TOP and np.unique(data).size > FINE:
-            return f"looks clipped: {times} samples are at {extreme:g} {channel.unit} and none beyond"
-    return ""
+    why = clipping(channel.data)
+    return f"looks clipped: {why} [{channel.unit or 'raw units'}]" if why else ""
 
 
 def _still(channel: Channel) -> str:
@@ -73,7 +62,7 @@ def _dropout(channel: Channel) -> str:
     if strong.size == 0:
         return ""
     part = channel.data[strong[0] : strong[-1] + 1]
-    run = 1 + _longest_run(np.diff(part) == 0.0)
+    run = 1 + longest_run(np.diff(part) == 0.0)
     if run < DROPOUT:
         return ""
     return f"rests for {run} samples in a row amid strong shaking (limit {DROPOUT - 1}); a gap?"
@@ -129,8 +118,3 @@ def too_strong(recorded: NDArray[np.float64], place: str) -> tuple[str, ...]:
         return ()
     limit = f"more than any record (limit {STRONGEST:g} g)"
     return (f"the peak acceleration is {peak:.3g} g, {limit}: {DOUBTED_UNIT}",)
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))

@@ -2,7 +2,9 @@
 
 Every step is cut so finely that the oscillator turns at most an eighth of a period. All oscillators run
 through the record at once; the few chunks that can hold a peak are run once more, where the response is
-known with its derivatives, so that the peak itself is found and not the sample next to it.
+known with its derivatives, so that the peak itself is found and not the sample next to it. After the last
+sample the ground goes to rest within one interval and the oscillators swing on: the largest of that free
+vibration counts too, by its closed form.
 
 References
 ----------
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
 from romdam.core.jit import njit
+from romdam.core.motion import MOST_SAMPLES
 
 Array = NDArray[np.float64]
 TURNS = 8.0  # substeps a period, at least
@@ -63,7 +66,7 @@ def response_spectra(
 
     Parameters
     ----------
-    acc : (k, nt) or (nt,) [m/s2], linear between samples; append zeros to let long periods ring out
+    acc : (k, nt) or (nt,) [m/s2], linear between samples, zero from one interval after the last
     dt : [s]
     periods : (np,) [s], positive
     dampings : (nd,) ratios in [0, 1)
@@ -73,28 +76,31 @@ def response_spectra(
     RecordError
         for periods or dampings out of range.
     """
-    rows = np.atleast_2d(np.asarray(acc, dtype=np.float64))
+    rows = _ended(acc)
     periods, dampings = _checked(periods, dampings)
     shape = (rows.shape[0], dampings.size, periods.size)
     sd, sv, sa = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for d, damping in enumerate(dampings):
         for group, substeps, coefficients in _groups(periods, dt, float(damping)):
             for row in range(rows.shape[0]):
-                responses = _integrate(rows[row], substeps, coefficients, True)
-                peaks = _refine(rows[row], substeps, coefficients, *responses)
+                states, largest, last = _integrate(rows[row], substeps, coefficients, True)
+                peaks = _refine(rows[row], substeps, coefficients, states, largest)
+                peaks = np.maximum(peaks, _free_peaks(last, 2.0 * np.pi / periods[group], float(damping)))
                 sd[row, d, group], sv[row, d, group], sa[row, d, group] = peaks
     return Spectra(periods, dampings, sd, sv, sa)
 
 
 def pseudo_acceleration(acc: Array, dt: float, periods: Array, damping: float = 0.05) -> Array:
     """Compute PSa alone, (k, np) [m/s2]."""
-    rows = np.atleast_2d(np.asarray(acc, dtype=np.float64))
+    rows = _ended(acc)
     periods, _ = _checked(periods, (damping,))
     peaks = np.zeros((rows.shape[0], periods.size))
     for group, substeps, coefficients in _groups(periods, dt, float(damping)):
         for row in range(rows.shape[0]):
-            responses = _integrate(rows[row], substeps, coefficients, False)
-            peaks[row, group] = _refine(rows[row], substeps, coefficients, *responses)[0]
+            states, largest, last = _integrate(rows[row], substeps, coefficients, False)
+            within = _refine(rows[row], substeps, coefficients, states, largest)[0]
+            after = _free_peaks(last, 2.0 * np.pi / periods[group], float(damping))[0]
+            peaks[row, group] = np.maximum(within, after)
     return peaks * (2.0 * np.pi / periods) ** 2
 
 
@@ -106,7 +112,8 @@ def extremes(
     Returns
     -------
     number of the period, time [s], pseudo-acceleration with its sign [m/s2], whether it is the peak; (ne,)
-    each, by rising period. Between samples extremes are not sought: there are `EXTREME_TURNS` a period
+    each, by rising period. Between samples extremes are not sought: there are `EXTREME_TURNS` a period.
+    Nor are they after the last sample: a record that is to be matched has zeros there
     """
     periods, _ = _checked(periods, (damping,))
     rows: list[tuple[NDArray[Any], ...]] = [()] * periods.size
@@ -127,20 +134,49 @@ def rotated_psa(
 ) -> tuple[Array, Array]:
     """Compute RotD50 and RotD100 of PSa from two orthogonal components, (np,) each [m/s2].
 
-    Oscillator responses are superposed linearly: two histories are rotated through 180 degrees.
+    Oscillator responses are superposed linearly: two histories are rotated through 180 degrees. They go on
+    for one period after the last sample; the free vibration has its largest value within half of that.
     """
     periods, _ = _checked(periods, (damping,))
+    if np.max(periods) > MOST_SAMPLES * dt:
+        raise RecordError(
+            f"spectra: a period of {np.max(periods):g} s is too long for samples of {dt:g} s, the limit is "
+            f"{MOST_SAMPLES * dt:g} s"
+        )
     angles = np.radians(np.arange(ROTATIONS))
     rotd = np.zeros((2, periods.size))
     for group, substeps, coefficients in _groups(periods, dt, float(damping), ROTATED_TURNS):
         for column, index in enumerate(np.flatnonzero(group)):
-            u1, u2 = (_history(row, substeps, coefficients[:, column]) for row in (first, second))
+            rest = np.zeros(1 + int(np.ceil(periods[index] / dt)))
+            u1, u2 = (
+                _history(np.append(row, rest), substeps, coefficients[:, column]) for row in (first, second)
+            )
             radius = np.hypot(u1, u2)
             order = np.argsort(-radius)
             peaks = _rotated_peaks(u1, u2, radius, order, np.cos(angles), np.sin(angles))
             rotd[:, index] = np.median(peaks), np.max(peaks)
     scale = (2.0 * np.pi / periods) ** 2
     return rotd[0] * scale, rotd[1] * scale
+
+
+def _ended(acc: Array) -> Array:
+    """The components (k, nt) with one sample of rest at their end."""
+    return np.pad(np.atleast_2d(np.asarray(acc, dtype=np.float64)), ((0, 0), (0, 1)))
+
+
+def _free_peaks(state: Array, omega: Array, xi: float) -> Array:
+    """Largest |u|, |v|, |u''| (3, np) of oscillators that swing freely from u [m] and v [m/s], (2, np).
+
+    Each is a solution x of x'' + 2 xi omega x' + omega^2 x = 0, so that it turns first where
+    tan(omega_d t) = omega_d x' / (omega^2 x + xi omega x'), and is smaller at every later turn.
+    """
+    damped = omega * np.sqrt(1.0 - xi**2)
+    u, v = state
+    a = -2.0 * xi * omega * v - omega**2 * u
+    x, rate = np.array([u, v, a]), np.array([v, a, -2.0 * xi * omega * a - omega**2 * v])
+    turn = np.arctan2(damped * rate, omega**2 * x + xi * omega * rate) % np.pi / damped
+    swing = x * np.cos(damped * turn) + (rate + xi * omega * x) / damped * np.sin(damped * turn)
+    return np.maximum(np.abs(x), np.abs(swing) * np.exp(-xi * omega * turn))
 
 
 def _checked(periods: Array, dampings: Array | tuple[float, ...]) -> tuple[Array, Array]:
@@ -203,8 +239,11 @@ def _recursion(omega: Array, xi: float, h: float) -> Array:
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _integrate(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, Array]:
-    """Run all oscillators; of each chunk: the state at its start, the largest |u|, |v|, |u'' + ag|."""
+def _integrate(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, Array, Array]:
+    """Run all oscillators; of each chunk: the state at its start, the largest |u|, |v|, |u'' + ag|.
+
+    The last array is the state at the end (2, np): displacement and velocity.
+    """
     a11, a12, b11, b12, a21, a22, b21, b22, w2, cw = (
         c[0],
         c[1],
@@ -238,7 +277,9 @@ def _integrate(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, 
                         pv[j] = max(pv[j], abs(vj))
                         pa[j] = max(pa[j], abs(cw[j] * vj + w2[j] * uj))
         peaks[chunk, 0], peaks[chunk, 1], peaks[chunk, 2] = pu, pv, pa
-    return states, peaks
+    last = np.zeros((2, count))
+    last[0], last[1] = u, v
+    return states, peaks, last
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")

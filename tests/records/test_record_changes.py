@@ -173,3 +173,17 @@ def test_no_measure_of_any_peer_record_changes_in_silence(offset):
     """50 records of two components through each chain."""
     silent, _, said = held_against_the_raw(1, offset)
     assert not silent and said > 30
+
+
+def test_no_suite_scales_a_drifting_motion_to_an_intensity():
+    """Motions from Python are run as they are, but no factor is taken from what is no motion."""
+    from romdam.config.sections.suite import SuiteConfig
+    from romdam.core.motion import GroundMotion
+    from romdam.results.suite.scaling import scale_factors
+
+    suite = SuiteConfig.model_validate({"intensities": {"measure": "pga", "of": "y", "values": ["0.3 g"]}})
+    motion = GroundMotion.from_arrays("m", {"y": shaking() + 1.0}, DT)
+    factors, why = scale_factors(suite, motion)
+    assert np.isnan(factors).all() and "m: suite.intensities: the acceleration averages over 10 s to" in why
+    sound = GroundMotion.from_arrays("m", {"y": shaking()}, DT)
+    assert scale_factors(suite, sound)[0][0] == pytest.approx(0.3 * 9.80665 / np.abs(shaking()).max())

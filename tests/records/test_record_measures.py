@@ -106,7 +106,8 @@ def test_straight_lines_against_the_closed_form(period):
     """Duhamel's integral of a piecewise-linear record in closed form, sampled 400 times a period."""
     acc, dt = samples.motion(samples=301), 0.01
     per_step = max(8, int(np.ceil(400 * dt / period)))
-    exact = np.abs(piecewise_exact(acc, dt, period, 0.05, per_step)).max() * (2 * np.pi / period) ** 2
+    at_rest = np.pad(acc, (0, 2 + int(period / dt)))  # the largest of the free vibration is within a period
+    exact = np.abs(piecewise_exact(at_rest, dt, period, 0.05, per_step)).max() * (2 * np.pi / period) ** 2
     assert pseudo_acceleration(acc, dt, np.array([period]))[0, 0] == pytest.approx(exact, rel=2e-4)
 
 
@@ -146,8 +147,14 @@ def test_spectra_agree_with_those_shipped_with_the_p695_set(record):
 
 
 def test_velocity_and_acceleration_spectra_at_the_limits():
-    """T -> 0: Sa = PGA; T -> infinity: Sd = PGD and Sv = PGV."""
-    acc, dt = np.pad(samples.motion(), (0, 5000)), samples.DT
+    """T -> 0: Sa = PGA; T -> infinity: Sd = PGD and Sv = PGV, of a ground that is at rest at the end.
+
+    The displacement is a cosine under a bell.
+    """
+    dt, s, omega = 0.005, 0.2, 2 * np.pi * 3.0
+    t = np.arange(801) * dt - 2.0
+    rate = -2.0 * t / s**2 + 1j * omega
+    acc = ((rate**2 - 2.0 / s**2) * np.exp(-((t / s) ** 2) + 1j * omega * t)).real
     found, peaks = response_spectra(acc, dt, np.array([1e-3, 1e4]), (0.05,)), measure(acc, dt)
     assert found.sa[0, 0, 0] == pytest.approx(peaks["pga"][0], rel=0.01)
     assert found.psa[0, 0, 0] == pytest.approx(peaks["pga"][0], rel=0.01)
@@ -187,3 +194,28 @@ def test_rotd_agrees_with_pyrotd():
 def test_periods_and_dampings_out_of_range(periods, damping):
     with pytest.raises(RecordError, match="spectra: "):
         response_spectra(samples.motion(), samples.DT, np.array(periods), (damping,))
+
+
+@pytest.mark.parametrize("period", [0.25, 1.0, 10.0])
+def test_a_half_sine_swings_on_after_its_last_sample(period):
+    """Chopra, Dynamics of structures, 4.8.4: (T/td) cos(pi td/T) / ((T/2td)^2 - 1) of the static value."""
+    dt, length = 5e-4, 0.1
+    pulse = np.sin(np.pi * np.arange(201) * dt / length)
+    exact = period / length * np.cos(np.pi * length / period) / ((0.5 * period / length) ** 2 - 1.0)
+    found = response_spectra(pulse, dt, np.array([period]), (0.0,))
+    assert found.psa[0, 0, 0] == pytest.approx(exact, rel=1e-4)
+    assert found.sa[0, 0, 0] == pytest.approx(exact, rel=1e-4)  # free: u'' + ag = -omega^2 u
+    assert found.sv[0, 0, 0] == pytest.approx(exact / (2 * np.pi / period), rel=1e-4)
+    assert pseudo_acceleration(pulse, dt, np.array([period]), 0.0)[0, 0] == pytest.approx(exact, rel=1e-4)
+    half, full = rotated_psa(pulse, 0.0 * pulse, dt, np.array([period]), 0.0)
+    assert full[0] == pytest.approx(exact, rel=1e-4) and half[0] == pytest.approx(exact * 0.5**0.5, rel=0.01)
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.05, 0.4, 0.9])
+def test_the_free_vibration_after_a_record_is_that_of_zeros_appended(xi):
+    """Also of a record that ends while the ground is still accelerated."""
+    acc, periods = samples.motion()[:300], np.geomspace(0.02, 5.0, 12)
+    alone = response_spectra(acc, samples.DT, periods, (xi,))
+    appended = response_spectra(np.pad(acc, (0, 2000)), samples.DT, periods, (xi,))
+    for name in ("sd", "sv", "sa"):
+        np.testing.assert_allclose(getattr(alone, name), getattr(appended, name), rtol=1e-8)
