@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from romdam.core.arrays import Floats
+from romdam.core.errors import RecordError
 from romdam.core.motion import GroundMotion
 from romdam.records.components import measures, peak, spectrum
 from romdam.records.measures import arias_history
 from romdam.records.processing.resampling import cut_or_extended
+from romdam.records.processing.offset import doubt_drift
 from romdam.records.spectra import pseudo_acceleration
 
 PERIODS = np.geomspace(0.01, 10.0, 100)
@@ -90,8 +92,10 @@ def intensity(motion: GroundMotion, period: float | None, damping: float, of: st
     Raises
     ------
     RecordError
-        where the components are not there that `of` needs.
+        where the components are not there that `of` needs, and for a record that drifts.
     """
+    if drifts := doubt_drift(motion.acc, motion.dt):
+        raise RecordError(drifts)
     if period is None:
         return peak(motion.acc, of)
     return float(spectrum(motion.acc, motion.dt, np.array([period]), damping, of)[0])

@@ -9,7 +9,6 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import RecordError
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import intensity
-from romdam.records.processing.offset import doubt_drift
 
 
 def scale_count(suite: SuiteConfig) -> int:
@@ -31,8 +30,6 @@ def scale_factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[Floats, str
         measured = intensity(motion, target.period, target.damping, target.of)
     except RecordError as error:
         return no_factors(suite), f"{motion.name}: suite.intensities: {error}"
-    if drifts := doubt_drift(motion.acc, motion.dt):
-        return no_factors(suite), f"{motion.name}: suite.intensities: {drifts}"
     if measured <= 0.0:
         return no_factors(suite), f"{motion.name}: cannot be scaled to {target.measure}, it does not move"
     with np.errstate(over="ignore"):
