@@ -13,8 +13,8 @@ from romdam.core.errors import RecordError
 from romdam.core.motion import GroundMotion
 from romdam.records.components import measures, peak, spectrum
 from romdam.records.measures import arias_history
-from romdam.records.processing.resampling import cut_or_extended
 from romdam.records.processing.offset import doubt_drift
+from romdam.records.processing.resampling import cut_or_extended
 from romdam.records.spectra import pseudo_acceleration
 
 PERIODS = np.geomspace(0.01, 10.0, 100)
