@@ -1,10 +1,4 @@
-"""Questions that a careful reader has about a job: keys, scene and records; told, not refused.
-
-References
-----------
-Hall, J. F. (2006), Problems encountered from the use (or misuse) of Rayleigh damping, Earthquake Engineering
-& Structural Dynamics 35, 525-545: mass-proportional damping acts on rigid motion as an external drag.
-"""
+"""Questions that a careful reader has about a job: keys, scene and records; told, not refused."""
 
 from __future__ import annotations
 
@@ -12,11 +6,13 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.fem.damping import rayleigh_coefficients
+from romdam.fem.damping import joints_alone_hold, sliding_motions
 from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
 from romdam.records.processing.resampling import lost_between
@@ -27,6 +23,7 @@ _CONTENT = 0.9  # of the power of the acceleration lies below the frequency that
 _STRONG = 0.95  # of the Arias intensity, where strong motion ends
 _STEPS = 20.0  # of a period, for a step that follows it
 _SLIDES = (0.1, 0.5)  # [m/s] velocities of sliding at which its drag is told
+_LEAST_DRAG = 1e-3  # [1/s] over mass, below which a drag is round-off of a matrix
 _G = 9.81  # [m/s2]
 
 log = logging.getLogger(__name__)
@@ -52,7 +49,7 @@ def with_doubts_of(scene: Scene, job: Job) -> Job:
         if block.matrices is not None
         for text in block.matrices.warnings
     ]
-    return replace(job, doubts=(*of_matrices, *_of_drag(job, scene)))
+    return replace(job, doubts=(*of_matrices, *_of_damping(job, scene)))
 
 
 def telling_doubts_of(scene: Scene, job: Job) -> Job:
@@ -63,39 +60,49 @@ def telling_doubts_of(scene: Scene, job: Job) -> Job:
     return job
 
 
-def _of_drag(job: Job, scene: Scene) -> Iterator[str]:
-    """Mass-proportional damping of blocks that slide: C = alpha M brakes rigid motion too."""
-    alpha, beta = rayleigh_coefficients(job.config.damping.rayleigh)
-    if alpha <= 0.0:
-        return
-    sliding = [name for part in scene_parts(scene).values() for name in _braked(part, scene)]
-    if not sliding:
-        return
-    slow, fast = (f"{alpha * v / _G:.2g} at {v:g} m/s" for v in _SLIDES)
-    yield (
-        f"damping.rayleigh has alpha = {alpha:.3g} 1/s, which acts on rigid motion too: "
-        f"{', '.join(sliding)}, held by joints with friction alone, slide against a drag alpha m v, as if "
-        f"friction were higher by {slow} and {fast}; it takes sliding to 1/e in {1.0 / alpha:.2g} s. "
-        f"Slips come out too small; `damping: {{modal: 5 %}}` or `rayleigh: {{alpha: 0, beta: {beta:.3g} s}}`"
-        " has no drag"
-    )
+def _of_damping(job: Job, scene: Scene) -> Iterator[str]:
+    """Damping of blocks that joints with friction alone hold: not of rigid motions, but by their matrices."""
+    sliding = [part for part in scene_parts(scene).values() if _slides(part, scene)]
+    names = [n for part in sliding for n in part.blocks if not _brings_damping(scene, n)]
+    if names and job.config.damping.acts:
+        yield (
+            f"damping: acts on what strains {', '.join(names)}, and not on their rigid motions, which joints "
+            "with friction alone hold: it does not brake a slide, and swaying on closed joints has less than "
+            "the ratios that are given; `romdam modes --joints bonded` states how much for damping.rayleigh"
+        )
+    for part in sliding:
+        for name in part.blocks:
+            drag = _drag(part, scene, name) if _brings_damping(scene, name) else 0.0
+            if drag > _LEAST_DRAG:
+                slow, fast = (f"{drag * v / _G:.2g} at {v:g} m/s" for v in _SLIDES)
+                yield (
+                    f"blocks.{name}.matrices.damping: acts on rigid motion too, up to {drag:.3g} 1/s times "
+                    f"mass: {name}, held by joints with friction alone, slides against it, as if friction "
+                    f"were higher by {slow} and {fast}. Slips come out too small; write a matrix that leaves "
+                    "rigid motions alone, or leave it out and give `damping`"
+                )
 
 
-def _braked(part: Part, scene: Scene) -> list[str]:
-    """Blocks of a part that friction alone holds, with mass and damping of their own."""
-    own = [
-        name
-        for name in part.blocks
-        if scene.blocks[name].material.rho > 0.0 and not _brings_damping(scene, name)
-    ]
+def _slides(part: Part, scene: Scene) -> bool:
+    """Tell whether joints alone hold a part with mass, and some of them by friction."""
     joints = [j for j in scene.joints.values() if set(j.blocks) & set(part.blocks)]
     rubs = any((j.mu > 0.0).any() or any(rows.shear for rows in j.laws) for j in joints)
-    return own if own and rubs and not part.stands_free(scene) else []
+    massive = any(scene.blocks[name].material.rho > 0.0 for name in part.blocks)
+    return massive and rubs and joints_alone_hold(part, scene)
 
 
 def _brings_damping(scene: Scene, name: str) -> bool:
     matrices = scene.blocks[name].matrices
     return matrices is not None and matrices.C is not None
+
+
+def _drag(part: Part, scene: Scene, name: str) -> float:
+    """Largest drag on a rigid motion by the damping matrix that a block brings, over its mass [1/s]."""
+    matrices, free = scene.blocks[name].matrices, ~part.fixed(scene.fixed).ravel()
+    assert matrices is not None and matrices.C is not None
+    K, M, C = (matrix[free][:, free] for matrix in (matrices.K, matrices.M, matrices.C))
+    R = sliding_motions(part, scene, K, M, free)
+    return float(np.linalg.eigvalsh(R.T @ (C @ R)).max(initial=0.0))
 
 
 def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:

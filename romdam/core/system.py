@@ -232,6 +232,8 @@ class System:
     gyroscopic : whether C is skew between dam and water, where it does no work; B does not see the water
     pseudo_static : what supports that do not move as the base does add to the displacement u, and so to jumps
         and what is observed; their acceleration has the load's columns from the fourth on. None without
+    drag : (n, k) D: the damping is C - D D^T, which does not act on rigid motions that joints alone hold and
+        as a matrix would be full; None where C is all of it
     """
 
     M: csr_matrix
@@ -250,11 +252,17 @@ class System:
     drive: Drive | None = None
     gyroscopic: bool = False
     pseudo_static: PseudoStatic | None = None
+    drag: Floats | None = None
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return self.M.shape[0]
+
+    def damping_force(self, rate: Floats) -> Floats:
+        """(C - D D^T) v for velocities v, (n,) or (n, k) [N]."""
+        force = self.C @ rate
+        return np.asarray(force if self.drag is None else force - self.drag @ (self.drag.T @ rate))
 
     def inertial(self, ground: Floats) -> Floats:
         """The rows of a run's ground motion that the load acts with: accelerations of base and supports."""

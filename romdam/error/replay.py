@@ -82,7 +82,8 @@ class Replayed:
 
 def step_factor(system: System, h: float) -> Factor:
     """Factor what both stages of a replay's step solve with."""
-    return Factor(system.M + h * _GAMMA * system.C + (h * _GAMMA) ** 2 * system.K)
+    less = None if system.drag is None else np.sqrt(h * _GAMMA) * system.drag
+    return Factor(system.M + h * _GAMMA * system.C + (h * _GAMMA) ** 2 * system.K, less)
 
 
 def replay(model: Replayed, forces: Forces) -> Iterator[Floats]:
@@ -95,7 +96,7 @@ def replay(model: Replayed, forces: Forces) -> Iterator[Floats]:
     """
     system, h = model.system, forces.interval / forces.substeps
     factor = model.factor or step_factor(system, h)
-    C, K, lift = csr_matrix(system.C), csr_matrix(system.K), csr_matrix(system.B.T)
+    K, lift = csr_matrix(system.K), csr_matrix(system.B.T)
     load, ground = np.ascontiguousarray(system.load), system.inertial(forces.ground)
     u, v = model.start.astype(float), np.zeros(system.size) if model.rate is None else model.rate
     yield u
@@ -104,24 +105,25 @@ def replay(model: Replayed, forces: Forces) -> Iterator[Floats]:
         for n in range((row - 1) * forces.substeps, row * forces.substeps):
             a_0, a_1 = ground[:, n], ground[:, n + 1]
             stages = (constant - load @ (a_0 + _GAMMA * (a_1 - a_0)), constant - load @ a_1)
-            u, v = _two_stages((factor, C, K), u, v, stages, h)
+            u, v = _two_stages(system, factor, K, (u, v), stages, h)
         yield u
 
 
 def _two_stages(
-    matrices: tuple[Factor, csr_matrix, csr_matrix],
-    u: Floats,
-    v: Floats,
+    system: System,
+    factor: Factor,
+    K: csr_matrix,
+    state: tuple[Floats, Floats],
     force: tuple[Floats, Floats],
     h: float,
 ) -> tuple[Floats, Floats]:
-    """One step of the scheme; force at its two stages."""
-    factor, C, K = matrices
+    """One step of the scheme from displacement and velocity; force at its two stages."""
+    u, v = state
     hg, hc = h * _GAMMA, h * (1.0 - _GAMMA)
-    a = factor.solve(force[0] - C @ v - K @ (u + hg * v))
+    a = factor.solve(force[0] - system.damping_force(v) - K @ (u + hg * v))
     v_1 = v + hg * a
     u_2, v_2 = u + hc * v_1, v + hc * a
-    a = factor.solve(force[1] - C @ v_2 - K @ (u_2 + hg * v_2))
+    a = factor.solve(force[1] - system.damping_force(v_2) - K @ (u_2 + hg * v_2))
     v_2 = v_2 + hg * a
     return u_2 + hg * v_2, v_2
 

@@ -19,7 +19,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.core.system import GapLaw
 from romdam.export.deck import Deck, Gaps, Motion, Solid
-from romdam.fem.damping import rayleigh_coefficients
+from romdam.fem.damping import joints_alone_hold, rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, water_force
 from romdam.fem.loads import static_force
 from romdam.fem.water.added_mass import added_mass
@@ -85,7 +85,7 @@ def build_deck(
         static=static,
         motion=motion,
         probes={probe.name: int(number[probe.block][probe.node]) for probe in scene.probes},
-        stated=tuple(_stated(scene)),
+        stated=tuple(_stated(scene, alpha)),
     )
 
 
@@ -180,9 +180,15 @@ def _law(scene: Scene, law: GapLaw) -> GapLaw:
     return replace(law, K_n=np.where(np.isinf(law.K_n), stiff, law.K_n))
 
 
-def _stated(scene: Scene) -> Iterator[str]:
+def _stated(scene: Scene, alpha: float) -> Iterator[str]:
     """State what no code has as romdam has it."""
     law = gap_law(scene)
+    loose = [part.name for part in scene_parts(scene).values() if joints_alone_hold(part, scene)]
+    if alpha > 0.0 and loose:
+        yield (
+            f"The mass term of Rayleigh damping, alpha = {alpha:.3g} 1/s, brakes the rigid motion of what "
+            f"joints alone hold ({', '.join(loose)}); in romdam it does not, and slips are larger."
+        )
     rigid = int(np.isinf(law.K_n).sum())
     if rigid:
         yield (

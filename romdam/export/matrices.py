@@ -1,10 +1,11 @@
 """Blocks and the whole system as matrices in Matrix Market and HDF5.
 
 Every block is part of M u'' + C u' + K u = force - inertia a_g + G^T p; the jumps w are the sum of G u over
-all blocks. At full order its unknowns are the displacements of all its nodes, supports not applied. Reduced,
-they are those that joints and outputs see, u_b, and coordinates z of its own: the basis V over the open-joint
-modes q has rows V_b there, and q = R u_b + N z with V_b R = 1 and V_b N = 0. N^T diag(omega^2) N is made
-diagonal, and R is such that u_b and z have no stiffness in common: the form of Craig and Bampton.
+all blocks. At full order its unknowns are the displacements of all its nodes, supports not applied, and C of
+what joints alone hold is `damping` less D D^T, D its `drag` (see `romdam.fem.damping`). Reduced, they are
+those that joints and outputs see, u_b, and coordinates z of its own: the basis V over the open-joint modes q
+has rows V_b there, and q = R u_b + N z with V_b R = 1 and V_b N = 0. N^T diag(omega^2) N is made diagonal,
+and R is such that u_b and z have no stiffness in common: the form of Craig and Bampton.
 """
 
 from __future__ import annotations
@@ -25,7 +26,13 @@ from romdam.core.scene import Block, Scene
 from romdam.core.sealed import creating
 from romdam.core.system import System
 from romdam.fem.assembly import assemble, inertia
-from romdam.fem.damping import further_damping, rayleigh_coefficients
+from romdam.fem.damping import (
+    further_damping,
+    joints_alone_hold,
+    rayleigh_coefficients,
+    rigid_drag,
+    sliding_motions,
+)
 from romdam.fem.gaps import gap_operators
 from romdam.fem.loads import surface_force
 from romdam.reduction.synthesis import ReducedModel
@@ -50,6 +57,7 @@ class BlockExport:
     gaps : (directions * ng, n) jump of all gaps
     inertia : (n, 3) M r for unit accelerations along x, y, z
     force : (n, 1) static force of all loads but weight and water in joints
+    drag : (n, k) D, where C is `damping` - D D^T, a full matrix; without columns where it is `damping`
     """
 
     unknowns: Unknowns
@@ -59,6 +67,7 @@ class BlockExport:
     gaps: csr_matrix
     inertia: Floats
     force: Floats
+    drag: Floats
 
 
 def write(
@@ -120,7 +129,28 @@ def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingCon
         gaps=csr_matrix(gaps[:, some]),
         inertia=inertia(block, M)[some],
         force=surface_force(scene, block.name).reshape(-1, 1)[some],
+        drag=_drag(scene, block, K, M, alpha)[some],
     )
+
+
+def _drag(scene: Scene, block: Block, K: csr_matrix, M: csr_matrix, alpha: float) -> Floats:
+    """D of a block, see `romdam.fem.damping`; without columns where not joints alone hold it."""
+    part = next(part for part in scene_parts(scene).values() if block.name in part.blocks)
+    brings = block.matrices is not None and block.matrices.C is not None
+    if alpha == 0.0 or brings or not joints_alone_hold(part, scene):
+        return np.zeros((K.shape[0], 0))
+    if len(part.blocks) > 1:
+        log.warning(
+            "block %s: its damping matrix acts on the rigid motion of %s, which joints alone hold and romdam "
+            "does not damp; `drag` of system.h5 takes that off",
+            block.name, part.name,
+        )  # fmt: skip
+        return np.zeros((K.shape[0], 0))
+    free = ~part.fixed(scene.fixed).ravel()
+    motions = sliding_motions(part, scene, K[free][:, free], M[free][:, free], free)
+    R = np.zeros((K.shape[0], motions.shape[1]))
+    R[free] = motions
+    return rigid_drag(alpha * (M @ R), R)
 
 
 def _named(block: Block, dof: Ints, motion: Ints, more: int = 0) -> Unknowns:
@@ -170,6 +200,7 @@ def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -
         gaps=csr_matrix(basis.vectors.under(gaps) @ T),
         inertia=T.T @ basis.participation,
         force=(T.T @ force).reshape(-1, 1),
+        drag=np.zeros((T.shape[1], 0)),
     )
 
 
@@ -198,7 +229,8 @@ def _transform(V_b: Floats, omega2: Floats) -> Floats | None:
 
 def _write_block(own: BlockExport, name: str, folder: Path) -> list[Path]:
     paths = [folder / f"{name}.h5", folder / f"{name}_unknowns.csv"]
-    keys = ("stiffness", "mass", "damping", "gaps", "inertia", "force")
+    keys = ["stiffness", "mass", "damping", "gaps", "inertia", "force"]
+    keys += ["drag"] if own.drag.shape[1] else []
     with creating(paths[0]) as file:
         file.attrs["units"] = "m-kg-s"
         write_unknowns(file, own.unknowns)
@@ -220,7 +252,10 @@ def _write_block(own: BlockExport, name: str, folder: Path) -> list[Path]:
 
 
 def _write_system(system: System, path: Path) -> Path:
-    """The system that is integrated: M u'' + C u' + K u = force - inertia a_g + G^T p, w = G u."""
+    """The system that is integrated: M u'' + C u' + K u = force - inertia a_g + G^T p, w = G u.
+
+    C is `damping`, less D D^T where there is a `drag` D.
+    """
     with creating(path) as file:
         file.attrs["units"] = "m-kg-s"
         file.attrs["directions"] = system.law.directions
@@ -230,6 +265,8 @@ def _write_system(system: System, path: Path) -> Path:
         write_matrix(file, "observe", csr_matrix(system.observe))
         file["inertia"] = system.load.toarray() if isinstance(system.load, csr_matrix) else system.load
         file["force"] = system.force
+        if system.drag is not None:
+            file["drag"] = system.drag
         blocks = file.create_group("blocks")
         for name, columns in system.parts.items():
             blocks.attrs[name] = (columns.start, columns.stop)

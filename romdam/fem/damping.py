@@ -1,4 +1,21 @@
-"""Damping coefficients from a configuration."""
+"""Damping of the solids from a configuration, Rayleigh's or modal; none on motions that joints alone hold.
+
+The mass term of Rayleigh damping is a drag against the ground. On a body that supports hold it stands for
+energy lost in strain. On a body that slides or rocks on joints it would brake the rigid motion, as a viscous
+friction that is not there. So the damping of the solids does not act on the rigid motions R that supports and
+viscous boundaries leave: with C_a = alpha M + beta K,
+
+    C = C_a - D D^T,   D = C_a R (R^T C_a R)^(-1/2),
+
+which is symmetric and positive semidefinite and has C R = 0. As K R = 0, D is sqrt(alpha) M R for R with
+R^T M R = 1; in open-joint modes alpha is left off those of zero frequency. Dashpots of viscous boundaries,
+damping in water and a damping matrix that a block brings act on rigid motions as on any other.
+
+References
+----------
+Hall, J. F. (2006), Problems encountered from the use (or misuse) of Rayleigh damping, Earthquake Engineering
+& Structural Dynamics 35, 525-545: mass-proportional damping acts on rigid motion as an external drag.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +23,14 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.config.sections.job import DampingConfig, RayleighConfig
-from romdam.core.arrays import Floats
-from romdam.core.scene import Block
+from romdam.core.arrays import Bools, Floats
+from romdam.core.scene import Block, Scene
 from romdam.fem.absorbing import boundary_dashpots
+from romdam.linalg.modes.rigid import rigid_modes
+from romdam.scene.supports import motions_of_pieces
+from romdam.scene.ties import Part
+
+_DRAG = 1e-9  # of the largest drag on a rigid motion, below which it is round-off
 
 
 def rayleigh_coefficients(rayleigh: RayleighConfig | None) -> tuple[float, float]:
@@ -36,8 +58,40 @@ def further_damping(block: Block, rayleigh: RayleighConfig | None) -> csr_matrix
     return csr_matrix(own.C - alpha * own.M - beta * own.K + boundary_dashpots(block))
 
 
+def joints_alone_hold(part: Part, scene: Scene) -> bool:
+    """Tell whether neither supports nor a viscous boundary stop every rigid motion of a part."""
+    viscous = any(scene.blocks[name].absorbing for name in part.blocks)
+    return not viscous and not part.stands_free(scene)
+
+
+def sliding_motions(part: Part, scene: Scene, K: csr_matrix, M: csr_matrix, free: Bools) -> Floats:
+    """Rigid motions (n, r) over a part's free DOFs that joints alone hold, M-orthonormal.
+
+    Parameters
+    ----------
+    K, M : (n, n) of the part over its free DOFs
+    free : (3 nodes,) True where no support holds
+    """
+    if not M.diagonal().any() or not joints_alone_hold(part, scene):
+        return np.zeros((K.shape[0], 0))
+    return rigid_modes(K, M, motions_of_pieces(part.mesh(scene.blocks), part.nodes)[free])
+
+
+def rigid_drag(inertia: Floats, R: Floats) -> Floats:
+    """D (n, k), whose D D^T is taken off a damping matrix so that it does not act on motions R.
+
+    Parameters
+    ----------
+    inertia : (n, r) alpha M R, the forces of the mass term on the motions at unit velocity
+    R : (n, r) the motions; those without drag have no column of D
+    """
+    drag, V = np.linalg.eigh(R.T @ inertia)
+    some = drag > _DRAG * drag.max(initial=0.0)
+    return np.asarray(inertia @ (V[:, some] / np.sqrt(drag[some])))
+
+
 def modal_coefficients(damping: DampingConfig, omega2: Floats) -> Floats:
-    """Modal damping coefficients 2 xi omega of the open-joint modes.
+    """Modal damping coefficients 2 xi omega of the open-joint modes, zero of rigid motions.
 
     Parameters
     ----------
@@ -51,7 +105,7 @@ def modal_coefficients(damping: DampingConfig, omega2: Floats) -> Floats:
     """
     if damping.modal is None:
         alpha, beta = rayleigh_coefficients(damping.rayleigh)
-        return alpha + beta * omega2
+        return np.where(omega2 > 0.0, alpha + beta * omega2, 0.0)
     given = np.atleast_1d(np.asarray(damping.modal, dtype=float))
     ranked = given[np.minimum(np.arange(len(omega2)), len(given) - 1)]
     ratio = np.empty_like(omega2)

@@ -10,7 +10,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Scene
 from romdam.core.system import PseudoStatic, System
-from romdam.fem.damping import further_damping, rayleigh_coefficients
+from romdam.fem.damping import further_damping, rayleigh_coefficients, rigid_drag, sliding_motions
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import static_force
@@ -44,7 +44,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     law, numbered, parts = gap_law(scene), unknowns(scene), scene_parts(scene)
     operators = gap_operators(scene, law.directions)
     more = point_operators(scene, law.directions)
-    K, M, B, load, at_point = [], [], [], [], []
+    K, M, B, load, at_point, rigid = [], [], [], [], [], []
     for name, part in parts.items():
         free = numbered.free[name]
         stiffness, mass, inertia = part_matrices(part, scene.blocks)
@@ -53,6 +53,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         B.append(part_operator(part, operators)[:, free])
         at_point += [] if more is None else [part_operator(part, more)[:, free]]
         load.append(part_inertia(part, scene, inertia)[free])
+        rigid.append(sliding_motions(part, scene, K[-1], M[-1], free))
     held = [part.stands_free(scene) for part in parts.values()]
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     mass, stiffness, shaken = csr_matrix(block_diag(M)), csr_matrix(block_diag(K)), np.vstack(load)
@@ -80,6 +81,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
         drive=deconvolution(scene.free_field, damping),
         pseudo_static=moving,
+        drag=_drag(scene, numbered, mass, alpha, rigid),
     )
     waves = reservoir_waves(scene)
     return system if waves is None else with_waves(system, waves, waves.on(numbered.of_block))
@@ -94,6 +96,27 @@ def _dashpots(scene: Scene, numbered: Unknowns, damping: DampingConfig) -> csr_m
         if own is not None:
             total = total + matrix.T @ own @ matrix
     return csr_matrix(total)
+
+
+def _drag(
+    scene: Scene, numbered: Unknowns, M: csr_matrix, alpha: float, rigid: list[Floats]
+) -> Floats | None:
+    """Factor D (n, k) of what is taken off the damping, see `romdam.fem.damping`; None where nothing is.
+
+    Parameters
+    ----------
+    M : (n, n) with the water's mass
+    rigid : of every part its motions that joints alone hold
+    """
+    R = csr_matrix(block_diag(rigid))
+    if alpha == 0.0 or not R.shape[1]:
+        return None
+    braked = M @ R
+    for name, matrix in numbered.of_block.items():
+        own = scene.blocks[name].matrices
+        if own is not None and own.C is not None:  # which stands in the place of Rayleigh's damping
+            braked = braked - matrix.T @ (own.M @ (matrix @ R))
+    return rigid_drag(alpha * braked.toarray(), R.toarray())
 
 
 def _support_load(scene: Scene, moving: PseudoStatic, numbered: Unknowns, water: AddedMass | None) -> Floats:

@@ -19,6 +19,8 @@ class Factor:
     Parameters
     ----------
     matrix : (n, n) sparse, of symmetric pattern and with a positive definite symmetric part
+    less : (n, k) E, where matrix - E E^T is to be solved with, positive definite too: by the formula of
+        Sherman, Morrison and Woodbury
 
     Raises
     ------
@@ -26,7 +28,7 @@ class Factor:
         where the matrix is singular.
     """
 
-    def __init__(self, matrix: spmatrix) -> None:
+    def __init__(self, matrix: spmatrix, less: Floats | None = None) -> None:
         self.size = matrix.shape[0]
         try:
             self._lu = splu(
@@ -40,12 +42,21 @@ class Factor:
                 f"a stiffness matrix of {self.size} unknowns is singular ({error}); "
                 "look for nodes that no element uses and for missing supports"
             ) from error
+        self._less = less
+        if less is not None:
+            self._answer = {wanted: self._lu.solve(np.ascontiguousarray(less), wanted) for wanted in "NT"}
+            self._rest = {wanted: np.eye(less.shape[1]) - less.T @ self._answer[wanted] for wanted in "NT"}
 
     def solve(self, right: Floats, transposed: bool = False) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides."""
         wanted = "T" if transposed else "N"
-        return np.asarray(self._lu.solve(np.ascontiguousarray(right, dtype=float), wanted))
+        answer = np.asarray(self._lu.solve(np.ascontiguousarray(right, dtype=float), wanted))
+        if self._less is None:
+            return answer
+        return np.asarray(
+            answer + self._answer[wanted] @ np.linalg.solve(self._rest[wanted], self._less.T @ answer)
+        )
 
     def negative(self) -> int:
-        """Number of negative eigenvalues: that of the negative pivots, which lie on the diagonal."""
+        """Number of negative eigenvalues of `matrix`: that of the negative pivots, on the diagonal."""
         return int(np.count_nonzero(self._lu.U.diagonal() < 0.0))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig
@@ -16,7 +17,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Scene
 from romdam.fem.assembly import inertia
-from romdam.fem.damping import modal_coefficients
+from romdam.fem.damping import modal_coefficients, rayleigh_coefficients, rigid_drag, sliding_motions
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import Unknowns, unknowns
 from romdam.fem.unreduced import MOST_WET, assemble_full
@@ -41,7 +42,8 @@ class NaturalModes:
     Attributes
     ----------
     freq : (m,) [Hz], zero of rigid motions
-    damping_ratio : (m,) of critical damping, by the configuration; NaN of rigid motions
+    damping_ratio : (m,) phi^T C phi / (2 omega phi^T M phi) of the damping that runs have; NaN of rigid
+        motions, and of bonded joints where ratios are given, which are of the modes with open joints
     shapes : block -> (m, n, 3), the largest displacement of all nodes is 1
     modal_mass : (m,) phi^T M phi of these shapes [kg]
     participation : (m, 3) phi^T M r / (phi^T M phi)
@@ -74,6 +76,7 @@ class _Pencil:
     shift : [1/s2], at which K - shift M is definite
     rigid : omega^2 up to which it is round-off [1/s2]
     motions : nodes and rigid motions of the rows
+    K_open : (n, n) K without springs of joints
     """
 
     K: csr_matrix
@@ -82,6 +85,7 @@ class _Pencil:
     shift: float
     rigid: float
     motions: Motions
+    K_open: csr_matrix
 
 
 def natural_modes(
@@ -122,7 +126,7 @@ def natural_modes(
     factor = modes.T @ load * scale[:, None]
     return NaturalModes(
         freq=np.sqrt(omega2) / (2.0 * np.pi),
-        damping_ratio=_ratios(damping, omega2),
+        damping_ratio=_ratios(scene, damping, replace(pencil, M=M), omega2, modes, bonded),
         shapes={name: own / scale[:, None, None] for name, own in shapes.items()},
         modal_mass=1.0 / scale**2,
         participation=factor,
@@ -139,7 +143,9 @@ def _pencil(scene: Scene, numbered: Unknowns, bonded: bool) -> _Pencil:
     heavy = system.M.diagonal() > 0.0
     stiffest = (system.K.diagonal()[heavy] / system.M.diagonal()[heavy]).max(initial=0.0)
     shift = -_SHIFT if system.floating else 0.0
-    return _Pencil(K, system.M, system.load, shift, _RIGID * float(stiffest), _motions(scene, numbered))
+    return _Pencil(
+        K, system.M, system.load, shift, _RIGID * float(stiffest), _motions(scene, numbered), system.K
+    )
 
 
 def _springs(scene: Scene, numbered: Unknowns) -> csr_matrix:
@@ -201,9 +207,24 @@ def _motion(pencil: _Pencil, modes: Floats) -> Floats:
     return np.asarray(along / along.sum(axis=1, keepdims=True))
 
 
-def _ratios(damping: DampingConfig, omega2: Floats) -> Floats:
+def _ratios(
+    scene: Scene, damping: DampingConfig, pencil: _Pencil, omega2: Floats, modes: Floats, bonded: bool
+) -> Floats:
+    """Damping ratios of M-orthonormal modes, see `NaturalModes`; M of the pencil with the water's."""
+    if damping.modal is not None:
+        c = np.full_like(omega2, np.nan) if bonded else modal_coefficients(damping, omega2)
+    else:
+        alpha, beta = rayleigh_coefficients(damping.rayleigh)
+        numbered, rigid = unknowns(scene), []
+        for name, part in scene_parts(scene).items():
+            rows = numbered.parts[name]
+            of_part = pencil.K_open[rows, rows], pencil.M[rows, rows]
+            rigid.append(sliding_motions(part, scene, *of_part, numbered.free[name]))
+        c, R = alpha + beta * (modes * (pencil.K_open @ modes)).sum(axis=0), block_diag(*rigid)
+        if R.shape[1]:
+            c -= ((rigid_drag(alpha * (pencil.M @ R), R).T @ modes) ** 2).sum(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = modal_coefficients(damping, omega2) / (2.0 * np.sqrt(omega2))
+        ratio = c / (2.0 * np.sqrt(omega2))
     return np.where(omega2 > 0.0, ratio, np.nan)
 
 

@@ -19,7 +19,7 @@ from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Scene
 from romdam.core.system import GapLaw, System
-from romdam.fem.damping import further_damping, modal_coefficients
+from romdam.fem.damping import further_damping, modal_coefficients, rayleigh_coefficients, rigid_drag
 from romdam.fem.free_field import boundary_load, deconvolution
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
@@ -187,11 +187,22 @@ def _with_dashpots(
     further = {name: further_damping(block, damping.rayleigh) for name, block in scene.blocks.items()}
     if all(own is None for own in further.values()):
         return system
-    C = system.C.toarray()
+    C, mass = system.C.toarray(), system.M.toarray()  # the mass that Rayleigh's alpha acts on
+    rigid = (system.K.diagonal() == 0.0) & (system.M.diagonal() > 0.0)
+    free = rigid.copy()
     for name, own in further.items():
+        part, block = basis[name], scene.blocks[name]
         if own is not None:
-            part = basis[name]
             C[part.columns, part.columns] += part.vectors.project(part.vectors.under(own))
+        if block.matrices is not None and block.matrices.C is not None:
+            mass[part.columns, part.columns] -= part.vectors.project(part.vectors.under(block.matrices.M))
+        if block.absorbing:  # its boundary holds it, and so not its joints alone
+            free[part.columns] = False
+    alpha, _ = rayleigh_coefficients(damping.rayleigh)
+    if alpha > 0.0 and rigid.any():
+        C += alpha * np.diag(rigid)
+        D = rigid_drag(alpha * mass[:, free], np.eye(len(free))[:, free])
+        C -= D @ D.T
     return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
 

@@ -121,6 +121,12 @@ def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
     return motions
 
 
+def motions_of_pieces(block: Block, nodes: int) -> Floats:
+    """Displacement (3 nodes, 6 pieces) of the first nodes in the rigid motions of each piece of a block."""
+    count, piece = _pieces(block)
+    return _placed(block, np.arange(nodes), 6 * piece, 6 * count).reshape(3 * nodes, 6 * count)
+
+
 def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
     """Rigid motions of nodes (n, 3, width), each at the columns of its body (`first`, by node)."""
     own = rigid_motions(block, nodes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
@@ -121,7 +122,8 @@ def modes_table(dataset: xr.Dataset) -> Table:
         one, share = dataset.sel(mode=mode), shares.sel(mode=mode).values
         freq, ratio = float(one.frequency), float(one.damping_ratio)
         row = [f"{freq:.4f}", *([f"{float(one.dry_frequency):.4f}"] if dry else [])]
-        row += [f"{1.0 / freq:.4f}", f"{100.0 * ratio:.2f}"] if freq > 0.0 else ["rigid motion", "-"]
+        row.append(f"{1.0 / freq:.4f}" if freq > 0.0 else "rigid motion")
+        row.append(f"{100.0 * ratio:.2f}" if isfinite(ratio) else "-")
         row += [f"{value:.3f}" for value in one.participation_factor.values.round(3) + 0.0]  # no -0.000
         table.add_row(str(mode), *row, *(f"{value:.2f}" for value in share))
     sums = (f"{value:.2f}" for value in shares.sum("mode").values)

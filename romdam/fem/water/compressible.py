@@ -118,6 +118,7 @@ def with_waves(system: System, waves: Waves, B: csr_matrix) -> System:
         at_point=None if more is None else _widened(more, m),
         drive=waves.drive,
         gyroscopic=True,
+        drag=None if system.drag is None else np.vstack([system.drag, np.zeros((m, system.drag.shape[1]))]),
     )
 
 

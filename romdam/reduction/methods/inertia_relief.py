@@ -12,20 +12,12 @@ Rubin, AIAA Journal 13 (1975) 995; Craig, Kurdila, Fundamentals of Structural Dy
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigh
 from scipy.sparse import csc_matrix, csr_matrix
 
 from romdam.core.arrays import Floats, Ints
-from romdam.reduction.methods.craig_bampton import FREE_SHIFT
 
 # square of what is left of a load of unit length, below which that is round-off
 _BALANCED = 1e-10
-
-
-def rigid_modes(K: csr_matrix, M: csr_matrix, motions: Floats) -> Floats:
-    """M-orthonormal combinations (n, r) of six rigid motions (n, 6) that strain nothing."""
-    omega2, V = eigh(motions.T @ (K @ motions), motions.T @ (M @ motions))
-    return np.asarray(motions @ V[:, omega2 < FREE_SHIFT])
 
 
 def unbalanced(loads: csc_matrix, rigid: Floats, M: csr_matrix) -> Ints:

@@ -11,11 +11,12 @@ from romdam.core.arrays import Floats
 from romdam.core.scene import Bools, Ints, Scene
 from romdam.fem.parts import gather, part_matrices
 from romdam.fem.water.added_mass import WetMass
+from romdam.linalg.modes.rigid import rigid_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.boundary_forces import boundary_tractions, free_field_forces
 from romdam.reduction.methods.craig_bampton import FREE_SHIFT
-from romdam.reduction.methods.inertia_relief import rigid_modes, unbalanced
+from romdam.reduction.methods.inertia_relief import unbalanced
 from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import Part
 

@@ -133,7 +133,8 @@ def _compile(problem: GapProblem) -> None:
 def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
     s = scheme(options.rho_inf)
     A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
-    factor = Factor(A)
+    less = None if system.drag is None else np.sqrt((1.0 - s.a_f) * s.gamma * dt) * system.drag
+    factor = Factor(A, less)
     X = factor.solve(system.B.T.toarray(), transposed=system.gyroscopic)
     H = s.beta * dt**2 * np.asarray(system.B @ X)
     problem = system_gap_problem(system, H, dt, s.a_f / (1.0 - s.a_f) if options.midpoint else 0.0)
@@ -151,7 +152,7 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     before, after = ground.T
     external = system.force - system.load @ ((1.0 - s.a_f) * after + s.a_f * before)
     right = external - s.a_m * inertia_old
-    right -= system.C @ ((1.0 - s.a_f) * v_star + s.a_f * v_old)
+    right -= system.damping_force((1.0 - s.a_f) * v_star + s.a_f * v_old)
     right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
     w_free = stepper.operator @ u_star + s.beta * dt**2 * (stepper.X.T @ right) + carried.jump
     y = np.empty(len(w_free))
@@ -172,7 +173,7 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     state.v = v_star + s.gamma * dt * state.a
     state.inertia = system.M @ state.a
     moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
-    damping = system.C @ rate
+    damping = system.damping_force(rate)
     energies.input += float((system.force - system.load @ ground.mean(axis=1)) @ moved) + fed
     energies.damping += dt * float(rate @ damping)
     energies.joint_work += float((acting * (state.jump - jump_old)).sum()) - fed
