@@ -65,10 +65,11 @@ def test_a_matrix_that_a_block_brings_acts_as_it_is_and_is_told():
     block = plain.blocks["block"]
     K, M = assemble(block)
     motion = np.tile(np.arange(3), (len(block.points), 1))
+    unit = translations(len(block.points))
     job = Job(parse_config(raw, "job.yaml"), Path("job.yaml"))
     told = {}
     for name, C in (("braked", ALPHA * M + BETA * K), ("free", BETA * K)):
-        own = BlockMatrices(K, M, motion, C, None, np.zeros(K.shape[0]))
+        own = BlockMatrices(K, M, motion, unit, C, None, np.zeros(K.shape[0]))
         brought = replace(plain, blocks=plain.blocks | {"block": replace(block, matrices=own)})
         system = assemble_full(brought, DAMPING)
         rows = system.parts["block"]
