@@ -6,13 +6,11 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.fem.damping import joints_alone_hold, sliding_motions
+from romdam.fem.damping import brings_damping, drag_of_matrix, joints_alone_hold
 from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
 from romdam.records.processing.resampling import lost_between
@@ -63,7 +61,7 @@ def telling_doubts_of(scene: Scene, job: Job) -> Job:
 def _of_damping(job: Job, scene: Scene) -> Iterator[str]:
     """Damping of blocks that joints with friction alone hold: not of rigid motions, but by their matrices."""
     sliding = [part for part in scene_parts(scene).values() if _slides(part, scene)]
-    names = [n for part in sliding for n in part.blocks if not _brings_damping(scene, n)]
+    names = [n for part in sliding for n in part.blocks if not brings_damping(scene.blocks[n])]
     if names and job.config.damping.acts:
         yield (
             f"damping: acts on what strains {', '.join(names)}, and not on their rigid motions, which joints "
@@ -71,16 +69,15 @@ def _of_damping(job: Job, scene: Scene) -> Iterator[str]:
             "the ratios that are given; `romdam modes --joints bonded` states how much for damping.rayleigh"
         )
     for part in sliding:
-        for name in part.blocks:
-            drag = _drag(part, scene, name) if _brings_damping(scene, name) else 0.0
-            if drag > _LEAST_DRAG:
-                slow, fast = (f"{drag * v / _G:.2g} at {v:g} m/s" for v in _SLIDES)
-                yield (
-                    f"blocks.{name}.matrices.damping: acts on rigid motion too, up to {drag:.3g} 1/s times "
-                    f"mass: {name}, held by joints with friction alone, slides against it, as if friction "
-                    f"were higher by {slow} and {fast}. Slips come out too small; write a matrix that leaves "
-                    "rigid motions alone, or leave it out and give `damping`"
-                )
+        drag = drag_of_matrix(part, scene)
+        if drag > _LEAST_DRAG:
+            slow, fast = (f"{drag * v / _G:.2g} at {v:g} m/s" for v in _SLIDES)
+            yield (
+                f"blocks.{part.name}.matrices.damping: acts on rigid motion too, up to {drag:.3g} 1/s times "
+                f"mass: {part.name}, held by joints with friction alone, slides against it, as if friction "
+                f"were higher by {slow} and {fast}. Slips come out too small; write a matrix that leaves "
+                "rigid motions alone, or leave it out and give `damping`"
+            )
 
 
 def _slides(part: Part, scene: Scene) -> bool:
@@ -89,20 +86,6 @@ def _slides(part: Part, scene: Scene) -> bool:
     rubs = any((j.mu > 0.0).any() or any(rows.shear for rows in j.laws) for j in joints)
     massive = any(scene.blocks[name].material.rho > 0.0 for name in part.blocks)
     return massive and rubs and joints_alone_hold(part, scene)
-
-
-def _brings_damping(scene: Scene, name: str) -> bool:
-    matrices = scene.blocks[name].matrices
-    return matrices is not None and matrices.C is not None
-
-
-def _drag(part: Part, scene: Scene, name: str) -> float:
-    """Largest drag on a rigid motion by the damping matrix that a block brings, over its mass [1/s]."""
-    matrices, free = scene.blocks[name].matrices, ~part.fixed(scene.fixed).ravel()
-    assert matrices is not None and matrices.C is not None
-    K, M, C = (matrix[free][:, free] for matrix in (matrices.K, matrices.M, matrices.C))
-    R = sliding_motions(part, scene, K, M, free)
-    return float(np.linalg.eigvalsh(R.T @ (C @ R)).max(initial=0.0))
 
 
 def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:

@@ -27,6 +27,7 @@ from romdam.core.sealed import creating
 from romdam.core.system import System
 from romdam.fem.assembly import assemble, inertia
 from romdam.fem.damping import (
+    brings_damping,
     further_damping,
     joints_alone_hold,
     rayleigh_coefficients,
@@ -136,8 +137,7 @@ def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingCon
 def _drag(scene: Scene, block: Block, K: csr_matrix, M: csr_matrix, alpha: float) -> Floats:
     """D of a block, see `romdam.fem.damping`; without columns where not joints alone hold it."""
     part = next(part for part in scene_parts(scene).values() if block.name in part.blocks)
-    brings = block.matrices is not None and block.matrices.C is not None
-    if alpha == 0.0 or brings or not joints_alone_hold(part, scene):
+    if alpha == 0.0 or brings_damping(block) or not joints_alone_hold(part, scene):
         return np.zeros((K.shape[0], 0))
     if len(part.blocks) > 1:
         log.warning(

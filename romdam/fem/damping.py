@@ -90,6 +90,22 @@ def rigid_drag(inertia: Floats, R: Floats) -> Floats:
     return np.asarray(inertia @ (V[:, some] / np.sqrt(drag[some])))
 
 
+def drag_of_matrix(part: Part, scene: Scene) -> float:
+    """Largest drag on a rigid motion that joints alone hold, by a block's damping matrix, over mass [1/s]."""
+    matrices = scene.blocks[part.blocks[0]].matrices  # no tie takes such a block
+    if matrices is None or matrices.C is None:
+        return 0.0
+    free = ~part.fixed(scene.fixed).ravel()
+    K, M, C = (csr_matrix(matrix[free][:, free]) for matrix in (matrices.K, matrices.M, matrices.C))
+    R = sliding_motions(part, scene, K, M, free)
+    return float(np.linalg.eigvalsh(R.T @ (C @ R)).max(initial=0.0))
+
+
+def brings_damping(block: Block) -> bool:
+    """Tell whether a block has a damping matrix, which stands in place of Rayleigh damping."""
+    return block.matrices is not None and block.matrices.C is not None
+
+
 def modal_coefficients(damping: DampingConfig, omega2: Floats) -> Floats:
     """Modal damping coefficients 2 xi omega of the open-joint modes, zero of rigid motions.
 
