@@ -53,7 +53,8 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
         assert finer is not None
         prepared = prepare(trial, reduced.system)
         history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
-        if estimate_run(trial, finer, motion, history).errors["opening"].l2 <= accuracy:
+        errors = estimate_run(trial, finer, motion, history).errors  # none where it is unknown
+        if errors and errors["opening"].l2 <= accuracy:
             return trial
         count = math.ceil(GROWTH * count)
     return with_modes(job, "all")

@@ -373,7 +373,7 @@ def _estimated(
 ) -> tuple[History, ErrorStatement | None]:
     """Estimate a run's error, see `with_estimates`; nothing is timed where none is made."""
     if model.finer is None:
-        return history, None
+        return with_estimates(job, model, motion, history)
     with clock.stage("estimate", "estimating the error"):
         return with_estimates(job, model, motion, history)
 

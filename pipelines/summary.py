@@ -44,7 +44,7 @@ class Made:
         motion = self.case.motion
         key = fingerprint((job.digest, motion.acc, motion.dt))
         stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
-        if self.estimate is not None:
+        if self.estimate is not None and self.estimate.errors:
             stated["estimated_reduction_error"] = self.estimate.errors["opening"].l2
         return Row(key, "", row_values(self.case, stated), self.kept)
 

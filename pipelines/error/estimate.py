@@ -13,9 +13,9 @@ from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import at_once, cpu_time
 from romdam.error.estimate import FinerModel, estimate_error, estimate_time_error
-from romdam.error.statement import ErrorStatement
+from romdam.error.statement import ErrorStatement, unknown_estimate
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
-from romdam.reduction.refinement import embedding
+from romdam.reduction.refinement import embedding, parts_without_refinement
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
 from romdam.timestepping.integrators.registry import integrator_class
@@ -25,17 +25,24 @@ log = logging.getLogger(__name__)
 
 
 def can_estimate(job: Job) -> bool:
-    """Tell whether an estimate is wanted and can be made.
+    """Tell whether an estimate is wanted, which it is not without joints, and can be made."""
+    return _is_wanted(job) and not obstacle(job)
 
-    There is none without joints, with modes that something couples, with an integrator that cannot go on from
-    a row of the run, and without damping: undamped histories part in time whatever the basis, and their peaks
-    are what counts.
-    """
-    config = job.config
-    wanted = config.outputs.error_estimate and bool(config.every_joint)
-    named = config.transient.integrator
-    resumes = named is None or integrator_class(named).resumes
-    return wanted and config.damping.acts and coupling(config) is None and resumes
+
+def _is_wanted(job: Job) -> bool:
+    return job.config.outputs.error_estimate and bool(job.config.every_joint)
+
+
+def obstacle(job: Job) -> str:
+    """Say what keeps the reduction error of a job from being estimated; empty where nothing does."""
+    config, named = job.config, job.config.transient.integrator
+    if (coupled := coupling(config)) is not None:
+        return f"{coupled.by} ({coupled.key}) couple the modes, which no estimate is made for"
+    if named is not None and not integrator_class(named).resumes:
+        return f"transient.integrator {named} cannot go on from a row of the run"
+    if not config.damping.acts:
+        return "without damping histories part in time whatever the basis, and their peaks are what counts"
+    return ""
 
 
 def reduced_models(
@@ -46,17 +53,21 @@ def reduced_models(
     if model.modes == "all" or not can_estimate(job):
         return reduce_scene(scene, model, damping, store), None
     reduced, fine = reduce_scene_twice(scene, model, damping, store)
-    return reduced, FinerModel(prepare(job, fine.system), embedding(scene, reduced, fine))
+    not_finer = tuple(parts_without_refinement(scene, reduced, fine))
+    return reduced, FinerModel(prepare(job, fine.system), embedding(scene, reduced, fine), not_finer)
 
 
 def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: History) -> ErrorStatement:
-    """Estimate what leaving out modes has changed in a run, and what the estimate cost.
+    """Estimate what leaving out modes has changed in a run, and what the estimate cost; or say it is unknown.
 
     Raises
     ------
     ConvergenceError
         where a step of the finer model does not converge.
     """
+    if finer.not_finer:
+        names = ", ".join(finer.not_finer)
+        return unknown_estimate(f"the finer basis to compare with is the run's own in part {names}")
     start = cpu_time()
     chosen = history.stats["finest_step"], history.stats["base_step"]
     settings = settings_for(job, finer.prepared, motion, chosen)
@@ -71,11 +82,12 @@ def with_estimates(
 ) -> tuple[History, ErrorStatement | None]:
     """Estimate the error of a run's steps, which joins its stats, and of leaving out modes.
 
-    There is neither where the model has no finer one nor where one of the two fails, as it does where a step
-    does not converge: the run says why in its warnings.
+    Where an estimate is wanted and none can be made, the error is stated to be unknown. Where one of the two
+    fails, as it does where a step does not converge, the run says why in its warnings too.
     """
     if (finer := model.finer) is None:
-        return history, None
+        leaves_out = model.reduced is not None and job.config.model.modes != "all" and _is_wanted(job)
+        return history, unknown_estimate(obstacle(job)) if leaves_out and obstacle(job) else None
 
     def of_modes() -> ErrorStatement:
         return estimate_run(job, finer, motion, history)
@@ -90,7 +102,7 @@ def with_estimates(
     except recoverable() as error:
         why = f"its error is not estimated: {told(error)}"
         log.warning("%s: %s", motion.name, why)
-        return replace(history, warnings=(*history.warnings, why)), None
+        return replace(history, warnings=(*history.warnings, why)), unknown_estimate(told(error))
     return replace(history, stats=history.stats | more), statement
 
 

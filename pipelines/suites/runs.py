@@ -125,7 +125,7 @@ def _row(
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
     (motion, history), stated = made, dict[str, float]()
     history, estimate = with_estimates(suite.job, model, motion, history)
-    if estimate is not None:
+    if estimate is not None and estimate.errors:
         stated["estimated_reduction_error"] = estimate.errors["opening"].l2
     history, stress = stress_of(model.scene, model.stress, history)
     case = Case(model.scene, motion, history, stress)

@@ -33,10 +33,18 @@ _REST = 1.0  # [s] at the window's end, over which the two models' distance is a
 
 @dataclass(frozen=True)
 class FinerModel:
-    """A finer reduced model, and the matrix (fine, coarse) that writes a motion of the run's own in it."""
+    """A finer reduced model.
+
+    Attributes
+    ----------
+    prepared : its system
+    embed : (fine, coarse) matrix that writes a motion of the run in it
+    not_finer : parts of which it is no finer than the run's model, see `parts_without_refinement`
+    """
 
     prepared: Prepared
     embed: csr_matrix
+    not_finer: tuple[str, ...] = ()
 
 
 def estimate_error(finer: FinerModel, history: History, ground: Floats, settings: Settings) -> ErrorStatement:
@@ -97,6 +105,8 @@ def _openings(
         rows = moving_rows(history, {}, interval)
         return opening[rows], run_window(finer, history, ground, settings, rows).jump[..., 0], rows
     rows = moving_rows(history, law.joints, interval)
+    if law.laws:  # what they remember, such as which bonds are lost, no row tells: both begin at rest
+        rows = slice(0, rows.stop)
     better = run_window(finer, history, ground, settings, rows).jump[..., 0]
     return opening, continued(opening, better, rows, max(1, round(_REST / interval))), rows
 

@@ -64,7 +64,7 @@ class ErrorStatement:
     ----------
     kind : what it was compared with
     sentence : for a reader
-    errors : quantity ("opening", "displacement", "energy") -> its relative error
+    errors : quantity ("opening", "displacement", "energy") -> its relative error; empty where it is unknown
     details : further plain values, name -> value
     """
 
@@ -87,14 +87,24 @@ class ErrorStatement:
     def write_to(self, dataset: xr.Dataset) -> None:
         """State it in a dataset with dimension `joint`; an estimate is stated for each joint too."""
         dataset.attrs.update(self.attributes)
-        joints = self.errors["opening"].joints
-        if self.kind != "estimate" or not joints:
+        opening = self.errors.get("opening")
+        if self.kind != "estimate" or opening is None or not opening.joints:
             return
+        joints = opening.joints
         for measure, what in (("l2", "of the openings in L2"), ("peak", "of the largest opening, at most")):
             values = np.array([getattr(joints[str(name)], measure) for name in dataset.joint.values])
             name = f"estimated relative error {what}, from leaving out modes"
             about = {"long_name": name, "units": "1", "comment": _RELATIVE}
             dataset[f"estimated_error_{measure}"] = ("joint", values, about)
+
+
+def unknown_estimate(why: str) -> ErrorStatement:
+    """State that the error of leaving out modes is unknown, and why."""
+    sentence = (
+        f"What leaving out modes changes is unknown: {why}. `romdam certify` and `romdam verify` state it "
+        "where they can."
+    )
+    return ErrorStatement("estimate", sentence, {})
 
 
 def percent(value: float) -> str:

@@ -33,6 +33,25 @@ def much_finer(choice: ModeChoice) -> ModeChoice:
     return replace(choice, cutoff=2.0 * (choice.cutoff or 0.0), residual_vectors=residual)
 
 
+def parts_without_refinement(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> list[str]:
+    """Name the parts whose finer basis is the coarse one, although that is not all of the mesh.
+
+    What their basis leaves out shows in no difference of the two models. Parts without mass are exact.
+    """
+    found = []
+    for part in scene_parts(scene).values():
+        size, finer = (_vectors(model.basis[part.blocks[0]].vectors) for model in (coarse, fine))
+        free = int((~part.fixed(scene.fixed)).sum())
+        if size == finer < free and not has_no_mass(part, scene):
+            found.append(part.name)
+    return found
+
+
+def _vectors(basis: Basis) -> int:
+    """How many vectors span a basis, turned into other coordinates or not."""
+    return _vectors(basis.left) if isinstance(basis, Lazy) else basis.shape[1]
+
+
 def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_matrix:
     """(fine, coarse) matrix that writes a motion of the coarse model in the fine one's coordinates.
 

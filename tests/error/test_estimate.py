@@ -70,7 +70,7 @@ def test_only_joints_that_slide_are_followed_for_as_long_as_they_move(monkeypatc
         return SimpleNamespace(jump=1.01 * history.jump[rows])
 
     monkeypatch.setattr(estimate, "run_window", larger)
-    law = SimpleNamespace(directions=directions, joints={"J": slice(0, 3)})
+    law = SimpleNamespace(directions=directions, joints={"J": slice(0, 3)}, laws=())
     finer = SimpleNamespace(prepared=SimpleNamespace(system=SimpleNamespace(law=law)))
     settings = SimpleNamespace(steps=SimpleNamespace(interval=INTERVAL))
     statement = estimate_error(finer, run, None, settings)

@@ -8,6 +8,7 @@ what a ground motion larger by so much changes in a run: where that is much, no 
 to the truth.
 
     python tests/reference/estimate_truth.py                       30 cases of two cantilevers, 8 with mortar
+    python tests/reference/estimate_truth.py --scenes              29 of blocks tied, bonded, keyed, wet, ...
     python tests/reference/estimate_truth.py configs/koyna.yaml    any configuration, its first record
     python tests/reference/estimate_truth.py configs/koyna.yaml --ground 1e-5
     python tests/reference/estimate_truth.py configs/arch_dam.yaml --begin 4 --seconds 5.4 --full 0.00125
@@ -22,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from certificate_truth import CASES, MORTAR_CASES, make_job
+from estimate_scenes import scene_cases
 
 from romdam.config.load import Job, load_config
 from romdam.core.arrays import Floats
@@ -31,6 +33,7 @@ from romdam.core.system import History, System
 from romdam.core.threads import one_thread
 from romdam.error.metrics import RelativeError, opening_error
 from romdam.fem.unreduced import assemble_full
+from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.records.record_set import load_motions
@@ -64,10 +67,12 @@ class Case:
     motion: GroundMotion
     scene: Scene
 
-    def simulated(self, system: System, finest: float, integrator: str | None = None) -> History:
-        """A run at a finest step [s]."""
+    def simulated(
+        self, system: System, finest: float, integrator: str | None = None, base: float | None = None
+    ) -> History:
+        """A run at a finest step and a base step, that of the record if not given [s]."""
         prepared = prepare(self.job, system, integrator)
-        settings = settings_for(self.job, prepared, self.motion, (finest, self.motion.dt))
+        settings = settings_for(self.job, prepared, self.motion, (finest, base or self.motion.dt))
         if integrator is not None:
             interval = settings.steps.interval
             settings = replace(settings, steps=prepared.integrator.steps(finest, self.motion.dt, interval))
@@ -92,10 +97,10 @@ def cantilevers(record: str, scene: str) -> tuple[Case, Floats]:
     return case, with_all_modes(case, 0.000625)
 
 
-def with_all_modes(case: Case, finest: float) -> Floats:
+def with_all_modes(case: Case, finest: float, base: float | None = None) -> Floats:
     """Openings (nt, gaps) with all modes of the mesh [m]."""
     system = reduce_scene(case.scene, ALL_MODES, case.job.config.damping).system
-    return case.simulated(system, finest).jump[..., 0]
+    return case.simulated(system, finest, base=base).jump[..., 0]
 
 
 def measure(case: Case, truth: Floats | None = None, full: float | None = None) -> list[Row]:
@@ -106,6 +111,8 @@ def measure(case: Case, truth: Floats | None = None, full: float | None = None) 
     truth : (nt, gaps) true openings [m]
     full : step of the unreduced mesh that the truth is to be taken from [s]
     """
+    if case.job.config.model.modes == "auto":
+        case = replace(case, job=choose_modes(case.job, case.scene, [case.motion]))
     reduced, finer = reduced_models(case.job, case.scene)
     assert finer is not None
     duration = case.job.config.transient.duration
@@ -120,7 +127,7 @@ def measure(case: Case, truth: Floats | None = None, full: float | None = None) 
         steps = opening_error(run.jump[..., 0], opening)
         sys.stdout.write(f"{case.name}: what the steps of both change: L2 {100 * steps.l2:.3f} %\n")
     elif truth is None:
-        truth = with_all_modes(case, run.stats["finest_step"])
+        truth = with_all_modes(case, run.stats["finest_step"], run.stats["base_step"])
     joints = reduced.system.law.joints
     true = opening_error(opening, truth, joints)
     rows = [Row(case.name, "all", float(truth.max()), true, estimated)]
@@ -159,7 +166,10 @@ def tables(asked: argparse.Namespace) -> Iterator[list[Row]]:
             sys.stdout.write(sensitivity(case, asked.ground))
         else:
             yield measure(case, full=asked.full)
-    for record, scene, base in [] if asked.configurations else [*CASES, *MORTAR_CASES]:
+    for name, some in scene_cases(asked.seconds or 4.0) if asked.scenes else ():
+        yield measure(replace(case_of(name, some), name=name))
+    others = [] if asked.configurations or asked.scenes else [*CASES, *MORTAR_CASES]
+    for record, scene, base in others:
         whole, truth = cantilevers(record, scene)
         yield measure(replace(whole, name=f"{whole.name} {base}", job=make_job(record, scene, base)), truth)
 
@@ -168,6 +178,7 @@ def tables(asked: argparse.Namespace) -> Iterator[list[Row]]:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("configurations", nargs="*")
+    parser.add_argument("--scenes", action="store_true", help="small scenes of every way to meet")
     parser.add_argument("--begin", type=float, default=0.0, help="of the record [s]")
     parser.add_argument("--seconds", type=float)
     parser.add_argument("--full", type=float, help="step of the unreduced mesh [s]")

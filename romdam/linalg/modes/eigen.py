@@ -120,6 +120,7 @@ def span_of_modes(
     solver: Solver,
     shift: float,
     beyond: float = 1.0,
+    further: int = 0,
 ) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """Vectors that span the modes of `modes_below`, and some beyond, a few at a time.
 
@@ -128,7 +129,8 @@ def span_of_modes(
     Parameters
     ----------
     which : so many, or all below a frequency [Hz]
-    beyond : up to so many times the highest frequency some more vectors are made, of modes or near them
+    beyond : up to so many times the highest frequency more vectors are made, of modes or near them
+    further : and at least so many, where a gap in the spectrum is there too
 
     Returns
     -------
@@ -140,18 +142,26 @@ def span_of_modes(
     if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
         wanted = Wanted(count, np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2)
         if isinstance(solver, CondensedSingle | Multifrontal) and len(solver.outer) < K.shape[0]:
-            return _outer_modes(csr_matrix(M), wanted, solver, shift, beyond)
-        return krylov_modes(Flexibility(csr_matrix(M), solver.solve, shift, K), wanted, beyond)
+            return _outer_modes(csr_matrix(M), wanted, solver, shift, beyond, further)
+        return krylov_modes(Flexibility(csr_matrix(M), solver.solve, shift, K), wanted, beyond, further)
     omega2, modes = modes_below(K, M, count, cutoff, solver, shift)
-    counts = len(omega2), len(omega2)
-    if beyond > 1.0 and counts[0] and omega2[-1] > 0.0:
-        further = modes_below(K, M, None, beyond * np.sqrt(omega2[-1]) / (2.0 * np.pi), solver, shift)[1]
-        modes, counts = np.hstack([modes, further[:, counts[0] :]]), (counts[0], further.shape[1])
-    return counts, lambda first, last: modes[:, first:last]
+    first = len(omega2)
+    if beyond > 1.0 and first and omega2[-1] > 0.0:
+        more = modes_below(K, M, None, beyond * np.sqrt(omega2[-1]) / (2.0 * np.pi), solver, shift)[1]
+        modes = np.hstack([modes, more[:, first:]])
+    if modes.shape[1] < first + further:
+        more = lowest_modes(K, M, first + further, solver, shift)[1]
+        modes = np.hstack([modes[:, :first], more[:, first:]])
+    return (first, modes.shape[1]), lambda a, b: modes[:, a:b]
 
 
 def _outer_modes(
-    M: csr_matrix, wanted: Wanted, solver: CondensedSingle | Multifrontal, shift: float, beyond: float
+    M: csr_matrix,
+    wanted: Wanted,
+    solver: CondensedSingle | Multifrontal,
+    shift: float,
+    beyond: float,
+    further: int,
 ) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """`span_of_modes` where all mass is on the solver's outer rows: found there, then carried inside."""
     own = csr_matrix(M[solver.outer][:, solver.outer])
@@ -162,7 +172,7 @@ def _outer_modes(
         if count:
             solver.sharpen(vectors)
         del vectors
-    counts, make = krylov_modes(Flexibility(own, solver.near.solve, shift), wanted, beyond)
+    counts, make = krylov_modes(Flexibility(own, solver.near.solve, shift), wanted, beyond, further)
 
     def over_all(first: int, last: int) -> Floats:
         forces = np.zeros((M.shape[0], last - first))

@@ -91,7 +91,7 @@ class _Ritz:
 
 
 def krylov_modes(
-    D: Flexibility, wanted: Wanted, beyond: float = 1.0
+    D: Flexibility, wanted: Wanted, beyond: float = 1.0, further: int = 0
 ) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """Lowest modes, and a second space of random vectors beside them that looks for one that was missed.
 
@@ -99,6 +99,7 @@ def krylov_modes(
     ----------
     D : of n unknowns
     beyond : what the Krylov space holds of further modes comes too, up to so many times the highest frequency
+    further : and at least so many of them, as far as the space goes
 
     Returns
     -------
@@ -115,12 +116,15 @@ def krylov_modes(
     elastic = wanted if wanted.count is None else Wanted(max(wanted.count - rigid, 0))
     if D.size == rigid or elastic.count == 0:
         few = rigid if wanted.count is None else min(wanted.count, rigid)
-        return (few, few), lambda first, last: D.rigid[:, first:last]
+        if D.size == rigid or not further:
+            return (few, few), lambda first, last: D.rigid[:, first:last]
+        (_, every), make = krylov_modes(D, Wanted(rigid + further))
+        return (few, min(few + further, every)), make
     width, limit = WIDTH, 1.0 / (wanted.limit - D.shift)
     while width <= _WIDEST:
         count, ritz = _searched(D, elastic, limit, (width, RESIDUAL))
         highest = limit if wanted.count is None else float(ritz.mu[count - 1])
-        more = max(count, int((ritz.mu >= highest / beyond**2).sum()))
+        more = max(int((ritz.mu >= highest / beyond**2).sum()), min(count + further, len(ritz.mu)))
         X, mu = ritz.first(more), ritz.mu[:more]
         lowest = limit if wanted.count is None else highest * (1.0 + _BELOW)
         if not _missed(D, X[:, :count], lowest):

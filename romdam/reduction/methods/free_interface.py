@@ -63,8 +63,9 @@ from romdam.scene.ties import Part
 
 log = logging.getLogger(__name__)
 
-# times the highest frequency of the modes: so far go those of the basis that estimates compare with
-BEYOND = 1.5
+# The basis that estimates compare with has modes up to so many times the highest frequency, at least so many
+# more of them, and as many answers to the inertia of the lowest vectors that are no modes.
+BEYOND, FURTHER = 1.5, 10
 _NODES = 4096  # of a block's basis at a time
 _TOGETHER, _READ = 64, 200e6  # modes looked at, and bytes of them: each time all of them are read
 
@@ -80,8 +81,8 @@ def merged_bases(
 
     Parameters
     ----------
-    choices : one, and where there is a second the finer one beside it, of further modes as far as Lanczos has
-        come to them
+    choices : one, and where there is a second the finer one beside it: further modes as far as Lanczos has
+        come to them, and answers to the inertia of vectors that are no modes
 
     Raises
     ------
@@ -148,9 +149,8 @@ def _reduced(
         T.fill(size, lambda first, last: merged.over_blocks(Phi[:, first:last]))
         levels = [_Level(T, size, without_roundoff(omega2), np.eye(size))] * len(keys)
     else:
-        choice, beyond = replace(choice, count=size if every else choice.count), BEYOND if keys[1:] else 1.0
-        T, counts = _ritz_vectors(merged, choice, beyond, path, key)
-        levels = _levels(merged, T, counts[: len(keys)])
+        choice = replace(choice, count=size if every else choice.count)
+        T, levels = _ritz_levels(merged, choice, len(keys) > 1, path, key)
     residual = _residual(merged, levels[0])
     made: list[dict[str, BlockBasis]] = []
     for level, own in zip(levels, keys, strict=True):
@@ -172,19 +172,6 @@ class _Level(NamedTuple):
     modes: int
     omega2: Floats
     V: Floats
-
-
-def _levels(merged: MergedPart, T: OutOfCoreMatrix, counts: list[int]) -> list[_Level]:
-    """The basis of T with its first `counts[0]` modes, and beside it what the further ones make of it."""
-    pencil, work = Pencil(merged.K, merged.M, merged.shift, merged.first), _work(merged, T)
-    some = T.narrowed(len(work) + counts[0])
-    known = diagonalised(some, counts[0], pencil, work[:, : some.shape[1]])
-    levels = [_Level(some, counts[0], *known)]
-    if counts[1:]:
-        more = counts[1] - counts[0]
-        finer = with_more(T, more, pencil, work, known) if more else (known[0], np.eye(len(known[0])))
-        levels.append(_Level(T, counts[1], *finer))
-    return levels
 
 
 def _stored(
@@ -217,12 +204,14 @@ def _rows(scene: Scene, blocks: list[str]) -> dict[str, list[int]]:
     return found
 
 
-def _ritz_vectors(
-    merged: MergedPart, choice: ModeChoice, beyond: float, path: Path, key: str
-) -> tuple[OutOfCoreMatrix, list[int]]:
-    """Static answers and, after them, vectors that span the modes, and some beyond; how many.
+def _ritz_levels(
+    merged: MergedPart, choice: ModeChoice, finer: bool, path: Path, key: str
+) -> tuple[OutOfCoreMatrix, list[_Level]]:
+    """Static answers and, after them, vectors that span the modes; and the bases that they make.
 
-    The solver goes with the end.
+    A finer basis contains the other one and, besides, further modes and answers to inertia: that of the
+    lowest vectors of the first that are no modes, and that of the water in its lowest modes. Modes up to a
+    frequency would leave it the same where the spectrum has a gap. The solver goes with the end.
     """
     right = merged.right
     shifted = Symmetric(merged.K.upper - merged.shift * merged.M) if merged.shift else merged.K
@@ -241,25 +230,37 @@ def _ritz_vectors(
 
     # other solvers' factors serve one thread
     unknowns = K.shape[0] if isinstance(solver, Multifrontal) else 0
-    find_modes = partial(span_of_modes, K, merged.M, which, solver, merged.shift, beyond)
-    _, (counts, make) = at_once(fill_static, find_modes, unknowns)
-    T.widen(counts[1])
-    for count in counts:
+    more = (BEYOND, FURTHER) if finer else (1.0, 0)
+    find_modes = partial(span_of_modes, K, merged.M, which, solver, merged.shift, *more)
+    _, ((modes, every), make) = at_once(fill_static, find_modes, unknowns)
+    T.widen(every)
+    for count in (modes, every):
         T.fill(static + count, lambda a, b: merged.over_blocks(make(a - static, b - static)), width)
-    if beyond > 1.0 and merged.wet is not None:
-        D = _water_answers(merged, solver, T, static)
-        last = T.shape[1]
-        T.widen(D.shape[1])
-        T.fill(T.shape[1], lambda a, b: merged.over_blocks(D[:, a - last : b - last]))
-    return T, [counts[0], T.shape[1] - static]
+    pencil, work = Pencil(merged.K, merged.M, merged.shift, merged.first), _work(merged, T)
+    some = T.narrowed(static + modes)
+    known = diagonalised(some, modes, pencil, work[:, : static + modes])
+    levels = [_Level(some, modes, *known)]
+    if not finer:
+        return T, levels
+    D = beside(T, static, _answers_to_inertia(merged, solver, levels[0]), pencil)
+    last = T.shape[1]
+    T.widen(D.shape[1])
+    T.fill(T.shape[1], lambda a, b: merged.over_blocks(D[:, a - last : b - last]))
+    work = np.hstack([work, right.T @ D - (right.T @ merged.rigid) @ (merged.rigid.T @ (merged.M @ D))])
+    beyond = T.shape[1] - static - modes
+    finer_basis = with_more(T, beyond, pencil, work, known) if beyond else (known[0], np.eye(len(known[0])))
+    return T, [*levels, _Level(T, modes + beyond, *finer_basis)]
 
 
-def _water_answers(merged: MergedPart, solver: Solver, T: OutOfCoreMatrix, static: int) -> Floats:
-    """Static answers (n, k) to the water's inertia in the lowest modes, as far as T's modes lack them."""
-    assert merged.wet is not None
-    low = T.combined(np.eye(T.shape[1])[:, static : static + FINER_VECTORS])[merged.first]
-    answers = _static(merged, solver, merged.wet.inertia(low))
-    return beside(T, static, answers, Pencil(merged.K, merged.M, merged.shift, merged.first))
+def _answers_to_inertia(merged: MergedPart, solver: Solver, level: _Level) -> Floats:
+    """Static answers (n, k) to the inertia of the lowest vectors that are no modes, and of water."""
+    T, modes, _, V = level
+    apart = T.combined(V[:, modes : modes + FURTHER])[merged.first]
+    forces = merged.M @ apart
+    if merged.wet is not None:
+        low = T.combined(V[:, : min(modes, FINER_VECTORS)])[merged.first]
+        forces = np.hstack([forces + merged.wet.inertia(apart), merged.wet.inertia(low)])
+    return _static(merged, solver, forces)
 
 
 def _static(merged: MergedPart, solver: Solver, force: Floats) -> Floats:

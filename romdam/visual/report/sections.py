@@ -218,7 +218,9 @@ def _speed(subject: Subject) -> Section:
             )
     notes = []
     if not values_of(subject, "estimated_reduction_error").size:
-        notes.append("The error of leaving out modes was not estimated; `romdam verify CONFIG` measures it.")
+        notes.append(
+            "The error of leaving out modes is unknown, not estimated; `romdam verify CONFIG` measures it."
+        )
     if asked:
         error = values_of(subject, "estimated_time_error")
         over = int((error > float(str(asked))).sum())
