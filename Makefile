@@ -6,7 +6,7 @@ CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
 
-.PHONY: run test test-slow test-kernels test-docs lowest fuzz bench peers campaign docs lint clean
+.PHONY: run test test-slow test-kernels test-docs lowest fuzz bench mutants peers campaign docs lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -51,6 +51,11 @@ bench: $(VENV)/.installed-dev
 	@mkdir -p $(OUT)
 	@for bench in tests/benchmarks/bench_*.py; do \
 	  $(BIN)/python $$bench --out $(OUT)/$$(basename $$bench .py).json || exit 1; done
+
+# Faults planted one by one into a copy of the tree, and whether the tests notice: ten minutes.
+mutants: $(VENV)/.installed-dev
+	@mkdir -p $(OUT)
+	$(BIN)/python tests/benchmarks/mutants.py --out $(OUT)/mutants.json
 
 # OpenSees and Exudyn in an environment of their own, CalculiX where Debian's calculix-ccx is, beside romdam: half an hour.
 peers: $(VENV)/.installed-dev $(VENV)-peers/.installed

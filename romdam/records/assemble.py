@@ -19,6 +19,7 @@ from romdam.records.processing.changes import changed_measures, refuse_lost_moti
 from romdam.records.processing.correction import Signal, check_processed, correct
 from romdam.records.processing.offset import doubt_drift, find_offset
 from romdam.records.processing.orientation import rotation
+from romdam.records.processing.pads import doubt_pads, moving_samples
 from romdam.records.sources import Recorded
 
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
@@ -61,6 +62,9 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     signal = _corrected(recorded, channels, config, place)
     matrix = _matrix(axes, channels, config, place)
     acc = matrix @ signal.acc
+    kept = moving_samples(acc, signal.dt, signal.before, signal.after)
+    pads = max(0, signal.before - kept.start), max(0, kept.stop - acc.shape[1] + signal.after)
+    acc = acc[:, kept]
     drifts = doubt_drift(acc, signal.dt)
     if drifts and (config.scale_to_measure or config.keep):
         raise RecordError(f"{place}: {drifts}")
@@ -69,12 +73,14 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
         raise RecordError(f"{place}: correction and scale make values that are not finite; change them")
     warnings = (*left_out, *doubts, *_subtracted(channels, offset, recorded))
     warnings += (*_below_usable(channels, signal), *signal.warnings, *([drifts] if drifts else []))
+    if costs := doubt_pads(acc.shape[1], *pads, signal.dt):
+        warnings += (costs,)
     if config.correction:
         warnings += changed_measures(matrix @ recorded, acc, signal.dt, AXES)
     else:
         warnings += check_processed(recorded, signal.dt)
     warnings += _vertical_rules(scale * acc, config.scale)
-    account = _account(source, channels, factors, matrix, offset) | _done(signal, config)
+    account = _account(source, channels, factors, matrix, offset) | _done(signal, pads, config)
     factor = scale.item(0) if np.all(scale == scale[0]) else scale.ravel().tolist()
     account |= {"scale": factor, "scaled_to": scaled_to}
     return GroundMotion(source.name, scale * acc, signal.dt, account, warnings)
@@ -336,13 +342,13 @@ def _account(
     }
 
 
-def _done(signal: Signal, config: RecordConfig) -> dict[str, object]:
+def _done(signal: Signal, pads: tuple[int, int], config: RecordConfig) -> dict[str, object]:
     """Account for what was done to the motion."""
     return {
         "dt_recorded_s": signal.dt,
         "x_azimuth_deg": config.x_azimuth,
         "correction": list(signal.log),
-        "pad_before_s": signal.before * signal.dt,
-        "pad_after_s": signal.after * signal.dt,
+        "pad_before_s": pads[0] * signal.dt,
+        "pad_after_s": pads[1] * signal.dt,
         "resampling": config.resampling,
     }

