@@ -303,9 +303,11 @@ def _of_groups(law: GapLaw, gaps: Ints, signs: Floats) -> GapLaw:
     count, first = np.bincount(gaps), np.unique(gaps, return_index=True)[1]
 
     def mean(slip: Floats) -> Floats:
-        total = np.zeros((len(count) if len(slip) else 0, 2))
-        np.add.at(total, gaps[: len(slip)], signs[: len(slip), 1:] * slip)
-        return total / count[: len(total), None]
+        if not len(slip):
+            return slip
+        total = np.zeros((len(count), 2))
+        np.add.at(total, gaps, signs[:, 1:] * slip)
+        return total / count[:, None]
 
     ends = {name: np.searchsorted(first, (part.start, part.stop)) for name, part in law.joints.items()}
     return replace(
