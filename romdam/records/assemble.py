@@ -14,7 +14,7 @@ from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation, check_channel, missing, one_record
 from romdam.records.components import AXES, peak, spectrum
 from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
-from romdam.records.processing.align import align
+from romdam.records.processing.align import align, said_of_starts
 from romdam.records.processing.changes import changed_measures, refuse_lost_motion
 from romdam.records.processing.correction import Signal, check_processed, correct
 from romdam.records.processing.offset import doubt_drift, find_offset
@@ -130,6 +130,7 @@ def _doubts_of_recorded(
         *(text for channel in channels for text in channel.warnings),
         *said_of_axes(axes, source.config),
         *said_of_channels(channels),
+        *said_of_starts(channels),
         *_cut(channels, recorded, source.config),
         *_overridden(channels, source.config),
         *too_strong(recorded, source.place),

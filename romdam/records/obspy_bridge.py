@@ -10,15 +10,17 @@ import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from romdam.core.errors import RecordError
 from romdam.core.files import check_file
+from romdam.core.motion import MOST_SAMPLES
 from romdam.records.channel import Channel, Orientation, UnknownFormatError, parse_orientation
 from romdam.records.clipping import clipping
 from romdam.records.formats.text import MAX_BYTES, read_bytes
+from romdam.records.processing.align import STAMPS
 
 if TYPE_CHECKING:
     from obspy import Stream, Trace
@@ -58,22 +60,68 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
         for a file ObsPy cannot read, and for gaps or overlaps within a channel.
     """
     stream, said = _obspy_read(path)
+    said += _merge(stream, path)
     if response is not None:
+        for trace in stream:
+            if np.any(np.isnan(trace.data)):
+                raise RecordError(
+                    f"{path}, channel {trace.id}: a response cannot be removed across missing samples; take "
+                    "a file without gaps"
+                )
         _remove_response(stream, path, response)
-    seen: dict[str, Any] = {}
-    for trace in stream:
-        if trace.id in seen:
-            raise RecordError(
-                f"{path}, channel {trace.id}: {sum(t.id == trace.id for t in stream)} segments with gaps or "
-                f"overlaps, the second starts at {trace.stats.starttime}; merge them first"
-            )
-        seen[trace.id] = trace
     for trace in stream:
         if "sac" in trace.stats:
             _check_sac(trace, path, response is not None)
     said += _odd_parts(stream, path)
     channels = [channel_of(trace, response is not None) for trace in stream]
     return [replace(channel, warnings=(*channel.warnings, *said)) for channel in channels]
+
+
+def _merge(stream: Stream, path: Path) -> list[str]:
+    """Join the segments of each channel; gaps, and overlaps that differ, become missing samples.
+
+    Raises
+    ------
+    RecordError
+        for segments of different intervals, or off each other's samples by more than a tenth of a step.
+    """
+    said = []
+    for name in dict.fromkeys(trace.id for trace in stream):
+        traces = sorted((t for t in stream if t.id == name), key=lambda t: t.stats.starttime)
+        if len(traces) == 1:
+            continue
+        dt, first = float(traces[0].stats.delta), traces[0].stats.starttime
+        exact = np.array([(trace.stats.starttime - first) / dt for trace in traces])
+        off = float(np.max(np.abs(exact - np.round(exact))))
+        if any(abs(float(trace.stats.delta) - dt) > 1e-6 * dt for trace in traces):
+            raise RecordError(f"{path}, channel {name}: its segments have different intervals")
+        if off > STAMPS:
+            raise RecordError(
+                f"{path}, channel {name}: its segments are {off:.2g} of a step off each other's samples "
+                f"(limit {STAMPS:g}); resample them to one time base"
+            )
+        length = max(round(x) + t.stats.npts for x, t in zip(exact, traces, strict=True))
+        if length > MOST_SAMPLES:
+            raise RecordError(
+                f"{path}, channel {name}: its segments span {length:.3g} samples (limit {MOST_SAMPLES:g})"
+            )
+        joined = np.full(length, np.nan)
+        differ = np.zeros(length, dtype=bool)
+        for x, trace in zip(exact, traces, strict=True):
+            part = slice(round(x), round(x) + trace.stats.npts)
+            data = np.ma.filled(np.ma.asarray(trace.data, dtype=np.float64), np.nan)
+            differ[part] |= ~np.isnan(joined[part]) & (joined[part] != data)
+            joined[part] = data
+        joined[differ] = np.nan
+        gaps = int(np.count_nonzero(np.isnan(joined) & ~differ))
+        said.append(
+            f"channel {name}: {len(traces)} segments are joined, {gaps} samples are missing between them"
+            + (f", {np.count_nonzero(differ)} overlap and differ" if differ.any() else "")
+        )
+        traces[0].data = joined
+        for trace in traces[1:]:
+            stream.remove(trace)
+    return said
 
 
 def _odd_parts(stream: Stream, path: Path) -> list[str]:

@@ -20,14 +20,16 @@ import obspy
 
 sys.path.append(str(Path(__file__).parents[1] / "records"))
 import samples
+import vintages
 
 Edit = Callable[[bytes], bytes]
 READ, REFUSED, TOLD = "read right", "refused", "refused, or read with a warning"
 BINARY = ("SAC", "MSEED")
 PLAIN = {"columns": {"unit": "m/s2", "time_column": 1}, "single": {"unit": "m/s2", "dt": samples.DT}}
 ENTRIES = {**PLAIN, "SAC": {"unit": "m/s2"}, "MSEED": {"unit": "1e-4 m/s2"}}
-MANY = ("COSMOS", "COSMOS-cgs", "CSMIP")  # channels in a file
-COUNTED = ("AT2", "AT2-old", "COSMOS", "COSMOS-cgs", "CSMIP", "SMC", "ESM", "KNET")
+MANY = ("COSMOS", "COSMOS-cgs", "CSMIP", "CSMIP-V1", "CSMIP-film", "GEONET-V1A", "GEONET-V2A")  # channels
+VINTAGES = ("CSMIP-V1", "CSMIP-film", "GEONET-V1A", "GEONET-V2A", "SMC-film", "ESM-55", "ESM-43")
+COUNTED = ("AT2", "AT2-old", "COSMOS", "COSMOS-cgs", "CSMIP", "SMC", "ESM", "KNET", *VINTAGES)
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,19 @@ def honest(folder: Path) -> dict[str, bytes]:
         paths[name] = folder / f"sample.{name}"
         trace = obspy.Trace(data, {"delta": samples.DT, "channel": "HNN", "station": "MUL"})
         trace.write(str(paths[name]), name, **extra)
-    return {name: path.read_bytes() for name, path in paths.items()}
+    times = np.round(samples.DT * np.arange(values.size) + 0.002 * np.sin(np.arange(values.size)), 3)
+    times = np.maximum(times, 0.0)
+    texts = {
+        "CSMIP-V1": vintages.csmip_v1(values),
+        "CSMIP-film": vintages.csmip_pairs(times, values),
+        "GEONET-V1A": vintages.geonet(values),
+        "GEONET-V2A": vintages.geonet(values, corrected=True),
+        "SMC-film": vintages.smc_uneven(times, values),
+        "ESM-55": vintages.dyna(values, 55),
+        "ESM-43": vintages.dyna(values, 43),
+    }
+    known = {name: path.read_bytes() for name, path in paths.items()}
+    return known | {name: text.encode() for name, text in texts.items()}
 
 
 def text(edit: Callable[[str], str]) -> Edit:
@@ -142,7 +156,8 @@ def _foreign() -> Iterator[Trap]:
     for source in (*COUNTED, *PLAIN):
         for name, edit in packages.items():
             yield Trap(f"foreign: {name}", source, edit, REFUSED)
-        for mark in ("-999", "9999.999", "1e30") if source != "KNET" else ():  # whose values are counts
+        large = source == "KNET" or source.startswith("GEONET")  # counts, mm/s2: some values are 999
+        for mark in ("-999", "9999.999", "1e30") if not large else ():
             yield Trap(f"foreign: mark {mark}", source, partial(_inside, word=mark), REFUSED)
 
 
@@ -156,7 +171,11 @@ def _zipped(data: bytes) -> bytes:
 def _inside(data: bytes, word: str) -> bytes:
     """Another word for a number far inside the samples."""
     lines = data.decode("latin-1").split("\n")
-    announced = [i for i, line in enumerate(lines) if re.search(r"acceleration pts|points of accel", line)]
+    announced = [
+        i
+        for i, line in enumerate(lines)
+        if re.search(r"acceleration pts|points of accel|Accelerogram points|^Displacement:", line)
+    ]
     last = max(i for i, line in enumerate(lines) if line.strip() and "nd" not in line)
     at = announced[0] + 20 if announced else last - 4
     lines[at] = " ".join([*lines[at].replace(",", " ").split()[:-1], word])
@@ -177,7 +196,9 @@ def _cut(names: tuple[str, ...] = COUNTED) -> Iterator[Trap]:
         "a number more": lambda r: [*r[:-9], r[-9] + " 0.5", *r[-8:]],
     }
     for source, (name, change) in itertools.product(names, changes.items()):
-        if (source, name) != ("CSMIP", "half") and (source not in MANY or name != "joined"):
+        if (source, name) not in (("CSMIP", "half"), ("CSMIP-V1", "half"), ("CSMIP-film", "half")) and (
+            source not in MANY or name != "joined"
+        ):
             yield Trap(f"cut: {name}", source, rows(change), REFUSED)
     for source in BINARY:
         yield Trap("cut: half", source, lambda data: data[: len(data) // 2 + 3], TOLD)
@@ -198,6 +219,9 @@ def _lies() -> Iterator[Trap]:
             yield Trap(f"lie: data times {factor:g} ({number})", source, _scaled(source, factor), REFUSED)
     for key, word in (("depmax", 99.0), ("e", 9.0), ("delta", 0.01), ("idep", 7), ("idep", 6)):
         yield Trap(f"lie: SAC {key} {word}", "SAC", _sac(key, word), REFUSED)
+    for source in ("CSMIP-V1", "CSMIP-film"):
+        peak = text(lambda data: re.sub(r"Max  = *\S+", "Max  = 0.900", data, count=1))
+        yield Trap("lie: the peak", source, peak, REFUSED)
     yield Trap("lie: SAC scale", "SAC", _sac("scale", 2.5), TOLD)
 
 
@@ -237,6 +261,25 @@ _LIES: dict[tuple[str, str, str], tuple[object, ...]] = {  # format, what it say
     ("CSMIP", "at  0.005 sec", "at  {} sec"): ("0.050", "0.010", "5.000", "0.000"),
     ("CSMIP", "at  0.005 sec", "at  {}"): ("5.0 msec", "0.005 min"),
     ("CSMIP", "CSMIP\n", "CSMIP\n Peak acceleration = {} at 1.2 sec\n"): ("999.0 cm/sec/sec", "1.5 g"),
+    ("CSMIP-V1", "   603 Accelerogram points", "{:6d} Accelerogram points"): (602, 604, 6),
+    ("CSMIP-V1", "at 200 pts/sec", "at {} pts/sec"): ("100", "50", "0", "2000"),
+    ("CSMIP-V1", "in units of g .", "in units of {} ."): ("g/10", "cm", "counts", "cm/s2"),
+    ("CSMIP-V1", "No. of Points =    603", "No. of Points = {:6d}"): (602, 604, 6030),
+    ("CSMIP-film", "No. of Points =    603", "No. of Points = {:6d}"): (602, 604, 6030),
+    ("CSMIP-film", "SEC AND G/10", "SEC AND {}"): ("CM/S2",),
+    ("CSMIP-film", "Length =  3.0", "Length =  {}"): ("6.0", "1.0"),
+    ("GEONET-V1A", "intervals of 0.005", "intervals of {}"): ("0.010", "0.001", "5.000"),
+    ("GEONET-V1A", "mm/s/s at   1.00", "{} at   1.00"): ("cm/s/s", "g", "mm/s"),
+    ("GEONET-V1A", "Number of points  603", "Number of points  {}"): (602, 6030),
+    ("GEONET-V1A", "Component N28W", "Component {}"): ("N28E", "S28W", "090"),
+    ("GEONET-V2A", "     603     603     603", "{}"): (
+        "     602     603     603",
+        "     603     603     602",
+    ),
+    ("SMC-film", "      1206", "{:10d}"): (1204, 1208, 603, 0, -1),
+    ("ESM-43", "INTERVAL_S: 0.005", "INTERVAL_S: {}"): ("0.01", "5"),
+    ("ESM-43", "UNPROCESSED ACCELERATION", "{}"): ("VELOCITY", "ACCELERATION RESPONSE SPECTRUM"),
+    ("ESM-55", "UNITS: cm/s^2", "UNITS: {}"): ("g", "m/s^2", "mm/s^2", "cm/s"),
     ("SMC", "2 CORRECTED", "{}"): ("3 VELOCITY\n",),
     ("SMC", "       603", "{:10d}"): (602, 595, 611, 0, -1),
 }
@@ -500,7 +543,8 @@ def _declared() -> Iterator[Trap]:
     for source in COUNTED:
         for unit in ("kg", "0 g", "-9.81 m/s2", "counts"):
             yield Trap(f"declared: unit {unit}", source, lambda d: d, REFUSED, {"unit": unit})
-        yield Trap("declared: unit mm/s2", source, lambda d: d, REFUSED, {"unit": "mm/s2"})
+        end = READ if source.startswith("GEONET") else REFUSED  # which is in mm/s2
+        yield Trap("declared: unit mm/s2", source, lambda d: d, end, {"unit": "mm/s2"})
         for dt in ("0.004 s", "10 s", "2.5 ns", 0, -0.005, "5 s"):
             yield Trap(f"declared: dt {dt}", source, lambda d: d, REFUSED, {"dt": dt})
         yield Trap("declared: time_column", source, lambda d: d, REFUSED, {"time_column": 1})

@@ -1,4 +1,7 @@
-"""PEER AT2: four header lines, acceleration in g; the old database's and NGA-West2's headers.
+"""PEER AT2: a header that ends with NPTS and DT, then acceleration in g.
+
+PEER's headers, the old database's and NGA-West2's, have four lines. Files of OpenSees' examples and others
+have more lines of prose above "NPTS=..., DT=...".
 
 References
 ----------
@@ -18,23 +21,37 @@ from romdam.records.formats.stated import acceleration_unit
 from romdam.records.formats.text import TextFile, read_text
 
 HEADER_LINES = 4
+MOST_HEADER = 10  # lines, with prose above the last
 _KEYED = re.compile(r"^\s*NPTS\s*=\s*([^,\s]+)\s*,?\s*DT\s*=\s*(.*)$", re.IGNORECASE)
 _BARE = re.compile(r"^\s*(\S+)[\s,]+(\S+)\s+NPTS\s*,\s*DT[\s.,;]*$", re.IGNORECASE)
 _TIME = re.compile(r"(\S*?[\d.])\s*([A-Za-z]*)[\s.,;]*")
 _SECONDS = {"": 1.0, "S": 1.0, "SEC": 1.0, "SECS": 1.0, "SECONDS": 1.0, "MSEC": 1e-3, "MS": 1e-3}
 _UNITS = re.compile(r"UNITS\s+OF\s+(.*?)(?:[.,;]\s+(FILTER\s+POINTS\b.*))?$", re.IGNORECASE)
+_UNITS_ARE = re.compile(r"\bunits?\s+(?:are|is|[:=])\s*\(?\s*([^\s()]+)", re.IGNORECASE)
+_ALL_NUMBERS = re.compile(r"[-+.\dEeDd\s,]*")
 _FILTER = re.compile(r"\b(HP|LP)\s*=\s*([0-9.]+)", re.IGNORECASE)
 _SERIES = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\s+TIME\s+(SERIES|HISTORY)", re.IGNORECASE)
 
 
 def is_at2(head: str) -> bool:
     """Tell whether the start of a file looks like PEER's."""
-    lines = head.splitlines()[:HEADER_LINES]
-    return (
-        len(lines) == HEADER_LINES
-        and _SERIES.search(lines[2]) is not None
-        and (re.search(r"NPTS", lines[3], re.IGNORECASE) is not None or lines[0].upper().startswith("PEER"))
-    )
+    lines = head.splitlines()[:MOST_HEADER]
+    if len(lines) < HEADER_LINES:
+        return False
+    if _SERIES.search(lines[2]) and (
+        re.search(r"NPTS", lines[3], re.I) or lines[0].upper().startswith("PEER")
+    ):
+        return True
+    last = next((index for index, line in enumerate(lines) if _KEYED.search(line)), 0)
+    return last > 0 and not any(_ALL_NUMBERS.fullmatch(line) for line in lines[:last])
+
+
+def _last_line(text: TextFile) -> int:
+    """Index of the header's last line, which announces NPTS and DT."""
+    for index in range(HEADER_LINES - 1, min(MOST_HEADER, len(text.lines))):
+        if _KEYED.search(text.head(index)):
+            return index
+    return HEADER_LINES - 1
 
 
 def read_at2(path: Path) -> list[Channel]:
@@ -46,55 +63,72 @@ def read_at2(path: Path) -> list[Channel]:
         for velocity or displacement files, a count that is not met, or text that is no number.
     """
     text = read_text(path)
-    series = _SERIES.search(text.head(2))
-    if series is None or series[1].upper() != "ACCELERATION":
-        raise NoAccelerationError(
-            f"{path}: line 3: expected an acceleration time series; take the .AT2 file, not .VT2 or .DT2"
+    last = _last_line(text)
+    for index in range(last):
+        series = _SERIES.search(text.head(index))
+        if series is not None and series[1].upper() != "ACCELERATION":
+            raise NoAccelerationError(
+                f"{path}: line {index + 1}: expected an acceleration time series; take the .AT2 file, not "
+                ".VT2 or .DT2"
+            )
+    peers = _SERIES.search(text.head(2)) is not None
+    if last == HEADER_LINES - 1 and not peers and _KEYED.search(text.head(3)) is None:
+        raise text.fail(2, "expected an acceleration time series; take the .AT2 file, not .VT2 or .DT2")
+    count, dt = _count_and_dt(text, last)
+    values, ends = text.free(last + 1)
+    warnings: tuple[str, ...] = ()
+    if values.size > count and not np.any(values[count:]):  # also False for a NaN
+        warnings = (
+            f"{values.size - count} zeros behind the {count} values that the header announces are cut off",
         )
-    count, dt = _count_and_dt(text)
-    values, ends = text.free(HEADER_LINES)
+        values = values[:count]
     if values.size != count:
-        line = HEADER_LINES + (len(ends) if values.size < count else 1 + sum(end < count for end in ends))
+        line = last + 1 + (len(ends) if values.size < count else 1 + sum(end < count for end in ends))
         raise RecordError(
             f"{path}: line {line}: the header announces NPTS = {count}, the file holds {values.size} values; "
             "it is cut short or joined with another, fetch it again"
         )
+    if not peers:
+        meta: dict[str, object] = {"format": "AT2", "event": text.head(0).strip(), "station": ""}
+        return [Channel(path.stem, values, dt, _unit(text, last), None, "", meta, warnings)]
     event, station, component = _title(text.head(1))
-    meta: dict[str, object] = {"format": "AT2", "event": event, "station": station, "component": component}
+    meta = {"format": "AT2", "event": event, "station": station, "component": component}
     meta |= {f"{k.lower()}_corner_hz": float(v) for k, v in _FILTER.findall(text.head(2)) if _is_number(v)}
     code = (component.split() or [path.stem])[0]  # "090 (CUE)" names the network behind the azimuth
-    return [Channel(code, values, dt, _unit(text), parse_orientation(code), "", meta)]
+    return [Channel(code, values, dt, _unit(text, last), parse_orientation(code), "", meta, warnings)]
 
 
 def _is_number(word: str) -> bool:
     return word.count(".") <= 1 and word.strip(".") != ""
 
 
-def _unit(text: TextFile) -> str:
-    match = _UNITS.search(text.head(2))
-    if match is None:
-        return ""
-    unit = acceleration_unit(match[1].rstrip(" .,;"))
-    if not unit:
-        raise text.fail(
-            2, f"the unit {match[1].strip()[:40]!r} is no acceleration that is known, such as G or CM/S/S"
-        )
-    return unit
+def _unit(text: TextFile, last: int) -> str:
+    """The unit that a line of the header states: "IN UNITS OF G", "The units are (g)"."""
+    for index in range(last):
+        if match := _UNITS.search(text.head(index)) or _UNITS_ARE.search(text.head(index)):
+            unit = acceleration_unit(match[1].rstrip(" .,;"))
+            if not unit:
+                raise text.fail(
+                    index,
+                    f"the unit {match[1].strip()[:40]!r} is no acceleration that is known, such as G",
+                )
+            return unit
+    return ""
 
 
-def _count_and_dt(text: TextFile) -> tuple[int, float]:
-    line = text.head(3)
+def _count_and_dt(text: TextFile, last: int) -> tuple[int, float]:
+    line = text.head(last)
     match = _KEYED.search(line) or _BARE.search(line)
     if match is None:
-        raise text.fail(3, f'expected "NPTS= ..., DT= ...", got {line.strip()[:60]!r}')
-    count = text.integer(match[1], 3, "NPTS")
+        raise text.fail(last, f'expected "NPTS= ..., DT= ...", got {line.strip()[:60]!r}')
+    count = text.integer(match[1], last, "NPTS")
     time = _TIME.fullmatch(match[2])
-    dt = text.real(time[1] if time else match[2].split(" ")[0], 3, "DT")
+    dt = text.real(time[1] if time else match[2].split(" ")[0], last, "DT")
     if time is None or time[2].upper() not in _SECONDS:
-        raise text.fail(3, f"DT: expected a number of seconds, got {match[2].strip()[:40]!r}")
+        raise text.fail(last, f"DT: expected a number of seconds, got {match[2].strip()[:40]!r}")
     dt *= _SECONDS[time[2].upper()]
     if count < 1 or dt <= 0.0:
-        raise text.fail(3, f"NPTS and DT must be positive, got {count} and {dt:g} s")
+        raise text.fail(last, f"NPTS and DT must be positive, got {count} and {dt:g} s")
     return count, dt
 
 

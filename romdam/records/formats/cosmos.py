@@ -42,7 +42,8 @@ _FIRST = re.compile(r"(RAW|UNCORRECTED|CORRECTED)\s+(ACCELERATION|VELOCITY|DISPL
 _BLOCK = re.compile(r"^\s*(\d+)\s+(integer|real)-?\s?header\s+values\s+follow\s+on\s+(\d+)\s+lines", re.I)
 _COMMENTS = re.compile(r"^\s*(\d+)\s+comment\s+line", re.I)
 _DATA = re.compile(
-    r"^\s*(\d+)\s+(\w+)\s+(?:pts|points|counts)\b.*?units?\s*=\s*([^,(]*)(?:\(\s*(\d+)\s*\))?", re.I
+    r"^\s*(\d+)\s+(?:raw\s+)?(\w+)\.?\s+(?:pts|points|counts)\b.*?units?\s*=\s*([^,(]*)(?:\(\s*(\d+)\s*\))?",
+    re.I,
 )
 _APPROX = re.compile(r"approx\s+(\d+)\s+secs", re.I)
 _LINE_AZIMUTH = re.compile(r"Chan\s*\d+\s*:\s*(\d+)\s*deg", re.I)
@@ -145,7 +146,7 @@ def _comments(text: TextFile, index: int) -> tuple[list[str], int]:
     count = text.integer(match[1], index, "comment lines")
     lines = [text.head(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
     for offset, line in enumerate(lines):
-        if not line.startswith("|"):
+        if not line.lstrip(" ").startswith("|"):
             raise text.fail(
                 index + 1 + offset, f'expected comment {offset + 1} of {count}, starting with "|"'
             )
@@ -178,14 +179,14 @@ def _channel(
     _check_azimuth(text, header, where)
     meta: dict[str, object] = {
         "format": "COSMOS",
-        "level": f"V{int(header.integers[0])}",
+        "level": f"V{max(0, int(header.integers[0]))}" if header.integers[0] >= 0 else "",
         "event": lines[1].strip()[:80],
         "station_name": lines[4][40:].strip(),
         "processed": bool(header.integers[0] >= 2),
     }
     meta |= _station(header, lines[4]) | _corners(header)
     _check_peak(text, header, values)
-    said = _odd_length(header, values.size * dt, dt)
+    said = (*_odd_length(header, values.size * dt, dt), *(() if unit else _one_count(header)))
     return Channel(_code(header, lines, where), values, dt, unit, where, _start(header), meta, said)
 
 
@@ -195,6 +196,14 @@ def _odd_length(header: _Header, length: float, dt: float) -> tuple[str, ...]:
     if stated <= 0.0 or abs(stated - length) <= 1.5 * dt:
         return ()
     return (f"the real header's length is {stated:g} s, the data's {length:g} s",)
+
+
+def _one_count(header: _Header) -> tuple[str, ...]:
+    """Real headers 22 (microvolts a count) and 42 (of the sensor, V/g) make one count in g."""
+    microvolts, sensitivity = float(header.reals[21]), float(header.reals[41])
+    if microvolts <= 0.0 or sensitivity <= 0.0:
+        return ()
+    return (f"the values are counts; by the header one is {1e-6 * microvolts / sensitivity:.6g} g",)
 
 
 def _code(header: _Header, lines: list[str], where: Orientation | None) -> str:
@@ -233,7 +242,7 @@ def _unit(text: TextFile, header: _Header, announced: tuple[str, str | None, int
     if any(counts):
         if not all(counts):
             raise text.fail(index, f"unit {word!r} contradicts the codes {codes}; {COUNTS} is counts")
-        return ""  # V0: instrument counts; the configuration must say what one count is
+        return ""  # V0: instrument counts; the configuration says what one count is
     if word and not acceleration_unit(word):
         raise text.fail(index, f"unit {word!r} is no acceleration that is known")
     found = [acceleration_unit(word)] if word else []

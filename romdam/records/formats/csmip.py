@@ -1,7 +1,10 @@
-"""CSMIP V2, CGS's and CDMG's format before COSMOS: acceleration, velocity, displacement per channel.
+"""CSMIP V1 and V2, CGS's and CDMG's format before COSMOS; V2 has velocity and displacement per channel too.
 
 Header lengths differ between vintages, so the reader looks for the line that announces the data:
-"  2800 points of accel data equally spaced at  .020 sec, in cm/sec2.  (8f10.3)".
+"  2800 points of accel data equally spaced at  .020 sec, in cm/sec2.  (8f10.3)" or, in V1,
+" 13200 Accelerogram points at 200 pts/sec in units of g .      Format: (8f9.6)". V1 of digitized film
+announces nothing: pairs of a time and a value in g/10 follow the 100 integers and 50 reals of its header.
+RENADIC (Chile) writes that too.
 
 References
 ----------
@@ -11,19 +14,28 @@ Shakal and Huang (1985), Standard tape format for CSMIP strong-motion data tapes
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, Orientation, parse_orientation
-from romdam.records.formats.stated import acceleration_unit, check_peak
+from romdam.records.formats.stated import acceleration_unit, check_length, check_peak
 from romdam.records.formats.text import WIDE, TextFile, read_text
+from romdam.records.formats.uneven import even_series
 
 _DATA = re.compile(
     r"^\s*(\d+)\s+points of (accel|veloc|displ)\w* data equally spaced at\s*([\d.]+)\s*sec(.*)$", re.I
 )
+_POINTS = re.compile(r"^\s*(\d+)\s+accelerogram points at\s*([\d.]+)\s*pts/sec\s+(in units of\s.*)$", re.I)
+_FIRST = re.compile(r"\s*(un)?corrected accelerogram", re.I)
+_PAIRS = re.compile(r"units of uncor acc\w* are sec and\s+([^\s.]+)", re.I)
+_COUNT = re.compile(r"no\. of points\s*=\s*(\d+)\s+record length\s*=\s*([\d.]+)\s*sec", re.I)
+_MAX = re.compile(r"\bmax\s*=\s*([-+]?\d*\.\d+)\s*g\b", re.I)
+TEXT_LINES, INTEGER_LINES, REAL_LINES = 13, 7, 7  # above the pairs of V1
+TIME_DIGIT = 1e-3  # s, as printed
 _ALMOST = re.compile(r"\d\s+points of (accel|veloc|displ)\w* data\b", re.I)
 _END = re.compile(r"end of data for chan", re.I)
 _UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?", re.I)
@@ -43,9 +55,13 @@ class _About:
 
 
 def is_csmip(head: str) -> bool:
-    """Tell whether the start of a file looks like CSMIP's V2."""
+    """Tell whether the start of a file looks like CSMIP's V1 or V2."""
     lines = head.splitlines()
-    return any(_DATA.match(line) for line in lines) and re.match(r"\s*corrected", lines[0], re.I) is not None
+    return (
+        bool(lines)
+        and _FIRST.match(lines[0]) is not None
+        and any(_DATA.match(line) or _POINTS.match(line) or _PAIRS.search(line) for line in lines)
+    )
 
 
 def read_csmip(path: Path) -> list[Channel]:
@@ -61,7 +77,16 @@ def read_csmip(path: Path) -> list[Channel]:
     header = index = 0
     length = 0.0  # of the channel's acceleration, which its velocity and displacement share [s]
     while index < len(text.lines):
-        match = _DATA.match(text.head(index))
+        line = text.head(index)
+        points, pairs = _POINTS.match(line), _PAIRS.search(line)
+        if pairs and (pairs[1].lower() != "g/10" or index - header >= TEXT_LINES):
+            raise text.fail(index, f"pairs of times and values in {pairs[1]}: expected g/10, in each header")
+        if points or pairs:
+            read = _points(text, header, index, points) if points else _pairs(text, header)
+            channels.append(read[0])
+            header = index = read[1]
+            continue
+        match = _DATA.match(line)
         if match is None:
             if _ALMOST.search(text.head(index)):
                 raise text.fail(index, f"not as CSMIP announces data: {text.lines[index].strip()[:60]!r}")
@@ -76,6 +101,9 @@ def read_csmip(path: Path) -> list[Channel]:
         header = index
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
+    last = max(i for i, line in enumerate(text.lines) if line.strip())
+    if channels[0].meta["level"] == "V1" and _END.search(text.head(last)) is None:
+        raise text.fail(last, "the end of the last channel is missing; the file is cut short")
     ends = sum(_END.search(line[:WIDE]) is not None for line in text.lines)
     if ends not in (0, len(channels)):
         raise RecordError(
@@ -98,9 +126,82 @@ def _read_block(
     _check_end(text, end)
     if match[2].lower() != "accel":
         return None, end
-    meta = {"format": "CSMIP", "level": "V2", "processed": True, **about.meta}
+    corrected = re.match(r"\s*uncorrected", text.head(0), re.I) is None
+    level = "V2" if corrected else "V1"
+    meta = {"format": "CSMIP", "level": level, "processed": corrected, **about.meta}
     unit = _unit(text, index, match[4])
     return Channel(about.number, values, dt, unit, about.orientation, "", meta), end
+
+
+def _points(text: TextFile, header: int, index: int, match: re.Match[str]) -> tuple[Channel, int]:
+    """The even samples of V1."""
+    count, rate = text.integer(match[1], index, "points"), text.real(match[2], index, "points a second")
+    form = _FORTRAN.search(match[3])
+    per_row, width = (int(form[1] or 1), int(form[2])) if form else (8, 9)
+    if not (count >= 1 and 0.1 < rate < 1e5 and 1 <= per_row <= 100 and 1 <= width <= 40):
+        raise text.fail(index, f"{count} points at {rate:g} pts/sec in rows of {per_row}: not a CSMIP record")
+    values = text.numbers(index + 1, count, per_row, width)
+    unit = _unit(
+        text, index, "in " + match[3].partition("of")[2].partition("(")[0].partition("Format")[0].strip()
+    )
+    return _uncorrected(text, header, values, 1.0 / rate, unit), _behind(
+        text, index + 1 - (-count // per_row)
+    )
+
+
+def _pairs(text: TextFile, header: int) -> tuple[Channel, int]:
+    """The times and values of digitized film, as the straight lines between them at an even interval."""
+    lines = [text.head(header + i) for i in range(TEXT_LINES)]
+    stated = next(((header + i, m) for i, line in enumerate(lines) if (m := _COUNT.search(line))), None)
+    if stated is None:
+        raise text.fail(header, 'expected "No. of points = ..." among the lines of the header')
+    count, first = (
+        text.integer(stated[1][1], stated[0], "points"),
+        header + TEXT_LINES + INTEGER_LINES + REAL_LINES,
+    )
+    if not 1 <= count < 10**8:
+        raise text.fail(stated[0], f"the number of points must be 1 or more, got {count}")
+    numbers = text.numbers(first, 2 * count, 10, 7)
+    times, points = numbers[::2], numbers[1::2]
+    peak = float(np.nanmax(np.abs(points)))
+    values, dt, said = even_series(times, points, TIME_DIGIT, f"{text.path}: line {first + 1}")
+    length = text.real(stated[1][2], stated[0], "record length")
+    if abs(length - times[-1]) > 1.5 * dt + 2.0 * TIME_DIGIT:
+        raise text.fail(stated[0], f"a length of {length:g} s is stated, the times end at {times[-1]:g} s")
+    channel = _uncorrected(text, header, values, dt, "0.1 g", peak)
+    return replace(channel, warnings=(*channel.warnings, *said)), _behind(text, first - (-2 * count // 10))
+
+
+def _behind(text: TextFile, index: int) -> int:
+    """The line behind a channel of V1 and its end mark."""
+    while index < len(text.lines) and (not text.lines[index].strip() or _END.search(text.head(index))):
+        index += 1
+    if index < len(text.lines) and _FIRST.match(text.head(index)) is None:
+        raise text.fail(
+            index, f"expected the next channel, got {text.head(index).strip()[:60]!r}; count not met"
+        )
+    return index
+
+
+def _uncorrected(
+    text: TextFile, header: int, values: NDArray[np.float64], dt: float, unit: str, peak: float | None = None
+) -> Channel:
+    """A channel of V1, whose header is held against it; `peak` is that of the file's own points."""
+    from romdam.config.sections.motions.records import unit_in_si
+
+    lines = [text.head(header + i) for i in range(TEXT_LINES)]
+    found = float(np.nanmax(np.abs(values))) if peak is None else peak
+    for offset, line in enumerate(lines):
+        if match := _MAX.search(line):
+            stated = text.real(match[1], header + offset, "max")
+            check_peak(text, header + offset, stated, found * unit_in_si(unit) / unit_in_si("g"), 6e-4)
+        if (match := _COUNT.search(line)) and peak is None and int(match[1]) != values.size:
+            raise text.fail(header + offset, f"{match[1]} points are stated, {values.size} follow")
+        if (match := _COUNT.search(line)) and peak is None:
+            check_length(text, header + offset, float(match[2]), (values.size, dt), 1.5 * dt)
+    about = _about(lines)
+    meta = {"format": "CSMIP", "level": "V1", "processed": False, **about.meta}
+    return Channel(about.number, values, dt, unit, about.orientation, "", meta)
 
 
 def _check_length(text: TextFile, index: int, match: re.Match[str], length: float) -> float:
@@ -154,5 +255,5 @@ def _about(header: list[str]) -> _About:
     for line in header:
         if band := _BAND.search(line):
             meta |= {"hp_corner_hz": float(band[1]), "lp_corner_hz": float(band[2])}
-    word = re.sub(r"\s*deg\w*", "", match[2].strip(), flags=re.I).split("  ")[0]
+    word = re.split(r"\s{2,}", match[2].strip())[0]
     return _About(match[1], parse_orientation(word), meta)

@@ -1,4 +1,6 @@
-"""ESM ASCII (DYNA 1.2): 64 "KEY: value" lines, then one value a line; European strong-motion database.
+"""ESM and ITACA ASCII: "KEY: value" lines, then one value a line.
+
+64 lines are DYNA 1.2 (ESM), 55 lines DYNA 1.0 (ITACA 2), 43 lines ITACA 1.
 
 References
 ----------
@@ -14,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
-from romdam.records.channel import Channel, parse_orientation
+from romdam.records.channel import Channel, NoAccelerationError, parse_orientation
 from romdam.records.formats.stated import PEAK_SHARE, acceleration_unit, check_length, check_peak
-from romdam.records.formats.text import TextFile, read_text
+from romdam.records.formats.text import NUMBER, TextFile, read_text
 
-HEADER_LINES = 64
+MOST_HEADER = 100  # lines
+_KEY = re.compile(r"\s*([A-Z][A-Z0-9_/^]*)\s*:(.*)$")
+_KIND = re.compile(r"(?:(?:UN)?(?:PROCESSED|CORRECTED)\s+)?ACCELERATION", re.IGNORECASE)
 _ORDER = """
 EVENT_NAME EVENT_ID EVENT_DATE_YYYYMMDD EVENT_TIME_HHMMSS EVENT_LATITUDE_DEGREE
 EVENT_LONGITUDE_DEGREE EVENT_DEPTH_KM HYPOCENTER_REFERENCE MAGNITUDE_W MAGNITUDE_W_REFERENCE
@@ -52,7 +56,7 @@ _START = re.compile(r"^(\d{4})(\d{2})(\d{2})_(\d{2})(\d{2})(\d{2}(?:\.\d+)?)$")
 def is_esm(head: str) -> bool:
     """Tell whether the start of a file looks like ESM's."""
     lines = head.splitlines()
-    return len(lines) > 1 and lines[0].startswith("EVENT_NAME:") and lines[1].startswith("EVENT_ID:")
+    return len(lines) > 1 and lines[0].startswith("EVENT_NAME:") and lines[1].startswith("EVENT_")
 
 
 def read_esm(path: Path) -> list[Channel]:
@@ -64,19 +68,21 @@ def read_esm(path: Path) -> list[Channel]:
         for a missing key, a velocity or displacement file, a count or a peak that is not met.
     """
     text = read_text(path)
-    header = _header(text)
+    header, first = _header(text)
     kind = header.get("DATA_TYPE", ("ACCELERATION", 0))
-    if kind[0].upper() != "ACCELERATION":
-        raise text.fail(kind[1], f"DATA_TYPE is {kind[0]!r}; take the acceleration file")
+    if _KIND.fullmatch(kind[0]) is None:
+        raise NoAccelerationError(
+            f"{path}: line {kind[1] + 1}: DATA_TYPE is {kind[0]!r}; take the acceleration file"
+        )
     count = text.integer(*_need(text, header, "NDATA"), "NDATA")
     dt = text.real(*_need(text, header, "SAMPLING_INTERVAL_S"), "SAMPLING_INTERVAL_S")
-    values, _ = text.free(HEADER_LINES)
+    values, _ = text.free(first)
     if count != values.size or dt <= 0.0:
         raise RecordError(
             f"{path}: line {header['NDATA'][1] + 1}: NDATA = {count} at dt = {dt:g} s announced, "
             f"{values.size} values found; the file is cut short or altered"
         )
-    stream = _need(text, header, "STREAM")[0]
+    stream = _need(text, header, "STREAM" if "STREAM" in header else "COMPONENT")[0]
     meta = {"format": "ESM"} | {
         name: _value(header[key][0]) for name, key in _META.items() if header.get(key, ("",))[0]
     }
@@ -86,21 +92,23 @@ def read_esm(path: Path) -> list[Channel]:
     return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta, said)]
 
 
-def _header(text: TextFile) -> dict[str, tuple[str, int]]:
+def _header(text: TextFile) -> tuple[dict[str, tuple[str, int]], int]:
+    """Values of the keys with their lines, and the first line of data."""
     header: dict[str, tuple[str, int]] = {}
-    for index in range(HEADER_LINES):
-        key, colon, value = text.line(index).partition(":")
-        if not colon:
-            raise text.fail(index, f'expected "KEY: value", got {text.line(index).strip()[:60]!r}')
-        if key.strip() in header:
-            raise text.fail(index, f"the key {key.strip()[:40]} stands there twice; two files joined?")
-        header[key.strip()] = (value.strip(), index)
-    return header
+    index = 0
+    while (match := _KEY.match(text.line(index))) and index < MOST_HEADER:
+        if match[1] in header:
+            raise text.fail(index, f"the key {match[1][:40]} stands there twice; two files joined?")
+        header[match[1]] = (match[2].strip(), index)
+        index += 1
+    if NUMBER.fullmatch((text.line(index).split() or [""])[0]) is None:
+        raise text.fail(index, f'expected "KEY: value", got {text.line(index).strip()[:60]!r}')
+    return header, index
 
 
 def _need(text: TextFile, header: dict[str, tuple[str, int]], key: str) -> tuple[str, int]:
     if not header.get(key, ("",))[0]:
-        raise text.fail(HEADER_LINES - 1, f"the header above has no {key}")
+        raise text.fail(len(header) - 1, f"the header has no {key}")
     return header[key]
 
 

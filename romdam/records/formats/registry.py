@@ -14,6 +14,7 @@ from romdam.records.formats.cosmos import is_cosmos, read_cosmos, write_cosmos
 from romdam.records.formats.csmip import is_csmip, read_csmip
 from romdam.records.formats.esm import is_esm, read_esm, write_esm
 from romdam.records.formats.foreign import READ, recognise
+from romdam.records.formats.geonet import is_geonet, read_geonet
 from romdam.records.formats.knet import is_knet, read_knet
 from romdam.records.formats.smc import is_smc, read_smc, write_smc
 from romdam.records.formats.text import decode, read_bytes
@@ -105,5 +106,6 @@ FORMATS: dict[str, Format] = {
     "CSMIP": Format(is_csmip, read_csmip, None, many=True),
     "SMC": Format(is_smc, read_smc, _one(write_smc)),
     "ESM": Format(is_esm, read_esm, _one(write_esm)),
+    "GEONET": Format(is_geonet, read_geonet, None, many=True),
     "KNET": Format(is_knet, read_knet),  # ObsPy has a plugin of its own
 }

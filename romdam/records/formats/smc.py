@@ -1,5 +1,7 @@
 """USGS SMC: 11 text lines, 48 integers (8I10), 50 reals (5E15.7), comments, data (8 of width 10), cm/s2.
 
+V1 of digitized film has no rate: its data are pairs of a time and a value, at uneven steps.
+
 References
 ----------
 USGS National Strong-Motion Program, "SMC-format data files" (format version 2).
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from romdam.records.channel import Channel, Orientation
 from romdam.records.formats.stated import PEAK_SHARE, check_peak
 from romdam.records.formats.text import TextFile, iso_time, read_text
+from romdam.records.formats.uneven import even_series
 
 Array = NDArray[np.float64]
 TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
@@ -27,6 +30,7 @@ NULL_INTEGER, NULL_REAL = -32768, 1.7e38
 PEAKS = {29: np.argmax, 31: np.argmin}  # real headers 30 and 32, as Boore's SMCWrite fills them
 PRECISE = 8  # integer header 47 of files with five values of width 14 in a row
 MAX_RATE = 1e5  # samples/s; some files carry a null value where the rate should be
+UNEVEN_DIGIT = 1e-3  # s; times of digitized film have five digits
 HIGHPASS = 32  # real header 33, the corner of the low-cut filter [Hz]
 _MAGNITUDE = re.compile(r"Moment Mag\s*=\s*(\d+(?:\.\d+)?)", re.IGNORECASE)
 _TITLE = re.compile(r"station\s*=\s*(.*?)\s*component\s*=\s*(.*)$", re.IGNORECASE)
@@ -46,21 +50,37 @@ def read_smc(path: Path) -> list[Channel]:
     RecordError
         for velocity, displacement or spectra files, a problem flag, a count that is not met.
     """
-    text = read_text(path)
+    text = read_text(path, padded=True)
     kind = KINDS.get(text.head(0).strip().upper())
     if kind is None:
         raise text.fail(0, f"{text.head(0).strip()[:60]!r} is not an accelerogram; take the V1 or V2 file")
     integers = text.table(TEXT_LINES, 8 * INTEGER_LINES, 8, 10)
     reals = text.table(TEXT_LINES + INTEGER_LINES, 5 * REAL_LINES, 5, 15)
-    count, dt, comments = _sizes(text, integers, reals)
+    uneven = kind == "V1" and abs(reals[1]) >= 0.9 * NULL_REAL
+    count, dt, comments = _sizes(text, integers, reals, uneven)
     first = TEXT_LINES + INTEGER_LINES + REAL_LINES + comments
     per_row, width = (5, 14) if integers[46] == PRECISE else (8, 10)
     values = text.numbers(first, count, per_row, width)
-    left = [i for i in range(first - (-count // per_row), len(text.lines)) if text.lines[i].strip()]
+    end = first - (-count // per_row)
+    left = [i for i in range(end, len(text.lines)) if text.lines[i].strip()]
+    behind: tuple[str, ...] = ()
+    if uneven and len(left) == 1:  # the agency's files of CRA-1 film end so; its times do not go on
+        text.free(left[0])
+        behind, left = (f"line {left[0] + 1}, behind the {count} values that are announced, is left out",), []
     if left:
         raise text.fail(left[0], f"data after the {count} values that the header announces; altered file")
-    said = _check_peaks(text, (values, dt), reals)
-    return [replace(_channel(text, kind, (values, dt), (integers, reals)), warnings=said)]
+    if uneven:
+        if count % 2:
+            raise text.fail(
+                TEXT_LINES + 2, f"{count} values are no pairs of a time and a value; altered file"
+            )
+        times, points = values[::2], values[1::2]
+        _check_uneven_peaks(text, points, reals)
+        values, dt, said = even_series(times, points, UNEVEN_DIGIT, f"{path}: line {first + 1}")
+    else:
+        said = _check_peaks(text, (values, dt), reals)
+    channel = _channel(text, kind, (values, dt), (integers, reals))
+    return [replace(channel, warnings=(*behind, *said))]
 
 
 def _check_peaks(text: TextFile, samples: tuple[Array, float], reals: Array) -> tuple[str, ...]:
@@ -79,8 +99,19 @@ def _check_peaks(text: TextFile, samples: tuple[Array, float], reals: Array) -> 
     return tuple(said)
 
 
-def _sizes(text: TextFile, integers: Array, reals: Array) -> tuple[int, float, int]:
+def _check_uneven_peaks(text: TextFile, points: Array, reals: Array) -> None:
+    """Hold both extremes against the points; digitized ones are printed with five digits."""
+    for place, at in PEAKS.items():
+        stated = float(reals[place])
+        if 0.0 < abs(stated) < 0.9 * NULL_REAL and stated != reals[0]:
+            check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, stated, float(points[at(points)]))
+
+
+def _sizes(text: TextFile, integers: Array, reals: Array, uneven: bool) -> tuple[int, float, int]:
+    """How many values there are, their interval (none for pairs of time and value), lines of comments."""
     count, flag, comments, rate = int(integers[16]), int(integers[17]), int(integers[15]), float(reals[1])
+    if uneven:
+        rate = 1.0
     if not 1 <= count < 10**9:
         raise text.fail(TEXT_LINES + 2, f"the number of samples must be positive, got {count}")
     if flag == 1:

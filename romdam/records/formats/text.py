@@ -179,15 +179,16 @@ def _plain(word: str) -> str:
     return text
 
 
-def read_text(path: Path) -> TextFile:
-    """Read a text file.
+def read_text(path: Path, padded: bool = False) -> TextFile:
+    """Read a text file; `padded` says that NUL may fill its end, as old tapes left it.
 
     Raises
     ------
     RecordError
         for a file that is missing, unreadable, empty, larger than 200 MB, binary, or of no known kind.
     """
-    lines = decode(read_bytes(path)).rstrip("\x1a").split("\n")  # DOS ended texts with Ctrl-Z
+    content = decode(read_bytes(path)).rstrip("\x1a")  # DOS ended texts with Ctrl-Z
+    lines = (content.rstrip("\x00\n") + "\n" if padded else content).split("\n")
     for number, line in enumerate(lines, start=1):
         if "\x00" in line:
             raise RecordError(f"{path}: line {number}: binary data where text was expected; not this format")

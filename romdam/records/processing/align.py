@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 from romdam.core.errors import RecordError
 from romdam.records.channel import MIN_SAMPLES, Channel
 
+STAMPS = 0.1  # of a step, which the digits of time stamps may lose
+HALF_WIDTH, KAISER = 16, 6.0  # of the interpolation: steps, and shape of its window
+
 
 def align(channels: Sequence[Channel], policy: str, place: str) -> NDArray[np.float64]:
     """Cut channels to their common time span.
+
+    Those that start a fraction of a step off the first channel's samples are interpolated to its times.
 
     Parameters
     ----------
@@ -28,13 +33,13 @@ def align(channels: Sequence[Channel], policy: str, place: str) -> NDArray[np.fl
     Raises
     ------
     RecordError
-        for different dt, starts that differ by a fraction of a step, no common part, or a cut when refused.
+        for different dt, no common part, or a cut when refused.
     """
     dts = [channel.dt for channel in channels]
     if not np.allclose(dts, dts[0], rtol=1e-6, atol=0.0):
         shown = ", ".join(f"{c.code}: {c.dt:g} s" for c in channels)
         raise RecordError(f"{place}: components of different dt ({shown}); resample them to one dt first")
-    shifts = _shifts(channels, place)
+    shifts, lags = _shifts(channels)
     begin = max(shifts)
     end = min(shift + channel.data.size for shift, channel in zip(shifts, channels, strict=True))
     if end - begin < MIN_SAMPLES:
@@ -47,18 +52,44 @@ def align(channels: Sequence[Channel], policy: str, place: str) -> NDArray[np.fl
             f"{place}: components start {shifts} samples apart and have {sizes} samples; "
             "set `align: overlap` to cut them to their common part"
         )
-    return np.array([c.data[begin - s : end - s] for s, c in zip(shifts, channels, strict=True)])
+    rows = zip(shifts, lags, channels, strict=True)
+    return np.array([delay(c.data, lag)[begin - s : end - s] for s, lag, c in rows])
 
 
-def _shifts(channels: Sequence[Channel], place: str) -> list[int]:
+def said_of_starts(channels: Sequence[Channel]) -> tuple[str, ...]:
+    """Say where channels start a fraction of a step apart, and `align` interpolates them."""
+    _, lags = _shifts(channels)
+    return tuple(
+        f"channel {channel.code} starts {lag:.2g} of a step off the others' samples: interpolated there"
+        for channel, lag in zip(channels, lags, strict=True)
+        if lag
+    )
+
+
+def delay(data: NDArray[np.float64], lag: float) -> NDArray[np.float64]:
+    """Samples (nt,) of the same motion, taken `lag` of a step earlier than the data's; |lag| at most 0.5.
+
+    By a windowed sinc, which keeps what lies below nine tenths of Nyquist's frequency; the first and last
+    value go on beyond the ends.
+    """
+    if lag == 0.0:
+        return data
+    offsets = np.arange(-HALF_WIDTH, HALF_WIDTH + 1)
+    kernel = np.sinc(offsets - lag) * np.kaiser(2 * HALF_WIDTH + 1, KAISER)
+    padded = np.pad(data, HALF_WIDTH, mode="edge")
+    return np.convolve(padded, kernel / np.sum(kernel), mode="valid")
+
+
+def _shifts(channels: Sequence[Channel]) -> tuple[list[int], list[float]]:
+    """Steps between each channel's first sample and the earliest one, and what is left of a step.
+
+    A tenth of a step or less is rounding of the time stamps.
+    """
     if not all(channel.start for channel in channels):
-        return [0] * len(channels)
+        return [0] * len(channels), [0.0] * len(channels)
     starts = [datetime.fromisoformat(channel.start.rstrip("Z")) for channel in channels]
-    exact = [(start - min(starts)).total_seconds() / channels[0].dt for start in starts]
-    shifts = [round(value) for value in exact]
-    worst = max(abs(value - shift) for value, shift in zip(exact, shifts, strict=True))
-    if worst > 0.1:
-        raise RecordError(
-            f"{place}: components start {worst:.2g} of a sample apart; resample them to one time base"
-        )
-    return shifts
+    exact = [(start - starts[0]).total_seconds() / channels[0].dt for start in starts]
+    rounded = [round(value) for value in exact]
+    lags = [value - shift for value, shift in zip(exact, rounded, strict=True)]
+    shifts = [shift - min(rounded) for shift in rounded]
+    return shifts, [lag if abs(lag) > STAMPS else 0.0 for lag in lags]
