@@ -210,7 +210,8 @@ def ground_at_steps(
     (3 + 9 k, nt) with what supports move against the base, where a system is given that has k such motions.
     """
     refuse_steps(motion.duration if duration is None else duration, dt, motion.name)
-    acc = resample_motion(motion, dt)
+    drive = None if system is None else system.drive
+    acc = resample_motion(motion, dt, band_limited=drive is not None and drive.band_limited)
     if duration is not None:
         acc = cut_or_extended(acc, round(duration / dt) + 1)
     moving = None if system is None else system.pseudo_static

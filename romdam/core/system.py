@@ -155,8 +155,15 @@ Rates = Callable[[Floats], tuple[Complex, Complex]]
 class Drive(Protocol):
     """Histories of what drives a system besides the ground's acceleration."""
 
-    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int]:
-        """All histories (columns of `System.load`, lead + nt), and the lead: steps before the record's start.
+    @property
+    def band_limited(self) -> bool:
+        """Whether nothing beyond the record's Nyquist frequency may be in the acceleration that it takes."""
+        ...
+
+    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int, tuple[str, ...]]:
+        """All histories (columns of `System.load`, lead + nt), the lead, and warnings for the result.
+
+        The lead is the number of steps before the record's start.
 
         Parameters
         ----------

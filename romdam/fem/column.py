@@ -107,3 +107,35 @@ def respond(
         found.append(below)
         top = below[:, -1]
     return Response(np.hstack(found), above)
+
+
+def layer_motion(field: FreeField, component: int, omega: Floats, damping: tuple[float, float]) -> Complex:
+    """Total motion of the column's nodes below the surface for a unit motion of it, in continuous layers.
+
+    Waves of complex moduli G (1 + i beta omega); alpha acts on the motion against the surface alone. Neither
+    elements nor steps take part, so that this is what the column should do.
+
+    Parameters
+    ----------
+    omega : (nf,) above zero [rad/s]
+
+    Returns
+    -------
+    (nf, nodes)
+    """
+    alpha, beta = damping
+    inertia = omega**2 - 1j * alpha * omega
+    moved, traction = np.ones(len(omega), dtype=complex), np.zeros(len(omega), dtype=complex)
+    nodes = []
+    for height, material in zip(-np.diff(field.levels), field.materials, strict=True):
+        modulus = wave_moduli(material)[component] * (1.0 + 1j * beta * omega)
+        wave = np.sqrt(material.rho * inertia / modulus)
+        step = height / field.order
+        cosine, sine = np.cos(wave * step), np.sin(wave * step)
+        for _ in range(field.order):
+            moved, traction = (
+                moved * cosine + traction * sine / (modulus * wave),
+                traction * cosine - moved * modulus * wave * sine,
+            )
+            nodes.append(moved)
+    return np.asarray(1.0 - (omega**2 / inertia)[:, None] * (1.0 - np.stack(nodes, axis=1)))

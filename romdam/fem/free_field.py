@@ -14,7 +14,9 @@ acceleration by its values up to a wave's travel time before and after, so that 
 displacement matters, and the rock begins to move before the record does: so does the integration.
 
 Motion that the mesh cannot carry (fewer than about three elements to a wavelength) has no such field: it is
-left out of the record.
+left out of the record. So is what damping would amplify on the way down beyond a limit: the surface hardly
+tells what came up there, and round-off, the end of the record and its noise would be most of the motion at
+depth. What is left out, and how far the column is from continuous layers, is said in the result.
 
 References
 ----------
@@ -23,8 +25,9 @@ Løkke, Chopra, Earthq. Eng. Struct. Dyn. 46 (2017) 1257 and 47 (2018) 1309 (dir
 
 from __future__ import annotations
 
-import logging
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import csr_matrix, eye_array, hstack, kron
@@ -35,17 +38,20 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Absorbing, Block, FreeField
 from romdam.core.system import Complex, Rates
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
-from romdam.fem.column import respond, shapes, slopes, wave_moduli
+from romdam.fem.column import layer_motion, respond, shapes, slopes, wave_moduli
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.material import lame
 from romdam.scene.elements import facet_element
 from romdam.scene.facets import area_elements
 
-log = logging.getLogger(__name__)
-
 _PASSED, _LEFT_OUT = 2.4, 3.1  # phase across an element up to which motion passes, and from which none does
 _RINGING = 2.0  # travel times of the slowest wave before the record from which integration begins
-_TOLD = 0.01  # share of the record left out, in L2, from which on it is told
+_AMPLIFIED = (
+    5.0,
+    10.0,
+)  # motion at depth over the surface's up to which motion passes, and from which none does
+_SAID = 1e-3  # share of the record left out, in L2, from which on it is said
+_OFF = 0.02  # distance of the column's motion from continuous layers', in L2, from which on it is said
 _UPRIGHT = 0.5  # vertical component of a facet's normal: the scene has sides, with none, and a bottom, with 1
 
 
@@ -61,13 +67,14 @@ class Deconvolution:
 
     field: FreeField
     damping: tuple[float, float]
+    band_limited: ClassVar[bool] = True
 
-    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int]:
+    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int, tuple[str, ...]]:
         """Acceleration; motion and its rate times beta; rate; traction on the lower end: see `boundary_load`.
 
         Parameters
         ----------
-        acc : (3, nt) of the surface [m/s2]
+        acc : (3, nt) of the surface, without what is beyond the record's Nyquist frequency [m/s2]
         """
         from scipy.fft import irfft, next_fast_len, rfft, rfftfreq  # here: few scenes have a free field
 
@@ -79,32 +86,105 @@ class Deconvolution:
         size = next_fast_len(total + 3 * lead, real=True)
         ended = np.pad(acc, ((0, 0), (0, lead)), mode="linear_ramp")  # a record that is cut off would ring
         spectrum = rfft(np.pad(ended, ((0, 0), (lead, size - total - lead))))
-        symbols = rates(2.0 * np.pi * rfftfreq(size))
+        freq = rfftfreq(size)
+        symbols = rates(2.0 * np.pi * freq)
         columns = [
-            self._component(k, spectrum[k], symbols, float((height / speed[:, k]).max())) for k in range(3)
+            self._component(k, spectrum[k], symbols, freq / dt, float((height / speed[:, k]).max()))
+            for k in range(3)
         ]
-        by_kind = [np.stack(kind, axis=1).reshape(-1, len(symbols[0])) for kind in zip(*columns, strict=True)]
+        by_kind = [
+            np.stack(kind, axis=1).reshape(-1, len(freq))
+            for kind in zip(*(column.spectra for column in columns), strict=True)
+        ]
         made = irfft(np.vstack(by_kind), size)[:, :total]
-        _tell(acc, made[:3, lead:])
-        return made, lead
+        return made, lead, tuple(_warnings(acc, made[:3, lead:], columns))
 
     def _component(
-        self, k: int, acc: Complex, symbols: tuple[Complex, Complex], crossing: float
-    ) -> tuple[Complex, Complex, Complex, Complex]:
-        """Spectra of one component, (rows, frequencies) of each kind; `crossing`: of an element [s]."""
+        self, k: int, acc: Complex, symbols: tuple[Complex, Complex], freq: Floats, crossing: float
+    ) -> _Component:
+        """One component; `freq` of the lines [Hz], `crossing` of the slowest element [s]."""
         phase = np.sqrt(np.abs(symbols[0])) * crossing
-        passed = phase < _LEFT_OUT
-        taper = np.clip((phase[passed] - _PASSED) / (_LEFT_OUT - _PASSED), 0.0, 1.0)
-        acc = np.where(passed, acc, 0.0)
-        acc[passed] *= np.cos(0.5 * np.pi * taper) ** 2
-        rates = (symbols[0][passed], symbols[1][passed])
-        answer = respond(self.field, k, rates, self.damping)
+        count = int(np.argmax(phase >= _LEFT_OUT)) if (phase >= _LEFT_OUT).any() else len(phase)
+        acceleration, velocity = (symbol[:count] for symbol in symbols)
+        answer = respond(self.field, k, (acceleration, velocity), self.damping)
+        moved = 1.0 + acceleration[:, None] * answer.motion
+        amplified = np.maximum.accumulate(np.abs(moved).max(axis=1))
+        passed = np.zeros(len(acc))
+        passed[:count] = _taper(phase[:count], _PASSED, _LEFT_OUT) * _taper(
+            np.log(amplified), *np.log(_AMPLIFIED)
+        )
+        acc = acc * passed
         motion = np.zeros((answer.motion.shape[1], len(acc)), dtype=complex)
-        motion[:, passed] = answer.motion.T * acc[passed]
+        motion[:, :count] = answer.motion.T * acc[:count]
         traction = np.zeros((1, len(acc)), dtype=complex)
-        traction[0, passed] = answer.traction * acc[passed]
+        traction[0, :count] = answer.traction * acc[:count]
         rate = symbols[1] * motion
-        return acc[None], motion + self.damping[1] * rate, rate, traction
+        exact = layer_motion(self.field, k, 2.0 * np.pi * freq[1:count], self.damping)
+        off, size = (
+            np.sqrt(np.cumsum(np.abs(one * acc[1:count, None]) ** 2, axis=0))
+            for one in (moved[1:] - exact, exact)
+        )
+        wrong = (off / np.maximum(size, np.finfo(float).tiny)).max(axis=1)
+        return _Component(
+            spectra=(acc[None], motion + self.damping[1] * rate, rate, traction),
+            cut=float(freq[np.argmax(passed < 1.0)]) if (passed < 1.0).any() else np.inf,
+            amplified=bool((amplified > _AMPLIFIED[0]).any()),
+            off=float(wrong[-1]) if acc.any() else 0.0,
+            right=float(freq[1 + int(np.argmax(wrong > 0.9 * _OFF))]),  # the mesh is as near to its column
+        )
+
+
+@dataclass(frozen=True)
+class _Component:
+    """A component of the free field.
+
+    Attributes
+    ----------
+    spectra : (rows, frequencies) of the acceleration, of motion and its rate times beta, of the rate and of
+        the traction on the lower end
+    cut : frequency from which on the record is left out, gradually [Hz]
+    amplified : whether damping is among the reasons
+    off : largest distance of a depth's motion from that in continuous layers, in L2
+    right : frequency below which this is less than `_OFF` [Hz]
+    """
+
+    spectra: tuple[Complex, Complex, Complex, Complex]
+    cut: float
+    amplified: bool
+    off: float
+    right: float
+
+
+def _taper(value: Floats, full: float, none: float) -> Floats:
+    """1 up to `full`, 0 from `none` on."""
+    return np.asarray(np.cos(0.5 * np.pi * np.clip((value - full) / (none - full), 0.0, 1.0)) ** 2)
+
+
+def _warnings(acc: Floats, passed: Floats, columns: Sequence[_Component]) -> Iterator[str]:
+    tiny = np.finfo(float).tiny
+    share = np.linalg.norm(acc - passed, axis=1) / max(float(np.linalg.norm(acc)), tiny)
+    cut = [k for k in range(3) if share[k] > _SAID]
+    if cut:
+        why = "waves are shorter there than about three of the rock's elements, or steps"
+        if any(columns[k].amplified for k in cut):
+            why += (
+                f", or its damping makes the motion at depth more than {_AMPLIFIED[0]:g} times the surface's"
+            )
+        where = ", ".join(f"{'xyz'[k]} above {columns[k].cut:.3g} Hz ({100 * share[k]:.2g} %)" for k in cut)
+        yield (
+            f"free field: left out of the record's acceleration: {where} in L2 of it; {why}. Take smaller "
+            "elements, a finer step or less damping, or low-pass the record"
+        )
+    off = [k for k in range(3) if columns[k].off > _OFF]
+    if off:
+        where = ", ".join(
+            f"{'xyz'[k]} {100 * columns[k].off:.2g} % ({100 * _OFF:g} % below {columns[k].right:.3g} Hz)"
+            for k in off
+        )
+        yield (
+            f"free field: acceleration at depth differs from that of plane waves in continuous layers by "
+            f"{where} in L2, since elements and steps slow waves down; take smaller elements or a finer step"
+        )
 
 
 def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolution | None:
@@ -123,16 +203,6 @@ def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolut
             "are those of rock and dam together); give damping.rayleigh, or ground.input: uniform"
         )
     return Deconvolution(field, rayleigh_coefficients(damping.rayleigh))
-
-
-def _tell(acc: Floats, passed: Floats) -> None:
-    share = float(np.linalg.norm(acc - passed) / max(float(np.linalg.norm(acc)), np.finfo(float).tiny))
-    if share > _TOLD:
-        log.warning(
-            "free field: %.2g %% of the record's acceleration in L2 is of waves shorter than about three of "
-            "the rock's elements, or of steps, and left out; take smaller elements, or a finer step",
-            100.0 * share,
-        )
 
 
 def field_shapes(block: Block, field: FreeField) -> csr_matrix:

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -249,10 +250,97 @@ def test_dam_on_stiff_rock_moves_as_on_rock_without_mass(northridge):
     assert l2(soft[1].disp, soft[0].disp) > 0.02
 
 
-def test_what_elements_cannot_carry_is_left_out_and_told(caplog, northridge):
-    with caplog.at_level(logging.WARNING):
-        shaken(assemble_full(make(rock(size_of=20.0)), DAMPED), northridge, 0.01)
-    assert "of waves shorter than about three of the rock's elements" in caplog.text
+def test_what_elements_cannot_carry_is_left_out_and_said_in_the_history(northridge):
+    history, _ = shaken(assemble_full(make(rock(size_of=20.0)), DAMPED), northridge, 0.01)
+    left_out, off = history.warnings
+    assert "free field: left out of the record's acceleration: x above" in left_out
+    assert "waves are shorter there than about three of the rock's elements, or steps" in left_out
+    assert "acceleration at depth differs from that of plane waves in continuous layers" in off
+
+
+def transfer(freq, depth, beta, modulus):
+    """Motion at a depth [m] of 20 m of soft on 30 m of hard rock for a unit motion of the surface (nf,)."""
+    omega = 2.0 * np.pi * np.maximum(freq, 1e-9)
+    moved, traction, top = np.ones(len(freq), dtype=complex), np.zeros(len(freq), dtype=complex), 0.0
+    for name, bottom in (("soft", 20.0), ("hard", 50.0)):
+        if depth > top:
+            G = modulus(DEEP[name]) * (1.0 + 1j * omega * beta)
+            k = omega * np.sqrt(DEEP[name]["rho"] / G)
+            c, s = np.cos(k * (min(depth, bottom) - top)), np.sin(k * (min(depth, bottom) - top))
+            moved, traction = moved * c + traction * s / (G * k), traction * c - moved * G * k * s
+        top = bottom
+    return moved
+
+
+DEEP = {
+    "soft": {"E": 0.8e9, "nu": 0.3, "rho": 2000.0},
+    "hard": {"E": 6e9, "nu": 0.25, "rho": 2400.0},
+}
+MODULI = {
+    0: lambda m: m["E"] / (2.0 * (1.0 + m["nu"])),
+    2: lambda m: m["E"] * (1.0 - m["nu"]) / ((1.0 + m["nu"]) * (1.0 - 2.0 * m["nu"])),
+}
+
+
+@pytest.mark.parametrize(
+    ("dt", "beta", "step", "said"),
+    [
+        (0.02, 0.7e-3, 0.625e-3, []),
+        (0.02, 2e-3, 0.625e-3, []),
+        (0.01, 0.7e-3, 0.5e-3, ["differs"]),
+        (0.01, 2e-3, 1.25e-3, ["left out", "differs"]),
+    ],
+)
+def test_motion_at_three_depths_of_damped_layers_is_the_transfer_functions(dt, beta, step, said, tmp_path):
+    """Noise up to the Nyquist frequency, 25 and 50 Hz: within 2 % up to there, or up to where it is said."""
+    noise = np.random.default_rng(5).standard_normal((2, round(1.2 / dt)))
+    record = np.zeros((2, round(2.4 / dt)))
+    record[:, round(0.4 / dt) :][:, : noise.shape[1]] = noise * np.hanning(noise.shape[1])
+    for name, values in zip("xz", record, strict=True):
+        np.savetxt(tmp_path / f"{name}.txt", values)
+    sides = {"faces": SIDES, "distance": 50.0}
+    raw = {
+        "materials": DEEP,
+        "blocks": {
+            "top": box([0, 0, -20], [5, 5, 20], "soft", "hex20", [5.0, 5.0, 2.5]),
+            "bottom": box([0, 0, -50], [5, 5, 30], "hard", "hex20", [5.0, 5.0, 2.5]),
+        },
+        "ties": {"t": {"between": ["bottom", "top"]}},
+        "ground": {
+            "input": "free_field",
+            "viscous": [{"block": "bottom", "faces": ["zmin"], "distance": 50.0}]
+            + [{"block": name} | sides for name in ("bottom", "top")],
+        },
+        "damping": {"rayleigh": {"alpha": 0, "beta": beta}},
+        "records": [
+            {"name": "n", "unit": "m/s2", "dt": dt, "components": {k: {"file": f"{k}.txt"} for k in "xz"}}
+        ],
+        "model": {"order": "full"},
+        "transient": {"finest_step": step},
+        "outputs": {
+            "output_interval": dt,
+            "plots": False,
+            "nodes": {
+                f"z{depth}": {"block": "top" if depth < 21 else "bottom", "at": [5, 5, -depth]}
+                for depth in (20, 35, 50)
+            },
+        },
+    }
+    result = run(load_config(raw, tmp_path), tmp_path / "o").results[0].dataset
+    warnings = json.loads(result.attrs["run_warnings"])
+    assert len(warnings) == len(said), warnings
+    assert all(word in text for word, text in zip(said, warnings, strict=True))
+    total = result.acceleration.to_numpy() + result.ground_acceleration.to_numpy()[:, None]
+    count = 4 * len(total)
+    freq = np.fft.rfftfreq(count, dt)
+    for row, (component, modulus) in enumerate(MODULI.items()):
+        limits = re.findall(rf"\b{'xyz'[component]} [^,]*(?:above|below) ([\d.]+) Hz", " ".join(warnings))
+        band = freq < min(0.49 / dt, *map(float, limits), np.inf)
+        surface = np.fft.rfft(record[row], count)
+        for number, depth in enumerate((20, 35, 50)):
+            moved = np.fft.rfft(total[:, number, component], count)
+            exact = transfer(freq, depth, beta, modulus) * surface
+            assert l2(moved[band], exact[band]) < 0.02, (component, depth)
 
 
 def test_faces_without_a_distance_take_it_from_the_foot():

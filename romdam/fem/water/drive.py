@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import expm
@@ -25,8 +26,9 @@ class ChannelDrive:
     c: Floats
     k: Floats
     drive: Floats
+    band_limited: ClassVar[bool] = False
 
-    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int]:
+    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int, tuple[str, ...]]:
         """Acceleration, velocity, y and y' at every step, (6 + 2 N, nt): exact where `acc` is linear."""
         N = len(self.k)
         velocity, y, rate, size = slice(0, 3), slice(3, 3 + N), slice(3 + N, 3 + 2 * N), 3 + 2 * N
@@ -39,4 +41,4 @@ class ChannelDrive:
         states = np.zeros((size, acc.shape[1]))
         for i in range(acc.shape[1] - 1):
             states[:, i + 1] = step[:, :size] @ states[:, i] + added[:, i]
-        return np.concatenate([acc, states]), 0
+        return np.concatenate([acc, states]), 0, ()

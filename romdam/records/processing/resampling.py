@@ -61,17 +61,21 @@ def _refuse_huge(samples: float, what: str) -> None:
         )
 
 
-def resample_motion(motion: GroundMotion, dt: float) -> NDArray[np.float64]:
+def resample_motion(motion: GroundMotion, dt: float, *, band_limited: bool = False) -> NDArray[np.float64]:
     """Resample a ground motion (3, nt) to the analysis step, as its `resampling` says (else linear).
+
+    Parameters
+    ----------
+    band_limited : "fourier" in any case
 
     Raises
     ------
     RecordError
         naming the record.
     """
-    method = "fourier" if motion.provenance.get("resampling") == "fourier" else "linear"
+    fourier = band_limited or motion.provenance.get("resampling") == "fourier"
     try:
-        return resample(motion.acc, motion.dt, dt, method)  # type: ignore[arg-type]
+        return resample(motion.acc, motion.dt, dt, "fourier" if fourier else "linear")
     except RecordError as error:
         raise RecordError(f"record {motion.name}: {error}") from None
 

@@ -15,7 +15,7 @@ Chung, Hulbert, J. Appl. Mech. 60 (1993) 371.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -319,10 +319,10 @@ class GeneralizedAlpha:
                 outcomes.append(error)
         return outcomes
 
-    def _driven(self, system: System, ground: Floats, dt: float) -> tuple[Floats, int]:
-        """Histories of the load's columns, and the steps by which they begin before the record."""
+    def _driven(self, system: System, ground: Floats, dt: float) -> tuple[Floats, int, tuple[str, ...]]:
+        """Histories of the load's columns, the steps by which they begin before the record, and warnings."""
         if system.drive is None:
-            return ground, 0
+            return ground, 0, ()
         return system.drive.histories(ground, dt, partial(scheme_rates, scheme(self.rho_inf), dt))
 
     def _integrate(self, simulation: Simulation, settings: Settings, progress: Progress) -> History:
@@ -333,7 +333,7 @@ class GeneralizedAlpha:
         memory = gap_memory(stepper.problem)
         q, gaps = initial_state(prepared, settings)
         take_over(memory, gaps)
-        history, lead = self._driven(system, ground, dt)
+        history, lead, warnings = self._driven(system, ground, dt)
         state = _State(system, q, gaps, history.T[0])
         _compile(stepper.problem)
         setup, loop = cpu_time() - start, cpu_time()
@@ -364,4 +364,4 @@ class GeneralizedAlpha:
             "setup_cpu_seconds": setup,
             "loop_cpu_seconds": cpu_time() - loop,
         }
-        return rows.history(stats)
+        return replace(rows.history(stats), warnings=warnings)
