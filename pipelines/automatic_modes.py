@@ -23,6 +23,20 @@ def with_modes(job: Job, modes: int | str) -> Job:
     return replace(job, config=job.config.model_copy(update={"model": model}))
 
 
+def refuse_unjudged(job: Job) -> None:
+    """Refuse `modes: auto` where no estimate can judge a number of modes.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if not can_estimate(job):
+        raise ConfigError(
+            f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
+            "estimate the error of leaving out modes; give a number, 60 is a good start"
+        )
+
+
 def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: BlockStore | None = None) -> Job:
     """The job with the fewest modes of those tried whose estimated reduction error meets `accuracy`.
 
@@ -39,11 +53,7 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
     """
     accuracy = job.config.transient.accuracy
     assert accuracy is not None  # the configuration asks for it
-    if not can_estimate(job):
-        raise ConfigError(
-            f"{job.path}: model.modes: auto needs joints, damping and outputs.error_estimate, to "
-            "estimate the error of leaving out modes; give a number, 60 is a good start"
-        )
+    refuse_unjudged(job)
     free = min(int((~fixed).sum()) for fixed in scene.fixed.values())
     motion = max(motions, key=lambda m: m.peak)
     count = FIRST

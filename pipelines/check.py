@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, located
-from romdam.config.variants import variant_jobs
-from romdam.core.errors import RecordError
+from romdam.core.errors import RecordError, placed
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
-from romdam.pipelines.automatic_modes import FIRST, with_modes
+from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes
 from romdam.pipelines.doubts import doubts_of, with_doubts_of
-from romdam.pipelines.moving_supports import refuse_drifting
-from romdam.pipelines.run import Clock, Stage, build_model, silent
+from romdam.pipelines.error.comparison import comparable_variants
+from romdam.pipelines.error.study import refuse_study
+from romdam.pipelines.run import Clock, Stage, build_model, reduced_model, silent, usable_motions
 from romdam.pipelines.simulation import Model, refuse_large, settings_for
-from romdam.pipelines.sizes import refuse_lengths, run_bytes
+from romdam.pipelines.sizes import run_bytes
+from romdam.pipelines.suites.plan import make_plan
+from romdam.pipelines.summary import refuse_summary
 from romdam.records.record_set import load_motions
 from romdam.reduction.closed_joints import MOST, closed_frequencies
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import mode_choice
 from romdam.scene.ties import scene_parts
+from romdam.timestepping.equilibrium import initial_state
 from romdam.timestepping.steps import Steps
 
 _CLOSED = 5  # frequencies with closed joints that are told
@@ -84,22 +88,59 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
         for everything `romdam.run` would refuse before its first step.
     """
     job, clock = load_config(job), Clock(show)
-    if job.config.pipeline == "comparison":
-        variant_jobs(job)
-    with clock.stage("records", "reading records"):
-        motions = _motions(job)
-    refuse_lengths(job, motions)
-    refuse_drifting(job, motions)
-    asked = job
+    if "study" in job.config.model_fields_set:
+        refuse_study(job)
+    if job.config.pipeline != "comparison":
+        return _check(job, clock, open_store(cache))
+    asked, variants = comparable_variants(job)
+    found = {name: _check(variant, clock, open_store(cache)) for name, variant in variants.items()}
+    each = found.values()
+    return replace(
+        found[asked.against],
+        seconds=sum(one.seconds for one in each),
+        memory=max(one.memory for one in each),
+        file_size=sum(one.file_size for one in each),
+        warnings=tuple(dict.fromkeys(text for one in each for text in one.warnings)),
+        skipped=(
+            *(text for text in dict.fromkeys(text for one in each for text in one.skipped)),
+            f"blocks and joints of other variants than {asked.against!r} are checked and not listed",
+        ),
+    )
+
+
+def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
+    """A job with one model."""
+    asked, runs = job, 1
     if job.config.model.modes == "auto":
+        refuse_unjudged(job)
         job = with_modes(job, FIRST)
-    model = build_model(job, clock, open_store(cache), estimated=True)
-    job = with_doubts_of(model.scene, job)
+    if job.config.pipeline == "suite":
+        refuse_summary(job, None)
+        plan = make_plan(job, clock)
+        if failed := [f"{record.name}: {record.message}" for record in plan.records if record.message]:
+            raise RecordError("\n".join(failed))
+        job, motions = plan.job, list(plan.motions.values())
+        runs = len(plan.first)
+        with clock.stage("model", "reducing the blocks"), placed(job.path):
+            model = reduced_model(job, plan.scene, store, estimated=True)
+    else:
+        with clock.stage("records", "reading records"):
+            motions = _motions(job)
+        summarised = len(motions) > 1
+        if summarised:
+            refuse_summary(job, None)
+        usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
+        model = build_model(job, clock, store, estimated=True)
+        job = with_doubts_of(model.scene, job)
     settings = settings_for(job, model.prepared, motions[0])
     steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
     for motion in motions:
         refuse_large(job, [(model.prepared, motion, settings)], job.config.transient.duration)
-    total, closed = sum(steps.values()), _closed(model)
+    with clock.stage("rest", "equilibrium at rest"), placed(job.path):
+        model.prepared.integrator.supports(model.system)
+        if model.reduced is not None:
+            initial_state(model.prepared, settings)
+    total, closed = sum(steps.values()) * max(1, runs // len(motions)), _closed(model)
     return Check(
         blocks={name: _block(model, name) for name in model.scene.blocks},
         joints=_joints(model.scene),
@@ -132,7 +173,7 @@ def _why_not_closed(model: Model) -> str:
 def _skipped(job: Job, model: Model, closed: bool) -> Iterator[str]:
     """Tell what a run looks at, and a check does not."""
     yield "whether every time step converges and the energy ledger closes"
-    if job.config.loads.initial_state == "static":
+    if job.config.loads.initial_state == "static" and model.reduced is None:
         yield "static equilibrium before the earthquake"
     if model.finer is not None:
         yield "the error of leaving out modes, which a run estimates"
@@ -143,9 +184,7 @@ def _skipped(job: Job, model: Model, closed: bool) -> Iterator[str]:
     if len(model.system.law) and not closed:
         yield f"frequencies with closed joints: {_why_not_closed(model)}; `romdam modes --joints bonded`"
     if job.config.pipeline == "suite":
-        yield "scales and samples of the suite; blocks, joints and records are those of the file's own values"
-    if job.config.pipeline == "comparison":
-        yield "models of the variants, whose keys alone are validated"
+        yield "equilibrium at rest of each sample; blocks and joints are those of the file's own values"
     yield "room on the disk, and figures"
 
 

@@ -201,13 +201,10 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     if given is None:
         with clock.stage("records", "reading records"):
             read = records_of(job, goal.folder)
-    motions = usable(read)
     summarised = goal.summary and len(read) > 1
     if summarised:
         refuse_summary(job, goal.folder)
-        refuse_unmeasured(job, read)
-    refuse_lengths(job, motions)
-    refuse_drifting(job, motions)
+    motions = usable_motions(job, read, summarised=summarised)
     tell_doubts(job, motions)
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
@@ -228,6 +225,25 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     lone = last.dataset if last and len(read) == 1 else None
     written = tuple((path.absolute(), one.labels) for path, one in zip(paths, kept, strict=True))
     return Outcome(paths, failures, others, files, lone=lone, written=written)
+
+
+def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMotion]:
+    """The motions among records that were read, once nothing is wrong with what they are to give.
+
+    Parameters
+    ----------
+    summarised : their peaks are set side by side with measures of the records
+
+    Raises
+    ------
+    RomdamError
+    """
+    motions = usable(read)
+    if summarised:
+        refuse_unmeasured(job, read)
+    refuse_lengths(job, motions)
+    refuse_drifting(job, motions)
+    return motions
 
 
 def _run_all(

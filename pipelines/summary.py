@@ -49,8 +49,12 @@ class Made:
         return Row(key, "", row_values(self.case, stated), self.kept)
 
 
-def refuse_summary(job: Job, folder: Path, *files: str) -> None:
+def refuse_summary(job: Job, folder: Path | None, *files: str) -> None:
     """Refuse what would be found when the summary is written, after all runs.
+
+    Parameters
+    ----------
+    folder : of the results; None before there is one
 
     Raises
     ------
@@ -60,7 +64,7 @@ def refuse_summary(job: Job, folder: Path, *files: str) -> None:
         where a spreadsheet is asked for that cannot be written.
     """
     for name in (SUMMARY, *files):
-        if (folder / name).is_dir():
+        if folder is not None and (folder / name).is_dir():
             raise ResultError(f"{folder / name}: is a folder, a file is written there; choose another --out")
     if job.config.outputs.xlsx:
         refuse_without_xlsx(job.path)

@@ -51,9 +51,7 @@ def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | No
         for bad input of any variant, before the first is run; and where the reference fails.
     """
     job = load_config(job)
-    asked, jobs = comparison_of(job), variant_jobs(job)
-    for name, one in jobs.items():
-        _refuse(name, one, asked)
+    asked, jobs = comparable_variants(job)
     folder, results, failures = prepare_folder(Path(out)), dict[str, Path](), dict[str, str]()
     for name in sorted(jobs, key=lambda name: name != asked.against):  # the rest is of no use without it
         log.info("variant %s", name)
@@ -69,6 +67,20 @@ def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | No
         dataset = comparison_dataset({name: one.dataset for name, one in runs.items()}, job, asked)
         paths = _write(folder, dataset, runs, Clock(show))
     return Comparison(dataset, variant_tables(dataset), paths, failures)
+
+
+def comparable_variants(job: Job) -> tuple[ComparisonConfig, dict[str, Job]]:
+    """What is compared, and the job of every variant.
+
+    Raises
+    ------
+    RomdamError
+        where a variant's keys are wrong, or it cannot be compared.
+    """
+    asked, jobs = comparison_of(job), variant_jobs(job)
+    for name, one in jobs.items():
+        _refuse(name, one, asked)
+    return asked, jobs
 
 
 def _refuse(name: str, job: Job, asked: ComparisonConfig) -> None:

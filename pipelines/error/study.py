@@ -86,7 +86,7 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
         for bad input, a scene without joints, and a reference that does not converge.
     """
     job = load_config(job)
-    _refuse(job)
+    refuse_study(job)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motion = load_motions(job.config.records, job.folder)[0]
@@ -111,7 +111,13 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     return _write(folder, study_dataset(cases, job, about))
 
 
-def _refuse(job: Job) -> None:
+def refuse_study(job: Job) -> None:
+    """Refuse a job that has nothing to be studied.
+
+    Raises
+    ------
+    ConfigError
+    """
     if job.config.model.order == "full":
         raise ConfigError(
             f"{job.path}: model.order is full, a study is about reduced models; set it to reduced"

@@ -60,4 +60,4 @@ def test_check_says_what_it_skips_and_what_fits_no_factors(config, monkeypatch):
     assert without_factors(2_000_000, 60, Solving(memory=100e9), "part rock") == ""
     edited(config, pipeline="suite", suite={"scales": [1, 2]}, transient={"accuracy": "1 %"}, outputs={})
     skipped = " ".join(check(romdam.load_config(config)).skipped)
-    assert "scales and samples of the suite" in skipped and "transient.accuracy" in skipped
+    assert "equilibrium at rest of each sample" in skipped and "transient.accuracy" in skipped
