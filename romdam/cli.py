@@ -22,6 +22,7 @@ from romdam.commands.suites import clean, report
 from romdam.commands.views import info, plot, records, show, view
 from romdam.core.errors import RomdamError
 from romdam.core.files import keep_standard_files
+from romdam.core.printable import printable
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals, load_unsearched
 
 app = typer.Typer(
@@ -65,5 +66,5 @@ def main() -> None:
     try:
         app()
     except (Signalled, RomdamError) as error:
-        typer.echo(f"romdam: {error}", err=True)
+        typer.echo(printable(f"romdam: {error}"), err=True)
         raise SystemExit(exit_code(error)) from None

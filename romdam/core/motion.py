@@ -157,6 +157,10 @@ def _numbers(values: ArrayLike, where: str) -> Floats:
             raise TypeError
     except (TypeError, ValueError):
         raise RecordError(f"{where}: wanted real numbers, got {shown(values)}") from None
+    if masked := int(np.count_nonzero(np.ma.getmask(np.ma.asanyarray(values)))):
+        raise RecordError(
+            f"{where}: {masked} of {plain.size} samples are masked, limit 0; fill them, or cut them off"
+        )
     return np.array(plain, dtype=np.float64, order="C")
 
 

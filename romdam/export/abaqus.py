@@ -19,7 +19,7 @@ from romdam.export.keywords import (
     shared_statements,
     steps_text,
 )
-from romdam.export.tables import assignments, comments
+from romdam.export.tables import assignments, comments, openings_head
 
 _ELEMENTS = {"hex8": "C3D8", "hex20": "C3D20", "tet4": "C3D4", "tet10": "C3D10"}
 
@@ -37,10 +37,12 @@ def write_abaqus(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     head = comments("**", deck.title, deck.stated) + "\n"
     sets = [name for name, there in (("GAPS", len(deck.gaps)), ("PROBES", deck.probes)) if there]
     output = [f"*OUTPUT, HISTORY, FREQUENCY=1\n*NODE OUTPUT, NSET={name}\nU1, U2, U3" for name in sets]
+    probes = {node + 1: name for name, node in deck.probes.items()}
     settings = {
         "FIRST": jump_node(deck),
         "GAPS": deck.gaps.law.gap.tolist(),
-        "PROBES": {node + 1: name for name, node in deck.probes.items()},
+        "PROBES": probes,
+        "HEAD": openings_head(len(deck.gaps), probes.values()),
     }
     return {
         "mesh.inp": mesh_text(deck, names) + probes_text(deck),
@@ -85,8 +87,7 @@ def main():
     moved = histories(list(openOdb("deck.odb", readOnly=True).steps.values())[-1])
     times = [row[0] for row in next(iter(moved.values()))[0]]
     with open("openings.csv", "w") as file:
-        names = ["displacement:%s:%s" % (name, axis) for name in PROBES.values() for axis in "xyz"]
-        file.write(",".join(["time"] + ["opening:%d" % k for k in range(len(GAPS))] + names) + "\\n")
+        file.write(HEAD)
         for k, time in enumerate(times):
             numbers = [time] + [gap + moved[FIRST + m][0][k][1] for m, gap in enumerate(GAPS)]
             numbers += [moved[node][c][k][1] for node in PROBES for c in range(3)]

@@ -23,7 +23,7 @@ from romdam.export.keywords import (
     shared_statements,
     steps_text,
 )
-from romdam.export.tables import assignments, comments
+from romdam.export.tables import assignments, comments, openings_head
 
 _ELEMENTS = {"hex8": "C3D8", "hex20": "C3D20", "tet4": "C3D4", "tet10": "C3D10"}
 
@@ -49,10 +49,12 @@ def write_calculix(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     output = [f"*NODE PRINT, NSET={name}\nU" for name in sets]
     pull = deck.mass * float(np.abs(deck.motion.acc).max()) / len(deck.points)
     control = f"*CONTROLS, PARAMETERS=FIELD\n{_RESIDUAL}, 1.0E-2, {pull:.6E}, {pull:.6E}"
+    probes = {node + 1: name for name, node in deck.probes.items()}
     settings = {
         "STATIC": deck.static and bool(deck.force.any()),
         "GAPS": deck.gaps.law.gap.tolist(),
-        "PROBES": {node + 1: name for name, node in deck.probes.items()},
+        "PROBES": probes,
+        "HEAD": openings_head(len(deck.gaps), probes.values()),
     }
     return {
         "mesh.inp": mesh_text(deck, names) + probes_text(deck),
@@ -119,8 +121,7 @@ def main():
     steps = steps if STATIC else {0.0: {node: [0.0, 0.0, 0.0] for node in nodes}, **steps}
     gaps = sorted(node for node in nodes if node not in PROBES)
     with open(HERE / "openings.csv", "w") as file:
-        names = [f"displacement:{name}:{axis}" for name in PROBES.values() for axis in "xyz"]
-        file.write(",".join(["time", *(f"opening:{k}" for k in range(len(gaps))), *names]) + "\\n")
+        file.write(HEAD)
         for time, moved in steps.items():
             numbers = [time, *(gap + moved[node][0] for gap, node in zip(GAPS, gaps))]
             numbers += [value for node in PROBES for value in moved[node]]

@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.export.aster_mesh import Groups, block_group, mail_text, single_group
 from romdam.export.deck import Deck
-from romdam.export.tables import assignments, comments
+from romdam.export.tables import assignments, comments, openings_head
 
 Relation = tuple[tuple[int, ...], tuple[str, ...], tuple[float, ...]]  # points, components, factors; sum is 0
 
@@ -57,6 +57,7 @@ def _model(deck: Deck) -> tuple[dict[str, object], Groups]:
         "TENSION": tension,
         "OPENINGS": [(single_group(point), gap) for point, gap in openings],
         "PROBES": {name: single_group(point) for name, point in deck.probes.items()},
+        "HEAD": openings_head(len(deck.gaps), deck.probes),
     }
     discrete = {f"W{k}": wet[k : k + 1] for k in range(len(wet))} | gaps | pulled
     single = np.unique(np.concatenate([loaded, jumps, probes, related]))
@@ -288,7 +289,7 @@ for name, group in PROBES.items():
     for axis in "xyz":
         clock, columns[f"displacement:{name}:{axis}"] = history(group, "D" + axis.upper())
 with open("fort.41", "w") as file:
-    file.write(",".join(["time", *columns]) + "\\n")
+    file.write(HEAD)
     for time, *numbers in zip(clock if columns else [], *columns.values()):
         file.write(",".join(map(repr, [time, *numbers])) + "\\n")
 

@@ -17,7 +17,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.export.deck import Deck
-from romdam.export.tables import assignments, comments, table
+from romdam.export.tables import assignments, comments, openings_head, table
 
 _ELEMENTS = {"hex8": "stdBrick", "hex20": "20NodeBrick", "tet4": "FourNodeTetrahedron"}
 
@@ -49,6 +49,7 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         "BETA": deck.beta,
         "MODES": 10,
         "PROBES": {name: node + 1 for name, node in deck.probes.items()},
+        "HEAD": openings_head(len(deck.gaps), deck.probes),
         "BLOCKS": {
             k: (solid.name, name, solid.material.E, solid.material.nu, solid.material.rho)
             for k, (solid, name) in enumerate(zip(deck.solids, names, strict=True), 1)
@@ -238,8 +239,7 @@ def main():
             ops.pattern("UniformExcitation", 1 + direction, direction, "-accel", 1 + direction)
     analysis("Transient", "HHT", 0.9)
     with open(HERE / "openings.csv", "w", buffering=1) as file:
-        names = [f"displacement:{name}:{axis}" for name in PROBES for axis in "xyz"]
-        file.write(",".join(["time", *(f"opening:{number}" for number in range(len(gaps))), *names]) + "\\n")
+        file.write(HEAD)
         for step in range(STEPS + 1):
             if step:
                 advance(DT)

@@ -52,6 +52,7 @@ _AMPLIFIED = (
 )  # motion at depth over the surface's up to which motion passes, and from which none does
 _SAID = 1e-3  # share of the record left out, in L2, from which on it is said
 _OFF = 0.02  # distance of the column's motion from continuous layers', in L2, from which on it is said
+_SAFE = 0.7  # of it: accelerations that generalised-alpha writes lag by a few hundredths of a step besides
 _UPRIGHT = 0.5  # vertical component of a facet's normal: the scene has sides, with none, and a bottom, with 1
 
 
@@ -130,7 +131,7 @@ class Deconvolution:
             cut=float(freq[np.argmax(passed < 1.0)]) if (passed < 1.0).any() else np.inf,
             amplified=bool((amplified > _AMPLIFIED[0]).any()),
             off=float(wrong[-1]) if acc.any() else 0.0,
-            right=float(freq[1 + int(np.argmax(wrong > 0.9 * _OFF))]),  # the mesh is as near to its column
+            right=float(freq[1 + int(np.argmax(wrong > _SAFE * _OFF))]),
         )
 
 
@@ -178,7 +179,8 @@ def _warnings(acc: Floats, passed: Floats, columns: Sequence[_Component]) -> Ite
     off = [k for k in range(3) if columns[k].off > _OFF]
     if off:
         where = ", ".join(
-            f"{'xyz'[k]} {100 * columns[k].off:.2g} % ({100 * _OFF:g} % below {columns[k].right:.3g} Hz)"
+            f"{'xyz'[k]} {100 * columns[k].off:.2g} % (within {100 * _OFF:g} % below "
+            f"{columns[k].right:.3g} Hz)"
             for k in off
         )
         yield (

@@ -9,6 +9,7 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.core.files import replacing
+from romdam.core.printable import plain_cell
 from romdam.postprocess.maxima import HEAD, maxima
 from romdam.postprocess.sliding import HEAD as SLIDING_HEAD
 from romdam.postprocess.sliding import sliding_rows
@@ -27,9 +28,9 @@ def write_sliding(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
 
 
 def write_csv(head: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> Path:
-    """Write a table whole or not at all."""
+    """Write a table whole or not at all; no text of it is a formula to a spreadsheet."""
     with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(head)
-        writer.writerows(rows)
+        writer.writerow(map(plain_cell, head))
+        writer.writerows(map(plain_cell, row) for row in rows)
     return path

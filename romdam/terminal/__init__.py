@@ -16,6 +16,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from romdam.core.errors import ConfigError
+from romdam.core.printable import printable
 from romdam.terminal.run_log import SAID
 
 Terminal = tuple["Stages", Callable[..., None]]
@@ -47,11 +48,14 @@ class Stages:
         if self._quiet:
             yield _ignore
             return
+        text = printable(text)
         if not self._console.is_terminal:
             with _lines(self._console, text) as progress:
                 yield progress
             return
-        name = TextColumn("{task.description}", table_column=Column(overflow="fold"))  # alone gives way
+        name = TextColumn(
+            "{task.description}", markup=False, table_column=Column(overflow="fold")
+        )  # alone gives way
         columns = (SpinnerColumn(), name, BarColumn(_BAR), _Times())
         bar = Progress(*columns, console=self._console, transient=True)
         task = bar.add_task(text, total=None)
@@ -128,12 +132,13 @@ def open_terminal(quiet: bool = False, verbose: bool = False, as_json: bool = Fa
     if quiet and verbose:
         raise ConfigError("--verbose: is the opposite of --quiet; give one of the two")
     errors = Console(stderr=True)
-    output = Console(soft_wrap=True, highlight=False, emoji=False, width=_WIDE, stderr=as_json)
+    output = Console(soft_wrap=True, highlight=False, emoji=False, markup=False, width=_WIDE, stderr=as_json)
     _tell_log(errors, logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING)
 
     def say(*lines: object) -> None:
         for line in lines:
             if isinstance(line, str):
+                line = printable(line)
                 SAID.debug("%s", line)
             if quiet:
                 continue
@@ -148,16 +153,23 @@ def complain(*lines: str) -> None:
     """Write to stderr what went wrong."""
     for line in lines:
         SAID.error("%s", line)
-        print(line, file=sys.stderr)
+        print(printable(line), file=sys.stderr)
+
+
+class _Plain(logging.Formatter):
+    """Lines without control characters."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record))
 
 
 def _tell_log(errors: Console, level: int) -> None:
     """Write the log to stderr from a level on: coloured to a terminal, else whole lines with the time."""
     handler: logging.Handler = RichHandler(console=errors, show_path=False)
-    handler.setFormatter(logging.Formatter("%(message)s"))
+    handler.setFormatter(_Plain("%(message)s"))
     if not errors.is_terminal:
         handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s", STAMP))
+        handler.setFormatter(_Plain("%(asctime)s %(levelname)s %(message)s", STAMP))
 
     def wanted(record: logging.LogRecord) -> bool:
         least = min(level, logging.INFO) if record.name == _COMPILING and level < logging.ERROR else level

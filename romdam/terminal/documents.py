@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import romdam
+from romdam.core.printable import printable
 from romdam.error.statement import sentences
 
 if TYPE_CHECKING:
@@ -56,7 +57,8 @@ def print_document(command: str, document: Document) -> None:
     document : of plain values, numbers of NumPy and paths; what is not finite becomes null
     """
     whole = {"romdam": romdam.__version__, "command": command, **document}
-    print(json.dumps(_plain(whole), indent=1, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(_plain(whole), indent=1, ensure_ascii=False, allow_nan=False)
+    print("".join(c if c == "\n" or printable(c) == c else json.dumps(c)[1:-1] for c in text))
 
 
 def _plain(value: Any) -> Any:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from romdam.core.machine import shown_size
+from romdam.core.printable import one_line
 from romdam.postprocess.concerns import LEDGER_LIMIT
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
     cpu = float(attrs.get("solver_loop_cpu_seconds", float("nan")))
-    return [
+    lines = [
         str(attrs["title"]),
         f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, peak {peak_text(attrs)}",
         f"configuration  {attrs['configuration_file']}, SHA-256 {str(attrs['configuration_sha256'])[:12]}",
@@ -161,8 +162,15 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         *_error_lines(attrs),
         *([f"stress         {attrs['stress_statement']}"] if "stress_statement" in attrs else []),
         *_water_lines(dataset),
-        *(f"warning        {text}" for text in json.loads(str(attrs.get("run_warnings", "[]")))),
+        *(f"warning        {text}" for text in _warnings(attrs)),
     ]
+    return [one_line(one) for one in lines]  # a text of the file makes no line of its own
+
+
+def _warnings(attrs: Mapping[str, object]) -> Iterator[str]:
+    """What is odd about a run, its configuration and its record."""
+    for name in ("run_warnings", "configuration_doubts", "record_warnings"):
+        yield from json.loads(str(attrs.get(name, "[]")))
 
 
 def _water_lines(dataset: xr.Dataset) -> list[str]:

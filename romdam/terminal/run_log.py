@@ -20,6 +20,7 @@ from pathlib import Path
 import romdam
 from romdam.core.errors import RomdamError, WriteError
 from romdam.core.files import prepare_folder
+from romdam.core.printable import printable
 from romdam.core.threads import VARIABLES
 
 SAID = logging.getLogger("romdam.said")  # what a command has written to the terminal itself
@@ -36,7 +37,7 @@ class _Line(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         level = f"{record.levelname}: " if record.levelno >= logging.WARNING else ""
-        return f"{self.formatTime(record, _STAMP)} {level}{super().format(record)}"
+        return printable(f"{self.formatTime(record, _STAMP)} {level}{super().format(record)}")
 
 
 class _File(logging.FileHandler):

@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from rich.console import RenderableType
 from rich.table import Table
 
 from romdam.config.quantities import to_si
+from romdam.core.printable import one_line
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -226,9 +228,17 @@ def _interval_table(within: Mapping[str, Any]) -> Table:
 
 
 def _table(title: str, left: tuple[str, ...], right: tuple[str, ...]) -> Table:
-    table = Table(title=title, title_justify="left")
+    table = _Plain(title=one_line(title), title_justify="left")
     for name in left:
-        table.add_column(name, overflow="fold")
+        table.add_column(one_line(name), overflow="fold")
     for name in right:
-        table.add_column(name, justify="right")
+        table.add_column(one_line(name), justify="right")
     return table
+
+
+class _Plain(Table):
+    """A table whose cells are plain text, whatever names and files hold."""
+
+    def add_row(self, *cells: RenderableType | None, **options: Any) -> None:
+        """Add a row."""
+        super().add_row(*(one_line(one) if isinstance(one, str) else one for one in cells), **options)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from romdam.core.files import replacing
+from romdam.core.printable import plain_cell
 from romdam.records.record_set import Loaded
 
 CHOICE = "record_choice.csv"
@@ -21,7 +22,7 @@ def write_choice(considered: Sequence[Loaded], folder: Path) -> None:
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(_HEADINGS)
-    writer.writerows(map(_row, considered))
+    writer.writerows(map(plain_cell, _row(one)) for one in considered)
     with replacing(folder / CHOICE) as part:
         part.write_text(text.getvalue(), encoding="utf-8")
 

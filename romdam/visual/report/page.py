@@ -10,6 +10,7 @@ from functools import cache
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from romdam.core.printable import printable
 from romdam.visual.report.parts import Fact, Section, Table
 
 
@@ -40,6 +41,7 @@ def _templates() -> Environment:
     return Environment(
         loader=PackageLoader("romdam.visual.report"),
         autoescape=True,
+        finalize=lambda value: printable(value) if type(value) is str else value,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
