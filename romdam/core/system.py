@@ -28,7 +28,7 @@ class LawSource:
     ----------
     name : of the class; of a user's, with its module
     file : the user's; empty for romdam's own
-    sha256 : of that file
+    sha256 : of that file, and of what the law takes from elsewhere
     """
 
     name: str
@@ -356,6 +356,7 @@ class History:
         it [N]; empty without shear
     bonded : (nt, ng) whether a gap has any of it without compression; empty without shear
     gap : (ng,) initial gaps that it began with, after grouting [m]
+    ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
     warnings : what a careful reader should know and no number says, one sentence each
     """
 
@@ -377,6 +378,7 @@ class History:
     bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
+    ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     warnings: tuple[str, ...] = ()
 
     @property

@@ -57,11 +57,6 @@ def _at_probes(name: str) -> Callable[[Case], Array]:
     return get
 
 
-def _ground_acceleration(case: Case) -> Array:
-    motion, time = case.motion, case.history.time
-    return np.stack([np.interp(time, motion.time, row) for row in motion.acc], axis=1)
-
-
 def _joint_of_gap(case: Case) -> Array:
     return np.concatenate([np.full(len(joint.area), joint.name) for joint in case.joints])
 
@@ -270,7 +265,10 @@ VARIABLES: dict[str, Variable] = {
         _has_probes,
     ),
     "ground_acceleration": Variable(
-        ("time", "component"), "m s-2", "ground acceleration of the base", _ground_acceleration
+        ("time", "component"),
+        "m s-2",
+        "ground acceleration of the base, as integrated",
+        lambda case: case.history.ground,
     ),
     "support_displacement": Variable(
         ("time", "support", "component"),

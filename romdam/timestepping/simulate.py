@@ -128,8 +128,9 @@ def _refuse_ignored(integrator: Integrator, settings: Settings) -> None:
 
 
 def _finished(history: History, of: Simulation, stride: int) -> History:
-    """The history with what moving supports add, its initial gap, and how far its ledger is open."""
+    """The history with what moving supports add, its ground, its initial gap, and its open ledger."""
     system = of.prepared.system
     history = with_supports(history, system, of.ground, stride)
     stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
-    return replace(history, stats=stats, gap=system.law.gap)
+    ground = of.ground[:3, ::stride].T  # below it stands what moving supports do
+    return replace(history, stats=stats, gap=system.law.gap, ground=ground)

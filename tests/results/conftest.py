@@ -85,7 +85,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
         water=traction[:, :, 0], coordinates=coordinates, energy=energy, peaks=peaks, stats=stats,
         integrator="modal", strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
-        supports=1e-3 * rng.normal(size=(STEPS, 3)),
+        supports=1e-3 * rng.normal(size=(STEPS, 3)), ground=rng.normal(size=(STEPS, 3)),
     )  # fmt: skip
 
 

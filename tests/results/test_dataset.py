@@ -33,14 +33,6 @@ def test_probe_motions_are_split_by_node_and_component(case, job, timing):
     assert list(ds.node_block.values) == ["left", "right"]
 
 
-def test_ground_acceleration_is_the_record_at_the_written_times(case, job, timing):
-    ds = build_dataset(case, job, timing, None)
-    np.testing.assert_allclose(
-        ds.ground_acceleration.sel(component="y"), case.motion.acc[1, ::10], atol=1e-12
-    )
-    assert float(abs(ds.ground_acceleration.sel(component="x")).max()) == 0.0
-
-
 def test_peaks_are_taken_joint_by_joint(case, job, timing):
     ds, peaks = build_dataset(case, job, timing, None), case.history.peaks
     for joint, gaps in (("J1", slice(0, 2)), ("J2", slice(2, 5))):
