@@ -12,7 +12,7 @@ from romdam.postprocess.lognormal import LognormalFit, Observations, fit_lognorm
 from romdam.postprocess.responses import Curve, about_runs, curves_of, intensity_of, response_of
 
 GROUPS, FEWEST = 8, 5  # groups of runs set beside a fit, and the fewest runs in one
-_NONE = 3.0  # -ln(5 %), rounded up
+_DOUBT = 0.05  # 95 % confidence
 
 
 def fragility(
@@ -67,7 +67,10 @@ def fragility(
 
 
 def none_exceeds(records: int) -> float:
-    """Upper bound, with 95 % confidence, of the probability of what none of so many records did: 3/n.
+    """Upper bound, with 95 % confidence, of the probability p of what none of n records did.
+
+    None of n does with the probability (1 - p)^n, which is 5 % at p = 1 - 0.05^(1/n); 3/n comes near it for
+    many records, and is far above it for few.
 
     It holds for exceeding the largest response of the records, too, whatever its distribution.
 
@@ -75,7 +78,7 @@ def none_exceeds(records: int) -> float:
     ----------
     Hanley, Lippman-Hand, If nothing goes wrong, is everything all right?, JAMA 249(13), 1983, 1743-1745.
     """
-    return min(1.0, _NONE / records)
+    return float(1.0 - _DOUBT ** (1.0 / records))
 
 
 def _method(asked: str, curves: list[Curve]) -> str:

@@ -30,14 +30,14 @@ def shaking(seed, seconds=15.0):
     return 0.8 * noise * (time / 4.0) * np.exp(1.0 - time / 4.0)
 
 
-def result_of(folder, joints, model, seed):
+def result_of(folder, joints, model, seed, nodes=True):
     raw = yaml.safe_load(SMALL)
     for name, more in joints.items():
         raw["joints"][name] |= more
     raw["model"] |= model
     for block in raw["blocks"].values():  # so that the finer model is not the mesh itself
         block["box"]["element_size"] = 2.5
-    raw["outputs"] |= {"plots": False}
+    raw["outputs"] |= {"plots": False} | ({} if nodes else {"nodes": {}})
     np.savetxt(folder / "pulse.txt", shaking(seed))
     (folder / "small.yaml").write_text(yaml.safe_dump(raw))
     return run(load_config(folder / "small.yaml"), folder / "out").paths[0]
@@ -59,6 +59,14 @@ def test_the_interval_covers_the_whole_record(case, tmp_path):
             assert low <= getattr(error, measure) <= high, (quantity, measure)
     low, high = sample.details["within"]["opening"]["l2"]
     assert high < 3.0 * whole.errors["opening"].l2 and low > 0.0
+
+
+def test_no_displacement_is_certified_where_none_is_written(tmp_path):
+    path = result_of(tmp_path, *CASES["penalty"], nodes=False)
+    for passes in (None, 1):
+        stated = pipeline.certify(path, passes=passes).statement
+        assert set(stated.errors) == {"opening", "energy"} and "displacement" not in stated.sentence
+        assert "strain energy by" in stated.sentence
 
 
 def test_the_command_tells_the_cost_first_and_the_interval(penalty):

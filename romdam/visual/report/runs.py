@@ -83,12 +83,9 @@ def _beyond(subject: Subject, worst: xr.Dataset) -> str:
     """Sentence on records that were not run, from the largest response."""
     factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
     largest, count = number(factor * float(worst.response.max())), int(worst.attrs["records"])
-    share = none_exceeds(count)
-    if share >= 1.0:
-        return f"{count} record{'s' * (count > 1)} cannot tell how many others would exceed {largest} {unit}."
     return (
-        f"None of {count} records exceeds {largest} {unit}; of others like them at most 3/{count} = "
-        f"{number(100 * share)} % would, with 95 % confidence (the rule of three)."
+        f"None of {count} records exceeds {largest} {unit}; of others like them at most "
+        f"1 - 0.05^(1/{count}) = {number(100 * none_exceeds(count))} % would, with 95 % confidence."
     )
 
 
