@@ -126,7 +126,8 @@ class Limits(NamedTuple):
     tension: Floats
 
 
-FAILURE = record_type(gap=int)
+LIMIT, RELEASE, COMMIT = range(3)  # functions of a law
+FAILURE = record_type(gap=int, law=int, function=int)
 
 
 class GapMemory(NamedTuple):
@@ -144,7 +145,8 @@ class GapMemory(NamedTuple):
     water : (n,) force of the water that laws put into the gaps, now; empty without further laws [N]
     spring : (N,) deformation of the gaps' springs at the last accepted step: the opening where it is
         below zero, and the jump from the accumulated slip [m]
-    failure : `FAILURE`: the gap farthest from a solution, where the last step did not converge
+    failure : `FAILURE`: the gap farthest from a solution, where the last step did not converge; or that at
+        which a function of a law failed, with the law's number from 1, which ends the run
     solver : what the solver has learnt, see `romdam.contact.solvers.state`
     """
 

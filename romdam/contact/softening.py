@@ -7,12 +7,17 @@ solved again, until none gives up any more. What was lost is committed once per 
 
 from __future__ import annotations
 
+import numpy as np
+
 from romdam.contact.components import ALONG_J, ALONG_K, SHEAR_J, SHEAR_K
 from romdam.contact.cone import slides
-from romdam.contact.laws.law import COHESION_J, MU_J, TENSION, WATER
-from romdam.contact.problem import GapMemory, GapProblem, Laws
+from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.compiled import FAILED, GAVE_UP
+from romdam.contact.laws.law import COHESION_J, ENTRIES, MU_J, TENSION, WATER
+from romdam.contact.problem import COMMIT, LIMIT, RELEASE, GapMemory, GapProblem, Laws
 from romdam.contact.solvers.newton import add_row
 from romdam.core.arrays import Floats
+from romdam.core.errors import ConvergenceError
 from romdam.core.jit import copy, njit
 
 
@@ -28,13 +33,14 @@ def begin_step(laws: Laws | None, memory: GapMemory, w_free: Floats) -> None:
 
 
 @njit(cache=True, inline="always")
-def put_limit(laws: Laws, history: Floats, i: int, limit: Floats) -> None:
-    """Put what bounds the force of gap i, which keeps `history`."""
+def put_limit(laws: Laws, history: Floats, i: int, limit: Floats) -> int:
+    """Put what bounds the force of gap i, which keeps `history`; the number of a law that fails, from 1."""
     for entry in range(len(limit)):
         limit[entry] = 0.0
     for k in range(len(laws.on)):
-        if laws.on[k, i]:
-            laws.functions.limit[k](laws.parameters[k, i], history[k, i], limit)
+        if laws.on[k, i] and laws.functions.limit[k](laws.parameters[k, i], history[k, i], limit) == FAILED:
+            return k + 1
+    return 0
 
 
 @njit(cache=True)
@@ -44,7 +50,10 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
         return
     limit, limits = memory.limit, memory.limits
     for i in range(len(whole)):
-        put_limit(laws, memory.trial, i, limit)
+        failed = put_limit(laws, memory.trial, i, limit)
+        if failed > 0:
+            memory.failure.law, memory.failure.function, memory.failure.gap = failed, LIMIT, i
+            return
         limits.tension[i], memory.water[i] = limit[TENSION] / whole[i], limit[WATER]
         for a in range(2):
             limits.mu[i, a] = max(limit[MU_J + a], 0.0) * whole[i]
@@ -52,9 +61,53 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
 
 
 def put_limits(problem: GapProblem, memory: GapMemory) -> None:
-    """`set_limits` from Python: nothing is compiled where there are no further laws."""
+    """`set_limits` from Python: nothing is compiled where there are no further laws.
+
+    Raises
+    ------
+    ConvergenceError
+        where a law fails.
+    """
     if problem.laws is not None:
         set_limits(problem.laws, problem.whole, memory)
+        refuse_failed_law(problem, memory)
+
+
+def refuse_failed_law(problem: GapProblem, memory: GapMemory) -> None:
+    """Raise where a law has failed.
+
+    Raises
+    ------
+    ConvergenceError
+        naming it.
+    """
+    if failed := failed_law(problem.laws, memory, f"gap {int(memory.failure.gap)}"):
+        raise ConvergenceError(f"initial state: {failed}")
+
+
+def failed_law(laws: Laws | None, memory: GapMemory, place: str) -> str:
+    """Say which law failed, where and why; empty where none did.
+
+    Parameters
+    ----------
+    place : the gap of `memory.failure`, for the message
+    """
+    failure = memory.failure
+    if laws is None or failure.law == 0:
+        return ""
+    k, i = int(failure.law) - 1, int(failure.gap)
+    law, name = laws.functions.limit[k].law, ("limit", "release", "commit")[int(failure.function)]
+    row, kept = laws.parameters[k, i], memory.trial[k, i].copy()
+    reason = "raises an exception, or gives NaN,"
+    try:
+        if name == "limit":
+            law.limit(row, kept, np.zeros(ENTRIES))
+    except Exception as error:  # whatever a user's function raises
+        reason = f"raises {type(error).__name__} ({error})"
+    return (
+        f"{name} of law {source_of(law).name} {reason} at {place}, with parameters {row.tolist()} and memory "
+        f"{kept.tolist()}; its functions must answer for every state of a gap"
+    )
 
 
 @njit(cache=True)
@@ -92,10 +145,13 @@ def release(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: Floats
         opening = y[b] - problem.compliance[b] * memory.force[b] + laws.dashpot_share[i] * memory.spring[b]
         pulled = p <= 0.0 and y[b] > 0.0
         for k in range(len(laws.on)):
-            if laws.on[k, i] and laws.functions.release[k](
-                laws.parameters[k, i], memory.trial[k, i], opening, pulled, sliding
-            ):
-                gives_up = True
+            if laws.on[k, i]:
+                came = laws.functions.release[k](
+                    laws.parameters[k, i], memory.trial[k, i], opening, pulled, sliding
+                )
+                gives_up = gives_up or came == GAVE_UP
+                if came == FAILED:
+                    memory.failure.law, memory.failure.function, memory.failure.gap = k + 1, RELEASE, i
         given_up += int(gives_up)
     return given_up
 
@@ -113,5 +169,7 @@ def commit_laws(
             given_up = given_up or (laws.strength[k] and kept[entry] != trial[entry])
             kept[entry] = trial[entry]
         if laws.on[k, i]:
-            laws.functions.commit[k](laws.parameters[k, i], kept, opening, sliding, rate_j, rate_k)
+            came = laws.functions.commit[k](laws.parameters[k, i], kept, opening, sliding, rate_j, rate_k)
+            if came == FAILED:
+                memory.failure.law, memory.failure.function, memory.failure.gap = k + 1, COMMIT, i
     return given_up

@@ -43,7 +43,7 @@ def solve_gaps(
     Returns
     -------
     float, the relative residual reached; above the tolerance means no convergence, inf that a gap
-    opened or closed in a step that must not have it
+    opened or closed in a step that must not have it, or that a law failed
     """
     for b in range(len(w_free)):
         if not math.isfinite(w_free[b]):  # comparisons with NaN are False: it would pass for converged
@@ -51,6 +51,8 @@ def solve_gaps(
     n = len(problem.gap)
     if n == 0:
         return 0.0
+    if memory.failure.law > 0:
+        return np.inf
     d = len(w_free) // n
     for i in range(n):
         w_free[d * i] += problem.gap[i]
@@ -68,11 +70,13 @@ def solve_gaps(
     tolerance, steady = control
     for _ in range(memory.trial.size + 1):  # once, unless gaps give something up, each entry once at most
         set_limits(problem.laws, problem.whole, memory)
+        if memory.failure.law > 0:
+            return np.inf
         bond_forces(problem.laws, problem, memory, w_free, 1.0)
         residual = _solve(problem, memory, closed, w_free, y, control)
         bond_forces(problem.laws, problem, memory, w_free, -1.0)
         if not residual <= tolerance or release(problem.laws, problem, memory, y) == 0:
-            return residual
+            return residual if memory.failure.law == 0 else np.inf
         if steady:
             return np.inf
     return np.inf

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from romdam.contact.components import NORMAL
+from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.law import COHESION_J, ENTRIES, MU_J, TENSION
 from romdam.contact.problem import Laws
 from romdam.contact.softening import put_limit
 from romdam.core.arrays import Bools, Floats
+from romdam.core.errors import ConvergenceError
 from romdam.core.jit import njit
 
 
@@ -26,6 +28,11 @@ def shear_strength(mu: Floats, laws: Laws | None, memory: Floats, force: Floats)
     -------
     (strength, bonded) : (nt, n, 2) along j and k, inf where nothing bounds it [N]; (nt, n) whether the gap
         has any without compression; both empty where gaps carry no shear
+
+    Raises
+    ------
+    ConvergenceError
+        where a law fails.
     """
     if force.shape[2] == 1:
         return np.zeros((0, force.shape[1], 2)), np.zeros((0, force.shape[1]), dtype=np.bool_)
@@ -33,19 +40,25 @@ def shear_strength(mu: Floats, laws: Laws | None, memory: Floats, force: Floats)
         strength = mu * np.maximum(force[..., NORMAL], 0.0)[..., None]
         return strength, np.zeros(strength.shape[:2], dtype=np.bool_)
     strength, bonded = np.zeros((*force.shape[:2], 2)), np.zeros(force.shape[:2], dtype=np.bool_)
-    _fill(laws, memory, np.ascontiguousarray(force[..., NORMAL]), strength, bonded)
+    failed = _fill(laws, memory, np.ascontiguousarray(force[..., NORMAL]), strength, bonded)
+    if failed > 0:
+        law = source_of(laws.functions.limit[failed - 1].law).name
+        raise ConvergenceError(f"law {law}: its function limit raises an exception, or gives NaN")
     return strength, bonded
 
 
 @njit(cache=True)
-def _fill(laws: Laws, memory: Floats, compression: Floats, strength: Floats, bonded: Bools) -> None:
+def _fill(laws: Laws, memory: Floats, compression: Floats, strength: Floats, bonded: Bools) -> int:
     limit = np.zeros(ENTRIES)
     for row in range(len(memory)):
         for i in range(compression.shape[1]):
-            put_limit(laws, memory[row], i, limit)
+            failed = put_limit(laws, memory[row], i, limit)
+            if failed > 0:
+                return failed
             pressed = max(compression[row, i] + limit[TENSION], 0.0)
             for a in range(2):
                 mu = max(limit[MU_J + a], 0.0)
                 cohesion = max(limit[COHESION_J + a] - mu * limit[TENSION], 0.0)
                 strength[row, i, a] = cohesion + mu * pressed
                 bonded[row, i] = bonded[row, i] or limit[TENSION] > 0.0 or limit[COHESION_J + a] > 0.0
+    return 0

@@ -30,6 +30,7 @@ from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
+from numba.core.dispatcher import Dispatcher
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.untyped_passes import IRProcessing
 from numba.extending import lower_builtin, type_callable
@@ -209,6 +210,21 @@ def caching_by_content(sha256: str) -> Iterator[None]:
     base = _SETTINGS.CACHE_DIR or AppDirs(appname="numba", appauthor=False).user_cache_dir
     with _caching_in(Path(base) / f"law-{sha256[:32]}") if sha256 else nullcontext():
         yield
+
+
+@contextmanager
+def keeping_nothing() -> Iterator[None]:
+    """Let functions that are declared meanwhile be compiled anew in every process, whatever they ask for.
+
+    Numba keeps them by the time and size of their file, with the values that they have taken from elsewhere.
+    """
+    numbas: Any = Dispatcher
+    enable = numbas.enable_caching
+    numbas.enable_caching = lambda self: None
+    try:
+        yield
+    finally:
+        numbas.enable_caching = enable
 
 
 @functools.cache

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
-from romdam.contact.softening import put_limits
+from romdam.contact.softening import put_limits, refuse_failed_law
 from romdam.contact.solvers.state import forget_product, make_hasty, solver_state
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
@@ -351,6 +351,7 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tupl
     residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (min(tolerance, _TIGHT), False))
     if not residual <= _TIGHT:  # round-off forbids as much: take what was asked
         residual = solve_gaps(problem, memory, closed, w_free, y, (tolerance, False))
+    refuse_failed_law(problem, memory)
     if not residual <= tolerance:
         raise ConvergenceError(
             f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
@@ -359,5 +360,6 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tupl
         )
     jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
     stored = commit_gaps(problem, memory, y, jump, force, state)[0]
+    refuse_failed_law(problem, memory)
     p_c, slip, history = memory.force.copy(), memory.accumulated_slip.copy(), memory.history.copy()
     return GapState(jump, force, state, p_c, slip, stored, history, memory.water.copy())

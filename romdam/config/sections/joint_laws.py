@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, Tag, create_model
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import in_unit
 from romdam.contact.laws import LAWS
-from romdam.contact.laws.catalogue import find_law, loaded_law, user_law
+from romdam.contact.laws.catalogue import find_law, loaded_law, try_law, user_law
 from romdam.contact.laws.law import Law, Parameter
 from romdam.core.errors import shown
 from romdam.core.system import LawSource
@@ -90,7 +90,7 @@ class UserLaw(Model):
     Attributes
     ----------
     name : module.Class
-    sha256 : of the file
+    sha256 : of the file, and of what the law takes from elsewhere
     file : where it is read; no part of what the configuration says
     values : by key [SI]
     """
@@ -98,7 +98,7 @@ class UserLaw(Model):
     name: str
     """Module and class, as module.Class."""
     sha256: str
-    """SHA-256 of the file."""
+    """SHA-256 of the file, and of what the law takes from elsewhere."""
     file: str = Field(exclude=True)
     """File that the law is read from."""
     values: dict[str, Any]
@@ -148,6 +148,7 @@ def _user_law(asked: Any, keys: dict[str, Any], folder: Path | None) -> UserLaw:
     law = find_law(source)
     values = before | {key: keys.pop(key) for key in law.key_names() if key in keys}
     checked = _model(source).model_validate(values).model_dump(mode="json")
+    try_law(law, checked, f"{source.file}: {law.__name__}")
     return UserLaw(name=source.name, sha256=source.sha256, file=source.file, values=checked)
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import keyword
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from romdam.contact.laws import LAWS
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.contact.laws.law import AXES, COHESION_J, ENTRIES, MU_K, Law, Parameter
 from romdam.core.errors import ConfigError, listed, shown
+from romdam.core.fingerprint import fingerprint
 from romdam.core.system import GapLaw, LawSource
 
 _OWN = {law.__name__: law for law in (*LAWS, CrackWater)}
@@ -49,7 +51,8 @@ def find_law(source: LawSource) -> type[Law]:
         now = user_law(source.name, Path(source.file))
         if now != source:
             raise ConfigError(
-                f"{source.file}: has changed since law {source.name} was read from it; start again"
+                f"{source.file}: it, or what it takes from elsewhere, has changed since law {source.name} "
+                "was read from it; start again"
             )
     return _LOADED[source]
 
@@ -66,7 +69,8 @@ def loaded_law(name: str, sha256: str) -> LawSource:
         if (source.name, source.sha256) == (name, sha256):
             return source
     raise ConfigError(
-        f"law {shown(name)}: its file, SHA-256 {sha256[:12]}, is not at hand or has changed since"
+        f"law {shown(name)}, SHA-256 {sha256[:12]}: its file, or what that takes from elsewhere, is not at "
+        "hand or has changed since"
     )
 
 
@@ -88,43 +92,65 @@ def user_law(name: str, file: Path) -> LawSource:
         content = file.read_bytes()
     except OSError as error:
         raise ConfigError(f"law {shown(name)}: cannot read {file}: {error.strerror}") from None
-    source = LawSource(name, str(file.absolute()), hashlib.sha256(content).hexdigest())
-    if source not in _LOADED:
-        law = getattr(_module(source, content), name.rpartition(".")[2], None)
-        if not (isinstance(law, type) and issubclass(law, Law) and law is not Law):
-            raise ConfigError(
-                f"law {shown(name)}: {file} has no class of that name that is a romdam.contact.Law"
-            )
-        _check(law, f"{file}: {law.__name__}")
-        _LOADED[source] = law
+    place = file.absolute()
+    law = getattr(_module(place, content), name.rpartition(".")[2], None)
+    if not (isinstance(law, type) and issubclass(law, Law) and law is not Law):
+        raise ConfigError(f"law {shown(name)}: {file} has no class of that name that is a romdam.contact.Law")
+    _check(law, f"{file}: {law.__name__}")
+    source = LawSource(name, str(place), _digest(law, str(place), content))
+    _LOADED.setdefault(source, law)
     return source
 
 
-def _module(source: LawSource, content: bytes) -> ModuleType:
-    """Run a user's file, once for each place and content: a class has one source.
+def _digest(law: type[Law], file: str, content: bytes) -> str:
+    """SHA-256 of all that a law is: its file, and what that has taken from elsewhere and brings to a run."""
+    from romdam.contact.laws.outside import closed
+
+    functions = {name: getattr(law, name) for name in ("limit", "release", "commit")}
+    taken = {name: closed(one, file).content for name, one in functions.items() if one is not None}
+    declared = (law.section, law.parameters, law.memory, bool(law.shear), bool(law.strength))
+    return fingerprint((content, taken, declared))
+
+
+def _module(file: Path, content: bytes) -> ModuleType:
+    """Run a user's file, anew for every joint that names it: what it reads or imports may be other by now.
 
     What runs are the bytes that were hashed: the import system would read the file again, or take what it
     compiled of another content with the same time and size, which it leaves beside the file.
     """
-    from romdam.core.jit import caching_by_content
+    from romdam.core.jit import keeping_nothing
 
-    file = Path(source.file)
-    name = f"romdam_law_{file.stem}_{hashlib.sha256(f'{file} {source.sha256}'.encode()).hexdigest()[:12]}"
-    if name in sys.modules:
-        return sys.modules[name]
-    module = ModuleType(name)
+    about, before = fingerprint((str(file), content)), _modules_beside(file)
+    for name in before:
+        del sys.modules[name]
+    module = ModuleType(f"romdam_law_{file.stem}_{about[:12]}")
     module.__file__ = str(file)
-    sys.modules[name] = module  # where dataclasses look for the names of annotations
+    sys.modules[module.__name__] = module  # where dataclasses look for the names of annotations
     try:
         code = compile(content, str(file), "exec", dont_inherit=True)
-        with caching_by_content(source.sha256):
+        with keeping_nothing():
             exec(code, module.__dict__)
     except BaseException as error:  # whatever a user's file raises
-        del sys.modules[name]
+        sys.modules.pop(module.__name__, None)
         if isinstance(error, Exception | SystemExit):
             raise ConfigError(f"{file}: cannot be run: {type(error).__name__}: {error}") from error
         raise
+    finally:
+        for name in _modules_beside(file).keys() - {module.__name__}:
+            del sys.modules[name]
+        sys.modules.update({name: one for name, one in before.items() if name != module.__name__})
     return module
+
+
+def _modules_beside(file: Path) -> dict[str, ModuleType]:
+    """Imported modules whose files lie with a user's, by name: the law has what they are now."""
+    found = {}
+    for name, module in list(sys.modules.items()):
+        place = Path(getattr(module, "__file__", None) or "/").absolute()
+        installed = name.partition(".")[0] in ("__main__", "romdam") or "site-packages" in place.parts
+        if file.parent in place.parents and not installed:
+            found[name] = module
+    return found
 
 
 def _check(law: type[Law], place: str) -> None:
@@ -152,13 +178,18 @@ def _check(law: type[Law], place: str) -> None:
         raise ConfigError(f"{place}: a law without the function `limit` does nothing; define it")
     if law.release is not None and not law.memory:
         raise ConfigError(f"{place}.release has no `memory` to note in what was given up; name what it keeps")
-    _try(law, place)
-
-
-def _try(law: type[Law], place: str) -> None:
-    """Call the functions once: what they raise, and shear that no direction would carry, is told now."""
     values = {p.name: AXES if p.unit == "axes" else _sample(p) for p in law.parameters}
-    joint = {law.section: values} if law.section else values
+    try_law(law, {law.section: values} if law.section else values, place)
+
+
+def try_law(law: type[Law], joint: Mapping[str, Any], place: str) -> None:
+    """Call the functions once with a joint's values: what they raise is told before a run.
+
+    Raises
+    ------
+    ConfigError
+        for an exception, a memory of another length than its names, and shear that no direction would carry.
+    """
     limit, name = np.zeros(ENTRIES), "row"
     try:
         parameters = np.array(law.row(joint, 1.0), dtype=float)

@@ -1,7 +1,8 @@
 """The functions of laws as the step calls them: compiled once each, by pointer.
 
 All laws have the same signatures, so the time stepping is compiled once for scenes with such laws, whichever
-they are; a call through the pointer costs next to nothing.
+they are; a call through the pointer costs next to nothing. An exception does not pass a pointer: numba prints
+it, and the caller goes on. So each function is called by one that says what came of it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
+from types import FunctionType
 from typing import Any, NamedTuple
 
 from numba import types
@@ -16,17 +18,20 @@ from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
 
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.law import Law
+from romdam.contact.laws.outside import closed
 from romdam.core.errors import ConfigError
 from romdam.core.jit import caching_by_content, njit
 
 MOST_LAWS = (
     8  # of one scene, those that only give a spring aside: the length of the tuples is part of their type
 )
-_ROW, _NUMBER, _FLAG = types.Array(types.float64, 1, "C"), types.float64, types.boolean
+# what came of a call: nothing to tell, something was given up, or an exception or NaN
+DONE, GAVE_UP, FAILED = range(3)
+_ROW, _NUMBER, _FLAG, _CAME = types.Array(types.float64, 1, "C"), types.float64, types.boolean, types.int64
 _SIGNATURES = {
-    "limit": types.void(_ROW, _ROW, _ROW),
-    "release": types.boolean(_ROW, _ROW, _NUMBER, _FLAG, _FLAG),
-    "commit": types.void(_ROW, _ROW, _NUMBER, _FLAG, _NUMBER, _NUMBER),
+    "limit": _CAME(_ROW, _ROW, _ROW),
+    "release": _CAME(_ROW, _ROW, _NUMBER, _FLAG, _FLAG),
+    "commit": _CAME(_ROW, _ROW, _NUMBER, _FLAG, _NUMBER, _NUMBER),
 }
 _POINTED: dict[str, Any] = {"cache": True, "_nrt": False, "no_cfunc_wrapper": False}
 
@@ -40,10 +45,10 @@ class Functions(NamedTuple):
 
 
 class _Pointer(types.WrapperAddressProtocol):
-    """A compiled function that others may call without knowing it."""
+    """A compiled function of a law that others may call without knowing it."""
 
-    def __init__(self, function: Callable[..., Any], signature: Any) -> None:
-        self._function, self._signature = njit(**_POINTED)(function), signature
+    def __init__(self, law: type[Law], function: Callable[..., Any], signature: Any) -> None:
+        self.law, self._function, self._signature = law, njit(**_POINTED)(function), signature
         self._function.compile(signature.args)
         compiled = self._function.get_compile_result(signature)
         self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
@@ -75,10 +80,19 @@ def compiled(laws: Sequence[type[Law]]) -> Functions:
 
 @cache
 def _pointer(name: str, law: Any) -> _Pointer:
-    function = getattr(law, name) or _NOTHING[name]
+    function, source = getattr(law, name), source_of(law) if law is not Law else None
+    if function is None:
+        return _Pointer(law, _NOTHING[name], _SIGNATURES[name])
+    options: dict[str, Any] = {"_nrt": False}
+    called = function
+    if source is not None and source.file:
+        called, options = closed(function, source.file).function, options | {"boundscheck": True}
     try:
-        with caching_by_content("" if law is Law else source_of(law).sha256):
-            return _Pointer(function, _SIGNATURES[name])
+        with caching_by_content("" if source is None else source.sha256):
+            names = {"law": njit(**options)(called), "GAVE_UP": GAVE_UP, "DONE": DONE, "FAILED": FAILED}
+            calling = FunctionType(_CALLING[name].__code__, names, name)
+            calling.__qualname__ = f"{law.__qualname__}.{name}"  # by which numba knows what it keeps
+            return _Pointer(law, calling, _SIGNATURES[name])
     except NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
         raise ConfigError(
@@ -87,18 +101,59 @@ def _pointer(name: str, law: Any) -> _Pointer:
         ) from error
 
 
-def _no_limit(parameters: Any, memory: Any, limit: Any) -> None:
-    pass
+def law(*arguments: Any) -> Any:
+    """The law's own function in those below, each of which is compiled once for every law."""
+    raise NotImplementedError
 
 
-def _no_release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> bool:
-    return False
+def _limit(parameters: Any, memory: Any, limit: Any) -> int:
+    try:
+        law(parameters, memory, limit)
+    except Exception:
+        return FAILED
+    for entry in limit:
+        if entry != entry:  # NaN: every bound would count as kept
+            return FAILED
+    return DONE
+
+
+def _release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> int:
+    try:
+        gave_up = law(parameters, memory, opening, pulled, sliding)
+    except Exception:
+        return FAILED
+    for entry in memory:
+        if entry != entry:
+            return FAILED
+    return GAVE_UP if gave_up else DONE
+
+
+def _commit(parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float) -> int:
+    try:
+        law(parameters, memory, opening, sliding, rate_j, rate_k)
+    except Exception:
+        return FAILED
+    for entry in memory:
+        if entry != entry:
+            return FAILED
+    return DONE
+
+
+_CALLING: dict[str, Callable[..., Any]] = {"limit": _limit, "release": _release, "commit": _commit}
+
+
+def _no_limit(parameters: Any, memory: Any, limit: Any) -> int:
+    return DONE
+
+
+def _no_release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> int:
+    return DONE
 
 
 def _no_commit(
     parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
-) -> None:
-    pass
+) -> int:
+    return DONE
 
 
 _NOTHING: dict[str, Callable[..., Any]] = {"limit": _no_limit, "release": _no_release, "commit": _no_commit}

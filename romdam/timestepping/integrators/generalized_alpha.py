@@ -24,6 +24,7 @@ from scipy.sparse import csr_matrix, diags_array
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
+from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import iterations
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
@@ -341,8 +342,10 @@ class GeneralizedAlpha:
 
         def advance(n: int) -> float:
             residual = _step(stepper, memory, state, history[:, lead + n : lead + n + 2], tolerance)
+            place = system.law.place(int(memory.failure.gap))
+            if failed := failed_law(stepper.problem.laws, memory, place):
+                raise ConvergenceError(failed)
             if not residual <= tolerance:
-                place = system.law.place(int(memory.failure.gap))
                 raise ConvergenceError(not_converged(n + 1, settings, residual, place))
             return residual
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory
+from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
 from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Ints, Record, at
@@ -297,6 +298,10 @@ def _outcomes(
     outcomes: list[Outcome] = []
     for run, (prepared, ground) in enumerate(batch):
         place = prepared.system.law.place(int(runs.memory.failure[run].gap))
+        laws = at(levels.problem.laws, (runs.variant[run].problem, BASE))
+        if failed := failed_law(laws, at(runs.memory, run), place):
+            outcomes.append(ConvergenceError(failed))
+            continue
         if runs.failed[run]:
             step, residual = int(runs.clock[run].base_steps) + 1, float(states.tries[run].residual)
             outcomes.append(ConvergenceError(not_converged(step, settings, residual, place)))
@@ -319,7 +324,7 @@ def _outcomes(
         history = history_of_rows(prepared, (model, split), written, acc, settings)
         history = with_carried_points(history, prepared.system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
-        laws, force = at(levels.problem.laws, (runs.variant[run].problem, BASE)), history.traction
+        force = history.traction
         memory = written.memory[: len(force)]
         strength, bonded = shear_strength(prepared.system.law.mu, laws, memory, force)
         outcomes.append(replace(history, peaks=peaks, stats=stats, strength=strength, bonded=bonded))
