@@ -91,6 +91,19 @@ class GroundMotion:
         return {"given": "as arrays in Python, m/s2", "acceleration_sha256": self.digest}
 
     @property
+    def entry_factors(self) -> Floats:
+        """(3,) what `scale`, and a target, of the record's entry multiply x, y and z by, before matching."""
+        scale, target = self.provenance.get("scale", 1.0), self.provenance.get("target")
+        factor = target.get("factor", 1.0) if isinstance(target, dict) else 1.0
+        return np.broadcast_to(np.asarray(scale, dtype=float) * factor, len(AXES)).copy()
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether its spectrum was matched to a target, by more than a factor."""
+        target = self.provenance.get("target")
+        return isinstance(target, dict) and "matched" in target
+
+    @property
     def digest(self) -> str:
         """SHA-256 of the samples and their interval: of what is run, wherever it was read from."""
         return fingerprint((self.acc, self.dt))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from romdam.postprocess.responses import PARAMETER, RUNS
 
 _MAPS = ("gap",)  # dimensions of what has too many numbers for a row
-_FIRST = ("scale_factor", "status", "message", "file")
+_FIRST = ("scale_factor", "entry_factor", "matched", "status", "message", "file")
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from romdam.config.load import Job
 from romdam.config.plausible import doubts
 from romdam.core.errors import ResultError
 from romdam.core.fingerprint import code_digest, scene_digest
-from romdam.core.motion import GroundMotion
+from romdam.core.motion import AXES, GroundMotion
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.postprocess.concerns import concerns
 from romdam.postprocess.maxima import stress_statement
@@ -124,6 +124,8 @@ def record_labels(motion: GroundMotion) -> dict[str, object]:
         "record_sha256": motion.digest,
         "record_provenance": json.dumps(motion.provenance, default=str),
         "record_warnings": json.dumps(list(motion.warnings)),
+        **{f"entry_factor_{axis}": float(f) for axis, f in zip(AXES, motion.entry_factors, strict=True)},
+        "record_matched": int(motion.is_matched),
     }
 
 

@@ -96,7 +96,7 @@ def _recorded(panels: Array, recorded: GroundMotion, curves: Curves, label: str)
 
 def _words(motion: GroundMotion) -> tuple[str, str]:
     """Words on a motion: what it is after what was done to it, and what it was before."""
-    return ("matched", "scaled alone") if "matched" in target_of(motion) else ("corrected", "as recorded")
+    return ("matched", "scaled alone") if "matched" in target_of(motion) else ("corrected", "uncorrected")
 
 
 def _seconds(motion: GroundMotion, name: str) -> float:
@@ -122,7 +122,7 @@ def _keep_in_view(ax: Axes, after: Array, before: Array) -> None:
     if limit > 0.0 and np.max(np.abs(before)) > 3.0 * limit:
         ax.set_ylim(-limit, limit)
         ax.text(
-            0.01, 0.03, f"as recorded reaches {np.max(np.abs(before)):.3g}", transform=ax.transAxes,
+            0.01, 0.03, f"uncorrected reaches {np.max(np.abs(before)):.3g}", transform=ax.transAxes,
             va="bottom", fontsize=7, color="#666666",
         )  # fmt: skip
 

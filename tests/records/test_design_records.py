@@ -96,6 +96,10 @@ def test_the_factor_of_a_scaled_target_is_the_scale(tmp_path):
     entry = {"file": "r.AT2", "components": {"y": "090"}, "target": target, "scale": "target"}
     (scaled,) = load(tmp_path, **entry)
     np.testing.assert_allclose(scaled.acc, 2.5 * plain.acc, rtol=1e-4)
+    np.testing.assert_allclose(scaled.entry_factors, 2.5, rtol=1e-4)
+    assert not scaled.is_matched and (plain.entry_factors == 1.0).all()
+    (matched,) = load(tmp_path, **{k: v for k, v in entry.items() if k != "scale"}, match={})
+    assert matched.is_matched and matched.entry_factors == pytest.approx(scaled.entry_factors, rel=1e-9)
     about = scaled.provenance["target"]
     assert about["misfit"] < 1e-3 and about["of"] == "y" and json.dumps(about)
     assert least_squares_factor(np.array([1.0, 4.0]), np.array([4.0, 1.0])) == pytest.approx(1.0)

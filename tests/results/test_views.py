@@ -19,6 +19,7 @@ from romdam.config.load import Job
 from romdam.core.errors import ResultError
 from romdam.pipelines.views import PlotOptions, plot_result, show_scene
 from romdam.postprocess.maxima import AS_DISPLACEMENT, HEAD, INSTANT, explained, maxima
+from romdam.results import series
 from romdam.results.dataset import build_dataset, write_dataset
 from romdam.results.export import mesh_of, write_series, write_vtu
 from romdam.results.fields import write_model
@@ -221,6 +222,21 @@ def test_worst_time_is_that_of_the_largest_displacement(result):
     size = [np.linalg.norm(result.displacement(b).values, axis=2).max(axis=1) for b in result.blocks]
     step = int(np.max(size, axis=0).argmax())
     assert worst_displacement_time(result) == result.dataset.time.values[step]
+
+
+@pytest.mark.parametrize("count", range(1, 8))
+@pytest.mark.parametrize("window", [None, (0.4, 1.7)])
+def test_frames_show_the_largest_displacement(result, count, window, monkeypatch):
+    """Of every node, though two of a block are looked at first."""
+    monkeypatch.setattr(series, "_SAMPLES", 2)
+    monkeypatch.setattr(series, "_NUMBERS", 50)
+    moved = [result.displacement(b) for b in result.blocks]
+    inside = slice(None) if window is None else slice(*window)
+    largest = max(float(np.linalg.norm(one.sel(time=inside), axis=2).max()) for one in moved)
+    times = frame_times(result, (count, window))
+    assert len(times) == count and (np.diff(times) > 0.0).all()
+    shown = [result.displacement(b, times=list(times)).values for b in result.blocks]
+    assert max(float(np.linalg.norm(one, axis=2).max()) for one in shown) == largest
 
 
 def test_window_without_times_is_refused(result):

@@ -23,6 +23,7 @@ from romdam.postprocess.dependence import correlation
 from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.run_columns import run_columns
 from romdam.results.suite import tables
+from romdam.results.suite.report_data import DATA
 from romdam.results.suite.tables import write_tables
 from romdam.visual.report import runs
 from romdam.visual.report.sections import report_html
@@ -65,6 +66,57 @@ def test_several_records_end_with_a_summary_tables_and_a_page(run):
         assert np.isnan(suite.peak_opening.sel(record="r1")).all()
         assert float(suite.record_duration[0, 0]) == 0.5 < float(suite.recorded_duration[0, 0])
         assert (suite.wall_seconds.sel(record=["r0", "r2"]) > 0.0).all()
+
+
+def test_what_entries_do_to_the_size_of_records_is_written_and_said(tmp_path):
+    config = plain(tmp_path, records=2)
+    raw = yaml.safe_load(config.read_text())
+    (entry,) = raw["records"]
+    raw["records"] = [
+        entry | {"name": "a", "files": None, "file": "records/r0.txt", "scale": {"factor": 1.6, "z": 0.5}},
+        entry | {"name": "b", "files": None, "file": "records/r1.txt", "scale": {"pga": "2 m/s2"}},
+    ]
+    config.write_text(yaml.safe_dump(raw))
+    words = ["run", str(config), "--out", str(tmp_path / "out")]
+    assert CliRunner().invoke(app, words, catch_exceptions=False).exit_code == 0
+    to_pga = 2.0 / np.abs(np.loadtxt(tmp_path / "records" / "r1.txt")).max()
+    factors = [[1.6, 1.6, 0.8], [to_pga] * 3]
+    with xr.open_dataset(tmp_path / "out" / "summary.nc", engine="h5netcdf") as summary:
+        np.testing.assert_allclose(summary.entry_factor.sel(record=["a", "b"]), factors, rtol=1e-12)
+        assert not summary.matched.any() and (summary.scale_factor == 1.0).all()
+    with (tmp_path / "out" / "summary.csv").open(newline="", encoding="utf-8") as file:
+        row = next(one for one in csv.DictReader(file) if one["record"] == "b")
+    assert float(row["entry_factor.y"]) == pytest.approx(to_pga, rel=1e-12) and row["matched"] == "0"
+    with romdam.open_result(tmp_path / "out" / "a.nc") as result:
+        attrs = result.dataset.attrs
+        assert [attrs[f"entry_factor_{axis}"] for axis in "xyz"] == pytest.approx(factors[0])
+        assert attrs["record_matched"] == 0
+    with xr.open_dataset(tmp_path / "out" / DATA, engine="h5netcdf") as data:
+        low, high = sorted([1.6, to_pga])
+        assert data.attrs["scaled"] == f"scaled by {low:.3g} to {high:.3g}"
+
+
+def test_one_quantity_has_one_sign_on_a_page():
+    summary = suite_summary(failed=0)
+    about = {"units": "Pa", "long_name": "stress, compression negative"}
+    values = -1e6 - 1e8 * summary.peak_opening.values
+    summary["peak_compressive_stress"] = (summary.peak_opening.dims, values, about)
+    text = report_html(Subject(summary, Topic()))
+    (row,) = [one for one in rows_of(text, "responses") if one and "compressive" in one[0]]
+    largest = float(np.abs(values).max()) / 1e6
+    assert float(row[6]) == pytest.approx(largest, rel=1e-3) and all(float(one) > 0.0 for one in row[3:7])
+    head = next(k for k, name in enumerate(_heads(text, "runs")) if "compressive" in name)
+    found = [float(one[head]) for one in rows_of(text, "runs") if one]
+    assert max(found) == pytest.approx(largest, rel=1e-2) and min(found) > 0.0
+
+
+def _heads(text, section):
+    """The heads of the table of a section."""
+    own = text[text.index(f'<section id="{section}"') :]
+    return [
+        re.sub("<.*?>", "", one).strip()
+        for one in re.findall(r"<th[ >].*?</th>", own[: own.index("</table>")])
+    ]
 
 
 def test_the_summary_has_the_numbers_of_a_suite(run, tmp_path):
@@ -120,7 +172,7 @@ def test_page_links_to_what_is_there(run):
     assert list(rows)[-1] == "r1" and "failed: " in " ".join(rows["r1"]) and "r1.txt" in " ".join(rows["r1"])
     assert "0.5" in rows["r0"] and "0.59" in rows["r0"]  # analysed, recorded
     assert "Analysed: 0.5 s of records of 0.59 to 0.79 s" in text
-    assert "2 records cannot tell how many others would exceed" in text
+    assert "None of 2 records exceeds" in text and "at most 1 - 0.05^(1/2) = 77.6 % would" in text
 
 
 def test_one_record_has_no_summary_and_no_page(tmp_path):
@@ -178,14 +230,16 @@ def peaks_of(summary):
 
 
 def test_upper_bound_where_none_exceeds():
-    assert none_exceeds(20) == 0.15 and none_exceeds(2) == 1.0
+    # a fair coin shows no head in n throws with 0.5^n; the bound is the p for which that is 5 %
+    found = [none_exceeds(n) for n in (1, 3, 5, 20)]
+    assert found == pytest.approx([0.95, 0.63160, 0.45072, 0.13911], abs=1e-5)
     summary = suite_summary()
     text = report_html(Subject(summary, Topic(thresholds=(10.0,))))
-    assert "at most 30 %" in rows_of(text, "fragility")[1][5]  # ten records of twelve ran
-    assert "None of 10 records exceeds" in text and "at most 3/10 = 30 % would" in text
+    assert "at most 25.9 %" in rows_of(text, "fragility")[1][5]  # ten records of twelve ran
+    assert "None of 10 records exceeds" in text and "at most 1 - 0.05^(1/10) = 25.9 % would" in text
     # the bound of the largest of n: it holds in 95 % of many samples, whatever the distribution
     largest = np.random.default_rng(5).uniform(size=(4000, 20)).max(axis=1)
-    assert np.mean(1.0 - largest <= none_exceeds(20)) == pytest.approx(1.0 - 0.85**20, abs=0.01)
+    assert np.mean(1.0 - largest <= none_exceeds(20)) == pytest.approx(0.95, abs=0.01)
 
 
 def test_correlation_is_drawn_within_a_scale_with_its_n():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +40,7 @@ def report_data(
     scale = float(summary.scale[middle])
     spectra = [largest_psa(motions.get(str(name)), PERIODS, DAMPING) for name in summary.record.values]
     psa = summary.scale_factor.values[:, middle, None] * np.array(spectra)
-    scaled = "as recorded" if scale == 1.0 else f"{scale:g} times as recorded"
+    scaled = _as_run([motion for motion in motions.values() if motion is not None], scale)
     if summary.scale.attrs.get("units", "1") != "1":
         scaled = f"scaled to {scale:g} m/s²"
     data = {
@@ -59,6 +59,18 @@ def report_data(
         "period": ("period", PERIODS, {"units": "s", "long_name": "period of the oscillator"}),
     }
     return xr.Dataset(data, coords, attributes)
+
+
+def _as_run(motions: Sequence[GroundMotion], scale: float) -> str:
+    """Say what was done to the size of records: by their entries, and by the suite."""
+    moving = [motion.entry_factors[motion.acc.any(axis=1)] for motion in motions]
+    factors, own = np.concatenate([*moving, np.zeros(0)]), "as recorded"
+    if (factors != 1.0).any():
+        low, high = factors.min(), factors.max()
+        own = f"scaled by {low:.3g}" if np.isclose(low, high) else f"scaled by {low:.3g} to {high:.3g}"
+    if any(motion.is_matched for motion in motions):
+        own = "matched to their target"
+    return own if scale == 1.0 else f"{scale:g} times {own}"
 
 
 def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:

@@ -97,12 +97,25 @@ def summary_dataset(
             if name in row.values:
                 whole[at] = row.values[name]
         data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
-    data |= _measures(job, records)
+    data |= _entries(records) | _measures(job, records)
     data |= _status(shape, records, rows)
     data["file"] = _files(shape, rows, _results_folder(job))
     contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
     attributes = _attributes(job, design) | {_FOLDER: _results_folder(job), "runs_sha256": contents}
     return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+
+
+def _entries(records: Sequence[SuiteRecord]) -> dict[str, Any]:
+    """What the records' own entries have done to them, besides the suite's scale."""
+    motions, unknown = [one.motion for one in records], np.full(3, np.nan)
+    factors = np.array([unknown if motion is None else motion.entry_factors for motion in motions])
+    matched = np.array([motion is not None and motion.is_matched for motion in motions], dtype=np.int8)
+    by = "what `scale`, and a target, of the record's entry multiply it by, besides scale_factor"
+    flags = {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "not_matched matched"}
+    return {
+        "entry_factor": (("record", "component"), factors, {"units": "1", "long_name": by}),
+        "matched": ("record", matched, {"long_name": "whether its spectrum was matched to a target"} | flags),
+    }
 
 
 def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
@@ -116,7 +129,13 @@ def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
         measured = [
             measures_at_scales(m, one.factors, period, of) for m, one in zip(motions, records, strict=True)
         ]
-        whose = "" if duration is None else f", of the {duration:g} s analysed" if span else ", as recorded"
+        whose = (
+            ""
+            if duration is None
+            else f", of the {duration:g} s analysed"
+            if span
+            else ", of the whole record"
+        )
         for name in (*MEASURES, "sa"):
             about = _about_measure(name, period, of)
             about["long_name"] += whose
@@ -199,14 +218,12 @@ def _coordinates(
     }
     coords |= {str(name): ("sample", v.values, v.attrs) for name, v in design.data_vars.items()}
     joints = list(scene.joints.values())
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = {"component": np.array(["x", "y", "z"])}
     if joints:
         found["joint"] = np.array([joint.name for joint in joints], dtype=str)
         found["gap_joint"] = np.concatenate([np.full(len(j.area), j.name) for j in joints])
         found["gap_position"] = np.concatenate([j.position for j in joints])
         found["gap_area"] = np.concatenate([j.whole_area for j in joints])
-    if joints or scene.probes:
-        found["component"] = np.array(["x", "y", "z"])
     if scene.probes:
         found["node"] = np.array([probe.name for probe in scene.probes], dtype=str)
     coords |= {n: (COORDINATES[n].dims, values, COORDINATES[n].about) for n, values in found.items()}

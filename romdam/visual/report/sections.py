@@ -170,7 +170,7 @@ def _records(subject: Subject) -> Section:
             whole = [float(summary[f"recorded_{name}"].median())] if cut else []
             meaning = str(about.get("long_name", name)).partition(", of the ")[0]
             rows.append([name, unit, *numbers, *whole, int(finite.size), meaning])
-    beside = ["median as recorded"] if cut else []
+    beside = ["median of the whole"] if cut else []
     head = ["measure", "unit", "lowest", "median", "highest", *beside, "n", "meaning"]
     said = [Text(_analysed(summary))] if cut else []
     return Section("records", "Records", [*parts, *said, Table(head, rows, "Measures of the scaled records")])

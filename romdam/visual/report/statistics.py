@@ -9,7 +9,7 @@ from romdam.postprocess.dependence import correlation, sensitivity
 from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
 from romdam.postprocess.incremental import ida_curves
-from romdam.postprocess.responses import RUNS, parameters, response_of
+from romdam.postprocess.responses import RUNS, parameters, response_of, turned
 from romdam.results.suite.rows import AT_THE_END
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.joint_map import opening_map
@@ -34,7 +34,7 @@ def responses_section(subject: Subject) -> Section | None:
     """Every response over all runs, and the openings over the joints."""
     rows: list[list[Value]] = []
     for name in responses(subject.summary):
-        values = subject.summary[name]
+        values = turned(subject.summary[name])
         rest = [dim for dim in values.dims if dim not in RUNS]
         for at in np.ndindex(*(values.sizes[dim] for dim in rest)):
             one = values.isel(dict(zip(rest, at, strict=True)))
@@ -50,7 +50,9 @@ def responses_section(subject: Subject) -> Section | None:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
     parts: list[Part] = [_envelopes(subject)] if "gap_peak_opening" in subject.summary else []
-    return Section("responses", "Openings and other responses", [*parts, Table(head, rows, "Over all runs")])
+    table = Table(head, rows, "Over all runs")
+    sign = Text("Compressions are sizes on this page; in the files compression is negative.", soft=True)
+    return Section("responses", "Openings and other responses", [*parts, table, sign])
 
 
 def _told(values: xr.DataArray) -> str:
@@ -111,8 +113,8 @@ def fragility_section(subject: Subject) -> Section | None:
             )
     if none := next((fit for fit in fits if fit.attrs["exceeding"] == 0), None):
         notes.append(
-            f"Where none exceeds, the probability that a record does is at most 3/n of the n = "
-            f"{none.attrs['records']} records, with 95 % confidence (the rule of three)."
+            f"Where none exceeds, the probability that a record does is at most 1 - 0.05^(1/n) for the n = "
+            f"{none.attrs['records']} records, with 95 % confidence."
         )
     parts: list[Part] = [side_by_side(*pictures), *(Text(note, soft=True) for note in notes)]
     return Section("fragility", "Incremental curves and fragility", [*parts, _fragility_table(fits, values)])
