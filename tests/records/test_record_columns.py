@@ -198,6 +198,9 @@ def test_what_is_refused_names_the_key_that_helps(tmp_path):
         RecordError, match=r"line 2: is the comma of '0,0+' a decimal one\? .* `decimal: comma`"
     ):
         load(tmp_path, rows, time_column=1)
+    counted = f"a title\n{ACC.size}\n" + table(ACC)
+    with pytest.raises(RecordError, match=r"line 2: 603 looks like the number of .* `header_lines: 2`"):
+        load(tmp_path, counted, dt=samples.DT, unit="m/s2")
     with pytest.raises(RecordError, match=r"rows of numbers begin in line 5: declare `header_lines: 4`"):
         load(tmp_path, HEADER + table(ACC / G), dt=samples.DT)
     with pytest.raises(RecordError, match=r"column 1 rises evenly by 0\.005: give `time_column: 1`"):
@@ -208,6 +211,13 @@ def test_what_is_refused_names_the_key_that_helps(tmp_path):
     entry = {"file": "a.AT2", "layout": "series", "components": {"y": 1}}
     with pytest.raises(RecordError, match="`layout` is for plain columns, the file is AT2"):
         load_motions([RecordConfig.model_validate(entry)], tmp_path)
+
+
+def test_names_stand_next_to_the_rows(tmp_path):
+    """Prose among the skipped lines has brackets too, and as many words as there are columns."""
+    text = "Tel.(g)622 Fax.(cm/s2)616 mail(m)\nplace\nnumber\n(all in gal)\n" + table(TIME, ACC, ACC)
+    (motion,) = load(tmp_path, text, header_lines=4, time_column=1, unit="m/s2", components={"y": 2})
+    np.testing.assert_allclose(motion.acc[1], ACC, atol=1e-7)
 
 
 def test_an_empty_cell_is_a_missing_value_of_its_own_column(tmp_path):

@@ -25,6 +25,7 @@ DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t"}
 MANY = 16  # rows; fewer may rise evenly by chance
 COARSE = 10.0  # steps; times that are printed more coarsely say nothing of their interval
 RUNS_ON = 1.25  # change along rows over change down columns, below which a table may be a wrapped series
+NAMING = 3  # lines next to the rows that may name the columns: names, their units, a rule
 MOST_HEADER = 200  # lines of text above columns that are looked through for the first row of numbers
 _ROW = re.compile(r"^[\s,;\"]*[-+]?(\d|\.\d|nan\b)[-+.\deEdDnaN,;\s\"]*$")
 _REAL = r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
@@ -57,7 +58,8 @@ _BRACKETS = re.compile(r"[(\[]\s*([^)\]]*?)\s*[)\]]")
 _SUFFIX = re.compile(r"_([a-zA-Z]+[/\d^s]*)$")
 _LENGTH_UNIT = re.compile(r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?", re.I)
 _OTHER_UNIT = re.compile(
-    r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?|s|ms|sec|seconds?|hz|deg|rad|m?v|volts?|[^\s:=]*[\d/^*][^\s:=]*", re.I
+    r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?|s|ms|sec|seconds?|hz|deg|rad|m?v|volts?|[^\s:=]*[A-Za-z][^\s:=]*[/^*][^\s:=]*",
+    re.I,
 )
 _OTHER_NAME = re.compile(r"(?:vel|veloc|velocity|disp|displ|displacement)\b", re.I)
 _SPACED_NAME = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;()\[\]]+(?:\s*[(\[][^)\]]*[)\]])?")
@@ -235,7 +237,8 @@ def _names_above(
 ) -> dict[int, str]:
     """Names in a comment or a skipped line above the rows; in a comment only where they state units."""
     best: dict[int, str] = {}
-    for index, line in reversed([one for one in comments if one[0] < first]):
+    above = [(index, line) for index, line in comments if index < first]
+    for index, line in reversed(above[-NAMING:]):
         names = _parse_names(line.lstrip(" \t#%!/"), delimiter, width)
         if any(_BRACKETS.search(name) for name in names.values()):
             return names
@@ -375,7 +378,7 @@ def _refuse_count(text: TextFile, rows: list[tuple[int, list[float]]]) -> None:
         raise text.fail(
             first,
             f"{word[:40]} looks like the number of values that follow ({held} in {len(rows) - 1} rows), not "
-            "like a sample; skip it by `header_lines: 1`, delete it or make it a comment",
+            f"like a sample; skip it by `header_lines: {first + 1}`, delete it or make it a comment",
         )
 
 
@@ -510,7 +513,8 @@ def _check_comments(
             if match := _UNIT.fullmatch(clause.strip()):
                 unit = acceleration_unit(match[1])
                 if not unit and match[1].lower() not in (*_SECONDS, "hz"):
-                    unit = match[1] if _OTHER_UNIT.fullmatch(match[1]) else ""
+                    odd = _OTHER_UNIT.fullmatch(match[1]) or re.search(r"\d", match[1])
+                    unit = match[1] if odd else ""
                 keyed = unit or keyed
             elif match := _IN.fullmatch(clause.strip()):
                 unit = acceleration_unit(match[1])

@@ -37,7 +37,7 @@ _MAX = re.compile(r"\bmax\s*=\s*([-+]?\d*\.\d+)\s*g\b", re.I)
 TEXT_LINES, INTEGER_LINES, REAL_LINES = 13, 7, 7  # above the pairs of V1
 TIME_DIGIT = 1e-3  # s, as printed
 _ALMOST = re.compile(r"\d\s+points of (accel|veloc|displ)\w* data\b", re.I)
-_END = re.compile(r"end of data for chan", re.I)
+_END = re.compile(r"end of data for (?:station )?chan", re.I)
 _UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?", re.I)
 _PEAK = re.compile(r"^\s*Peak\s+acceleration\s*=\s*([-+]?\d*\.?\d+)\s*([A-Za-z/^*\d]+)", re.I)
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
