@@ -27,7 +27,7 @@ from romdam.fem.stress import observing_stress
 from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
-from romdam.pipelines.error.estimate import reduced_models, with_estimates
+from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
 from romdam.pipelines.given import Read, job_and_motions, records_of, usable
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import Model, prepare, simulate_motion
@@ -388,7 +388,7 @@ def _estimated(
     job: Job, model: Model, motion: GroundMotion, history: History, clock: Clock
 ) -> tuple[History, ErrorStatement | None]:
     """Estimate a run's error, see `with_estimates`; nothing is timed where none is made."""
-    if model.finer is None:
+    if model.reduced is None or not can_estimate(job):
         return with_estimates(job, model, motion, history)
     with clock.stage("estimate", "estimating the error"):
         return with_estimates(job, model, motion, history)

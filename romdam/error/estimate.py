@@ -24,6 +24,7 @@ from romdam.error.statement import ErrorStatement, percent
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
 from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.step_control import jump_difference
 
 WINDOW = 6.0  # [s], a twelfth of it after the largest opening
 _QUIET = 0.02  # of a joint's squared opening increments: all that is left out at either end of the record
@@ -78,7 +79,9 @@ def _sentence(l2: float, peak: float, seconds: tuple[float, float]) -> str:
 
 
 def estimate_time_error(prepared: Prepared, history: History, ground: Floats, halved: Settings) -> float:
-    """Estimate what the steps of a run have changed in its openings, relative, in L2.
+    """Estimate what the steps of a run have changed in its openings and slips, relative, in L2.
+
+    What joints with bonds or other memory keep is not in a written row: there the whole record is run again.
 
     Parameters
     ----------
@@ -91,9 +94,15 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ha
     ConvergenceError
         where a step does not converge.
     """
-    itself = FinerModel(prepared, csr_matrix(eye(prepared.system.size)))
-    opening, better, _ = _openings(itself, history, ground, halved)
-    return relative_l2(opening, better) / _SEEN
+    itself, law = FinerModel(prepared, csr_matrix(eye(prepared.system.size))), prepared.system.law
+    if law.directions == 1 and not law.laws:
+        opening, better, _ = _openings(itself, history, ground, halved)
+        return relative_l2(opening, better) / _SEEN
+    interval = halved.steps.interval
+    rows = slice(0, len(history.time)) if law.laws else moving_rows(history, law.joints, interval)
+    finer = run_window(itself, history, ground, halved, rows).jump
+    jump = continued(history.jump, finer, rows, max(1, round(_REST / interval)))
+    return jump_difference(history.jump, jump) / _SEEN
 
 
 def _openings(
@@ -158,19 +167,19 @@ def moving_rows(history: History, joints: Mapping[str, slice], interval: float) 
 
 
 def continued(opening: Floats, finer: Floats, rows: slice, rest: int) -> Floats:
-    """Extend the finer model's openings over the whole record.
+    """Extend the finer model's openings, or jumps, over the whole record.
 
     The run's own before `rows`; after them as far from the run's as on average over the last of them.
 
     Parameters
     ----------
-    opening : (nt, gaps) of the run [m]
+    opening : (nt, gaps), or (nt, gaps, 3) jumps, of the run [m]
     finer : of the finer model in `rows` [m]
     rest : how many rows are averaged over
 
     Returns
     -------
-    (nt, gaps) [m]
+    (nt, gaps) or (nt, gaps, 3) [m]
     """
     better = opening.copy()
     better[rows] = finer

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from romdam.contact.components import NORMAL
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import History, System
+from romdam.core.system import GapLaw, History, System
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
@@ -22,6 +22,9 @@ _LIMIT = 0.01  # accuracy below which shorter ones are needed
 _USUAL_HALVINGS = 3  # of the coarse step, where the period is not known
 _MOST_HALVINGS = 9
 _SHRINK = (0.4, 0.7)  # believed range of the ratio of two successive differences (order 1.3 to 0.5)
+_UNEVEN = 9.0 / 8.0  # more parts in every second run, so that successive steps are no multiples: 4, 9, 16, 36
+_UNEVEN_FROM = 2  # halvings of the base step in the first of such runs: 9 has to be a whole number
+_FORMER = 0.2  # of the difference before the last, the least that is stated where laws remember
 _USUAL_SHRINK = 0.45  # with it 50 of 50 estimates were at least the true error, with 0.35 (and 0.3 above) 39
 _LATE = 0.005  # of the squared openings, the last ones, which the check leaves out
 _LATE_ERROR = 4.0  # their relative error, believed, over that of the others: 1.7, 6.4 at most on 50 records
@@ -31,6 +34,7 @@ _BASE_HALVINGS = 4  # of the base step at least, where it makes the error
 _NEGLIGIBLE = 1e-12
 _QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step's own error may count
 _CUT = 0.5  # of the time in which joints are closed: where more was cut, it was impacts
+_LEFT = 0.05  # of the largest slips: smaller ones that are left are measured by that
 _FLOOR = 0.01  # of what all jumps do: openings, or slips, that do less are measured by that
 
 
@@ -48,7 +52,12 @@ def simulate_to(
     of half the step follow. Two successive runs differ by most of the coarser one's error; the finer one's is
     taken as the difference times r/(1 - r), r being the ratio of the last two differences within what the
     scheme shows (0.4 to 0.7). The error is in L2 over all openings and times, and over all slips where joints
-    carry shear, the larger of the two; or in the peak opening for a scheme that conserves energy.
+    carry shear, and of the slips that are left, the largest; or in the peak opening for a scheme that
+    conserves energy.
+
+    Two runs on nested grids may break the same bonds in the same wrong order. So where joints have bonds or
+    other memory there is no check: three runs at least, whose steps are no multiples of each other, and the
+    bonds that are broken at every row are compared, too.
 
     Where contact does not change, the base step makes the error: closed springs follow it. So it is halved
     with the finest where joints have a tension stiffness or carry shear, and from the second run on where the
@@ -72,12 +81,12 @@ def simulate_to(
     outcomes: dict[int, Outcome] = {}
     wanted = _wanted_step(prepared[0].system, accuracy) if prepared else 0.0
     first = _first_halvings(settings.steps.base, wanted)
-    trials = {i: _Trial(refined_from=_refined_from(one.system, first)) for i, one in enumerate(prepared)}
+    trials = {i: _first_trial(one.system.law, first) for i, one in enumerate(prepared)}
     for halvings in range(first, max(_MOST_HALVINGS, first + _BASE_HALVINGS) + 1):
         for i, outcome in motions.simulate(trials, halvings):
             if not isinstance(outcome, ConvergenceError):
                 trials[i] = trials[i].after(outcome, motions.compared(i, outcome))
-                if halvings == first and settings.steps.base > wanted and motions.quiet(outcome, first):
+                if halvings == first and settings.steps.base > wanted and hardly_cut(outcome):
                     trials[i] = trials[i].quiet(first)
             elif trials[i].measured is not None or halvings >= min(first + _RETRIES, _MOST_HALVINGS):
                 outcomes[i] = outcome
@@ -98,7 +107,11 @@ def simulate_to(
 
 def _check(motions: _Motions, trials: dict[int, _Trial], first: int) -> None:
     """Compare first runs with twice their step, but those that the next one is to be compared with."""
-    ready = {i: one for i, one in trials.items() if one.measured is not None and one.refined_from != first}
+    ready = {
+        i: one
+        for i, one in trials.items()
+        if one.measured is not None and one.refined_from != first and not one.uneven
+    }
     for i, check in motions.simulate(ready, first - 1, only_compared=True):
         if isinstance(check, ConvergenceError):
             trials[i] = trials[i].unchecked()
@@ -122,10 +135,26 @@ def _first_halvings(coarse: float, wanted: float) -> int:
     return int(np.clip(round(math.log2(coarse / wanted)), 1, _MOST_HALVINGS))
 
 
-def _refined_from(system: System, first: int) -> int | None:
-    """Halvings from which on the base step is halved too, see `simulate_to`: those of the check, or none."""
-    law = system.law
-    return first - 1 if len(law) and (law.directions > 1 or law.K_nz.any()) else None
+def _first_trial(law: GapLaw, first: int) -> _Trial:
+    """Knowledge before the first run, see `simulate_to`."""
+    if law.laws:
+        return _Trial(refined_from=first - _UNEVEN_FROM, uneven=True, least_runs=_QUIET_RUNS)
+    return _Trial(refined_from=first - 1 if follows_base_step(law) else None)
+
+
+def follows_base_step(law: GapLaw) -> bool:
+    """Tell whether the base step makes an error of its own: in shear, tension or further laws."""
+    return len(law) > 0 and (law.directions > 1 or bool(law.K_nz.any()) or bool(law.laws))
+
+
+def hardly_cut(history: History) -> bool:
+    """Tell whether a run hardly cut its base step, though joints were closed meanwhile."""
+    stats, force = history.stats, history.traction[..., NORMAL]
+    closed = float((force != 0.0).any(axis=1).mean()) if force.size else 0.0
+    if "base_step" not in stats or closed == 0.0:
+        return False
+    parts, more = stats["base_step"] / stats["finest_step"], stats["steps"] / stats["base_steps"] - 1.0
+    return more <= min(_QUIET_RUN - 1.0, _CUT * closed * (parts - 1.0))
 
 
 @dataclass(frozen=True)
@@ -147,21 +176,31 @@ class _Motions:
         only_compared : whether nothing but `compared` is made of the histories
         """
         made: dict[int, Outcome] = {}
-        for since in dict.fromkeys(trial.refined_from for trial in trials.values()):
-            alike = {i: trial for i, trial in trials.items() if trial.refined_from == since}
-            base = self.settings.steps.base / (1.0 if since is None else 2.0 ** (halvings - since))
-            made.update(self._alike(alike, halvings, base, only_compared))
+        for since, uneven in dict.fromkeys((one.refined_from, one.uneven) for one in trials.values()):
+            alike = {i: one for i, one in trials.items() if (one.refined_from, one.uneven) == (since, uneven)}
+            made.update(self._alike(alike, halvings, (since, uneven), only_compared))
         return [(i, made[i]) for i in trials]
 
     def _alike(
-        self, trials: Mapping[int, _Trial], halvings: int, base: float, only_compared: bool
+        self,
+        trials: Mapping[int, _Trial],
+        halvings: int,
+        grid: tuple[int | None, bool],
+        only_compared: bool,
     ) -> list[tuple[int, Outcome]]:
-        """Integrate those whose base steps are the same."""
-        coarse, integrator = self.settings.steps, self.prepared[0].integrator
-        steps = integrator.steps(
-            min(base, coarse.base / 2.0 ** min(halvings, _MOST_HALVINGS)), base, coarse.interval
+        """Integrate those whose steps are the same: `refined_from` and `uneven` of `_Trial` are `grid`."""
+        coarse, integrator, (since, uneven) = self.settings.steps, self.prepared[0].integrator, grid
+        of_base = 0 if since is None else halvings - since
+        more = _UNEVEN if uneven and of_base % 2 else 1.0
+        base = coarse.base / (more * 2.0**of_base)
+        finest = min(base, coarse.base / (more * 2.0 ** min(halvings, _MOST_HALVINGS)))
+        settings = replace(
+            self.settings,
+            steps=integrator.steps(finest, base, coarse.interval),
+            to_accuracy=True,
+            shear_change=2.0 ** (1 - of_base) if of_base else 1.0,
         )
-        settings = replace(self.settings, steps=steps, to_accuracy=True)
+        steps = settings.steps
         if only_compared:
             settings = replace(settings, only_jumps=len(self.prepared[0].system.law) > 0)
         grounds = []
@@ -171,16 +210,6 @@ class _Motions:
             grounds.append(ground[:, :columns])
         made = simulate([self.prepared[i] for i in trials], grounds, settings, self.progress)
         return list(zip(list(trials), made, strict=True))
-
-    def quiet(self, history: History, halvings: int) -> bool:
-        """Tell whether a run at the coarse base step hardly cut it, though joints were closed meanwhile."""
-        system = self.prepared[0].system
-        base_steps = (len(history.time) - 1) * self.settings.steps.stride
-        if _refined_from(system, 1) is not None:
-            base_steps, halvings = 2 * base_steps, halvings - 1
-        more = history.stats["steps"] / base_steps - 1.0
-        closed = (history.traction[..., NORMAL] != 0.0).any(axis=1).mean() if len(system.law) else 0.0
-        return bool(closed > 0.0 and more <= min(_QUIET_RUN - 1.0, _CUT * closed * (2.0**halvings - 1.0)))
 
     def compared(self, number: int, history: History) -> Floats:
         """Values by which a run of one of them is compared with its next."""
@@ -200,6 +229,9 @@ class _Trial:
     runs, cpu : how many there were, and what they took [s]
     rows : how far a check has to go; None for the whole ground motion
     refined_from : halvings from which on the base step is halved too; None where it stays
+    uneven : whether every second run's steps are shorter by `_UNEVEN`; then three runs are compared, and the
+        bonds that are broken, too
+    broken : (nt, ng) bonds broken in the last run, see `History.bonded`
     least_runs : before an estimate is believed; a spring that two steps damp away alike takes three
     """
 
@@ -211,6 +243,8 @@ class _Trial:
     cpu: float = 0.0
     rows: int | None = None
     refined_from: int | None = None
+    uneven: bool = False
+    broken: Bools | None = None
     least_runs: int = 2
 
     def quiet(self, first: int) -> _Trial:
@@ -233,13 +267,21 @@ class _Trial:
         """Knowledge after one more run."""
         cpu = self.cpu + history.stats["loop_cpu_seconds"]
         known = replace(self, history=history, measured=measured, runs=self.runs + 1, cpu=cpu, rows=None)
+        if self.uneven:
+            known = replace(known, broken=~history.bonded)
         if self.measured is None:
-            return replace(known, rows=None if measured.ndim == 1 else _past(measured))
-        difference = _difference(self.measured, measured)
+            return replace(known, rows=None if measured.ndim == 1 or self.uneven else _past(measured))
+        difference = jump_difference(self.measured, measured)
+        if self.uneven:
+            assert self.broken is not None
+            difference = max(difference, _disagreement(self.broken, ~history.bonded))
         shrink = np.clip(difference / self.difference, *_SHRINK) if self.difference > 0.0 else _USUAL_SHRINK
         if measured.ndim == 1:  # peaks agree by chance, so the last two differences have to be small
             return replace(known, difference=difference, estimate=max(difference, self.difference))
-        return replace(known, difference=difference, estimate=float(difference * shrink / (1.0 - shrink)))
+        estimate = float(difference * shrink / (1.0 - shrink))
+        if self.uneven and math.isfinite(self.difference):  # two runs may agree by chance
+            estimate = max(estimate, _FORMER * self.difference)
+        return replace(known, difference=difference, estimate=estimate)
 
     def unchecked(self) -> _Trial:
         """Knowledge after a run of twice the step that did not converge: nothing more."""
@@ -252,7 +294,7 @@ class _Trial:
         if self.rows is not None:
             compared = self.measured[: self.rows]
             late = math.sqrt(1.0 + _LATE * (_LATE_ERROR**2 - 1.0))
-        difference = late * _difference(measured, compared)
+        difference = late * jump_difference(measured, compared)
         estimate = difference * _USUAL_SHRINK / (1.0 - _USUAL_SHRINK)
         cpu = self.cpu + check.stats["loop_cpu_seconds"]
         return replace(self, difference=difference, estimate=estimate, runs=self.runs + 1, cpu=cpu, rows=None)
@@ -275,13 +317,25 @@ def _past(measured: Floats) -> int:
     return max(2, int(np.searchsorted(share, (1.0 - _LATE) * share[-1])) + 1)
 
 
-def _difference(coarse: Floats, fine: Floats) -> float:
-    """L2 of the difference of two runs, relative: of openings and of slips apart, the larger."""
+def _disagreement(coarse: Bools, fine: Bools) -> float:
+    """Time for which two runs have not the same bonds broken, over that for which those of the finer are."""
+    return float((coarse != fine).sum()) / max(float(fine.sum()), 1.0)
+
+
+def jump_difference(coarse: Floats, fine: Floats) -> float:
+    """Difference of two runs, relative: of openings and slips apart, in L2, and of the slips that are left.
+
+    The largest of the three counts. What is left is the slip in the last row, over all gaps.
+    """
     if fine.ndim < 3 or fine.shape[2] == 1:
         return float(np.linalg.norm(fine - coarse)) / max(float(np.linalg.norm(fine)), _NEGLIGIBLE)
     least = max(_FLOOR * float(np.linalg.norm(fine)), _NEGLIGIBLE)
-    kinds = (slice(NORMAL, NORMAL + 1), slice(NORMAL + 1, None))
+    opening, slip = fine[..., NORMAL], fine[..., NORMAL + 1 :]
+    of_opening, of_slip = coarse[..., NORMAL] - opening, coarse[..., NORMAL + 1 :] - slip
+    largest = math.sqrt(float((slip**2).sum(axis=(1, 2)).max()))
     return max(
-        float(np.linalg.norm((fine - coarse)[..., own])) / max(float(np.linalg.norm(fine[..., own])), least)
-        for own in kinds
+        float(np.linalg.norm(of_opening)) / max(float(np.linalg.norm(opening)), least),
+        float(np.linalg.norm(of_slip)) / max(float(np.linalg.norm(slip)), least),
+        float(np.linalg.norm(of_slip[-1]))
+        / max(float(np.linalg.norm(slip[-1])), _LEFT * largest, least / math.sqrt(len(fine))),
     )

@@ -67,7 +67,7 @@ class Past(NamedTuple):
     anchor : slip at which the stuck spring carries no force, along j and k [m]
     broken, sliding, out : whether the bond is lost, the gap slides, the key is out
     overlap : opening at the last step where the gap was closed, at most zero [m]
-    slipped : slip in the last step, where the gap slid [m]
+    slipped, before : slip in the last step, where the gap slid, and in the one before that [m]
     """
 
     anchor: Pair = (0.0, 0.0)
@@ -76,6 +76,7 @@ class Past(NamedTuple):
     out: bool = False
     overlap: float = 0.0
     slipped: float = 0.0
+    before: float = 0.0
 
 
 Force = tuple[float, float, float]
@@ -96,11 +97,11 @@ def shear_limit(mu: float, mu_static: float, bond: Pair, keyed: bool, slides: bo
 
 
 def _friction(gap: Gap, past: Past) -> Pair:
-    """Coefficients along j and k, of the speed of the step before where they change with it."""
+    """Coefficients along j and k, of the speed that the last two steps lead to where they change with it."""
     at_rest, fast, over = gap.velocity
     if over == 0.0:
         return gap.mu
-    mu = fast + (at_rest - fast) * math.exp(-past.slipped / over)
+    mu = fast + (at_rest - fast) * math.exp(-max(2.0 * past.slipped - past.before, 0.0) / over)
     return mu, mu
 
 
@@ -160,6 +161,7 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
             out=left.out and jump[0] > gap.key,
             overlap=min(jump[0], 0.0),
             slipped=math.dist(anchor, past.anchor) if state == SLIP else 0.0,
+            before=past.slipped if state == SLIP else 0.0,
         ),
     )
 
@@ -195,7 +197,7 @@ def dashpot(jump: Force, past: Past, gap: Gap) -> Answer:
 
 
 def velocity_friction(jump: Force, past: Past, gap: Gap) -> Answer:
-    """Friction that changes with the slip of the step before; as `strong`."""
+    """Friction that changes with the slip of the last two steps; as `strong`."""
     return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, velocity=gap.velocity))
 
 

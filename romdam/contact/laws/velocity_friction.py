@@ -9,14 +9,15 @@ from typing import Any
 from romdam.contact.laws.law import MU_J, MU_K, Law, Parameter, Past, Row
 
 STATIC, DYNAMIC, SPEED = range(3)
-(RATE,) = range(1)
+RATE, LAST = range(2)
 
 
 class VelocityFriction(Law):
     """mu = mu_d + (mu_s - mu_d) exp(-|v| / v_c) on the resultant, in place of `friction`.
 
-    v is the speed of the step before: within a step the bound is constant, which leaves an error of first
-    order in the step, and the problem of the step as easy as Coulomb's.
+    v is the speed that the last two steps lead to in the middle of the next, if it is as long: within a step
+    the bound is constant, which leaves the problem of the step as easy as Coulomb's. The speed of the last
+    step alone would leave an error of first order in the step.
 
     References
     ----------
@@ -29,7 +30,7 @@ class VelocityFriction(Law):
         Parameter("mu_d", "", most=2.0, meaning="Coefficient of friction of fast sliding."),
         Parameter("v_c", "m/s", above=True, meaning="Velocity over which friction falls."),
     )
-    memory = ("rate",)
+    memory = ("rate", "last")
     shear = True
 
     @classmethod
@@ -40,11 +41,12 @@ class VelocityFriction(Law):
 
     @classmethod
     def resumed(cls, parameters: Row, past: Past) -> tuple[float, ...]:
-        return (past.rate if past.sliding else 0.0,)
+        rate = past.rate if past.sliding else 0.0
+        return (rate, rate)
 
     @staticmethod
     def limit(parameters: Any, memory: Any, limit: Any) -> None:
-        fall = math.exp(-memory[RATE] / parameters[SPEED])
+        fall = math.exp(-max(2.0 * memory[RATE] - memory[LAST], 0.0) / parameters[SPEED])
         mu = parameters[DYNAMIC] + (parameters[STATIC] - parameters[DYNAMIC]) * fall
         limit[MU_J], limit[MU_K] = mu, mu
 
@@ -52,4 +54,5 @@ class VelocityFriction(Law):
     def commit(
         parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
     ) -> None:
+        memory[LAST] = memory[RATE] if sliding else 0.0
         memory[RATE] = math.sqrt(rate_j**2 + rate_k**2) if sliding else 0.0

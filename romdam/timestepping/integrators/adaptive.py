@@ -27,13 +27,14 @@ class Adaptive(ModalIntegrator):
 
     Attributes
     ----------
-    force_change, midpoint : see `ModalIntegrator`
+    force_change, shear_change, midpoint : see `ModalIntegrator`
     quasi_static_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility
     merge_contacts : whether gaps that provably move alike are integrated as one
     """
 
     name: ClassVar[str] = "adaptive"
     force_change: float = 0.003
+    shear_change: float = 0.0001
     midpoint: bool = True
     quasi_static_ratio: float = 0.7
     merge_contacts: bool = True

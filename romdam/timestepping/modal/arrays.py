@@ -17,7 +17,7 @@ from romdam.core.arrays import Floats, Ints, Record, record_type
 from romdam.timestepping.modal.propagator import Propagator
 
 BASE = 0  # the level of the base step
-CLOCK = record_type(base_steps=int, fine_steps=int, level=int, calm_steps=int)
+CLOCK = record_type(base_steps=int, fine_steps=int, level=int, calm_steps=int, evolving=int, last_step=float)
 TRIES = record_type(accepted=int, refused=int, residual=float)
 VARIANT = record_type(step=int, problem=int)
 
@@ -79,8 +79,10 @@ class Batch(NamedTuple):
     samples, rows : (runs,) its first column of the ground acceleration, its first row of the history buffer
     last : (runs,) its number of base steps
     impulse : (runs,) largest gap velocity that the change of a joint force over a step may stand for [m/s]
+    shear_impulse : (runs,) the same of the shear of all gaps together [m/s]
     clock : (runs,) `CLOCK`: base steps done, finest steps done in the present one, level of the next step,
-        accepted steps since the closed set changed
+        accepted steps since the closed set changed, whether what the laws keep moved in the last step, its
+        length [s]
     failed : (runs,) whether a step did not converge at the finest level
     acc : (components, samples) ground acceleration at every base step, the runs one after another [m/s2]
     supports : (3 m, samples) acceleration, velocity and displacement of moving supports
@@ -93,6 +95,7 @@ class Batch(NamedTuple):
     rows: Ints
     last: Ints
     impulse: Floats
+    shear_impulse: Floats
     clock: Record
     failed: NDArray[np.bool_]
     acc: Floats
@@ -115,6 +118,7 @@ class ModalState(NamedTuple):
     w : (N,) jump of the states, G q (conserving only) [m]
     state : (n,) of the gaps
     closed : (n,) closed gaps
+    slip_rate : (n, 2) mean over the last step along j and k; empty without shear [m/s]
     impulse : (n, d) time integral of the joint force since the last row [N s]
     energies : `romdam.timestepping.energy.ENERGIES` [J]
     tries : `TRIES`: steps accepted and refused, largest relative residual of the gap-space problem
@@ -133,6 +137,7 @@ class ModalState(NamedTuple):
     w: Floats
     state: NDArray[np.uint8]
     closed: NDArray[np.bool_]
+    slip_rate: Floats
     impulse: Floats
     energies: Record
     tries: Record

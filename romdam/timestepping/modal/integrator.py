@@ -31,6 +31,8 @@ class ModalIntegrator:
         `romdam.contact.problem`; else at its end
     force_change : what the change of a joint force over a step may do before the step is cut, as a gap
         velocity relative to the peak ground velocity
+    shear_change : the same of the shear of closed gaps, all together, and of the speed at which a gap that
+        slides over a step may move back at its end
     massless_boundary : whether the joint force acts with its mean over the step, so that no energy is lost
     """
 
@@ -38,6 +40,7 @@ class ModalIntegrator:
     resumes: ClassVar[bool] = True
     midpoint: bool = False
     force_change: float = math.inf
+    shear_change: float = math.inf
     massless_boundary: bool = False
 
     @classmethod

@@ -23,10 +23,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
+from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
+from romdam.contact.cone import slides
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import commit_gaps, solve_gaps
-from romdam.core.arrays import PLACE, Floats, at
+from romdam.core.arrays import PLACE, Bools, Floats, at
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
 from romdam.timestepping.modal.arrays import (
     BASE,
@@ -119,6 +120,78 @@ def _keeps_within(problem: GapProblem, memory: GapMemory, old_force: Floats, mos
     return True
 
 
+@njit(cache=True)
+def _slides_on(memory: GapMemory, rates: Floats, steps: tuple[float, float], y: Floats, most: float) -> bool:
+    """Tell whether every gap that slides over a step still slides the same way at its end.
+
+    A gap that turns back within a step is braked in the wrong sense until its end, which pushes it back too
+    fast. The speed at the end is extrapolated from the mean slip rates of this step and the last one.
+
+    Parameters
+    ----------
+    rates : (n, 2) mean slip rates of the last step [m/s]
+    steps : the last step and this one [s]
+    y : (N,) slip over this step, along the shear directions [m]
+    most : speed that is let pass [m/s]
+    """
+    last, dt = steps
+    for i in range(len(rates)):
+        p = memory.force[3 * i + NORMAL] + memory.limits.tension[i]
+        limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
+        limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
+        t_j, t_k = memory.force[3 * i + SHEAR_J], memory.force[3 * i + SHEAR_K]
+        if not (p > 0.0 and slides(limit_j, limit_k, t_j, t_k)):
+            continue
+        rate_j, rate_k = y[3 * i + SHEAR_J] / dt, y[3 * i + SHEAR_K] / dt
+        further = dt / (dt + last)
+        end_j = rate_j + further * (rate_j - rates[i, ALONG_J])
+        end_k = rate_k + further * (rate_k - rates[i, ALONG_K])
+        along = end_j * rate_j + end_k * rate_k
+        if along < 0.0 and along**2 > most**2 * (rate_j**2 + rate_k**2):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _shears_steadily(
+    problem: GapProblem,
+    memory: GapMemory,
+    closed: Bools,
+    old_force: Floats,
+    change: Floats,
+    most: float,
+) -> bool:
+    """Tell whether the change of the shear in closed gaps moves none of them farther than `most`.
+
+    Gaps count that are closed at both ends of the step. Those that begin to slide, stick or turn back within
+    it are pushed the wrong way over a part of it; those that stick at steps too long for their springs swing
+    from step to step. All of them move a block together, so their changes act at once.
+
+    Parameters
+    ----------
+    change : (N,) scratch
+    """
+    n, W = len(closed), problem.W
+    if len(memory.force) == n:
+        return True
+    for i in range(n):
+        counts = closed[i] and memory.force[3 * i + NORMAL] > -memory.limits.tension[i]
+        change[3 * i + NORMAL] = 0.0
+        for b in range(3 * i + SHEAR_J, 3 * i + SHEAR_K + 1):
+            change[b] = memory.force[b] - old_force[b] if counts else 0.0
+    for i in range(n):
+        j, k = 3 * i + SHEAR_J, 3 * i + SHEAR_K
+        if change[j] == 0.0 and change[k] == 0.0:
+            continue
+        moved_j, moved_k = -problem.compliance[j] * change[j], -problem.compliance[k] * change[k]
+        for b in range(len(change)):
+            moved_j += W[j, b] * change[b]
+            moved_k += W[k, b] * change[b]
+        if not moved_j**2 + moved_k**2 <= most**2:
+            return False
+    return True
+
+
 @njit(**ARRAYS)
 def _open_base_step(model: ModalModel, runs: Batch, work: Work, run: int) -> None:
     """Bring the external force, and the added jumps, of both ends of a run's next base step."""
@@ -169,6 +242,8 @@ def _try_step(
     if model.carried is not None:
         first = runs.samples[run] + runs.clock[run].base_steps
         add_carried(model.carried, runs.supports, first, (share, levels.step.dt[variant, BASE]), shift)
+    if runs.clock[run].evolving and l < finest:
+        return False, np.inf
     copy(memory.force, old_force)
     control = (tolerance, l < finest)
     if model.conserving is not None:
@@ -184,8 +259,13 @@ def _try_step(
             w[i] += shift[i]
         residual = solve_gaps(problem, memory, state.closed, w, y, control)
     good = residual <= tolerance
+    dt = levels.step.dt[variant, l]
     if good and l < finest:
-        good = _keeps_within(problem, memory, old_force, runs.impulse[run] * levels.step.dt[variant, l])
+        good = _keeps_within(problem, memory, old_force, runs.impulse[run] * dt)
+    if good and l < finest:
+        most = runs.shear_impulse[run]
+        good = _slides_on(memory, state.slip_rate, (runs.clock[run].last_step, dt), y, most)
+        good = good and _shears_steadily(problem, memory, state.closed, old_force, w, most * dt)
     if not good:
         copy(old_force, memory.force)
     return good, residual
@@ -203,6 +283,17 @@ def _accept(
         closed = memory.force[PLACE(d * i)] > -memory.limits.tension[i]
         changed = changed or closed != state.closed[i]
         state.closed[i] = closed
+    clock, dt = runs.clock[run], levels.step.dt[runs.variant[run].step, runs.clock[run].level]
+    for i in range(len(state.slip_rate)):
+        for a in range(2):
+            state.slip_rate[i, a] = work.y[run, 3 * i + SHEAR_J + a] / dt
+    history, trial = memory.history.reshape(memory.history.size), memory.trial.reshape(memory.trial.size)
+    clock.evolving = 0
+    for entry in range(len(history)):
+        if history[entry] != trial[entry]:
+            clock.evolving = 1
+            changed = True
+    clock.last_step = dt
     if model.conserving is None:
         for b in range(len(state.mean)):
             state.mean[b] = memory.force[b]

@@ -1,0 +1,112 @@
+"""Sliding, sticking and turning back are events of the step control: a block on a plane, by hand.
+
+The block, 1,920 kg on a shear spring of 80 GN/m, is shaken by two sines under an envelope. By hand it is a
+point on the spring in steps of 20 microseconds: the spring follows the point at each step's end, up to the
+limit that the law puts.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hand_systems import gap_law, modal_twin, sparse_system
+from simulating import prepared_for
+
+from romdam.contact.laws import StaticFriction, VelocityFriction
+from romdam.contact.laws.catalogue import source_of
+from romdam.core.system import LawRows
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.simulate import simulate_one
+from romdam.timestepping.step_control import simulate_to
+from romdam.timestepping.steps import Steps, cut_steps
+
+DT, MASS, K_N, K_S, WEIGHT = 0.01, 1920.0, 320e9, 80e9, 1920.0 * 9.81
+TIME = np.arange(161) * DT
+RECORD = 9.0 * np.sin(np.pi * TIME / 1.6) ** 2 * (np.sin(11.0 * TIME) + 0.6 * np.sin(17.0 * TIME + 1.0))
+LAWS = {
+    "coulomb": (0.3, None),
+    "static": (0.3, (StaticFriction, [0.5, 0.5, 0.3, 0.3])),
+    "velocity": (0.0, (VelocityFriction, [0.5, 0.2, 0.1])),
+}
+
+
+def block(name, turned=0.0):
+    """The block, its gap's axes along x, y and z; the ground moves along an axis turned about z [rad]."""
+    mu, further = LAWS[name]
+    law = gap_law(1, K_n=K_N, K_s=K_S, mu=mu)
+    if further is not None:
+        rows = LawRows(source_of(further[0]), np.array([further[1]]), np.array([True]), shear=True)
+        law = replace(law, laws=(rows,))
+    system = sparse_system(
+        MASS * np.eye(3),
+        np.zeros((3, 3)),
+        [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
+        law,
+        force=[0, 0, -WEIGHT],
+        floating=True,
+    )
+    inertia = np.zeros((3, 3))
+    inertia[:2, 0] = -MASS * np.cos(turned), -MASS * np.sin(turned)
+    return modal_twin(replace(system, load=inertia))
+
+
+def shaking(dt):
+    acc = np.interp(np.arange(round(TIME[-1] / dt) + 1) * dt, TIME, RECORD)
+    return np.stack([acc, 0.0 * acc, 0.0 * acc])
+
+
+def by_hand(name, dt=2e-5):
+    """Slip left of the point on its spring [m]."""
+    mu, _ = LAWS[name]
+    n = round(TIME[-1] / dt)
+    acc = np.interp((np.arange(n) + 0.5) * dt, TIME, RECORD).tolist()
+    u = v = rest = rate = 0.0
+    slides = False
+    flexibility = 0.5 * dt * dt / MASS
+    for a in acc:
+        free = u + v * dt - 0.5 * dt * dt * a
+        t = -(free - rest) / (flexibility + 1.0 / K_S)
+        if name == "static":
+            limit = (0.3 if slides or abs(t) > 0.5 * WEIGHT else 0.5) * WEIGHT
+        elif name == "velocity":
+            limit = (0.2 + 0.3 * np.exp(-rate / 0.1)) * WEIGHT
+        else:
+            limit = mu * WEIGHT
+        slides = abs(t) > limit
+        t = min(max(t, -limit), limit)
+        u = free + flexibility * t
+        v += dt * (t / MASS - a)
+        slid = u + t / K_S - rest
+        rest += slid
+        rate = abs(slid) / dt
+    return u
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_slip_left_is_that_of_a_point_on_its_spring(name):
+    """With `finest_step: 0.25 ms`, and with an accuracy of 1 %; the record's step is 10 ms."""
+    prepared, left = prepared_for(block(name), "adaptive"), by_hand(name)
+    steps = cut_steps(2.5e-4, DT, DT)
+    run = simulate_one(prepared, shaking(steps.base), Settings(steps))
+    assert abs(left) > 2e-3
+    assert run.jump[-1, 0, 1] == pytest.approx(left, rel=5e-3)
+    best = simulate_to([prepared], [shaking], Settings(Steps(DT)), 0.01)[0]
+    assert best.jump[-1, 0, 1] == pytest.approx(left, rel=5e-3)
+    assert best.stats["estimated_time_error"] <= 0.01
+
+
+def test_steps_and_forces_do_not_hang_on_the_axes():
+    """The ground turned by 37 degrees about z: norms of slips and shears are equal, and so are the steps."""
+    straight, turned = (
+        simulate_one(
+            prepared_for(block("static", angle), "adaptive"), shaking(DT), Settings(Steps(DT, 1, (2, 4, 5)))
+        )
+        for angle in (0.0, np.radians(37.0))
+    )
+    assert straight.stats["steps"] == turned.stats["steps"] > 1.5 * len(straight.time)
+    for name in ("jump", "traction"):
+        a, b = getattr(straight, name), getattr(turned, name)
+        assert np.abs(a[..., 0] - b[..., 0]).max() <= 1e-9 * np.abs(a).max()
+        size = np.linalg.norm(a[..., 1:], axis=-1)
+        assert np.abs(size - np.linalg.norm(b[..., 1:], axis=-1)).max() <= 1e-9 * size.max()
+    assert np.degrees(np.arctan2(turned.jump[-1, 0, 2], turned.jump[-1, 0, 1])) % 180.0 == pytest.approx(37.0)
