@@ -152,7 +152,7 @@ def _speed_of_a_sliding_mass(t, push, mu_s, mu_d, v_c):
 
 @pytest.mark.parametrize(("mu_s", "mu_d"), [(0.6, 0.4), (0.3, 0.5)], ids=["falls", "rises"])
 def test_friction_that_changes_with_speed(mu_s, mu_d):
-    """1 kg on a floor, 10 N down and 7 N along: the speed in closed form, the error of first order."""
+    """1 kg on a floor, 10 N down and 7 N along: the speed in closed form, the error of second order."""
     push, v_c, errors = 7.0, 0.5, []
     law = with_laws(gap_law(1, K_n=1e6), velocity=(mu_s, mu_d, v_c))
     system = modal_twin(_pressed(law))
@@ -162,7 +162,7 @@ def test_friction_that_changes_with_speed(mu_s, mu_d):
         errors.append(np.abs(h.vel[:, 1] - v).max() / v.max())
         assert_ledger(h)
     assert errors[1] < 2e-3
-    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.3)
 
 
 def test_friction_that_falls_with_speed_holds_up_to_the_static_limit():

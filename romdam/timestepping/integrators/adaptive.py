@@ -34,7 +34,7 @@ class Adaptive(ModalIntegrator):
 
     name: ClassVar[str] = "adaptive"
     force_change: float = 0.003
-    shear_change: float = 0.0001
+    shear_change: float = 0.00001
     midpoint: bool = True
     quasi_static_ratio: float = 0.7
     merge_contacts: bool = True
