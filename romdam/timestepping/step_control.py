@@ -325,7 +325,8 @@ def _disagreement(coarse: Bools, fine: Bools) -> float:
 def jump_difference(coarse: Floats, fine: Floats) -> float:
     """Difference of two runs, relative: of openings and slips apart, in L2, and of the slips that are left.
 
-    The largest of the three counts. What is left is the slip in the last row, over all gaps.
+    The largest of the three counts. What is left is the slip in the last row, over all gaps; its difference
+    counts twice, for judgements of a dam rest on it.
     """
     if fine.ndim < 3 or fine.shape[2] == 1:
         return float(np.linalg.norm(fine - coarse)) / max(float(np.linalg.norm(fine)), _NEGLIGIBLE)
@@ -336,6 +337,7 @@ def jump_difference(coarse: Floats, fine: Floats) -> float:
     return max(
         float(np.linalg.norm(of_opening)) / max(float(np.linalg.norm(opening)), least),
         float(np.linalg.norm(of_slip)) / max(float(np.linalg.norm(slip)), least),
-        float(np.linalg.norm(of_slip[-1]))
+        2.0
+        * float(np.linalg.norm(of_slip[-1]))
         / max(float(np.linalg.norm(slip[-1])), _LEFT * largest, least / math.sqrt(len(fine))),
     )
