@@ -72,7 +72,9 @@ def test_a_flexible_dam_slides_as_its_two_equations_have_it(period, mu):
         B=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
         law=law, force=[0.0, 0.0, -m * G], load=[m, L, 0.0], floating=True,
     )  # fmt: skip
-    h = run(modal_twin(dam), acc, DT, initial_state="static", integrator="adaptive")
+    # the base here is rigid: steps are not cut for its shear spring; with that the first case is 0.18 % off
+    options = {"integrator": "adaptive", "shear_change": np.inf}
+    h = run(modal_twin(dam), acc, DT, initial_state="static", **options)
     slip = h.jump[:, 0, 1] - h.jump[0, 0, 1]
     assert (h.state == 2).any()
     assert np.abs(slip - exact).max() <= 0.001 * np.abs(exact).max()
