@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_matrix
+from scipy.sparse import coo_array, csr_matrix, diags_array
 from scipy.sparse.csgraph import connected_components
 
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
 from romdam.core.system import BlockMatrices
+from romdam.linalg.factor import Factor
 from romdam.scene.elements import Floats
 
 _RANK = 1e-8  # relative singular value; the motions are scaled to be of order one
 _STRAINS = (
     1e-6  # force of a rigid motion on an unknown, relative to its own stiffness, above round-off of text
 )
+_ALONE = 1e-12  # of the diagonal, by which coordinates that may move alone are held
 _MOTIONS = tuple(f"{kind} {axis}" for kind in ("translation along", "rotation about") for axis in "xyz")
 
 
@@ -104,9 +106,31 @@ def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
     """Displacement of nodes (all, if not given) in the six rigid motions of a block, (n, 3, 6).
 
     Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
-    of order one. Of a block with matrices of its own they are those of its unknowns, rotations among them.
+    of order one. Of a block with matrices of its own they are those of its unknowns, rotations among them;
+    coordinates of other kinds follow with the least strain.
     """
-    which = slice(None) if nodes is None else nodes
+    if block.matrices is not None and (block.matrices.motion > 5).any():
+        every = _followed(block.matrices, _physical_motions(block, slice(None)))
+        return every if nodes is None else every[nodes]
+    return _physical_motions(block, slice(None) if nodes is None else nodes)
+
+
+def _followed(matrices: BlockMatrices, motions: Floats) -> Floats:
+    """Motions (n, 3, 6) of the physical unknowns, those of other kinds following with the least strain."""
+    inner = np.flatnonzero(matrices.motion.ravel() > 5)
+    followed = motions.reshape(-1, 6).copy()
+    force = (matrices.K @ followed)[inner]
+    stiffness = csr_matrix(matrices.K[inner][:, inner])
+    diagonal = stiffness.diagonal()
+    # they may move alone without strain; the force is none there
+    held = Factor(stiffness + diags_array(_ALONE * np.where(diagonal > 0.0, diagonal, 1.0)))
+    answer = held.solve(force)
+    followed[inner] = -(answer + held.solve(force - stiffness @ answer))
+    return followed.reshape(motions.shape)
+
+
+def _physical_motions(block: Block, which: Ints | slice) -> Floats:
+    """Rigid motions of the physical unknowns of some nodes, (k, 3, 6)."""
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     radius = np.linalg.norm(high - low) / 2
     arm = (block.points[which] - (low + high) / 2) / radius

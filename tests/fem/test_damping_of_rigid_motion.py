@@ -12,15 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
+from scipy.sparse import csr_matrix
 
 from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfig
 from romdam.core.arrays import Floats
 from romdam.core.scene import Absorbing, Scene
-from romdam.core.system import System
+from romdam.core.system import BlockMatrices, System
 from romdam.error.replay import step_factor
+from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns, unknowns
 from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.supports import rigid_motions as rigid_motions_of
 from romdam.scene.ties import scene_parts
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
@@ -199,3 +202,26 @@ def test_a_sliding_block_slows_down_by_friction_alone(order, integrator):
     assert abs(h.vel[b, 0]) > 0.5
     rate = (h.vel[b, 0] - h.vel[a, 0]) / (h.time[b] - h.time[a])
     assert rate == pytest.approx(MU * G, rel=1e-3)
+
+
+def test_internal_unknowns_of_a_superelement_follow_rigid_motion():
+    """An oscillator of 1e9 N/m on a corner, along x: it goes where the corner goes, without strain."""
+    plain = scene(raw_block_on_rock(stiff=1.0))
+    block = plain.blocks["block"]
+    K, M = assemble(block)
+    n, corner = K.shape[0], 3 * 5
+    size = n + 3  # of a node without a place in the mesh
+    K_2, M_2 = np.zeros((size, size)), np.zeros((size, size))
+    K_2[:n, :n], M_2[:n, :n] = K.toarray(), M.toarray()
+    spring = np.zeros(size)
+    spring[n], spring[corner] = 1.0, -1.0
+    K_2 += 1e9 * np.outer(spring, spring)
+    M_2[n, n] = 1e3
+    points = np.vstack([block.points, block.points[:1]])
+    motion = np.vstack([np.tile(np.arange(3), (len(block.points), 1)), [[6, -1, -1]]])
+    translations = np.vstack([np.tile(np.eye(3), (len(block.points), 1)), np.zeros((3, 3))])
+    translations[n] = [1.0, 0.0, 0.0]
+    own = BlockMatrices(csr_matrix(K_2), csr_matrix(M_2), motion, translations, None, None, np.zeros(size))
+    R = rigid_motions_of(replace(block, points=points, matrices=own)).reshape(-1, 6)
+    assert R[n] == pytest.approx(R[corner], rel=1e-9, abs=1e-9)
+    assert np.abs(K_2 @ R).max() <= 1e-9 * np.abs(K_2).max()
