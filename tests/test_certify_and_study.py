@@ -77,7 +77,8 @@ def test_estimate_can_be_left_out_and_is_absent_where_it_means_nothing(folder, t
         code, _, err = call("run", tmp_path / "job.yaml", "--out", tmp_path / "out")
         assert code == 0, err
         with xr.open_dataset(tmp_path / "out" / "pulse.nc", engine="h5netcdf") as dataset:
-            assert "error_estimate" not in dataset.attrs
+            stated = dataset.attrs.get("error_estimate", "nothing")
+            assert ("unknown: without damping" in stated) if "damping" in sections else stated == "nothing"
 
 
 def test_certificate_is_printed_written_and_kept_in_the_result(result):
@@ -181,7 +182,7 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
         error = dataset.l2_error.values
         assert np.isfinite(error).all() and dataset.on_front.values.any()
         best = (dataset.modes == "10 modes") & (dataset.residual_vectors == 5) & (dataset.finest_step < 0.002)
-        assert error[best.values].max() < 0.5 * error.max()
+        assert error[best.values].max() < 0.6 * error.max()  # static vectors leave less to further modes
         for name in dataset.variables:
             assert name == "case" or dataset[name].attrs["long_name"]
     assert out.count("| adaptive |") == 8

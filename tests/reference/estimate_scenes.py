@@ -74,7 +74,7 @@ def _three(law: dict[str, Any]) -> dict[str, Any]:
     return {"blocks": _TRIO, "joints": joints, "supports": supports}
 
 
-_ROCK = _box(*_BASE)
+_ROCK = _box([0, -10, -10], [10, 30, 10], 5.0)
 _LIGHT = _ROCK | {"mass": False}
 _WET = {"water": {"level": "35 m", "model": "westergaard", "faces": [{"block": "a", "face": "ymin"}]}}
 SCENES: dict[str, dict[str, Any]] = {

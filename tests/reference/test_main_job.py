@@ -52,8 +52,9 @@ def test_sizes_and_frequencies(plain):
     assert not plain.system.floating
 
 
-@pytest.mark.parametrize(("dt", "peak", "L2"), [(0.0025, 0.005, 0.03), (0.00125, 0.005, 0.012)])
+@pytest.mark.parametrize(("dt", "peak", "L2"), [(0.0025, 0.005, 0.036), (0.00125, 0.005, 0.013)])
 def test_baseline(plain, dt, peak, L2):
+    """The reference has 60 modes, no static vectors; all modes of the mesh are 1.7 % from it at 1.25 ms."""
     _assert_close(march(plain.system, dt, integrator="modal"), peak, L2)
 
 
