@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -65,6 +66,13 @@ def peak_text(attrs: Mapping[str, Any]) -> str:
     part = float(attrs.get("analysed_peak_acceleration", whole))
     rest = "" if part == whole else f" of what was analysed, {whole:.3g} m/s² of the whole record"
     return f"{part:.3g} m/s²{rest}"
+
+
+def stated_warnings(attrs: Mapping[str, Any]) -> list[str]:
+    """What a result warns of, of its run, its configuration and its record."""
+    names = ("run_warnings", "configuration_doubts", "record_warnings")
+    found = (json.loads(str(attrs.get(name, "[]"))) for name in names)
+    return [str(text) for texts in found for text in texts]
 
 
 def measures_at_scales(

@@ -10,7 +10,6 @@ The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per mo
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -28,7 +27,7 @@ from romdam.core.errors import ResultError
 from romdam.core.files import Unkept
 from romdam.core.html.card import card
 from romdam.core.scene import Block, Scene
-from romdam.postprocess.record_measures import peak_text
+from romdam.postprocess.record_measures import peak_text, stated_warnings
 from romdam.postprocess.stress.summary import COMPONENTS
 from romdam.reduction.storage.model_file import rows_written
 from romdam.results.beside import in_order, open_beside, write_beside
@@ -167,7 +166,7 @@ class Result:
             "run": f"{seconds:.4g} s, {attrs['model_order']} order, {attrs['integrator']}",
             "peak opening": self.peaks,
             "error": "; ".join(str(attrs[name]) for name in _STATED if name in attrs),
-            "warnings": "; ".join(json.loads(str(attrs.get("run_warnings", "[]")))),
+            "warnings": "; ".join(stated_warnings(attrs)),
             "file": self._place,
         }
         return card(str(attrs["title"]), f"Result, record {self.record}", rows)

@@ -120,6 +120,8 @@ def _renamed(names: Mapping[str, str], values: Mapping[str, object]) -> Document
 
 def info_document(dataset: xr.Dataset, path: Path) -> Document:
     """A result."""
+    from romdam.postprocess.record_measures import stated_warnings
+
     attrs = dataset.attrs
     return {
         "result": path,
@@ -149,7 +151,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
         "error_estimate": _numbers(attrs, "error_estimate_"),
         "certificate": _json(attrs, "certificate"),
         "verification": _json(attrs, "verification"),
-        "warnings": json.loads(str(attrs.get("run_warnings", "[]"))),
+        "warnings": stated_warnings(attrs),
         "written": attrs["date_created"],
         "by": attrs["source"],
     }

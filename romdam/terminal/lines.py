@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -142,7 +141,7 @@ def _taken(dataset: xr.Dataset) -> str:
 
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """Describe a result: its kind, its making, and its known error."""
-    from romdam.postprocess.record_measures import peak_text
+    from romdam.postprocess.record_measures import peak_text, stated_warnings
 
     attrs = dataset.attrs
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
@@ -162,15 +161,9 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         *_error_lines(attrs),
         *([f"stress         {attrs['stress_statement']}"] if "stress_statement" in attrs else []),
         *_water_lines(dataset),
-        *(f"warning        {text}" for text in _warnings(attrs)),
+        *(f"warning        {text}" for text in stated_warnings(attrs)),
     ]
     return [one_line(one) for one in lines]  # a text of the file makes no line of its own
-
-
-def _warnings(attrs: Mapping[str, object]) -> Iterator[str]:
-    """What is odd about a run, its configuration and its record."""
-    for name in ("run_warnings", "configuration_doubts", "record_warnings"):
-        yield from json.loads(str(attrs.get(name, "[]")))
 
 
 def _water_lines(dataset: xr.Dataset) -> list[str]:

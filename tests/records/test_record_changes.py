@@ -227,3 +227,22 @@ def test_what_pads_cost_is_said(tmp_path):
     (said,) = [w for w in motion.warnings if w.startswith("pads of")]
     assert f"make {samples * DT:.4g} s of a record of 30.01 s" in said
     assert f"takes {samples / 3001:.2g} times as long" in said
+
+
+def test_info_the_card_and_the_page_have_the_warnings_of_records():
+    """A result has them as an attribute, a summary by record; the page has one row for each text."""
+    import json
+    from types import SimpleNamespace
+
+    import xarray as xr
+
+    from romdam.postprocess.record_measures import stated_warnings
+    from romdam.visual.report.sections import _warnings
+
+    attrs = {"record_warnings": json.dumps(["looks clipped"]), "run_warnings": json.dumps(["a step"])}
+    assert stated_warnings(attrs) == ["a step", "looks clipped"] and stated_warnings({}) == []
+    said = {"a": ["drifts", "looks clipped"], "b": ["drifts"]}
+    summary = xr.Dataset(attrs={"record_warnings": json.dumps(said)})
+    section = _warnings(SimpleNamespace(summary=summary))
+    assert section.parts[0].rows == [["a, b", "drifts"], ["a", "looks clipped"]]
+    assert _warnings(SimpleNamespace(summary=xr.Dataset())) is None

@@ -9,6 +9,7 @@ import xarray as xr
 from romdam.config import parse_config
 from romdam.core.errors import ResultError
 from romdam.core.files import prepare_folder, replacing
+from romdam.postprocess.record_measures import stated_warnings
 from romdam.results.dataset import build_dataset, open_dataset, write_dataset
 from romdam.results.variables import COORDINATES, VARIABLES
 
@@ -104,6 +105,7 @@ def test_attributes_rebuild_the_configuration_and_tell_where_it_came_from(case, 
     assert attrs["configuration_sha256"] == job.digest
     assert json.loads(attrs["record_provenance"])["sha256"] == "abc"
     assert json.loads(attrs["record_warnings"]) == ["a warning"]
+    assert stated_warnings(attrs)[-1] == "a warning"
     assert attrs["wall_seconds_scene"] == 0.5 and attrs["cpu_seconds_scene"] == 0.4
     assert attrs["solver_steps"] == 40.0
     assert "numpy" in json.loads(attrs["versions"])

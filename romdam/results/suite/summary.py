@@ -101,7 +101,12 @@ def summary_dataset(
     data |= _status(shape, records, rows)
     data["file"] = _files(shape, rows, _results_folder(job))
     contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
-    attributes = _attributes(job, design) | {_FOLDER: _results_folder(job), "runs_sha256": contents}
+    said = {one.name: list(one.motion.warnings) for one in records if one.motion and one.motion.warnings}
+    attributes = _attributes(job, design) | {
+        "record_warnings": json.dumps(said),
+        _FOLDER: _results_folder(job),
+        "runs_sha256": contents,
+    }
     return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
 
 

@@ -250,6 +250,18 @@ def _failures(subject: Subject) -> Section:
     return Section("failures", "Failures", [Text(said), Table(["records", "runs", "message"], rows)])
 
 
+def _warnings(subject: Subject) -> Section | None:
+    said = json.loads(str(subject.summary.attrs.get("record_warnings", "{}")))
+    groups: dict[str, list[str]] = {}
+    for name, texts in said.items():
+        for text in texts:
+            groups.setdefault(str(text), []).append(str(name))
+    if not groups:
+        return None
+    rows: list[list[Value]] = [[", ".join(names), text] for text, names in groups.items()]
+    return Section("warnings", "Warnings of the records", [Table(["records", "warning"], rows)])
+
+
 def _reproduce(subject: Subject) -> Section:
     attrs = subject.summary.attrs
     versions = json.loads(str(attrs.get("versions", "{}")))
@@ -279,6 +291,7 @@ SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
     correlation_section,
     sensitivity_section,
     _speed,
+    _warnings,
     _failures,
     _reproduce,
 )
