@@ -1,10 +1,11 @@
 """Spectral matching in the time domain: wavelets are added until the spectrum is the target's.
 
 The wavelet of a period is an oscillation under a bell, placed so that the oscillator of that period answers
-it at the time of its own peak. It integrates to nothing twice, so neither velocity nor displacement drifts
-and no baseline has to be corrected. The amplitudes are those of a damped least-squares problem (Levenberg,
-Marquardt) of the oscillators' linear answers; what keeps it from going round in circles is that every other
-extreme of an oscillator that would grow above the target is held there too.
+it at the time of its own peak. What its samples integrate to, once and twice, is taken out under the same
+bell: neither velocity nor displacement drifts, wherever it is cut, and no baseline has to be corrected. The
+amplitudes are those of a damped least-squares problem (Levenberg, Marquardt) of the oscillators' linear
+answers; what keeps it from going round in circles is that every other extreme of an oscillator that would
+grow above the target is held there too.
 
 References
 ----------
@@ -14,7 +15,7 @@ Spectra 26(3), 601-617: the wavelet and its width.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +29,13 @@ from romdam.records.spectra import extremes, pseudo_acceleration
 
 Array = NDArray[np.float64]
 ROUNDS = 40  # of amplitudes, each with up to TRIES dampings
+PATIENCE = 8  # rounds without a smaller departure that end a search
 TRIES = 3
 REACH = 3.5  # widths of a wavelet to each side; exp(-12) of it is left
 NEAR = (0.8, 0.6, 0.9)  # of the largest, extremes that may become it; the next is tried where one fails
 DAMPING = 0.03  # of the least-squares problem at first, relative to its norm
 LEAST_DAMPING = 1e-5
+WITHIN_ALL = 0.95  # of the tolerance, where the problem has the periods between too
 WITHIN = 0.6  # of the tolerance, between the periods of the problem there is the rest
 SAMPLES = 4.0  # of the record in the shortest period, at least
 STATED = {"pga": "m/s2", "pgv": "m/s", "pgd": "m", "arias": "m/s", "d5_95": "s"}
@@ -76,17 +79,20 @@ def match_motion(
         where a component cannot be matched.
     """
     _check_periods(motion, target)
-    pad = int(np.ceil(REACH * bell_width(target.periods[-1:])[0] / motion.dt))
+    longest = target.periods[-1:]  # may peak a period after the record, and its wavelet reaches on from there
+    pad = int(np.ceil((REACH * bell_width(longest)[0] + longest[0]) / motion.dt))
     scaled = np.pad(factor * motion.acc, ((0, 0), (pad, pad)))
-    acc, account = scaled.copy(), dict[str, object]()
+    acc, account, finer = scaled.copy(), dict[str, object](), _with_midpoints(target)
     for axis in _matched_axes(motion, target.of):
         alone = pseudo_acceleration(scaled[axis], motion.dt, target.periods, target.damping)[0]
         own = float(np.exp(np.mean(np.log(target.sa / alone))))
-        for near in NEAR:
-            acc[axis], rounds = match_component(
-                own * scaled[axis], motion.dt, target, WITHIN * tolerance, near
-            )
-            departure = departure_of(acc[axis], motion.dt, target)
+        acc[axis], rounds, departure = own * scaled[axis], 0, np.inf
+        for near, periods in zip(NEAR, (target, finer, finer), strict=True):
+            within = WITHIN * tolerance if periods is target else WITHIN_ALL * tolerance
+            trial, more = match_component(acc[axis], motion.dt, periods, within, near)
+            reached = departure_of(trial, motion.dt, target)
+            if reached < departure:
+                acc[axis], rounds, departure = trial, rounds + more, reached
             if departure <= tolerance:
                 break
         if departure > tolerance:
@@ -99,7 +105,8 @@ def match_motion(
             "after": _measures(acc[axis], motion.dt),
         }
     moving = np.flatnonzero(np.any(acc != 0.0, axis=0))
-    first, last = min(pad, int(moving[0])), max(acc.shape[1] - pad, int(moving[-1]) + 1)
+    first = min(pad, max(0, int(moving[0]) - 1))  # a sample of rest stays at both ends
+    last = max(acc.shape[1] - pad, min(acc.shape[1], int(moving[-1]) + 2))
     return acc[:, first:last], (pad - first, last - acc.shape[1] + pad), account
 
 
@@ -108,10 +115,16 @@ def departure_of(acc: Array, dt: float, target: Target) -> float:
     return float(np.max(np.abs(_ratio(acc, dt, target)[1] - 1.0)))
 
 
-def _ratio(acc: Array, dt: float, target: Target) -> tuple[Array, Array]:
+def _with_midpoints(target: Target) -> Target:
+    """The target with a period more between each two, where the spectrum is held against it as well."""
     periods = np.geomspace(target.periods[0], target.periods[-1], 2 * target.periods.size - 1)
-    wanted = np.exp(np.interp(np.log(periods), np.log(target.periods), np.log(target.sa)))
-    return periods, pseudo_acceleration(acc, dt, periods, target.damping)[0] / wanted
+    sa = np.exp(np.interp(np.log(periods), np.log(target.periods), np.log(target.sa)))
+    return replace(target, periods=periods, sa=sa)
+
+
+def _ratio(acc: Array, dt: float, target: Target) -> tuple[Array, Array]:
+    every = _with_midpoints(target)
+    return every.periods, pseudo_acceleration(acc, dt, every.periods, target.damping)[0] / every.sa
 
 
 def _matched_axes(motion: GroundMotion, of: str) -> list[int]:
@@ -157,7 +170,7 @@ def match_component(
     now = find_extremes(acc, dt, target, near)
     best, least, at, damping = acc, float(np.max(np.abs(now.departure))), 0, DAMPING
     for number in range(1, ROUNDS + 1):
-        if least <= tolerance:
+        if least <= tolerance or number > at + PATIENCE:
             break
         answers, waves = _answers(acc.size, dt, target, now)
         for _ in range(TRIES):
@@ -223,11 +236,20 @@ def _answers(size: int, dt: float, target: Target, now: Extremes) -> tuple[Array
 
 
 def wavelets(time: Array, periods: Array, damping: float, peaks: Array) -> Array:
-    """(np, nt) cosines under a bell, to which the oscillators answer with peaks at `peaks` (np,) [s]."""
+    """(np, nt) cosines under a bell, to which the oscillators answer with peaks at `peaks` (np,) [s].
+
+    Their sum and their first moment are zero, which are the velocity and the displacement that they leave.
+    """
     omega = 2.0 * np.pi / periods * np.sqrt(1.0 - damping**2)
     lead = np.arctan2(np.sqrt(1.0 - damping**2), damping) / omega
     t, width = time - (peaks - lead)[:, None], bell_width(periods)[:, None]
-    return np.where(np.abs(t) <= REACH * width, np.cos(omega[:, None] * t) * np.exp(-((t / width) ** 2)), 0.0)
+    bell = np.where(np.abs(t) <= REACH * width, np.exp(-((t / width) ** 2)), 0.0)
+    bell[:, [0, -1]] = 0.0  # the straight lines to a first or last sample weigh half
+    waves, tau = bell * np.cos(omega[:, None] * t), t / width
+    moments = np.array([[np.sum(bell * tau ** (i + j), axis=1) for j in (0, 1)] for i in (0, 1)])
+    sums = np.stack([np.sum(waves, axis=1), np.sum(waves * tau, axis=1)], axis=1)
+    level, slope = np.linalg.solve(np.moveaxis(moments, -1, 0), sums[..., None])[..., 0].T
+    return np.asarray(waves - bell * (level[:, None] + slope[:, None] * tau))
 
 
 def bell_width(periods: Array) -> Array:
