@@ -47,7 +47,7 @@ def with_doubts_of(scene: Scene, job: Job) -> Job:
         if block.matrices is not None
         for text in block.matrices.warnings
     ]
-    return replace(job, doubts=(*of_matrices, *_of_damping(job, scene)))
+    return replace(job, doubts=(*scene.remarks, *of_matrices, *_of_damping(job, scene)))
 
 
 def telling_doubts_of(scene: Scene, job: Job) -> Job:

@@ -72,6 +72,8 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
         motion = _motion(job, _record(job, options.record), options)
     with clock.stage("scene", "building the scene"), placed(job.path):
         scene = scene_of(job)
+        for line in scene.remarks:
+            log.warning("%s: %s", job.path, line)
         deck = _deck(job, scene, motion)
         files, stated = CODES[options.code](deck)
     folder = prepare_folder(Path(out))

@@ -76,6 +76,8 @@ def modes(
     folder = prepare_folder(Path(out))
     with clock.stage("scene", "building the scene"), placed(job.path):
         built = build_scene(job.config, job.folder, str(job.path))
+        for line in built.remarks:
+            log.warning("%s: %s", job.path, line)
         scene = _with_joints(job, built, options.joints)
     with clock.stage("modes", "finding the modes"), placed(job.path):
         dataset = _dataset(job, scene, options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -40,7 +41,6 @@ from romdam.pipelines.summary import (
     refuse_unmeasured,
     write_summary_files,
 )
-from romdam.postprocess.concerns import concerns
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
@@ -379,7 +379,7 @@ def run_motion(
             estimate.write_to(dataset)
         dataset.attrs[FOLDER] = folder_from(folder, job.folder)
         write_dataset(dataset, path)
-    for concern in concerns(history.stats):
+    for concern in json.loads(dataset.attrs["run_warnings"]):
         log.warning("%s: %s", motion.name, concern)
     return Made(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
 

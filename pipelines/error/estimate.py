@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 
 from romdam.config.coupling import coupling
@@ -21,8 +20,6 @@ from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_
 from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.step_control import follows_base_step, hardly_cut
-
-log = logging.getLogger(__name__)
 
 
 def can_estimate(job: Job) -> bool:
@@ -104,7 +101,6 @@ def with_estimates(
         statement, more = at_once(of_modes, of_steps, model.mesh_unknowns)
     except recoverable() as error:
         why = f"its error is not estimated: {told(error)}"
-        log.warning("%s: %s", motion.name, why)
         unknown = None if finer is None else unknown_estimate(told(error))
         return replace(history, warnings=(*history.warnings, why)), unknown
     return replace(history, stats=history.stats | more), statement

@@ -17,8 +17,9 @@ from romdam.config.sections.job import (
     RayleighConfig,
 )
 from romdam.config.sections.joint_laws import LawSection
+from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.config.sections.joints import JointConfig, JointProperties
-from romdam.config.sections.loads import HydrostaticConfig, PressureConfig, TemperatureConfig
+from romdam.config.sections.loads import ForceConfig, HydrostaticConfig, PressureConfig, TemperatureConfig
 from romdam.config.sections.motions.correction import CornersStep
 from romdam.config.sections.motions.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
@@ -37,6 +38,8 @@ _JOINT: dict[str, Range] = {
     "gap": (0.0, 0.1, "m", "joints open by millimetres"),
     "tensile_strength": _STRENGTH,
     "cohesion": _STRENGTH,
+    "grouting_pressure": (1e4, 5e6, "Pa", "joints are grouted at 0.1 to 1 MPa"),
+    "viscosity": (1e2, 1e9, "N*s/m3", "0.01 to 1 % of normal_stiffness, in seconds, is usual"),
     "tolerance": (0.0, 0.1, "m", "1 mm, and less than the distance of two nodes, finds what coincides"),
 }
 _OF_LAWS: dict[str, Range] = {  # keys of laws' own sections
@@ -55,6 +58,8 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
     JointConfig: _JOINT,
     JointProperties: _JOINT,
     HydrostaticConfig: {"density": _WATER},
+    JointWaterConfig: {"density": _WATER},
+    ForceConfig: {"force": (1.0, 1e9, "N", "1 GN is the weight of 40,000 m3 of concrete")},
     WaterConfig: {
         "density": _WATER,
         "sound_speed": (1000.0, 1600.0, "m/s", "water has 1440 m/s, with bubbles less"),
@@ -188,3 +193,13 @@ def _unused(config: Config) -> Iterator[str]:
         yield "suite: does nothing with pipeline: run; set pipeline: suite, or leave it out"
     if config.loads.weight == "staged" and config.loads.gravity is None:
         yield "loads.weight: staged does nothing without loads.gravity; give gravity: [0, 0, -9.81]"
+    varied = [parameter.path for parameter in (config.suite.parameters if config.suite else {}).values()]
+    for name, joint in config.every_joint.items():
+        waits = any(path.startswith((f"joints.{name}.", "joints.*.")) for path in varied)
+        if joint.has_idle_shear and not waits:
+            yield (
+                f"joints.{name}.shear_stiffness: does nothing by itself (but in `romdam modes --joints "
+                "bonded`): it acts up to a limit that friction, cohesion or a shear_key gives; give one of "
+                "these (friction: 0 says that none is meant), or, for an elastic joint, tension_stiffness "
+                "equal to normal_stiffness"
+            )

@@ -99,7 +99,7 @@ def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object,
         name: {key: value for key, value in vars(joint).items() if key not in left_out}
         for name, joint in scene.joints.items()
     }
-    rest = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name != "joints"}
+    rest = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name not in ("joints", "remarks")}
     return joints, rest | {"moving": _moving(scene.moving)}
 
 

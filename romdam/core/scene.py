@@ -373,6 +373,7 @@ class Scene:
     free_field : the waves that come up through the rock, see `romdam.fem.free_field`; None without
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     moving : supports that do not move as the base does; None where all do
+    remarks : what of the scene is odd and may not be meant, one sentence each
     """
 
     blocks: dict[str, Block]
@@ -392,6 +393,7 @@ class Scene:
     staged_weight: bool = False
     reservoir: Reservoir | None = None
     moving: MovingSupports | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def gap_position(self) -> Floats:

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from romdam.core.scene import Scene
+from romdam.core.system import OPEN, History
+
+if TYPE_CHECKING:
+    from romdam.config.sections.joint_water import JointWaterConfig
 
 _MASS = 0.1  # of the effective mass, in modes that do not follow the ground, from which on a run is in doubt
 _ROUGH = 0.05  # time-stepping error of a step that was given, from which on it is worth a word
@@ -40,5 +47,37 @@ def concerns(stats: Mapping[str, float]) -> list[str]:
             f"the steps change the openings by about {100 * stats['estimated_time_error']:.2g} % in L2, as "
             f"half of them shows: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
             "transient.accuracy; where that changes nothing, histories hang on anything, and peaks count"
+        )
+    return found
+
+
+def crack_concerns(water: Iterable[JointWaterConfig], scene: Scene, history: History) -> list[str]:
+    """Say what was assumed of the water in joints that opened, a sentence for each that has a diagram.
+
+    Parameters
+    ----------
+    water : `loads.joint_water`
+    """
+    found, first = [], 0
+    diagrams = {name: one for one in water if one.downstream is not None for name in one.joints}
+    for name, joint in scene.joints.items():
+        gaps = slice(first, first := first + len(joint.gap))
+        if name not in diagrams:
+            continue
+        opened = (history.state[:, gaps] == OPEN) & (history.jump[:, gaps, 0] > 0.0)  # unloaded is no crack
+        share = opened @ joint.area / joint.area.sum()
+        if not share.any():
+            continue
+        assumed = (
+            "its open gaps have the pressure of the whole level (crack: full), but beyond the crack's tip "
+            "the diagram stays that of the closed joint"
+            if diagrams[name].crack == "full"
+            else "the water's pressure stays the diagram of the closed joint, in the crack too "
+            "(crack: unchanged)"
+        )
+        found.append(
+            f"joint {name} is open over {share[0]:.0%} of its area at the start and up to {share.max():.0%} "
+            f"later, while {assumed}. A crack that lets the reservoir in has more uplift: this is unsafe "
+            "where the crack is long"
         )
     return found

@@ -61,6 +61,7 @@ class Sliding:
         the joint carries no shear
     sliding_time, open_time : time in which every closed gap slides, and in which no gap is closed, see
         `row_seconds` [s]
+    unbounded : whether it carries shear that no law bounds, as an elastic joint does
     slipped : whether any gap has slid
     residual : (3,) mean displacement of J over I that is left, along x, y, z [m]
     residual_slip, largest_slip : its part along the joint's mean plane; the largest of a gap [m]
@@ -74,6 +75,7 @@ class Sliding:
     factor_time: float
     sliding_time: float
     open_time: float
+    unbounded: bool
     slipped: bool
     residual: Floats
     residual_slip: float
@@ -85,7 +87,7 @@ class Sliding:
     def verdict(self) -> str:
         """The joint slides where all its closed gaps do at once, and slips in part where some do."""
         if np.isnan(self.factor):
-            return "carries no shear"
+            return "carries shear without a bound" if self.unbounded else "carries no shear"
         words = [
             "slides" if self.sliding_time > 0.0 else "slips in part" if self.slipped else "does not slide"
         ]
@@ -127,6 +129,7 @@ def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
         factor_time=float(time[(factor <= (1.0 + _SAME) * least).argmax()]),
         sliding_time=float(seconds[moves & ~stays].sum()),
         open_time=float(seconds[(state == OPEN).all(axis=1)].sum()),
+        unbounded=bool(np.isinf(own.joint_shear_strength.values).any()),
         slipped=bool(moves.any()),
         residual=residual,
         residual_slip=float(np.linalg.norm(_along(residual, normal))),

@@ -25,7 +25,7 @@ from romdam.core.errors import ResultError
 from romdam.core.fingerprint import code_digest, scene_digest
 from romdam.core.motion import AXES, GroundMotion
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
-from romdam.postprocess.concerns import concerns
+from romdam.postprocess.concerns import concerns, crack_concerns
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
 from romdam.results.case import rock_blocks, upstream_of
@@ -144,7 +144,13 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
             "record_peak_acceleration": motion.peak,
             "analysed_peak_acceleration": analysed(motion, job.config.transient.duration).peak,
             "scene_sha256": scene_digest(case.scene),
-            "run_warnings": json.dumps([*concerns(case.history.stats), *case.history.warnings]),
+            "run_warnings": json.dumps(
+                [
+                    *concerns(case.history.stats),
+                    *crack_concerns(job.config.loads.joint_water, case.scene, case.history),
+                    *case.history.warnings,
+                ]
+            ),
             "model_order": job.config.model.order,
             "base": _BASES[job.config.ground.input],
             "integrator": case.history.integrator,

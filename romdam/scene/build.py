@@ -36,7 +36,7 @@ from romdam.scene.joints import build_joint
 from romdam.scene.matrices.block import held_by, refuse_unreached, with_matrices
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.meshes.sizes import refuse_large
-from romdam.scene.plausible import say_odd
+from romdam.scene.plausible import odd_remarks
 from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, refuse_selected_twice, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
@@ -104,8 +104,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     )
     refuse_unreached(scene, supported, source)
     files.say_unused(source)
-    say_odd(scene, materials, source, config.dam.joint_pairs if config.dam else ())
-    return scene
+    made = config.dam.joint_pairs if config.dam else ()
+    return replace(scene, remarks=(*odd_remarks(scene, materials, made), *_overtopped(config, blocks)))
 
 
 def _refuse_massless(
@@ -193,6 +193,16 @@ def _fill_joints(config: Config, joints: dict[str, Joint], blocks: dict[str, Blo
         place = f"{source}: loads.joint_water[{k}]"
         for name in water.joints:
             joints[name] = with_water(joints[name], water, blocks, config.loads.gravity_of_water, place)
+
+
+def _overtopped(config: Config, blocks: dict[str, Block]) -> Iterator[str]:
+    top = max(float(block.points[:, 2].max()) for block in blocks.values())
+    for k, water in enumerate(config.loads.joint_water):
+        if water.level > top:
+            yield (
+                f"loads.joint_water[{k}].level: {water.level:g} m is above all blocks, which reach to "
+                f"{top:g} m; is the unit right?"
+            )
 
 
 def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:

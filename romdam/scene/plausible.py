@@ -2,42 +2,40 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Collection
 from itertools import combinations
 
 import numpy as np
 
-from romdam.core.scene import Block, Joint, Material, Scene
+from romdam.core.scene import Block, Joint, Material, Reservoir, Scene
 from romdam.scene.elements import Floats
 from romdam.scene.facets import boundary_facets, facet_areas
 from romdam.scene.meshes.kinds import frame
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
-
-log = logging.getLogger(__name__)
+from romdam.scene.select import facet_keys
 
 _DENSITY = (800.0, 6000.0)  # [kg/m3]
 _MODULUS = (1e8, 5e11)  # [Pa]
 _POISSON = (0.05, 0.45)
 _EXTENT = (0.05, 10_000.0)  # of all blocks together [m]
 _SOFT, _STIFF = 1e-3, 1e4  # K_n over E/length of a block, and over E/size of an element
+_SHORT = 1.0  # of the depth: a shorter reservoir is odd
 _SLENDER = 100.0  # ratio of edges from which on an element is told of
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _COVERED = 0.99  # share of a face from which on a joint covers it
 _EDGE = 1e-3  # share of a facet below which blocks only meet at an edge
 
 
-def say_odd(scene: Scene, materials: dict[str, Material], source: str, made: Collection[str] = ()) -> None:
-    """Log as warnings what of a scene is odd.
+def odd_remarks(scene: Scene, materials: dict[str, Material], made: Collection[str] = ()) -> tuple[str, ...]:
+    """Say what of a scene is odd, a sentence for each.
 
     Parameters
     ----------
     materials : by name, as they stand in the configuration
-    source : name of the configuration file
     made : joints that a dam's own keys make, which cover what these say
     """
-    remarks = [
+    return (
         *(line for name, material in materials.items() for line in _material(name, material)),
         *_extent(scene.blocks),
         *(line for block in scene.blocks.values() for line in _slender(block)),
@@ -50,9 +48,9 @@ def say_odd(scene: Scene, materials: dict[str, Material], source: str, made: Col
         ),
         *_unjoined(scene),
         *_sinking(scene),
-    ]
-    for line in remarks:
-        log.warning("%s: %s", source, line)
+        *_short_reservoir(scene.reservoir),
+        *_added_up(scene),
+    )
 
 
 def _material(name: str, material: Material) -> list[str]:
@@ -98,27 +96,69 @@ def _slender(block: Block) -> list[str]:
 
 
 def _stiffness(joint: Joint, blocks: dict[str, Block]) -> list[str]:
-    """K_n far from what the blocks are beside it."""
-    if not np.isfinite(joint.K_n).all():
-        return []
-    stiff = float(np.median(joint.K_n / joint.area))
+    """K_n and K_s far from what the blocks are beside them."""
+    remarks = []
     normal = joint.axes[:, 0].mean(axis=0)
     pair = [blocks[name] for name in joint.blocks]
     length = min(float(np.ptp(block.points @ normal)) for block in pair)
     modulus, size = min(block.material.E for block in pair), float(np.sqrt(np.median(joint.area)))
-    if stiff < _SOFT * modulus / length:
-        return [
-            f"joints.{joint.name}.normal_stiffness = {stiff:.3g} N/m3 is {stiff * length / modulus:.2g} "
-            "of what the "
-            f"softer block has over its length (E/L = {modulus / length:.3g} N/m3): closed, the joint "
-            "hardly holds the blocks apart; is a unit missing, such as `16 GPa/m`?"
-        ]
-    if stiff > _STIFF * modulus / size:
-        return [
-            f"joints.{joint.name}.normal_stiffness = {stiff:.3g} N/m3 is {stiff * size / modulus:.2g} "
-            f"times what an element has (E/h = {modulus / size:.3g} N/m3); `rigid` is exact, and quicker"
-        ]
-    return []
+    for key, stiffness, acts, exact in (
+        (
+            "normal_stiffness",
+            joint.K_n,
+            "closed, the joint hardly holds the blocks apart",
+            "`rigid` is exact, and quicker",
+        ),
+        (
+            "shear_stiffness",
+            joint.K_s,
+            "sticking, the joint hardly holds the blocks",
+            "so much is slow to solve",
+        ),
+    ):
+        if not np.isfinite(stiffness).all() or not (stiffness > 0.0).all():
+            continue
+        stiff = float(np.median(stiffness / joint.area))
+        if stiff < _SOFT * modulus / length:
+            remarks.append(
+                f"joints.{joint.name}.{key} = {stiff:.3g} N/m3 is {stiff * length / modulus:.2g} of what the "
+                f"softer block has over its length (E/L = {modulus / length:.3g} N/m3): {acts}; is a unit "
+                "missing, such as `16 GPa/m`?"
+            )
+        elif stiff > _STIFF * modulus / size:
+            remarks.append(
+                f"joints.{joint.name}.{key} = {stiff:.3g} N/m3 is {stiff * size / modulus:.2g} times what an "
+                f"element has (E/h = {modulus / size:.3g} N/m3); {exact}"
+            )
+    return remarks
+
+
+def _short_reservoir(water: Reservoir | None) -> list[str]:
+    if water is None or not water.solved or water.mesh is not None or water.length >= _SHORT * water.depth:
+        return []
+    return [
+        f"water.length = {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
+        f"{water.depth:.4g} m: water shut in so close before the dam moves with it as a reservoir's does "
+        "not; three depths are usual"
+    ]
+
+
+def _added_up(scene: Scene) -> list[str]:
+    """Static loads that two entries put on the same facets or node: their sum acts."""
+    remarks = []
+    for key, names, seen in (
+        ("loads.pressure", [facet_keys(load.block, load.facets) for load in scene.pressures], {}),
+        ("loads.force", [[(load.block, (load.node,))] for load in scene.forces], {}),
+    ):
+        for k, own in enumerate(names):
+            again = [name for name in own if seen.setdefault(name, k) != k]
+            if again:
+                what = f"{len(again)} of its {len(own)} facets" if key == "loads.pressure" else "its node"
+                remarks.append(
+                    f"{key}[{k}]: {what} of block {again[0][0]!r} are loaded by {key}[{seen[again[0]]}] too; "
+                    "their sum acts"
+                )
+    return remarks
 
 
 def _partly(joint: Joint, blocks: dict[str, Block]) -> list[str]:

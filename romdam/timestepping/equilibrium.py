@@ -33,7 +33,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
-from romdam.timestepping.limit_analysis import needed_strength
+from romdam.timestepping.limit_analysis import find_collapse
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
 
@@ -227,13 +227,14 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         take_over(memory, gaps)
     for iteration in range(_MAX_ITERATIONS):
         if iteration == _DOUBTFUL:
-            _refuse_what_slides(system, step.problem)
+            _refuse_collapse(system, step.problem)
         free = step.factor.solve(system.force + step.shift * (system.M @ q))
         hasty = step.shift < _MOST_SHIFT
         try:
             gaps, unsettled = _solve_step(step, memory, gaps, np.asarray(system.B @ free), (tolerance, hasty))
         except ConvergenceError:
             if not hasty:
+                _refuse_collapse(system, step.problem)
                 raise
             calm, step = 0, _proximal_step(system, max(_GROWTH * step.shift, _SHIFT))
             memory = _afresh(memory, gaps)
@@ -254,23 +255,39 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         )
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
-        f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and they "
-        "cannot carry its loads: add a support or friction, or set loads.initial_state: undeformed"
+        f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and does "
+        "not come to rest on them: add a support, friction against sliding, weight against tipping, or set "
+        "loads.initial_state: undeformed"
     )
 
 
-def _refuse_what_slides(system: System, problem: GapProblem) -> None:
+def _refuse_collapse(system: System, problem: GapProblem) -> None:
     """Refuse loads on what floats that no forces of the joints balance, before the iteration is given up."""
-    factor = needed_strength(system, problem)
-    if factor > 1.0:
-        needs = (
-            f"{factor:.3g} times their shear strength" if np.isfinite(factor) else "more than shear strength"
+    collapse = find_collapse(system, problem)
+    if collapse is None:
+        return
+    names = ", ".join(collapse.parts)
+    if collapse.kind == "slides":
+        factor = f"{collapse.strength:.3g} times" if np.isfinite(collapse.strength) else "many times"
+        bounded = problem.mu.any() or (problem.laws is not None)
+        why = (
+            f"that would take {factor} the shear strength of its joints"
+            if bounded
+            else ("its joints carry no shear")
         )
-        raise ConvergenceError(
-            "initial state: no static equilibrium can be: some block is held by joints alone and no forces "
-            f"of them balance its loads, that would take {needs}; add a support or friction, lower loads, "
-            "or set loads.initial_state: undeformed"
+        remedy = "add friction, cohesion, keys or a support"
+    elif collapse.kind == "overturns":
+        why = "its joints would have to pull, and no friction helps"
+        remedy = "add a support, a tensile_strength, or weight"
+    else:
+        why = (
+            "its loads pull it from its joints, and no friction helps; is gravity missing, or uplift too high"
         )
+        remedy = "add weight, a support or a tensile_strength"
+    raise ConvergenceError(
+        f"initial state: no static equilibrium can be: {names}, held by joints alone, {collapse.kind}: "
+        f"{why}; {remedy}, lower the loads, or set loads.initial_state: undeformed"
+    )
 
 
 class _ProximalStep(NamedTuple):

@@ -11,47 +11,127 @@ Livesley, Int. J. Numer. Meth. Engng 12 (1978) 1853: limit analysis of structure
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
-from scipy.sparse import csr_matrix, vstack
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse import csr_matrix, hstack, vstack
 
 from romdam.contact.components import ALONG_J, ALONG_K
 from romdam.contact.problem import GapProblem, Limits, gap_memory
 from romdam.contact.softening import put_limits
 from romdam.core.arrays import Floats
 from romdam.core.system import System
+from romdam.linalg.factor import Factor
 
 _SIDES = 16  # of the polygon: 2 % more than the disc
 _RIGID = 1e-12  # of the largest stiffness: a mode below it is a rigid motion
 _UPRIGHT = 1e-9  # of a side of the polygon along an axis: round-off of its cosine
 _BALANCED = 1e-6  # of the loads, what may be left
+_STILL = 1e-3  # of the largest motion: a part that moves less stands still
+_HELD_BY_MASS = 10.0  # [1/s2] of M in K + s M, so that it can be factored: 0.5 Hz
+_STRAINED = 1e-6  # share of strain energy in that of K + s M, from which on a motion is none of a rigid part
+_RIGID_MOTIONS, _ROUNDS = 6, 4  # of a part in one piece; iterations, of which each gains 1e-4 at least
 _MOST, _HALVINGS = 8.0, 7  # times the strength that is tried, and how often that range is halved
 
 
-def needed_strength(system: System, problem: GapProblem) -> float:
-    """Least factor on the shear strength with which the joints might hold what floats; 1 where they may be.
+@dataclass(frozen=True)
+class Collapse:
+    """Why loads on what floats cannot be balanced.
 
-    It is inf where no shear strength would do, as for a block that is lifted or joints without friction.
+    Attributes
+    ----------
+    kind : "slides", where more shear strength would do; "lifts off", where the resultant leaves the joints
+        without compression; "overturns", where its moment does
+    strength : least factor on the shear strength that would do; inf for more than `_MOST`, or none
+    parts : that move, by name
     """
-    k = system.K.diagonal()
-    rigid = np.flatnonzero((k <= _RIGID * k.max(initial=0.0)) & (system.M.diagonal() > 0.0))
-    if not (system.diagonal and system.force[rigid].any()) or problem.tension.any():
-        return 1.0
-    motions, loads = csr_matrix(system.B)[:, rigid].T.toarray(), system.force[rigid]
+
+    kind: Literal["slides", "lifts off", "overturns"]
+    strength: float
+    parts: tuple[str, ...]
+
+
+def find_collapse(system: System, problem: GapProblem) -> Collapse | None:
+    """Find how what floats moves away under its loads; None where the joints might hold it."""
+    if problem.tension.any() or system.gyroscopic or not system.floating:
+        return None
+    R, names = _rigid_motions(system)
+    motions, loads = np.asarray(R.T @ system.B.T.toarray()), np.asarray(R.T @ system.force)
     memory = gap_memory(problem)
     put_limits(problem, memory)
+    limits = memory.limits
+    moving = _mechanism(motions, loads, limits, 1.0)
+    if moving is None:
+        return None
+    size = np.array([np.abs(moving[names == name]).max() for name in system.parts if (names == name).any()])
+    parts = [name for name in system.parts if (names == name).any()]
+    parts = tuple(name for name, own in zip(parts, size, strict=True) if own > _STILL * size.max())
+    if motions.shape[1] == len(limits.tension):  # frictionless: no normal force of either sign balances it
+        kind = "slides" if _leaves(motions, loads) else None
+    else:
+        stuck = limits._replace(cohesion=np.full_like(limits.cohesion, np.inf))
+        kind = "slides" if _mechanism(motions, loads, stuck, 1.0) is None else None
+        limits = limits if kind else stuck
+    if kind == "slides":
+        return Collapse("slides", _needed_strength(motions, loads, limits), parts)
+    shifts = np.asarray(R.T @ system.load)[:, :3]
+    shifts = np.hstack([np.where((names == name)[:, None], shifts, 0.0) for name in system.parts])
+    held = _mechanism(shifts.T @ motions, shifts.T @ loads, limits, 1.0) is None
+    return Collapse("overturns" if held else "lifts off", np.inf, parts)
+
+
+def _rigid_motions(system: System) -> tuple[csr_matrix, NDArray[np.str_]]:
+    """Motions without strain, joints open, (n, r), and the part that each belongs to, (r,)."""
+    columns, names = [csr_matrix((system.size, 0))], list[str]()
+    k, mass = system.K.diagonal(), system.M.diagonal()
+    for name, part in system.parts.items():
+        if system.diagonal:
+            own = (k[part] <= _RIGID * k.max(initial=0.0)) & (mass[part] > 0.0)
+            motions = np.eye(len(own))[:, own]
+        else:
+            motions = _null_space(csr_matrix(system.K[part, part]), csr_matrix(system.M[part, part]))
+        before, after = part.start, system.size - part.stop
+        columns.append(csr_matrix(np.pad(motions, ((before, after), (0, 0)))))
+        names += [name] * motions.shape[1]
+    return csr_matrix(hstack(columns)), np.array(names, dtype=np.str_)
+
+
+def _null_space(K: csr_matrix, M: csr_matrix) -> Floats:
+    """Rigid motions among the unknowns of one part, (n, r), by inverse iteration of a block."""
+    if K.shape[0] == 0 or not M.diagonal().any():
+        return np.zeros((K.shape[0], 0))
+    shifted = csr_matrix(K + _HELD_BY_MASS * M)
+    factor = Factor(shifted)
+    X = np.random.default_rng(0).standard_normal((K.shape[0], min(2 * _RIGID_MOTIONS, K.shape[0])))
+    for _ in range(_ROUNDS):
+        X = np.linalg.qr(factor.solve(M @ X))[0]
+    share, V = eigh(X.T @ (K @ X), X.T @ (shifted @ X))
+    return np.asarray(X @ V[:, share < _STRAINED])
+
+
+def _needed_strength(motions: Floats, loads: Floats, limits: Limits) -> float:
+    """Least factor on the shear strength that would do; inf for more than `_MOST`."""
     low, high = 1.0, _MOST
-    if _holds(motions, loads, memory.limits, low):
-        return low
-    if not _holds(motions, loads, memory.limits, high):
+    if _mechanism(motions, loads, limits, high) is not None:
         return np.inf
     for _ in range(_HALVINGS):
         middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if _holds(motions, loads, memory.limits, middle) else (middle, high)
+        holds = _mechanism(motions, loads, limits, middle) is None
+        low, high = (low, middle) if holds else (middle, high)
     return high
 
 
-def _holds(motions: Floats, loads: Floats, limits: Limits, factor: float) -> bool:
-    """Tell whether forces of the gaps, of so many times their shear strength, balance loads on rigid motions.
+def _leaves(motions: Floats, loads: Floats) -> bool:
+    """Tell whether loads move what no jump of the gaps sees."""
+    left = loads - motions @ np.linalg.lstsq(motions, loads, rcond=None)[0]
+    return bool(np.abs(left).max() > _BALANCED * np.abs(loads).max())
+
+
+def _mechanism(motions: Floats, loads: Floats, limits: Limits, factor: float) -> Floats | None:
+    """Motion in which loads win; None where gaps of so many times their shear strength balance them.
 
     Parameters
     ----------
@@ -62,7 +142,9 @@ def _holds(motions: Floats, loads: Floats, limits: Limits, factor: float) -> boo
 
     n = len(limits.tension)
     d = motions.shape[1] // n
-    size, left = np.abs(loads).max(), np.full((len(loads), 1), -1.0)
+    size, left = np.abs(loads).max(initial=0.0), np.full((len(loads), 1), -1.0)
+    if size == 0.0:
+        return None
     pulled = motions[:, ::d] @ limits.tension  # forces are counted from the bonds' tension
     rest = (loads - pulled) / size
     A = csr_matrix(np.vstack([np.hstack([motions, left]), np.hstack([-motions, left])]))
@@ -72,7 +154,10 @@ def _holds(motions: Floats, loads: Floats, limits: Limits, factor: float) -> boo
         A, b = vstack([A, cone], format="csr"), np.concatenate([b, most])
     cost = np.append(np.zeros(d * n), 1.0)
     found = linprog(cost, A_ub=A, b_ub=b, bounds=bounds, method="highs")
-    return not found.success or bool(found.fun <= _BALANCED)
+    if not found.success or found.fun <= _BALANCED:
+        return None
+    dual = found.ineqlin.marginals[: 2 * len(loads)].reshape(2, -1)
+    return np.asarray(dual[0] - dual[1])
 
 
 def _cone(limits: Limits, factor: float, size: float) -> tuple[csr_matrix, Floats]:

@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.optimize import brentq
 
 from romdam.config import parse_config
 from romdam.fem.unreduced import assemble_full
+from romdam.postprocess.concerns import crack_concerns
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium
@@ -117,6 +119,12 @@ def test_the_cracked_base_of_a_rigid_section(crack):
         y = scene.joints["base"].position[:, 1]
         tip = 0.5 * (y[gaps.state == 0].max() + y[gaps.state > 0].min())
         off.append(abs(tip - length))
+        (said,) = crack_concerns(
+            config.loads.joint_water, scene, SimpleNamespace(state=gaps.state[None], jump=gaps.jump[None])
+        )
+        share = float(said.split("open over ")[1].split("%")[0]) / 100
+        assert share == pytest.approx(tip / LENGTH, abs=0.006)
+        assert f"crack: {crack}" in said and "unsafe where the crack is long" in said
         assert off[-1] < (2 if crack == "full" else 1) * LENGTH / cells
         total = gaps.acting[:, 0] + scene.joints["base"].water
         assert total.sum() == pytest.approx(weight, abs=1e-9 * weight)

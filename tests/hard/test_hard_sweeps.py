@@ -213,3 +213,37 @@ def test_grazing_contact(K_n, dt):
         assert_sound(system.law, h)
         assert h.peaks["compression"].max() > 0.0
         assert (h.state > 0).any(axis=1).sum() <= 0.05 / dt
+
+
+def _floating(blocks, K_n, modes=12):
+    """Bodies of 1 kg on a gap each, with stiff modes above 4 kHz that their gaps see too."""
+    n = blocks * (1 + modes)
+    K, B = np.zeros(n), np.zeros((blocks, n))
+    for b in range(blocks):
+        K[blocks + b * modes : blocks + (b + 1) * modes] = (2.0 * np.pi * 4e3 * np.arange(1, modes + 1)) ** 2
+        B[b, b] = B[b, blocks + b * modes : blocks + (b + 1) * modes] = 1.0
+    law = gap_law(blocks, K_n=K_n, gap=0.01)
+    force = np.where(np.arange(n) < blocks, -9.81, 0.0)
+    return modal_twin(sparse_system(np.eye(n), np.diag(K), B, law, force=force, floating=True))
+
+
+@pytest.mark.parametrize("blocks", [1, 3, 20])
+def test_bodies_on_gaps_softer_than_they_are_conserve(blocks):
+    """Each hops for ever to the height it fell from, however many there are and few the modes."""
+    system = _floating(blocks, 1e5, modes=1 if blocks == 20 else 12)
+    h = run(system, still(2.0, 1e-3), 1e-3, integrator="conserving")
+    assert np.ptp(h.energy["contact"]) <= 1e-6 * np.abs(h.energy["input"]).max()
+    tops = h.disp[1:-1, :blocks][
+        (h.disp[1:-1, :blocks] > h.disp[:-2, :blocks]) & (h.disp[1:-1, :blocks] >= h.disp[2:, :blocks])
+    ]
+    assert len(tops) >= 4 * blocks and np.abs(tops).max() <= 1e-3 * 0.01
+
+
+def test_a_step_too_long_to_conserve_is_told_with_one_that_is_not():
+    """1 kg on 1e5 N/m swings with 316 rad/s: 12.65 ms are 4 rad."""
+    system = _floating(1, 1e5)
+    with pytest.raises(
+        ConfigError, match=r"finest_step: 0\.05 s is too long .* 316\.2 rad/s .* take 0\.0125 s"
+    ):
+        run(system, still(1.0, 0.05), 0.05, integrator="conserving")
+    run(system, still(1.0, 0.0125), 0.0125, integrator="conserving")

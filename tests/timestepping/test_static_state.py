@@ -1,5 +1,7 @@
 """The static state before the shaking, against equilibria solved by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hand_systems import gap_law, modal_twin, run, sparse_system, still
@@ -9,7 +11,7 @@ from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS
 from romdam.timestepping import equilibrium
 from romdam.timestepping.equilibrium import static_equilibrium, system_gap_problem
-from romdam.timestepping.limit_analysis import needed_strength
+from romdam.timestepping.limit_analysis import find_collapse
 
 # `conserving` is for scenes without damping, below a step of its own
 MODAL = [name for name in INTEGRATORS if name not in ("generalized_alpha", "conserving")]
@@ -66,9 +68,10 @@ def test_tension_stiffness_pulls():
 def _loose_block(force, **law):
     """Mass 2000 kg loose in x, y and z, on a table (normal +z)."""
     B = [[0, 0, 1], [1, 0, 0], [0, 1, 0]] if law.get("mu") else [[0, 0, 1]]
-    return sparse_system(
+    system = sparse_system(
         2000.0 * np.eye(3), np.zeros((3, 3)), B, gap_law(1, **law), force=force, floating=True
     )
+    return dataclasses.replace(system, load=2000.0 * np.eye(3))
 
 
 @pytest.mark.parametrize("twin", [lambda s: s, modal_twin], ids=["sparse", "modal"])
@@ -131,7 +134,9 @@ def test_loose_block_rests_on_a_smooth_table_if_nothing_pushes_it():
     ids=["slides", "smooth", "lifted"],
 )
 def test_no_equilibrium_is_an_error_with_a_remedy(force, law):
-    with pytest.raises(ConvergenceError, match=r"no static equilibrium .* joints alone .* friction"):
+    with pytest.raises(
+        ConvergenceError, match=r"no static equilibrium can be: .* joints alone, (slides|lifts off)"
+    ):
         _static(_loose_block(force, **law))
 
 
@@ -179,17 +184,61 @@ def test_limit_analysis_finds_the_strength_that_holds(needs):
     """20 kN with friction 0.3 hold 6 kN; a push of so many times that needs as much more."""
     system = _pushed(needs * 6e3, 0.3)
     problem = system_gap_problem(system, np.eye(6))
-    assert needed_strength(system, problem) == pytest.approx(needs, rel=0.02)
-    assert needed_strength(_pushed(5.9e3, 0.3), problem) == 1.0
+    collapse = find_collapse(system, problem)
+    assert collapse.kind == "slides" and collapse.strength == pytest.approx(needs, rel=0.02)
+    assert find_collapse(_pushed(5.9e3, 0.3), problem) is None
     with pytest.raises(
-        ConvergenceError, match=r"no static equilibrium can be: .* times their shear strength"
+        ConvergenceError, match=r"no static equilibrium can be: all, .* slides: .* times the shear strength"
     ):
         _static(system)
 
 
 def test_no_strength_holds_what_is_lifted():
     system = _loose_block([0.0, 0.0, 5e3], K_n=1e9, K_s=5e8, mu=0.5)
-    assert needed_strength(modal_twin(system), system_gap_problem(system, np.eye(3))) == np.inf
+    for either in (system, modal_twin(system)):
+        assert find_collapse(either, system_gap_problem(system, np.eye(3))).kind == "lifts off"
+
+
+def _wall(force, mu, base=4.0, height=10.0):
+    """A rigid wall on two gaps at its heel and toe; unknowns x, z and its turn about y, in metres at the toe.
+
+    `force` is (push along x at mid height, vertical).
+    """
+    m, arm = 1000.0, base / 2.0
+    law = gap_law(2, K_n=1e9, K_s=5e8, mu=mu)
+    # jumps n, j, k: z -+ turn, x, nothing along y
+    B = np.array([[0, 1, -1], [1, 0, 0], [0, 0, 0], [0, 1, 1], [1, 0, 0], [0, 0, 0]])
+    B = B if mu else B[::3]
+    moment = -force[0] * (height / 2.0) / arm
+    M = np.diag([m, m, m * (base**2 + height**2) / 12.0 / arm**2])
+    loads = [force[0], force[1], moment]
+    system = sparse_system(M, np.zeros((3, 3)), B, law, force=loads, floating=True)
+    return dataclasses.replace(system, load=np.column_stack([M[:, 0], np.zeros(3), M[:, 1]]))
+
+
+@pytest.mark.parametrize("twin", [lambda system: system, modal_twin])
+@pytest.mark.parametrize(
+    ("force", "mu", "kind"),
+    [
+        ([7.9e3, -20e3], 1.0, None),  # tips from push h/2 = weight b/2, 8 kN
+        ([8.1e3, -20e3], 1.0, "overturns"),
+        ([7.9e3, -20e3], 0.3, "slides"),  # needs 1.32 times
+        ([0.0, 1e3], 1.0, "lifts off"),
+        ([1.0, -20e3], 0.0, "slides"),
+        ([0.0, 1e3], 0.0, "lifts off"),
+        ([30e3, -20e3], 1.0, "overturns"),  # slides as well: no strength would do
+    ],
+)
+def test_limit_analysis_names_what_fails(force, mu, kind, twin):
+    system = twin(_wall(force, mu))
+    collapse = find_collapse(system, system_gap_problem(system, np.eye(system.B.shape[0])))
+    assert (None if collapse is None else collapse.kind) == kind
+    if kind is not None:
+        with pytest.raises(
+            ConvergenceError, match=rf"no static equilibrium can be: all, .* {kind}: "
+        ) as error:
+            _static(system)
+        assert ("add friction" in str(error.value)) == (kind == "slides")
 
 
 def test_gaps_that_are_rigid_in_meeting_planes_find_rest():

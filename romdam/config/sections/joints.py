@@ -14,8 +14,10 @@ from romdam.config.quantities import Length
 from romdam.config.sections.joint_laws import JointLaws, UserLaw, read_user_laws
 from romdam.config.sections.places import Direction, Tolerance
 from romdam.contact.laws import LAWS
+from romdam.contact.laws.bond import Bond
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import Law
+from romdam.contact.laws.shear_stiffness import ElasticShear, ShearStiffness
 from romdam.core.errors import ConfigError
 
 Discretization = Literal["auto", "node_to_node", "mortar"]
@@ -102,7 +104,18 @@ class JointProperties(JointLaws):
     def every_law(self) -> tuple[type[Law], ...]:
         """The laws that the joint has, in the order in which they apply."""
         keys = self.law_keys
-        return (*(law for law in LAWS if law.is_on(keys)), *(user.law for user in self.law))
+        laws = (*(law for law in LAWS if law.is_on(keys)), *(user.law for user in self.law))
+        bounded = any(law.needs_shear(keys) for law in laws)
+        return (*laws, ElasticShear) if not bounded and ElasticShear.is_on(keys) else laws
+
+    @property
+    def has_idle_shear(self) -> bool:
+        """Tell whether `shear_stiffness` does nothing, and no key of a law with shear says so."""
+        keys = self.law_keys
+        said = {key for law in LAWS if law.shear or law is Bond for key in law.key_names()}
+        if not ShearStiffness.is_on(keys) or said & self.model_fields_set:
+            return False
+        return not any(law.needs_shear(keys) for law in self.every_law)
 
 
 def _without_shear_stiffness(law: type[Law], keys: Mapping[str, Any]) -> str | None:

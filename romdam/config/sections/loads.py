@@ -52,7 +52,7 @@ class HydrostaticConfig(Model):
 class TemperatureConfig(Model):
     """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
 
-    change: TemperatureChange
+    change: Annotated[TemperatureChange, Field(ge=-300.0, le=1500.0)]
     """Change from the temperature without stress; negative cools."""
     blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Names of `blocks`."""

@@ -58,8 +58,8 @@ class WaterConfig(Model):
     """Horizontal direction in which the reservoir reaches; the mean normal of the wet faces if not given."""
     length: Annotated[Length, Positive] | None = None
     """Length of the reservoir upstream; three depths if not given."""
-    sound_speed: Annotated[Velocity, Positive] = 1440.0
-    """Speed of sound in compressible water."""
+    sound_speed: Annotated[Velocity, Field(ge=20.0, le=5000.0)] = 1440.0
+    """Speed of sound in compressible water; with bubbles it is less, and no less than some 20 m/s."""
     bottom_reflection: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 1.0
     """Share of a pressure wave that the floor sends back (compressible): 1 rigid, 0 takes all up."""
     cutoff: Annotated[Frequency, Positive] = 50.0

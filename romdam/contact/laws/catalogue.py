@@ -15,11 +15,12 @@ import numpy as np
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.contact.laws.law import AXES, COHESION_J, ENTRIES, MU_K, Law, Parameter
+from romdam.contact.laws.shear_stiffness import ElasticShear
 from romdam.core.errors import ConfigError, listed, shown
 from romdam.core.fingerprint import fingerprint
 from romdam.core.system import GapLaw, LawSource
 
-_OWN = {law.__name__: law for law in (*LAWS, CrackWater)}
+_OWN = {law.__name__: law for law in (*LAWS, ElasticShear, CrackWater)}
 _UNITS = ("", "axes", "m", "s", "m/s", "Pa", "N", "N/m", "N/m^3", "N*s/m^3", "1/s", "Hz")
 _RESERVED = {"between", "law", "gap", "gaps", "normal", "tolerance"}  # keys of a joint that no law may add
 _LOADED: dict[LawSource, type[Law]] = {}

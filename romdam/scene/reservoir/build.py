@@ -19,6 +19,8 @@ from romdam.scene.nearest import tree
 from romdam.scene.reservoir.own_mesh import reservoir_mesh
 from romdam.scene.select import refuse_selected_twice, select_facets
 
+_LEAST_DEPTHS = 0.05  # of the depth, below which water upstream is a slit
+_MOST_WAVES = 2e4  # modes of the water below the cutoff
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _BESIDE = 0.05  # of an edge, how far beside another it may be to lie on it
@@ -82,8 +84,37 @@ def build_reservoir(
         sound=_sound(config),
     )
     if config.mesh is None:
+        _refuse_slit(water, place)
+        _refuse_many_waves(water, blocks, place)
         return water
     return replace(water, mesh=reservoir_mesh(config.mesh, water, blocks, files, f"{place}.mesh"))
+
+
+def _refuse_slit(water: Reservoir, place: str) -> None:
+    if water.solved and water.length < _LEAST_DEPTHS * water.depth:
+        raise ConfigError(
+            f"{place}.length: {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
+            f"{water.depth:.4g} m, limit {_LEAST_DEPTHS:g}: a slit of water is no reservoir; leave it out "
+            f"for {_DEPTHS:g} depths, or is the unit right?"
+        )
+
+
+def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], place: str) -> None:
+    """Refuse a reservoir of more modes below the cutoff than anybody waits for: V omega^3 / (6 pi^2 c^3)."""
+    if water.sound is None:
+        return
+    area = sum(
+        float(np.abs(area_vectors(blocks[f.block].points, f.facets).sum(axis=1) @ water.upstream).sum())
+        for f in water.faces
+    )
+    waves = 2.0 * np.pi * water.sound.cutoff / water.sound.speed
+    count = area * water.length * waves**3 / (6.0 * np.pi**2)
+    if count > _MOST_WAVES:
+        raise ConfigError(
+            f"{place}.sound_speed: at {water.sound.speed:g} m/s the water has about {count:.2g} modes below "
+            f"{water.sound.cutoff:g} Hz, limit {_MOST_WAVES:g}; is the unit right? Else lower water.cutoff "
+            "or water.length"
+        )
 
 
 def _sound(config: WaterConfig) -> Sound | None:

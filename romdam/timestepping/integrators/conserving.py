@@ -91,16 +91,27 @@ def split_at_massless_boundary(system: System, step: float) -> ModeSplit:
     G = system.B.toarray()
     compliance = system_gap_problem(system, np.zeros((len(G), len(G)))).compliance
     ends = np.flatnonzero(np.diff(k[order], append=np.inf) > 1e-9 * k[order]) + 1
-    low, high = 0, len(ends) if len(order) <= _FEW else int(np.searchsorted(ends, len(order) / 3.0))
+    third = len(ends) if len(order) <= _FEW else int(np.searchsorted(ends, len(order) / 3.0))
+    most = min(max(third, 1), len(ends))  # rigid motions of many blocks may be more than a third
+    low, high = 0, most
     while low < high:  # bisect for the largest number of dynamic modes
         middle = (low + high + 1) // 2
         bonded = _bonded_frequency(k, G, compliance, order[: ends[middle - 1]])
         low, high = (middle, high) if bonded * step <= _BONDED else (low, middle - 1)
+    if low == 0:  # what is left out may hold more than what is taken in: bisection misses one that fits
+        every = np.array([_bonded_frequency(k, G, compliance, order[:end]) for end in ends[:most]])
+        low = int(np.flatnonzero(every * step <= _BONDED).max(initial=-1)) + 1
+    if low == 0 and np.isinf(every).all():
+        raise ConfigError(
+            "transient.integrator: conserving needs joints whose boundary has no mass, and here it has some: "
+            "rigid gaps, and no higher modes to give their boundary a flexibility; keep more modes, give the "
+            "joints a finite normal_stiffness, or damping"
+        )
     if low == 0:
         raise ConfigError(
-            f"without damping and with transient.finest_step {step:g} s no joint force keeps the energy: "
-            "the gaps are rigid or too stiff for the step, and the model has no higher modes to give their "
-            "boundary a flexibility; keep more modes, lower the step, give a finite normal_stiffness, or "
+            f"transient.finest_step: {step:g} s is too long for integrator conserving: on their closed gaps "
+            f"the blocks swing with {every.min():.4g} rad/s at least, limit {_BONDED:g} rad in a step; take "
+            f"{0.99 * _BONDED / every.min():.3g} s or less, lower the joints' stiffness, or give "
             "damping"
         )
     dynamic, left = np.sort(order[: ends[low - 1]]), order[ends[low - 1] :]
