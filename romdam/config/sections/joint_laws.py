@@ -34,7 +34,8 @@ def _per_gap(unit: str, above: bool) -> type[Model]:
     """A stiffness of each gap, whatever its tributary area; `above` zero or from there on."""
     stiffness: Any = Annotated[in_unit(unit), Field(gt=0.0) if above else Field(ge=0.0)]
     text = "The stiffness of one gap, whatever its area."
-    return create_model("PerGap", __base__=Model, __doc__=text, per_gap=(stiffness, Field(description=text)))
+    name = "PositivePerGap" if above else "PerGap"
+    return create_model(name, __base__=Model, __doc__=text, per_gap=(stiffness, Field(description=text)))
 
 
 def annotation(parameter: Parameter) -> Any:
