@@ -146,10 +146,12 @@ def _short_reservoir(water: Reservoir | None) -> list[str]:
 def _added_up(scene: Scene) -> list[str]:
     """Static loads that two entries put on the same facets or node: their sum acts."""
     remarks = []
-    for key, names, seen in (
-        ("loads.pressure", [facet_keys(load.block, load.facets) for load in scene.pressures], {}),
-        ("loads.force", [[(load.block, (load.node,))] for load in scene.forces], {}),
-    ):
+    loads = {
+        "loads.pressure": [facet_keys(load.block, load.facets) for load in scene.pressures],
+        "loads.force": [[(load.block, (load.node,))] for load in scene.forces],
+    }
+    for key, names in loads.items():
+        seen: dict[tuple[str, tuple[int, ...]], int] = {}
         for k, own in enumerate(names):
             again = [name for name in own if seen.setdefault(name, k) != k]
             if again:

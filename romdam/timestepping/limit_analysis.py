@@ -66,9 +66,8 @@ def find_collapse(system: System, problem: GapProblem) -> Collapse | None:
     moving = _mechanism(motions, loads, limits, 1.0)
     if moving is None:
         return None
-    size = np.array([np.abs(moving[names == name]).max() for name in system.parts if (names == name).any()])
-    parts = [name for name in system.parts if (names == name).any()]
-    parts = tuple(name for name, own in zip(parts, size, strict=True) if own > _STILL * size.max())
+    size = {name: np.abs(moving[names == name]).max(initial=0.0) for name in system.parts}
+    parts = tuple(name for name, own in size.items() if own > _STILL * max(size.values()))
     if motions.shape[1] == len(limits.tension):  # frictionless: no normal force of either sign balances it
         kind = "slides" if _leaves(motions, loads) else None
     else:
