@@ -13,11 +13,9 @@ from romdam.config.explain import explain
 from romdam.config.quantities import Length
 from romdam.config.sections.joint_laws import JointLaws, UserLaw, read_user_laws
 from romdam.config.sections.places import Direction, Tolerance
-from romdam.contact.laws import LAWS
-from romdam.contact.laws.bond import Bond
+from romdam.contact.laws import LAWS, Bond, ElasticShear, ShearStiffness
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import Law
-from romdam.contact.laws.shear_stiffness import ElasticShear, ShearStiffness
 from romdam.core.errors import ConfigError
 
 Discretization = Literal["auto", "node_to_node", "mortar"]

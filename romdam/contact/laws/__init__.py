@@ -7,6 +7,7 @@ from romdam.contact.laws.grouting import Grouting
 from romdam.contact.laws.law import Law
 from romdam.contact.laws.penalty import Penalty
 from romdam.contact.laws.shear_key import ShearKey
+from romdam.contact.laws.shear_stiffness import ElasticShear as ElasticShear
 from romdam.contact.laws.shear_stiffness import ShearStiffness
 from romdam.contact.laws.static_friction import StaticFriction
 from romdam.contact.laws.tension_stiffness import TensionStiffness
