@@ -146,7 +146,7 @@ def _short_reservoir(water: Reservoir | None) -> list[str]:
 def _added_up(scene: Scene) -> list[str]:
     """Static loads that two entries put on the same facets or node: their sum acts."""
     remarks = []
-    loads = {
+    loads: dict[str, list[list[tuple[str, tuple[int, ...]]]]] = {
         "loads.pressure": [facet_keys(load.block, load.facets) for load in scene.pressures],
         "loads.force": [[(load.block, (load.node,))] for load in scene.forces],
     }
