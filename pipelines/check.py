@@ -1,4 +1,4 @@
-"""The size and cost of a job, without integrating anything."""
+"""The size and cost of a job; of its records no more than short parts are integrated."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, located
-from romdam.core.errors import RecordError, placed
+from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes
+from romdam.pipelines.cost import COSTS, run_costs
 from romdam.pipelines.doubts import doubts_of, with_doubts_of
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
@@ -34,10 +35,8 @@ from romdam.timestepping.steps import Steps
 
 _CLOSED = 5  # frequencies with closed joints that are told
 
-# Measured on one core of a 2-core x86-64 machine, two cantilevers, 100 gaps; good to a factor of three
-SECONDS_PER_STEP = 5e-6
+# Measured on one core of a 2-core x86-64 machine; good to a factor of three
 SECONDS_PER_PRODUCT = 2.5e-10  # one multiply-add of G q, G^T p or H p, memory-bound
-FRICTION_FACTOR = 6.0  # a frictional step over a frictionless one
 SECONDS_PER_FULL_UNKNOWN = 5e-7  # one back-substitution and the residual, per step
 
 
@@ -51,7 +50,8 @@ class Check:
     joints : name -> plain numbers (gaps, area [m2], friction, resultant of its water [N])
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
-    seconds, memory, file_size : estimates for all records [s], [bytes], [bytes]
+    costs : CPU seconds of all runs: integration, estimate of the error, stress, figures; empty where unknown
+    memory, file_size : estimates for all records [bytes]
     warnings : of what keys and records say and hardly can mean
     closed_frequencies : the lowest of the whole, every gap closed [Hz]; empty where they are not computed
     ties : name -> plain numbers (blocks, nodes, discretization)
@@ -63,7 +63,7 @@ class Check:
     joints: dict[str, dict[str, object]]
     records: dict[str, dict[str, object]]
     unknowns: int
-    seconds: float
+    costs: dict[str, float]
     memory: float
     file_size: float
     warnings: tuple[str, ...]
@@ -71,6 +71,11 @@ class Check:
     ties: dict[str, dict[str, object]]
     solvers: tuple[str, ...]
     skipped: tuple[str, ...]
+
+    @property
+    def seconds(self) -> float:
+        """CPU time of all runs but for their reduction, which the check keeps; NaN where unknown [s]."""
+        return sum(self.costs.values()) if self.costs else math.nan
 
 
 @one_thread()
@@ -85,7 +90,8 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     Raises
     ------
     RomdamError
-        for everything `romdam.run` would refuse before its first step.
+        for everything `romdam.run` would refuse before its first step. Of a comparison, as it goes on without
+        a variant that fails, that of the reference; those of others are warnings.
     """
     job, clock = load_config(job), Clock(show)
     if "study" in job.config.model_fields_set:
@@ -93,14 +99,22 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     if job.config.pipeline != "comparison":
         return _check(job, clock, open_store(cache))
     asked, variants = comparable_variants(job)
-    found = {name: _check(variant, clock, open_store(cache)) for name, variant in variants.items()}
+    found, failed = dict[str, Check](), list[str]()
+    for name, variant in variants.items():
+        try:
+            found[name] = _check(variant, clock, open_store(cache))
+        except RomdamError as error:
+            if name == asked.against:
+                raise
+            failed.append(f"{name}: {error}")
     each = found.values()
+    known = all(one.costs for one in each)
     return replace(
         found[asked.against],
-        seconds=sum(one.seconds for one in each),
+        costs={name: sum(one.costs[name] for one in each) for name in COSTS} if known else {},
         memory=max(one.memory for one in each),
         file_size=sum(one.file_size for one in each),
-        warnings=tuple(dict.fromkeys(text for one in each for text in one.warnings)),
+        warnings=tuple(dict.fromkeys([*failed, *(text for one in each for text in one.warnings)])),
         skipped=(
             *(text for text in dict.fromkeys(text for one in each for text in one.skipped)),
             f"blocks and joints of other variants than {asked.against!r} are checked and not listed",
@@ -140,20 +154,26 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         model.prepared.integrator.supports(model.system)
         if model.reduced is not None:
             initial_state(model.prepared, settings)
-    total, closed = sum(steps.values()) * max(1, runs // len(motions)), _closed(model)
+    each = max(1, runs // len(motions))
+    total, closed = sum(steps.values()) * each, _closed(model)
+    if model.reduced is None:
+        costs = dict.fromkeys(COSTS, 0.0) | {"integration": total * full_order_seconds(model.system)}
+    else:
+        with clock.stage("cost", "running short parts for their time"):
+            costs = run_costs(job, model, motions, each)
     return Check(
         blocks={name: _block(model, name) for name in model.scene.blocks},
         joints=_joints(model.scene),
         records={m.name: _record(m, steps[m.name]) for m in motions},
         unknowns=model.system.size,
-        seconds=total * _seconds_per_step(model),
+        costs=costs,
         memory=_memory(model, max(steps.values()), settings.steps.stride),
         file_size=_row_bytes(model) * (total // settings.steps.stride + 1),
         warnings=doubts_of(job, motions),
         closed_frequencies=closed,
         ties=_ties(model.scene),
         solvers=tuple(filter(None, _solvers(job, model))),
-        skipped=tuple(_skipped(asked, model, bool(closed))),
+        skipped=tuple(_skipped(asked, model, bool(closed), bool(costs))),
     )
 
 
@@ -170,15 +190,20 @@ def _why_not_closed(model: Model) -> str:
     return f"more than {MOST} unknowns" if model.system.size > MOST else "the water has waves"
 
 
-def _skipped(job: Job, model: Model, closed: bool) -> Iterator[str]:
+def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]:
     """Tell what a run looks at, and a check does not."""
     yield "whether every time step converges and the energy ledger closes"
+    if not timed:
+        yield "the time of a run: a short part of the strongest record, from rest, fails; the log says how"
     if job.config.loads.initial_state == "static" and model.reduced is None:
         yield "static equilibrium before the earthquake"
     if model.finer is not None:
         yield "the error of leaving out modes, which a run estimates"
     if job.config.transient.accuracy is not None:
-        yield "the step that transient.accuracy comes to; time and size are of the coarsest"
+        yield (
+            "the step that transient.accuracy comes to on the whole record; the time is for that of short "
+            "parts, and each halving more up to doubles it; the size is of the coarsest"
+        )
     if job.config.model.modes == "auto":
         yield f"how many modes model.modes: auto takes; {FIRST} are taken here"
     if len(model.system.law) and not closed:
@@ -246,15 +271,6 @@ def _joints(scene: Scene) -> dict[str, dict[str, object]]:
 
 def _record(motion: GroundMotion, steps: int) -> dict[str, object]:
     return {"dt": motion.dt, "duration": motion.duration, "peak_acceleration": motion.peak, "steps": steps}
-
-
-def _seconds_per_step(model: Model) -> float:
-    system = model.system
-    if model.reduced is None:
-        return full_order_seconds(system)
-    products = 2.0 * system.B.nnz + float(system.B.shape[0]) ** 2
-    friction = FRICTION_FACTOR if system.law.directions == 3 else 1.0
-    return friction * (SECONDS_PER_STEP + SECONDS_PER_PRODUCT * products)
 
 
 def full_order_seconds(system: System) -> float:

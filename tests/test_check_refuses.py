@@ -103,3 +103,26 @@ def test_a_dam_that_does_not_rest_is_refused(config, tmp_path):  # noqa: F811
             does(config)
         messages.append(str(raised.value))
     assert messages[0] == messages[1]
+
+
+def test_a_variant_that_fails_is_a_warning_and_the_reference_is_refused(config, tmp_path):  # noqa: F811
+    """As in a comparison, which goes on without any variant but its reference."""
+    raw = yaml.safe_load(SMALL) | {"pipeline": "comparison"}
+    raw["outputs"] |= {"plots": False, "error_estimate": False}
+    variants = {
+        "a": {},
+        "b": {"outputs.nodes.top.at": [0, 0, 900]},
+        "c": {"joints.gap.normal_stiffness": 8e9},
+    }
+    raw["comparison"] = {"variants": variants, "reference": "a"}
+    config.write_text(yaml.safe_dump(raw))
+    done = compare(config, tmp_path / "o")
+    ((name, message),) = done.failures.items()
+    warnings = romdam.check(config).warnings
+    assert name == "b" and "outputs.nodes" in message and f"b: {message}" in warnings
+    raw["comparison"]["reference"] = "b"
+    config.write_text(yaml.safe_dump(raw))
+    for does in (romdam.check, lambda path: compare(path, tmp_path / "p")):
+        with pytest.raises(RomdamError) as raised:
+            does(config)
+        assert str(raised.value) == message

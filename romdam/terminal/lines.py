@@ -26,11 +26,19 @@ def check_lines(found: Check) -> list[str]:
     return [
         *([f"joints closed: {closed} Hz, undamped"] if closed else []),
         *found.solvers,
-        f"{found.unknowns} unknowns; about {found.seconds:.2g} s of integration, "
+        f"{found.unknowns} unknowns; {_time(found.costs, found.seconds)}, "
         f"{found.memory / 1e6:.0f} MB of memory, up to {found.file_size / 1e6:.0f} MB of results",
         *(f"warning: {text}" for text in found.warnings),
         *(f"not checked: {text}" for text in found.skipped),
     ]
+
+
+def _time(costs: Mapping[str, float], whole: float) -> str:
+    """Say what a run takes, and what of it takes how long."""
+    if not costs:
+        return "time unknown"
+    each = ", ".join(f"{name} {seconds:.2g}" for name, seconds in costs.items() if seconds > 0.0)
+    return f"about {whole:.2g} s of CPU beside the reduction ({each})"
 
 
 def failure_lines(outcome: SuiteOutcome) -> list[str]:

@@ -1,6 +1,7 @@
 """The dataset holds what was computed, with signs, units and provenance, and reads with xarray alone."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from romdam.core.files import prepare_folder, replacing
 from romdam.postprocess.record_measures import stated_warnings
 from romdam.results.dataset import build_dataset, open_dataset, write_dataset
 from romdam.results.variables import COORDINATES, VARIABLES
+from romdam.terminal.documents import info_document
 
 from .conftest import make_case
 
@@ -106,6 +108,8 @@ def test_attributes_rebuild_the_configuration_and_tell_where_it_came_from(case, 
     assert json.loads(attrs["record_provenance"])["sha256"] == "abc"
     assert json.loads(attrs["record_warnings"]) == ["a warning"]
     assert stated_warnings(attrs)[-1] == "a warning"
+    doubted = xr.Dataset(attrs=attrs | {"configuration_doubts": json.dumps(["a doubt"])})
+    assert info_document(doubted, Path("a.nc"))["warnings"][-2:] == ["a doubt", "a warning"]
     assert attrs["wall_seconds_scene"] == 0.5 and attrs["cpu_seconds_scene"] == 0.4
     assert attrs["solver_steps"] == 40.0
     assert "numpy" in json.loads(attrs["versions"])

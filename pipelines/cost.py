@@ -1,0 +1,127 @@
+"""What a run costs: short parts of the strongest record are run, and their time is taken to the whole."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from romdam.config.load import Job
+from romdam.core.errors import recoverable, told
+from romdam.core.motion import GroundMotion
+from romdam.core.system import GapLaw
+from romdam.core.threads import cpu_time
+from romdam.error.estimate import WINDOW
+from romdam.pipelines.error.estimate import with_estimates
+from romdam.pipelines.simulation import Model, settings_for, simulate_motion
+from romdam.pipelines.stresses import stress_fields, stress_of
+from romdam.records.measures import moving, significant_duration
+
+log = logging.getLogger(__name__)
+
+COSTS = ("integration", "estimate", "stress", "figures")
+_PARTS = 4  # of the record, at equal distances: strong motion is some of them
+_FIRST = 0.01  # of the record, each part, to begin with: they tell how long the others may be
+_ROWS = 5.0  # written rows of a part at least
+_BUDGET = 1.0  # s of CPU in the integration of the longer parts
+_LONGER = 2.0  # times as long they are at least
+_FIGURES = 2.5  # s of CPU: matplotlib is loaded, and the figures of a run are drawn
+_QUIET = 0.02  # of the record's squared acceleration, at either end: joints hardly move, see `error.estimate`
+
+
+def run_costs(job: Job, model: Model, motions: Sequence[GroundMotion], runs: int = 1) -> dict[str, float]:
+    """CPU seconds of all runs: integration, estimate, stress, figures; empty where a part fails.
+
+    Parts of two lengths are run, so that what a run takes whatever its length is counted once.
+
+    Parameters
+    ----------
+    runs : of each record
+    """
+    strongest = max(motions, key=lambda motion: motion.peak)
+    whole = run_seconds(job, strongest)
+    least = _ROWS * settings_for(job, model.prepared, strongest).steps.interval / whole
+    short = min(1.0, _PARTS * max(_FIRST, least))
+    start = cpu_time()
+    model = replace(model, stress=stress_fields(model.scene, model.reduced))
+    fields = cpu_time() - start
+    try:
+        _run_parts(job, model, strongest, short)  # compiles
+        costs = _run_parts(job, model, strongest, short)
+        if short < 1.0:
+            share = min(1.0, short * max(_LONGER, _BUDGET / max(costs["integration"], 1e-6)))
+            if share < 1.0:  # in parts within which an estimate goes all the way
+                share = max(short, min(share, _PARTS * WINDOW / whole))
+            costs = of_whole(short, costs, share, _run_parts(job, model, strongest, share))
+            if share < 1.0:
+                costs["estimate"] *= estimated_share(model.system.law, strongest, whole)
+    except recoverable() as error:  # no reason to refuse the job: only these parts begin from rest
+        log.info("the time of a run is unknown: a short part of %s: %s", strongest.name, told(error))
+        return {}
+    every = runs * sum(run_seconds(job, motion) for motion in motions) / whole
+    costs = {name: every * seconds for name, seconds in costs.items()}
+    costs["stress"] += fields
+    drawn = job.config.outputs.plots and job.config.pipeline == "run"
+    return costs | {"figures": _FIGURES * len(motions) if drawn else 0.0}
+
+
+def run_seconds(job: Job, motion: GroundMotion) -> float:
+    """Duration of a run [s]."""
+    return job.config.transient.duration or motion.duration
+
+
+def estimated_share(law: GapLaw, motion: GroundMotion, whole: float) -> float:
+    """Share of a run over which its estimate goes, as far as the record tells.
+
+    All of it where joints remember; without shear a window at the largest opening; else while they move.
+    """
+    if law.laws:
+        return 1.0
+    if law.directions == 1:
+        return min(1.0, WINDOW / whole)
+    spans = significant_duration(moving(motion.acc), motion.dt, _QUIET, 1.0 - _QUIET)
+    return min(1.0, max(float(spans.max()), WINDOW) / whole)
+
+
+def record_parts(motion: GroundMotion, whole: float, share: float) -> list[GroundMotion]:
+    """Cut a share of the first `whole` seconds from a record, in parts at equal distances."""
+    whole = min(whole, motion.duration)
+    count = 1 if share >= 1.0 else _PARTS
+    samples = max(2, math.ceil(share * whole / count / motion.dt) + 1)
+    last = max(0, motion.acc.shape[1] - samples)
+    middles = [(k + 0.5) * whole / count / motion.dt for k in range(count)]
+    firsts = [min(max(0, round(middle - samples / 2)), last) for middle in middles]
+    return [replace(motion, acc=motion.acc[:, first : first + samples]) for first in firsts]
+
+
+def of_whole(
+    share: float, first: dict[str, float], more: float, second: dict[str, float]
+) -> dict[str, float]:
+    """Costs of the whole from those of two shares: what a part takes whatever its length, and what grows."""
+    if not share < more < 1.0:
+        return {name: seconds / more for name, seconds in second.items()}
+    whole = {}
+    for name, seconds in second.items():
+        slope = min(max(0.0, (seconds - first[name]) / (more - share)), seconds / more)
+        whole[name] = (seconds - slope * more) / _PARTS + slope
+    return whole
+
+
+def _run_parts(job: Job, model: Model, motion: GroundMotion, share: float) -> dict[str, float]:
+    """CPU seconds of running a share of a record, in parts at equal distances, each from rest."""
+    costs = dict.fromkeys(COSTS, 0.0)
+    for part in record_parts(motion, run_seconds(job, motion), share):
+        length = run_seconds(job, motion) if share >= 1.0 else part.duration
+        transient = job.config.transient.model_copy(update={"duration": length})
+        cut = replace(job, config=job.config.model_copy(update={"transient": transient}))
+        times = [cpu_time()]
+        history = simulate_motion(cut, model.prepared, part, length)
+        times.append(cpu_time())
+        history, _ = with_estimates(cut, model, part, history)
+        times.append(cpu_time())
+        stress_of(model.scene, model.stress, history)
+        times.append(cpu_time())
+        for name, begin, end in zip(COSTS, times, times[1:], strict=False):
+            costs[name] += end - begin
+    return costs

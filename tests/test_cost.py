@@ -1,0 +1,90 @@
+"""The time that `romdam check` states: which parts of a record are run, and how they stand for the whole."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from test_cli import SMALL, config  # noqa: F401
+
+import romdam
+from romdam.core.errors import ConvergenceError
+from romdam.core.motion import GroundMotion
+from romdam.pipelines import cost
+
+
+def motion(seconds, dt=0.01, shaken=(0.0, 1.0)):
+    """A sine along y over a share of the record, nothing along x and z."""
+    acc = np.zeros((3, round(seconds / dt) + 1))
+    first, last = (round(share * seconds / dt) for share in shaken)
+    acc[1, first:last] = np.sin(np.arange(last - first))
+    return GroundMotion("m", acc, dt)
+
+
+def law(directions=1, laws=()):
+    return SimpleNamespace(directions=directions, laws=laws)
+
+
+def test_parts_are_a_share_of_the_record_at_equal_distances():
+    record = motion(20.0)
+    record.acc[0] = np.arange(2001)  # the number of the sample
+    parts = cost.record_parts(record, 20.0, 0.2)
+    assert [part.duration for part in parts] == pytest.approx([1.0] * 4)
+    assert [part.acc[0].mean() for part in parts] == pytest.approx([250, 750, 1250, 1750], abs=1)
+    assert [len(part.acc[0]) for part in cost.record_parts(record, 20.0, 1.0)] == [2001]
+    shortened = cost.record_parts(record, 8.0, 0.5)  # transient.duration
+    assert max(part.acc[0].max() for part in shortened) <= 800
+    longer = cost.record_parts(record, 40.0, 0.5)  # what follows the record is rest
+    assert len(longer) == 4 and max(part.acc[0].max() for part in longer) <= 2000
+
+
+def test_an_estimate_goes_over_a_window_while_joints_move_or_over_all():
+    record = motion(60.0, shaken=(0.25, 0.75))
+    assert cost.estimated_share(law(), record, 60.0) == pytest.approx(0.1)  # 6 s of 60
+    assert cost.estimated_share(law(3), record, 60.0) == pytest.approx(0.48, abs=0.005)  # 96 % of half of it
+    assert cost.estimated_share(law(3, ("bond",)), record, 60.0) == 1.0
+    assert cost.estimated_share(law(), record, 4.0) == 1.0
+
+
+def test_what_a_part_takes_whatever_its_length_counts_once():
+    """Four parts, each 0.1 s and 2 s times its share of the record: 0.1 + 2 s of the whole."""
+    of = {share: {"integration": 4 * 0.1 + 2.0 * share} for share in (0.04, 0.2, 1.0)}
+    assert cost.of_whole(0.04, of[0.04], 0.2, of[0.2]) == pytest.approx({"integration": 2.1})
+    assert cost.of_whole(0.04, of[0.04], 1.0, {"integration": 2.1}) == {"integration": 2.1}
+    fell = cost.of_whole(0.04, {"integration": 3.0}, 0.2, {"integration": 2.0})
+    assert fell == pytest.approx({"integration": 0.5})  # nothing grew: that of one part
+    grew = cost.of_whole(0.04, {"integration": 0.0}, 0.2, {"integration": 1.0})
+    assert grew == pytest.approx({"integration": 5.0})  # no more than in proportion
+
+
+def test_check_runs_the_parts_twice_short_and_once_longer(config, monkeypatch):  # noqa: F811
+    raw = yaml.safe_load(SMALL)
+    config.write_text(yaml.safe_dump(raw))
+    run, lengths, estimates = cost.simulate_motion, [], []
+
+    def counted(job, prepared, record, length):
+        lengths.append(length)
+        return run(job, prepared, record, length)
+
+    def estimated(job, model, record, history):
+        estimates.append(job.config.transient.duration)
+        return history, None
+
+    monkeypatch.setattr(cost, "simulate_motion", counted)
+    monkeypatch.setattr(cost, "with_estimates", estimated)
+    monkeypatch.setattr(cost, "_BUDGET", 0.0)
+    found = romdam.check(config)
+    assert set(found.costs) == set(cost.COSTS) and found.costs["integration"] > 0.0
+    assert found.seconds == pytest.approx(sum(found.costs.values()))
+    assert lengths == estimates
+    assert len(lengths) == 3 * 4  # 0.05 s each, five written rows, to compile and to begin with; then 0.1 s
+    assert lengths[:8] == pytest.approx([0.05] * 8, abs=0.011)
+    assert lengths[8:] == pytest.approx([0.1] * 4, abs=0.011)
+
+    def fails(*_):
+        raise ConvergenceError("step 3 does not converge")
+
+    monkeypatch.setattr(cost, "simulate_motion", fails)
+    found = romdam.check(config)
+    assert found.costs == {} and np.isnan(found.seconds)
+    assert any("the time of a run" in text for text in found.skipped)
