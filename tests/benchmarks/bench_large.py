@@ -78,9 +78,10 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     interface = Interface(eye_array(fixed.size, format="csr"), retained.ravel())
     choice = ModeChoice(cutoff=CUTOFF, solving=Solving(solver, 20e9))
     store = BlockStore(folder / solver)
-    key = block_key(block, fixed, interface, choice)
+    loads = np.zeros((fixed.size, 0))
+    key = block_key(block, fixed, interface, loads, choice)
     start, cpu = time.perf_counter(), time.process_time()
-    (made,) = reduce_large(LargeBlock(block, fixed, interface, True), choice, store, [key])
+    (made,) = reduce_large(LargeBlock(block, fixed, loads, interface, True), choice, store, [key])
     found: dict[str, object] = {
         "unknowns": int((~fixed).sum()), "gaps": gaps, "solver": solver,
         "wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - cpu,

@@ -87,25 +87,25 @@ def compared(job: Job, repeats: int) -> dict[str, float]:
 def noted() -> Iterator[list[Any]]:
     """A list that fills with (K, M, static columns, modes) of every block that is reduced."""
     problems: list[Any] = []
-    by_block, by_part = craig_bampton._ritz_vectors, free_interface._ritz_vectors
+    by_block, by_part = craig_bampton._ritz_vectors, free_interface._ritz_levels
 
     def of_block(block: Any, choice: Any) -> Any:
         Psi, modes, solver = by_block(block, choice)
         own = ~block.retained
         K, M = block.K[own], block.M[own]
-        count = modes.Phi.shape[1]
+        count = modes.modes
         problems.append((K[:, own] - block.shift * M[:, own], M[:, own], K[:, ~own].toarray(), count))
         return Psi, modes, solver
 
     def of_part(merged: Any, choice: Any, *rest: Any) -> Any:
-        T, counts = by_part(merged, choice, *rest)
+        T, levels = by_part(merged, choice, *rest)
         K = whole(merged.K) - merged.shift * merged.M
-        problems.append((K, merged.M, merged.right.toarray(), counts[0]))
-        return T, counts
+        problems.append((K, merged.M, merged.right.toarray(), levels[0].modes))
+        return T, levels
 
     with (
         patch.object(craig_bampton, "_ritz_vectors", of_block),
-        patch.object(free_interface, "_ritz_vectors", of_part),
+        patch.object(free_interface, "_ritz_levels", of_part),
     ):
         yield problems
 
