@@ -42,16 +42,18 @@ class RateFriction(Law):
         Parameter("rate_mu_d", "", most=2.0, required=True),
         Parameter("rate_v_c", "m/s", above=True, required=True),
     )
-    memory = ("rate",)
+    memory = ("rate", "last")
     shear = True
 
     @staticmethod
     def limit(parameters, memory, limit):
-        mu = parameters[1] + (parameters[0] - parameters[1]) * math.exp(-memory[0] / parameters[2])
+        fall = math.exp(-max(2.0 * memory[0] - memory[1], 0.0) / parameters[2])
+        mu = parameters[1] + (parameters[0] - parameters[1]) * fall
         limit[MU_J], limit[MU_K] = mu, mu
 
     @staticmethod
     def commit(parameters, memory, opening, sliding, rate_j, rate_k):
+        memory[1] = memory[0] if sliding else 0.0
         memory[0] = math.sqrt(rate_j**2 + rate_k**2) if sliding else 0.0
 '''
 VARIED = "joints.contraction.rate_v_c"
@@ -140,7 +142,7 @@ MISTAKES = [
     ({}, RATE.replace("    shear = True\n", ""), "bounds the shear, which no gap carries"),
     (
         {},
-        RATE.replace("memory[0] / parameters[2]", "memory[1] / parameters[2]"),
+        RATE.replace("- memory[1]", "- memory[2]"),
         "limit cannot be called: IndexError",
     ),
 ]
@@ -223,7 +225,7 @@ def rate_after(path):
     """What a gap keeps as its rate after 3 and 4 m/s, as compiled."""
     law = find_law(next(iter(load_config(path).config.joints["contraction"].law)).source)
     commit = compiled([law]).commit[0]
-    kept, calls = np.zeros(1), numba.njit(lambda f, row, kept: f(row, kept, 0.0, True, 3.0, 4.0))
+    kept, calls = np.zeros(2), numba.njit(lambda f, row, kept: f(row, kept, 0.0, True, 3.0, 4.0))
     calls(commit, np.ones(3), kept)
     return kept[0]
 

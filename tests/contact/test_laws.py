@@ -52,9 +52,8 @@ def _gaps(draw):
     )
 
 
-_PASTS = st.builds(
-    Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0), st.one_of(st.just(0.0), st.floats(0.0, 1e-2))
-)
+_SLIPPED = st.one_of(st.just(0.0), st.floats(0.0, 1e-2))
+_PASTS = st.builds(Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0), _SLIPPED, _SLIPPED)
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)

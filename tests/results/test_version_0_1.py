@@ -75,8 +75,8 @@ def test_suite_says_why_its_rows_are_made_again(old, caplog):
     before = romdam.open_suite(old / "suite").peak_opening.load()
     outcome = romdam.run_suite(romdam.load_config(old / "suite.yaml"), old / "suite")
     assert outcome.made == 8
-    # what the reduction's eigenvalues are good to, 1e-12 to 5e-12 by the eigensolver, several times over
-    np.testing.assert_allclose(outcome.summary.peak_opening, before, rtol=3e-11)
+    # blocks have static vectors now, which 0.1 left out: its basis is good to 1e-4 here
+    np.testing.assert_allclose(outcome.summary.peak_opening, before, rtol=1e-4)
     (said,) = [text for text in caplog.messages if JOURNAL in text]
     assert "8 rows are of romdam 0.1.0" in said and f"this is romdam {romdam.__version__}" in said
     caplog.clear()

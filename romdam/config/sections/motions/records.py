@@ -202,7 +202,7 @@ class RecordConfig(Model):
     header_lines: Annotated[Whole, Field(ge=0, le=10_000)] = 0
     """Lines of text above the first row of numbers of plain text."""
     delimiter: Delimiter | None = None
-    """What parts the numbers of plain text, where their first row does not show it."""
+    """Character between the numbers of plain text, where their first row does not show it."""
     decimal: Decimal = "point"
     """Decimal sign of plain text."""
     response: Path | None = None
