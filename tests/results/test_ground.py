@@ -45,7 +45,7 @@ def run(tmp_path, raw, **options):
 def integrated(data):
     """Ground acceleration along y that the motion of two nodes shows.
 
-    Two coordinates q move along y. Each gives u_g'' = -(q'' + 2 xi w q' + w^2 q) / Gamma, and is a combination
+    Two coordinates q move along y. Each gives u_g'' = -(q'' + 2 xi w q' + w^2 q) / Gamma and is a combination
     of both nodes' displacements. So one combination of displacements, velocities and accelerations is u_g'';
     the factors are those of the rows in which the record shakes the wall, their ratios are the wall's.
     """

@@ -35,7 +35,7 @@ def test_it_tells_sizes_cutoff_version_and_hash(stored):
     for path in (model, cached):
         text = CliRunner().invoke(app, ["info", str(path)]).output
         assert "48 hex8" not in text and "24 hex8, 63 nodes, 189 DOFs" in text
-        size = made.system.size  # of it one static vector for each axis of the ground's inertia
+        size = made.system.size  # with one static vector for each axis of the ground
         assert (
             f"{size}: 0 retained, {size - 3} fixed-interface modes (below 200 Hz), 3 static vectors" in text
         )

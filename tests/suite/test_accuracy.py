@@ -46,7 +46,7 @@ def to_accuracy(prepared, seeds, coarse=COARSE, accuracy=ACCURACY, progress=None
 
 
 def test_the_stated_error_is_at_least_the_true_one_and_within_the_accuracy(cantilevers):
-    """True means against a step 16 times finer. One motion of the 20 may turn on a single impact: that is said."""
+    """True means against a step 16 times finer. One of the 20 may hang on one impact, and says so."""
     seeds = range(20)
     honest = reached = 0
     for seed, found in zip(seeds, to_accuracy(cantilevers, seeds), strict=True):
