@@ -24,7 +24,6 @@ _MOST_HALVINGS = 9
 _SHRINK = (0.4, 0.7)  # believed range of the ratio of two successive differences (order 1.3 to 0.5)
 _UNEVEN = 9.0 / 8.0  # more parts in every second run, so that successive steps are no multiples: 4, 9, 16, 36
 _UNEVEN_FROM = 2  # halvings of the base step in the first of such runs: 9 has to be a whole number
-_FORMER = 0.2  # of the difference before the last, the least that is stated where laws remember
 _USUAL_SHRINK = 0.45  # with it 50 of 50 estimates were at least the true error, with 0.35 (and 0.3 above) 39
 _LATE = 0.005  # of the squared openings, the last ones, which the check leaves out
 _LATE_ERROR = 4.0  # their relative error, believed, over that of the others: 1.7, 6.4 at most on 50 records
@@ -55,9 +54,10 @@ def simulate_to(
     carry shear, and of the slips that are left, the largest; or in the peak opening for a scheme that
     conserves energy.
 
-    Two runs on nested grids may break the same bonds in the same wrong order. So where joints have bonds or
-    other memory there is no check: three runs at least, whose steps are no multiples of each other, and the
-    bonds that are broken at every row are compared, too.
+    Two runs on nested grids may break the same bonds in the same wrong order, or stick and slide at the same
+    wrong steps. So where joints have friction, bonds or other memory there is no check: three runs at least,
+    whose steps are no multiples of each other, and the bonds that are broken at every row are compared, too.
+    Their two refinements state no less than follows from the first difference alone.
 
     Where contact does not change, the base step makes the error: closed springs follow it. So it is halved
     with the finest where joints have a tension stiffness or carry shear, and from the second run on where the
@@ -136,8 +136,8 @@ def _first_halvings(coarse: float, wanted: float) -> int:
 
 
 def _first_trial(law: GapLaw, first: int) -> _Trial:
-    """Knowledge before the first run, see `simulate_to`."""
-    if law.laws:
+    """Knowledge before the first run, see `simulate_to`; slip is a memory, too."""
+    if law.laws or law.directions > 1:
         return _Trial(refined_from=first - _UNEVEN_FROM, uneven=True, least_runs=_QUIET_RUNS)
     return _Trial(refined_from=first - 1 if follows_base_step(law) else None)
 
@@ -280,7 +280,8 @@ class _Trial:
             return replace(known, difference=difference, estimate=max(difference, self.difference))
         estimate = float(difference * shrink / (1.0 - shrink))
         if self.uneven and math.isfinite(self.difference):  # two runs may agree by chance
-            estimate = max(estimate, _FORMER * self.difference)
+            former = _USUAL_SHRINK**2 / (1.0 - _USUAL_SHRINK)  # of two refinements, by the difference before
+            estimate = max(estimate, former * self.difference)
         return replace(known, difference=difference, estimate=estimate)
 
     def unchecked(self) -> _Trial:

@@ -50,17 +50,17 @@ def block(name, turned=0.0):
     return modal_twin(replace(system, load=inertia))
 
 
-def shaking(dt):
-    acc = np.interp(np.arange(round(TIME[-1] / dt) + 1) * dt, TIME, RECORD)
+def shaking(dt, record=RECORD):
+    acc = np.interp(np.arange(round(TIME[-1] / dt) + 1) * dt, TIME, record)
     return np.stack([acc, 0.0 * acc, 0.0 * acc])
 
 
-def by_hand(name, dt=2e-5):
-    """Slip left of the point on its spring [m]."""
+def by_hand(name, dt=2e-5, record=RECORD):
+    """Slip left of the point on its spring, and the largest one [m]."""
     mu, _ = LAWS[name]
     n = round(TIME[-1] / dt)
-    acc = np.interp((np.arange(n) + 0.5) * dt, TIME, RECORD).tolist()
-    u = v = rest = rate = 0.0
+    acc = np.interp((np.arange(n) + 0.5) * dt, TIME, record).tolist()
+    u = v = rest = rate = largest = 0.0
     slides = False
     flexibility = 0.5 * dt * dt / MASS
     for a in acc:
@@ -79,20 +79,37 @@ def by_hand(name, dt=2e-5):
         slid = u + t / K_S - rest
         rest += slid
         rate = abs(slid) / dt
-    return u
+        largest = max(largest, abs(u))
+    return u, largest
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_the_slip_left_is_that_of_a_point_on_its_spring(name):
     """With `finest_step: 0.25 ms`, and with an accuracy of 1 %; the record's step is 10 ms."""
-    prepared, left = prepared_for(block(name), "adaptive"), by_hand(name)
+    prepared, (left, _) = prepared_for(block(name), "adaptive"), by_hand(name)
     steps = cut_steps(2.5e-4, DT, DT)
     run = simulate_one(prepared, shaking(steps.base), Settings(steps))
     assert abs(left) > 2e-3
     assert run.jump[-1, 0, 1] == pytest.approx(left, rel=5e-3)
     best = simulate_to([prepared], [shaking], Settings(Steps(DT)), 0.01)[0]
-    assert best.jump[-1, 0, 1] == pytest.approx(left, rel=1e-2)
+    assert best.jump[-1, 0, 1] == pytest.approx(left, rel=5e-3)
     assert best.stats["estimated_time_error"] <= 0.01
+
+
+@pytest.mark.parametrize(
+    ("amp", "first", "second", "phase"),
+    [(13.786, 13.544, 26.317, 0.485), (6.704, 8.007, 38.509, 1.076), (9.638, 12.44, 34.622, 1.715)],
+)
+def test_what_is_stated_of_plain_friction_is_not_below_half_of_the_truth(amp, first, second, phase):
+    """Of the first two, runs whose steps halve stated 0.03 % by chance where the slip left was off by 2 %."""
+    sines = np.sin(first * TIME) + 0.6 * np.sin(second * TIME + phase)
+    record = amp * np.sin(np.pi * TIME / 1.6) ** 2 * sines
+    left, largest = by_hand("coulomb", record=record)
+    prepared = prepared_for(block("coulomb"), "adaptive")
+    best = simulate_to([prepared], [lambda dt: shaking(dt, record)], Settings(Steps(DT)), 0.01)[0]
+    error = abs(best.jump[-1, 0, 1] - left) / max(abs(left), 0.05 * largest)
+    assert error <= 0.01
+    assert 0.5 * error <= best.stats["estimated_time_error"] <= 0.01
 
 
 def test_steps_and_forces_do_not_hang_on_the_axes():
