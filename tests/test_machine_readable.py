@@ -55,7 +55,7 @@ def test_check_says_as_json_what_python_says(config):  # noqa: F811
 
     said, found = document("check", config), check(romdam.load_config(config))
     assert said["command"] == "check" and said["valid"] is True and said["romdam"] == romdam.__version__
-    assert said["unknowns"] == found.unknowns == 2 * (8 + 10)
+    assert said["unknowns"] == found.unknowns == 2 * (8 + 10 + 3)
     assert said["joints"]["gap"] | {"area_m2": 100.0} == {
         "between": ["left", "right"], "gaps": found.joints["gap"]["gaps"], "area_m2": 100.0, "friction": 0.0,
         "water_N": 0.0,

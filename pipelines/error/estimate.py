@@ -122,4 +122,4 @@ def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: 
     parts = 3 if law.laws else 2 if follows_base_step(law) or hardly_cut(history) else 1
     steps = prepared.integrator.steps(half, motion.dt / parts, settings.steps.interval)
     ground = ground_at_steps(motion, steps.base, job.config.transient.duration, prepared.system)
-    return estimate_time_error(prepared, history, ground, replace(settings, steps=steps, shear_change=0.5))
+    return estimate_time_error(prepared, history, ground, replace(settings, steps=steps, shear_share=0.5))

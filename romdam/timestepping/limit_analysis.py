@@ -155,8 +155,8 @@ def _mechanism(motions: Floats, loads: Floats, limits: Limits, factor: float) ->
     found = linprog(cost, A_ub=A, b_ub=b, bounds=bounds, method="highs")
     if not found.success or found.fun <= _BALANCED:
         return None
-    dual = found.ineqlin.marginals[: 2 * len(loads)].reshape(2, -1)
-    return np.asarray(dual[0] - dual[1])
+    below, above = found.ineqlin.marginals[: 2 * len(loads)].reshape(2, -1)
+    return np.asarray(below - above)
 
 
 def _cone(limits: Limits, factor: float, size: float) -> tuple[csr_matrix, Floats]:

@@ -39,7 +39,7 @@ class Settings:
     shift : (nt, directions * ng) jumps added at every base step, linear in between; of those that
         resume [m]
     to_accuracy : whether an accuracy chose the steps, and not a job
-    shear_change : of the change of a shear that an integrator lets pass within a step, the share that is let
+    shear_share : of the change of a shear that an integrator lets pass within a step, the share that is let
         pass; finer runs, by which others are judged, let less
     only_jumps : whether histories may have rows of the jumps alone, which is all a comparison reads
     """
@@ -50,5 +50,5 @@ class Settings:
     start: Start | None = None
     shift: Floats | None = None
     to_accuracy: bool = False
-    shear_change: float = 1.0
+    shear_share: float = 1.0
     only_jumps: bool = False

@@ -198,7 +198,7 @@ class _Motions:
             self.settings,
             steps=integrator.steps(finest, base, coarse.interval),
             to_accuracy=True,
-            shear_change=2.0 ** (1 - of_base) if of_base else 1.0,
+            shear_share=2.0 ** (1 - of_base) if of_base else 1.0,
         )
         steps = settings.steps
         if only_compared:

@@ -27,8 +27,9 @@ from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import slides
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import commit_gaps, solve_gaps
-from romdam.core.arrays import PLACE, Bools, Floats, at
+from romdam.core.arrays import PLACE, Floats, at
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
+from romdam.core.system import STICK
 from romdam.timestepping.modal.arrays import (
     BASE,
     Batch,
@@ -121,6 +122,17 @@ def _keeps_within(problem: GapProblem, memory: GapMemory, old_force: Floats, mos
 
 
 @njit(cache=True)
+def _slides(memory: GapMemory, i: int) -> bool:
+    """Tell whether the shear of gap i is at its limit."""
+    p = memory.force[3 * i + NORMAL] + memory.limits.tension[i]
+    limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
+    limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
+    return bool(
+        p > 0.0 and slides(limit_j, limit_k, memory.force[3 * i + SHEAR_J], memory.force[3 * i + SHEAR_K])
+    )
+
+
+@njit(cache=True)
 def _slides_on(memory: GapMemory, rates: Floats, steps: tuple[float, float], y: Floats, most: float) -> bool:
     """Tell whether every gap that slides over a step still slides the same way at its end.
 
@@ -136,11 +148,7 @@ def _slides_on(memory: GapMemory, rates: Floats, steps: tuple[float, float], y: 
     """
     last, dt = steps
     for i in range(len(rates)):
-        p = memory.force[3 * i + NORMAL] + memory.limits.tension[i]
-        limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
-        limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
-        t_j, t_k = memory.force[3 * i + SHEAR_J], memory.force[3 * i + SHEAR_K]
-        if not (p > 0.0 and slides(limit_j, limit_k, t_j, t_k)):
+        if not _slides(memory, i):
             continue
         rate_j, rate_k = y[3 * i + SHEAR_J] / dt, y[3 * i + SHEAR_K] / dt
         further = dt / (dt + last)
@@ -156,7 +164,7 @@ def _slides_on(memory: GapMemory, rates: Floats, steps: tuple[float, float], y: 
 def _shears_steadily(
     problem: GapProblem,
     memory: GapMemory,
-    closed: Bools,
+    state: ModalState,
     old_force: Floats,
     change: Floats,
     most: float,
@@ -165,17 +173,20 @@ def _shears_steadily(
 
     Gaps count that are closed at both ends of the step. Those that begin to slide, stick or turn back within
     it are pushed the wrong way over a part of it; those that stick at steps too long for their springs swing
-    from step to step. All of them move a block together, so their changes act at once.
+    from step to step. All of them move a block together, so their changes act at once. Rigid gaps that stick
+    throughout do not count: their shear is what holds them, and alternates by more the shorter the step is.
 
     Parameters
     ----------
     change : (N,) scratch
     """
-    n, W = len(closed), problem.W
+    n, W = len(state.closed), problem.W
     if len(memory.force) == n:
         return True
     for i in range(n):
-        counts = closed[i] and memory.force[3 * i + NORMAL] > -memory.limits.tension[i]
+        counts = state.closed[i] and memory.force[3 * i + NORMAL] > -memory.limits.tension[i]
+        if counts and problem.compliance[3 * i + SHEAR_J] == 0.0 and state.state[i] == STICK:
+            counts = _slides(memory, i)
         change[3 * i + NORMAL] = 0.0
         for b in range(3 * i + SHEAR_J, 3 * i + SHEAR_K + 1):
             change[b] = memory.force[b] - old_force[b] if counts else 0.0
@@ -265,7 +276,7 @@ def _try_step(
     if good and l < finest:
         most = runs.shear_impulse[run]
         good = _slides_on(memory, state.slip_rate, (runs.clock[run].last_step, dt), y, most)
-        good = good and _shears_steadily(problem, memory, state.closed, old_force, w, most * dt)
+        good = good and _shears_steadily(problem, memory, state, old_force, w, most * dt)
     if not good:
         copy(old_force, memory.force)
     return good, residual

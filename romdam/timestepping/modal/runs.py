@@ -206,7 +206,7 @@ def _runs(
         rows=np.concatenate([[0], np.cumsum(rows)[:-1]]),
         last=samples - 1,
         impulse=integrator.force_change * velocity,
-        shear_impulse=settings.shear_change * integrator.shear_change * velocity,
+        shear_impulse=settings.shear_share * integrator.shear_change * velocity,
         clock=np.zeros(len(batch), CLOCK),
         failed=np.zeros(len(batch), dtype=np.bool_),
         acc=np.ascontiguousarray(np.concatenate([one.ground[active] for one in batch], axis=1)),
