@@ -83,7 +83,7 @@ _TWO: dict[str, Any] = {
                 {"step": "mean", "until": 0.05},
                 {"step": "detrend", "order": 1},
                 {"step": "taper", "fraction": 0.05},
-                {"step": "corners", "highpass": 10.0, "lowpass": 40.0},
+                {"step": "corners", "highpass": 1.0, "lowpass": 40.0},
                 {"step": "pad", "order": 4},
                 {"step": "butterworth", "order": 4},
                 {"step": "displacement_baseline", "order": 4},
