@@ -44,7 +44,7 @@ def test_files_changed_at_random(cases, tmp_path):
         path.write_bytes(damaged(path.read_bytes(), rng))
 
         def call(folder=folder, keys=keys):
-            check_matrices(read(folder, **keys), None, PLACE)
+            check_matrices(read(folder, **keys), PLACE)
 
         outcome = bounded(call, SECONDS)
         refused += bool(outcome.refusal)
