@@ -12,7 +12,7 @@ import xarray as xr
 from romdam.core.jit import CALLED
 
 ROOT = Path(__file__).parents[1]
-MOST = 44  # functions of romdam, each for one kind of arguments
+MOST = 45  # functions of romdam, each for one kind of arguments
 START = """
 import sys
 from pathlib import Path
