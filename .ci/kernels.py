@@ -1,11 +1,11 @@
-"""Print the OpenBLAS kernels to test with here: those that this processor can run, without the one it takes itself."""
+"""Print the OpenBLAS kernels to test here: those that this processor can run, without its default."""
 
 import os
 import subprocess
 import sys
 
 KERNELS = ("Haswell", "SkylakeX", "Sandybridge")
-# A kernel forced on a processor without its instructions ends the process (SkylakeX where AVX-512 is missing).
+# A kernel forced on a processor without its instructions ends the process (SkylakeX without AVX-512).
 TRIED = """
 import numpy as np
 import scipy.linalg
@@ -19,7 +19,7 @@ print(*{str(library["architecture"]) for library in threadpool_info() if library
 
 
 def taken(kernel: str | None) -> list[str]:
-    """Which kernels numpy's and scipy's OpenBLAS take where this one is asked for; none where they cannot run."""
+    """Kernels that OpenBLAS of numpy and scipy takes when asked for this one; none if they cannot run."""
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
     if kernel is not None:
         environment["OPENBLAS_CORETYPE"] = kernel
