@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import textwrap
+from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, get_args, get_origin
 
@@ -29,18 +30,25 @@ def meanings(model: type[BaseModel]) -> dict[str, str]:
     """The text that stands below a key in its model, for those that have one; those it inherits too."""
     texts = {key: _first_line(law) for law in LAWS if not law.section for key in law.key_names()}
     texts = {key: text for key, text in texts.items() if key in model.model_fields}
-    for one in reversed(model.__mro__):
-        if not issubclass(one, BaseModel) or one is BaseModel:
-            continue
-        try:
-            source = inspect.getsource(one)
-        except (OSError, TypeError):  # made by pydantic, written nowhere
-            continue
-        body = ast.parse(textwrap.dedent(source)).body[0].body  # type: ignore[attr-defined]
-        for key, text in pairwise(body):
-            if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text):
-                texts[key.target.id] = " ".join(text.value.value.split())
+    for ancestor in reversed(model.__mro__):
+        if issubclass(ancestor, BaseModel) and ancestor is not BaseModel:
+            texts |= _texts_in_source(ancestor)
     return texts
+
+
+@cache
+def _texts_in_source(model: type[BaseModel]) -> dict[str, str]:
+    """The text below each key that a model itself declares, read from its source."""
+    try:
+        source = inspect.getsource(model)
+    except (OSError, TypeError):  # made by pydantic, written nowhere
+        return {}
+    body = ast.parse(textwrap.dedent(source)).body[0].body  # type: ignore[attr-defined]
+    return {
+        key.target.id: " ".join(text.value.value.split())
+        for key, text in pairwise(body)
+        if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text)
+    }
 
 
 def own_doc(model: type[BaseModel]) -> str:
