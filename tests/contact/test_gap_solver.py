@@ -275,11 +275,103 @@ def test_solution_is_followed_from_no_friction_where_all_else_fails(seed, monkey
 
     monkeypatch.setattr(continuation, "newton", failing(continuation.newton))
     monkeypatch.setattr(continuation, "exact_sweeps", failing(continuation.exact_sweeps))
-    control = (TOLERANCE, np.zeros(0, dtype=bool))
+    monkeypatch.setattr(continuation, "newton_and_sweeps", continuation.newton_and_sweeps.py_func)
     search = continuation.continue_from_no_friction.py_func
-    residual = search(case.problem.W, memory.limits, memory, y_free, y_free.copy(), control)
+    residual = search(case.problem.W, memory.limits, memory, y_free, y_free.copy(), TOLERANCE)
     assert shares[0] == pytest.approx(0.1) and shares[-1] == 1.0 and residual <= TOLERANCE
     assert np.abs(memory.force - wanted).max() <= 1e-6 * wanted.max()
+
+
+# Three gaps of the 300 of five monoliths of Koyna, at 8.41 s, where the run stopped, the forces of the others
+# as they were: two gaps of a base and one of the contraction joint. W, y_free, the force before.
+MONOLITHS = (
+    [
+        [0.8538, 2.502e-2, 7.435e-2, -7.583e-2, 2.501e-2, -0.5196, 0.3233, 1.448e-5, -1.489e-3],
+        [2.502e-2, 0.9554, 2.653e-3, -2.648e-3, 0.6149, -2.501e-2, 1.448e-5, 0.3166, 5.688e-6],
+        [7.435e-2, 2.653e-3, 0.8872, -0.5620, 2.648e-3, -7.583e-2, -1.489e-3, 5.688e-6, 0.3013],
+        [-7.583e-2, -2.648e-3, -0.5620, 1.164, 0.0, 0.0, -7.583e-2, -2.648e-3, 0.5620],
+        [2.501e-2, 0.6149, 2.648e-3, 0.0, 1.317, -5.001e-2, -2.501e-2, -0.6149, 2.648e-3],
+        [-0.5196, -2.501e-2, -7.583e-2, 0.0, -5.001e-2, 1.126, 0.5196, 2.501e-2, -7.583e-2],
+        [0.3233, 1.448e-5, -1.489e-3, -7.583e-2, -2.501e-2, 0.5196, 0.8538, 2.502e-2, -7.732e-2],
+        [1.448e-5, 0.3166, 5.688e-6, -2.648e-3, -0.6149, 2.501e-2, 2.502e-2, 0.9554, -2.642e-3],
+        [-1.489e-3, 5.688e-6, 0.3013, 0.5620, 2.648e-3, -7.583e-2, -7.732e-2, -2.642e-3, 0.8872],
+    ],
+    [-0.7284, -0.9709, 0.1408, -0.2075, -0.2395, 0.3567, -0.3663, -0.7046, -0.05864],
+    [1.0, 0.9979, -0.06539, 0.2444, -0.1255, -0.01348, 0.3823, 0.3812, -0.02913],
+)
+OF_BASE_AND_CONTRACTION = np.array([[1.0, 1.0], [0.6, 0.6], [1.0, 1.0]])
+
+
+def test_newton_goes_on_from_where_exact_sweeps_lead():
+    """Newton goes round among a few states; 200 sweeps alone are not enough, and both by turns solve it."""
+    W, y_free, force = (np.array(values) for values in MONOLITHS)
+    rigid, zero = np.full(3, np.inf), np.zeros(3)
+    law = (rigid, zero, np.full(3, 1e300))  # whose compliance W holds
+    case = Case(W, law, OF_BASE_AND_CONTRACTION, zero, np.zeros((3, 2)), y_free)
+    memory = gap_memory(case.problem)
+
+    def reached(way):
+        memory.force[:] = force
+        return way(W, memory.limits, memory, y_free, W @ force + y_free, TOLERANCE)
+
+    assert reached(continuation.newton) > 1e4 * TOLERANCE
+    swept = [reached(continuation.exact_sweeps)]
+    for _ in range(200 // continuation._EXACT_SWEEPS):
+        y = W @ memory.force + y_free
+        swept.append(continuation.exact_sweeps(W, memory.limits, memory, y_free, y, TOLERANCE))
+    assert min(swept) > 10.0 * TOLERANCE
+    assert reached(continuation.newton_and_sweeps) <= TOLERANCE
+    memory.force[:] = force
+    check(case, *solve(case, memory)[:3])
+
+
+def bodies_on_many_gaps(seed, bodies, each, K_n):
+    """Rigid bodies in a row on `each` gaps below them, and on as many against the next: a singular H.
+
+    The flexibility of the step is that of the bodies' inertia alone, of six motions each.
+    """
+    rng = np.random.default_rng(seed)
+    rows = []
+    for body in range(bodies):
+        points = {"base": (body, rng.uniform([0, 0, 0], [1, 4, 0], (each, 3)), np.eye(3)[[2, 0, 1]])}
+        if body + 1 < bodies:
+            points["side"] = (body, rng.uniform([1, 0, 0], [1, 4, 6], (each, 3)), np.eye(3)[[0, 1, 2]])
+        for kind, (_, at, axes) in points.items():
+            for point in at:
+                jump = np.zeros((3, 6 * bodies))
+                for sign, one in ((1.0, body),) if kind == "base" else ((-1.0, body), (1.0, body + 1)):
+                    arm = point - np.array([0.5 if one == body else 1.5, 2.0, 3.0])
+                    motion = np.hstack([np.eye(3), np.cross(np.eye(3), arm).T])
+                    jump[:, 6 * one : 6 * one + 6] += sign * axes @ motion
+                rows.append((jump, 1.0 if kind == "base" else 0.6))
+    B = np.vstack([jump for jump, _ in rows])
+    mass = np.tile([1.0, 1.0, 1.0, 4.3, 3.1, 1.4], bodies)
+    H = 1e-9 * B / mass @ B.T
+    n, push = len(rows), 1e-3 * rng.standard_normal(6 * bodies)
+    push[2::6] -= 2e-3  # weight
+    push[3::6] *= 0.2
+    push[4::6] *= 0.2
+    push[5::6] *= 0.2
+    return Case(
+        H=H,
+        stiffness=(np.full(n, K_n), np.zeros(n), np.full(n, 5e9 if np.isinf(K_n) else 0.5 * K_n)),
+        mu=np.array([[mu, mu] for _, mu in rows]),
+        gap=1e-5 * rng.random(n),
+        anchor=1e-5 * rng.standard_normal((n, 2)),
+        w_free=B @ push,
+    )
+
+
+@pytest.mark.parametrize("K_n", [1e9, 1e11], ids="{:.0e}".format)
+@pytest.mark.parametrize("seed", range(8))
+def test_bodies_on_more_gaps_than_they_have_motions(seed, K_n):
+    """63 gaps with friction of four bodies with 24 motions, K_n times H 1 and 100.
+
+    Newton, and then 200 sweeps, solved one of the eight stiff cases.
+    """
+    case = bodies_on_many_gaps(seed, bodies=4, each=9, K_n=K_n)
+    assert np.linalg.matrix_rank(case.H) == 24 and len(case.gap) == 63
+    check(case, *solve(case)[:3])
 
 
 @pytest.mark.parametrize("way", ["sweeps", "newton", "exact"])

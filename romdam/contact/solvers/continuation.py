@@ -1,7 +1,9 @@
 """The gap-space problem with friction where sweeps do not contract: Newton, and slower ways where it fails.
 
-Sweeps solve each gap exactly for the forces of the others (`single_contact`), and at last the solution is
-followed from no friction, where it is unique, to all of it.
+Newton may cycle among a few states, two gaps that stick and slide in turn. Sweeps that solve each gap exactly
+for the forces of the others (`single_contact`) contract slowly, but they lead out of such a cycle: so Newton
+and some of these sweeps take turns. At last the solution is followed from no friction, where it is unique, to
+all of it.
 """
 
 from __future__ import annotations
@@ -9,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory, Limits
 from romdam.contact.solvers.newton import add_row, natural_residual, newton, response
@@ -17,7 +18,8 @@ from romdam.contact.solvers.single_contact import solve_gap
 from romdam.core.arrays import Floats
 from romdam.core.jit import copy, njit
 
-_EXACT_SWEEPS = 200
+_EXACT_SWEEPS = 16  # between two tries of Newton; 8 or more led out of every cycle that was seen
+_TURNS = 13  # of both
 _WINDOW = 4  # sweeps between two looks at the residual
 _FIRST_SHARE, _LONGER, _LEAST_SHARE = 0.1, 1.5, 1e-4  # of the friction
 
@@ -53,35 +55,50 @@ def exact_sweeps(
     return residual
 
 
+@njit(cache=True)
+def newton_and_sweeps(
+    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
+) -> float:
+    """Newton and, while it fails, again from where exact sweeps lead; natural residual reached.
+
+    Sweeps go on from the better of their last force and Newton's, so that they gain whatever Newton does.
+    """
+    p, swept, swept_residual = memory.force, memory.force.copy(), np.inf
+    residual = newton(W, limits, memory, y_free, y, tolerance)
+    for _ in range(_TURNS):
+        if residual <= tolerance:
+            break
+        if not residual < swept_residual:
+            copy(swept, p)
+        swept_residual = exact_sweeps(W, limits, memory, y_free, y, tolerance)
+        if swept_residual <= tolerance or not math.isfinite(swept_residual):
+            return swept_residual
+        copy(p, swept)
+        residual = newton(W, limits, memory, y_free, y, tolerance)
+    return residual
+
+
 @njit(cache=True, inline="always")
 def continue_from_no_friction(
-    W: Floats,
-    limits: Limits,
-    memory: GapMemory,
-    y_free: Floats,
-    y: Floats,
-    control: tuple[float, NDArray[np.bool_]],
+    W: Floats, limits: Limits, memory: GapMemory, y_free: Floats, y: Floats, tolerance: float
 ) -> float:
-    """Newton, then exact sweeps, and where both fail by shares of the friction up to all; residual reached.
+    """Newton and exact sweeps, and where they fail by shares of the friction up to all; residual reached.
 
     Newton alone where the solver is told to be hasty.
 
     Parameters
     ----------
     y : response of memory.force, where all starts [m]
-    control : (tolerance, closed): closed is not empty where a step that Newton does not solve is
-        to be given up
     """
-    tolerance, kept = control
     solved, share, step, hasty = 0.0, 1.0, 2.0 * _FIRST_SHARE, memory.solver.sweeps.counts.hasty
     force = np.zeros(len(y))
     while True:
         eased = Limits(cohesion=limits.cohesion, mu=share * limits.mu, tension=limits.tension)
-        residual = newton(W, eased, memory, y_free, y, tolerance)
-        if not residual <= tolerance and not hasty:
-            residual = exact_sweeps(W, eased, memory, y_free, y, tolerance)
+        if hasty:
+            return newton(W, eased, memory, y_free, y, tolerance)
+        residual = newton_and_sweeps(W, eased, memory, y_free, y, tolerance)
         good = residual <= tolerance
-        if (good and share == 1.0) or len(kept) or hasty:
+        if good and share == 1.0:
             return residual
         if good:
             solved, step = share, _LONGER * step

@@ -341,7 +341,7 @@ def solve_frictional(
         return np.inf
     if not residual <= tolerance:
         solver.sweeps.counts.newton_steps += 1
-        residual = continue_from_no_friction(W, limits, memory, y_free, y, (tolerance, kept))
+        residual = continue_from_no_friction(W, limits, memory, y_free, y, tolerance)
     if residual <= tolerance:
         _remember(solver.sweeps, p, y_free, y)
         note_sticking(W, limits, solver, p)
