@@ -46,7 +46,7 @@ def concerns(stats: Mapping[str, float]) -> list[str]:
         found.append(
             f"the steps change the openings by about {100 * stats['estimated_time_error']:.2g} % in L2, as "
             f"half of them shows: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
-            "transient.accuracy; where that changes nothing, histories hang on anything, and peaks count"
+            "transient.accuracy; if a finer step does not help, the history is chaotic: trust the peaks only"
         )
     return found
 
