@@ -31,6 +31,7 @@ from romdam.postprocess.record_measures import analysed
 from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
+from romdam.results.sliding import sliding_concerns
 from romdam.results.stress.faces import of_faces, peak_shares
 from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
 
@@ -148,6 +149,7 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
                 [
                     *concerns(case.history.stats),
                     *crack_concerns(job.config.loads.joint_water, case.scene, case.history),
+                    *sliding_concerns(case),
                     *case.history.warnings,
                 ]
             ),

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from romdam.core.system import SLIP
 from romdam.postprocess.sliding import REST, safety_factor
 from romdam.results.case import Array, Case, Variable
+
+_RESTS = 0.05  # of the residual slip: less motion about that mean, and a joint rests
 
 
 def _carries_shear(case: Case) -> bool:
@@ -50,14 +53,39 @@ def _demand_ratio(case: Case) -> Array:
     return np.fmax.reduce(ratio, axis=0)
 
 
-def _residual(case: Case) -> Array:
-    """Mean displacement that is left, along the joints' mean planes."""
-    time, moved = case.history.time, _displacement(case)
-    left = moved[time >= time[-1] - REST].mean(axis=0)
-    area = case.of_gaps("whole_area")
+def _slip(case: Case) -> Array:
+    """Mean displacement along the joints' mean planes, (nt, joints, 3) [m]."""
+    moved, area = _displacement(case), case.of_gaps("whole_area")
     normal = _sum(case, (area[:, None] * case.of_gaps("axes")[:, 0])[None])[0]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.linalg.norm(left - (left * normal).sum(axis=1, keepdims=True) * normal, axis=1)
+    return np.asarray(moved - (moved * normal).sum(axis=-1, keepdims=True) * normal)
+
+
+def _residual(case: Case) -> Array:
+    """Mean slip that is left."""
+    time = case.history.time
+    return np.linalg.norm(_slip(case)[time >= time[-1] - REST].mean(axis=0), axis=1)
+
+
+def sliding_concerns(case: Case) -> list[str]:
+    """Write a sentence for each joint that still slides while its residual slip is averaged."""
+    if not _carries_shear(case):
+        return []
+    last, found, first = case.history.time >= case.history.time[-1] - REST, [], 0
+    slip, residual = _slip(case)[last], _residual(case)
+    farthest = np.linalg.norm(slip - slip.mean(axis=0), axis=-1).max(axis=0)
+    for number, (name, joint) in enumerate(case.scene.joints.items()):
+        gaps = slice(first, first := first + len(joint.area))
+        slides = (case.history.state[last, gaps] == SLIP).any()
+        if slides and farthest[number] > _RESTS * residual[number]:
+            size = 1e3 * np.linalg.norm(slip[:, number], axis=1)
+            found.append(
+                f"joint {name} still slides in the last {REST:g} s of the run: its slip there is "
+                f"{size.min():.3g} to {size.max():.3g} mm, and the residual slip of "
+                f"{1e3 * residual[number]:.3g} mm, their mean, is not what is left; give a longer "
+                "transient.duration, or a record that ends at rest"
+            )
+    return found
 
 
 UNDEFINED = ("joint_shear_strength", "sliding_safety_factor")  # may be no numbers

@@ -1,6 +1,8 @@
 """Factor of safety, table and verdict of sliding: closed forms of a block on a plane, a synthetic result."""
 
 import csv
+import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -126,6 +128,22 @@ def test_a_block_that_holds_has_friction_over_inertia(job, timing):
     assert one.factor == pytest.approx(MU * G / 2.0, rel=1e-3)
     assert one.residual_slip <= RHO * HEIGHT * 2.0 / 100e9  # the shear spring's deformation
     assert "bonded_area" not in ds
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_run_that_ends_while_a_block_slides_says_so(job, timing, rests):
+    """The slip (5 - 3.924) t^2 / 2 goes on to the end, from 0.538 to 2.152 m in the last second."""
+    corners = (0.0, 0.0), (0.002, 5.0), (1.0, 5.0), (1.002, 0.0), (3.0, 0.0)
+    _, ds = run(job, timing, ramp(*corners) if rests else ramp((0.0, 0.0), (0.002, 5.0), (2.0, 5.0)))
+    said = [text for text in json.loads(ds.attrs["run_warnings"]) if "still slides" in text]
+    assert len(said) == (0 if rests else 1)
+    if said:
+        left, right = (1e3 * 0.5 * (5.0 - MU * G) * t**2 for t in (1.0, 2.0))
+        numbers = re.search(r"its slip there is ([\d.e+]+) to ([\d.e+]+) mm", said[0])
+        assert (
+            said[0].startswith("joint base still slides in the last 1 s") and "transient.duration" in said[0]
+        )
+        assert [float(number) for number in numbers.groups()] == pytest.approx([left, right], rel=0.02)
 
 
 @pytest.mark.parametrize("integrator", ["adaptive", "generalized_alpha"])
