@@ -52,6 +52,7 @@ def start(folder: Path, out: str) -> tuple[list[str], str, xr.Dataset]:
     return (folder / "made.txt").read_text().split(), done.stderr, result
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CALLED, reason="with this numba every function is compiled whole")
 def test_a_first_start_compiles_the_loop_alone_and_has_the_bits_of_the_next(tmp_path):
     (number, *whole), said, first = start(tmp_path, "first")

@@ -254,7 +254,7 @@ def sequence(number: int, folder: Path, usual: float) -> None:
 
 
 def test_edits_and_kills_end_in_the_bits_of_a_fresh_run(cases, compiled, tmp_path):
-    for number in range(cases(2, 200)):
+    for number in range(cases(1, 200)):
         folder = tmp_path / str(number)
         folder.mkdir()
         sequence(number, folder, compiled)
