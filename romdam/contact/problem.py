@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from romdam.contact.components import NORMAL, SHEAR_J
+from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.compiled import Functions, compiled
 from romdam.contact.laws.coulomb import Coulomb
@@ -89,7 +89,8 @@ class GapProblem(NamedTuple):
     tension : (n,) K_nz [N/m]
     compliance : (N,) of the gaps over the step, with (1 + theta ratio) [m/N]
     theta_ratio : (N,) (1 - theta) / theta; zero where the force follows the spring at the step's end
-    self_flexibility : (N,) how far a force moves its own jump over the step, without compliance [m/N]
+    self_flexibility : (N,) how far a force moves its own jump over the step, without compliance; along both
+        directions of the shear the largest in the gap's plane [m/N]
     mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
     whole : (n,) whole normal force per p_c of a closed gap
     gap : (n,) initial gap [m]
@@ -191,7 +192,8 @@ def gap_problem(
     laws = _laws(law, unilateral, dt) if law.has_memory else None
     compliance = _compliance(unilateral, law.K_s, None if laws is None else laws.dashpot_share, d)
     transform, W = _with_tension(H, K_nz)
-    own = W.diagonal() if own is None or len(transform) else own
+    if own is None or len(transform):
+        own = self_flexibility(blocks_of_gaps(W, n)).ravel()
     ratio = np.minimum(_theta_ratio(own.reshape(n, d), compliance), most_ratio if laws is None else 0.0)
     compliance *= 1.0 + ratio
     W = W + np.diag(compliance.ravel())
@@ -245,9 +247,28 @@ def _with_tension(H: Floats, K_nz: Floats) -> tuple[Floats, Floats]:
 def _theta_ratio(flexibility: Floats, compliance: Floats) -> Floats:
     """(1 - theta) / theta of every spring, (n, d); the same for both directions of the shear."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(compliance > 0.0, 1.0 / (1.0 + 2.0 / _HALF_WAY * flexibility / compliance), 0.0)
-    ratio[:, SHEAR_J:] = ratio[:, SHEAR_J:].min(axis=1, initial=1.0, keepdims=True)
-    return ratio
+        return np.where(compliance > 0.0, 1.0 / (1.0 + 2.0 / _HALF_WAY * flexibility / compliance), 0.0)
+
+
+def blocks_of_gaps(H: Floats, n: int) -> Floats:
+    """The blocks (n, d, d) of every gap by itself on the diagonal of H (N, N)."""
+    d = len(H) // max(n, 1)
+    gaps = np.arange(n)
+    return H.reshape(n, d, n, d)[gaps, :, gaps, :]
+
+
+def self_flexibility(blocks: Floats) -> Floats:
+    """Flexibility of single gaps (..., n, d) from their blocks (..., n, d, d).
+
+    It is that along the normal and, for both directions of the shear, the largest in the plane of the gap:
+    no choice of the axes changes it.
+    """
+    own = np.diagonal(blocks, axis1=-2, axis2=-1).copy()
+    if own.shape[-1] > 1:
+        jj, kk = blocks[..., SHEAR_J, SHEAR_J], blocks[..., SHEAR_K, SHEAR_K]
+        largest = 0.5 * (jj + kk) + np.hypot(0.5 * (jj - kk), blocks[..., SHEAR_J, SHEAR_K])
+        own[..., SHEAR_J:] = largest[..., None]
+    return own
 
 
 def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:

@@ -35,6 +35,8 @@ class ModalModel(NamedTuple):
     conserving : True where the joint force acts with its mean over the step, so that no energy is lost, else
         None, which is a type of its own to numba: what is not called is not compiled either
     shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
+    ground_jump : (components, N) jump of the modes that are no states per unit ground acceleration, or (0, 0)
+        [s2]
     carried : (N, m) jumps that moving supports make, None without
     """
 
@@ -45,6 +47,7 @@ class ModalModel(NamedTuple):
     R: Floats
     conserving: bool | None
     shift: Floats
+    ground_jump: Floats
     carried: Floats | None
 
 
@@ -153,6 +156,7 @@ class Work(NamedTuple):
     f_1, q_free, r : (runs, m) external force and displacement without joint force at the step's end; joint
         force on the modes
     w, y, old_force : (runs, N) jumps, the gap-space problem's solution, joint force at the step's start
+    moved : (runs, N) what the change of the shear moves the jumps by
     start_shift, end_shift : (runs, N) added jumps at both ends of the base step; (runs, 0) where none are
     shift, last_shift : (runs, N) or (runs, 0) added jumps at the step's end, and at the last accepted one's
     active, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
@@ -166,6 +170,7 @@ class Work(NamedTuple):
     w: Floats
     y: Floats
     old_force: Floats
+    moved: Floats
     start_shift: Floats
     end_shift: Floats
     shift: Floats
@@ -217,7 +222,7 @@ def new_work(states: ModalState, shifted: bool) -> Work:
     """Make the vectors of the loop; `shifted` where jumps are added."""
     (runs, m), N = states.q.shape, states.mean.shape[1]
     f_0, f_end, f_1, q_free, r = np.zeros((5, runs, m))
-    w, y, old_force = np.zeros((3, runs, N))
+    w, y, old_force, moved = np.zeros((4, runs, N))
     return Work(
         f_0=f_0,
         f_end=f_end,
@@ -227,6 +232,7 @@ def new_work(states: ModalState, shifted: bool) -> Work:
         w=w,
         y=y,
         old_force=old_force,
+        moved=moved,
         start_shift=np.zeros((runs, N if shifted else 0)),
         end_shift=np.zeros((runs, N if shifted else 0)),
         shift=np.zeros((runs, N if shifted else 0)),

@@ -43,11 +43,13 @@ def history_of_rows(
     (_, split), system = arrays, prepared.system
     coordinates, energy = None, dict[str, Floats]()
     time = np.arange(len(buffer.q), dtype=np.float64) * settings.steps.interval
-    jump = _at_points(prepared, split, buffer)
+    follows = acc.T.copy()
+    follows[:1] = 0.0  # the first row is the state that the run begins in
+    jump = _at_points(prepared, split, buffer, follows)
     if settings.only_jumps:
-        buffer, acc = some_rows(buffer, slice(0)), acc[:, :0]
+        buffer, acc, follows = some_rows(buffer, slice(0)), acc[:, :0], follows[:0]
     else:
-        coordinates = Coordinates(partial(_whole_motion, system, split, buffer))
+        coordinates = Coordinates(partial(_whole_motion, system, split, buffer, follows))
         kinetic = 0.5 * (buffer.v**2).sum(axis=1)
         energy = ledger(buffer.energies, kinetic, _strain(system, arrays, buffer))
     seen = _observed(prepared, split, "observe")
@@ -58,7 +60,7 @@ def history_of_rows(
         water=buffer.water,
         mean_traction=buffer.impulse / settings.steps.interval,
         state=buffer.state,
-        disp=seen.displacement(buffer),
+        disp=seen.displacement(buffer, follows),
         vel=buffer.v @ seen.states.T,
         acc=_observed_acceleration(system, arrays, buffer, acc),
         coordinates=coordinates,
@@ -77,17 +79,21 @@ class _Observed(NamedTuple):
     states : (r, m) per displacement, or velocity, of the dynamic modes
     forces : (N, r) per relaxed joint force
     rest : (r,) under the static load, of the quasi-static modes
+    ground : (loads, r) per ground acceleration, of the quasi-static modes
     """
 
     states: Floats | csr_matrix
     forces: Floats
     rest: Floats
+    ground: Floats
 
-    def displacement(self, buffer: HistoryBuffer) -> Floats:
-        """(nt, r) in the rows."""
+    def displacement(self, buffer: HistoryBuffer, acc: Floats) -> Floats:
+        """(nt, r) in the rows, the ground's acceleration in them (nt, loads)."""
         disp = buffer.q @ self.states.T + self.rest
         if self.forces.any():
             disp += buffer.s @ self.forces
+        if self.ground.any():
+            disp += acc @ self.ground
         return np.asarray(disp)
 
 
@@ -99,7 +105,8 @@ def _observed(prepared: Prepared, split: ModeSplit, name: str) -> _Observed:
 
 def _make_observed(system: System, split: ModeSplit, name: str) -> _Observed:
     seen, k = getattr(system, name), system.K.diagonal()
-    flexible = seen[:, split.quasi_static].toarray().T / k[split.quasi_static, None]
+    quasi_static = seen[:, split.quasi_static].toarray().T
+    flexible = quasi_static / k[split.quasi_static, None]
     forces, states = split.G_quasi @ flexible, seen[:, split.dynamic]
     tapered = np.flatnonzero(split.taper < 1.0)
     if len(tapered):
@@ -108,21 +115,27 @@ def _make_observed(system: System, split: ModeSplit, name: str) -> _Observed:
     states = states.multiply(split.taper).tocsr()
     if name == "observe" or states.nnz > _DENSE * states.shape[0] * states.shape[1]:  # probes are few
         states = states.toarray()
-    return _Observed(states, forces, system.force[split.quasi_static] @ flexible)
+    ground = split.ground_answer(system).T @ quasi_static
+    return _Observed(states, forces, system.force[split.quasi_static] @ flexible, ground)
 
 
-def _at_points(prepared: Prepared, split: ModeSplit, buffer: HistoryBuffer) -> Floats:
+def _at_points(prepared: Prepared, split: ModeSplit, buffer: HistoryBuffer, acc: Floats) -> Floats:
     """Jumps at the gaps' very positions."""
     if prepared.system.at_point is None:
         return buffer.jump
-    more = _observed(prepared, split, "at_point").displacement(buffer)
+    more = _observed(prepared, split, "at_point").displacement(buffer, acc)
     return buffer.jump + more.reshape(buffer.jump.shape)
 
 
 def _whole_motion(
-    system: System, split: ModeSplit, buffer: HistoryBuffer, rows: slice
+    system: System, split: ModeSplit, buffer: HistoryBuffer, acc: Floats, rows: slice
 ) -> tuple[Floats, Floats]:
-    """All modes' displacements and velocities from the dynamic ones and the relaxed joint forces."""
+    """All modes' displacements and velocities; quasi-static ones answer joint forces and the ground.
+
+    Parameters
+    ----------
+    acc : (nt, loads) ground acceleration in the rows of the buffer
+    """
     buffer = some_rows(buffer, rows)
     q, v = np.zeros((len(buffer.q), system.size)), np.zeros((len(buffer.q), system.size))
     q[:, split.dynamic], v[:, split.dynamic] = buffer.q * split.taper, buffer.v * split.taper
@@ -134,6 +147,7 @@ def _whole_motion(
     if len(split.quasi_static):
         k = system.K.diagonal()[split.quasi_static]
         q[:, split.quasi_static] = (buffer.s @ split.G_quasi + system.force[split.quasi_static]) / k
+        q[:, split.quasi_static] += acc[rows] @ split.ground_answer(system).T
     return q, v
 
 
@@ -144,7 +158,7 @@ def _observed_acceleration(
     model, split = arrays
     k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
     seen = system.observe.toarray().T[split.dynamic]
-    rate = model.static @ seen + acc.T @ (model.load @ seen)
+    rate = model.static @ seen - acc.T @ (system.load[split.dynamic].T @ seen)
     force = with_water(buffer.force, buffer.water)
     rate += force.reshape(len(force), len(split.G)) @ (split.G @ seen)
     rate -= buffer.v @ (c[:, None] * seen) + buffer.q @ (k[:, None] * seen)

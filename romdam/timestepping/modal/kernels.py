@@ -163,6 +163,20 @@ def external_force(model: ModalModel, acc: Floats, f: Floats) -> None:
 
 
 @njit(cache=True)
+def added_jumps(model: ModalModel, sample: int, acc: Floats, jump: Floats) -> None:
+    """Jumps at one base step, but for those that moving supports make; none where `jump` is empty.
+
+    Parameters
+    ----------
+    acc : (components,) ground acceleration at that step [m/s2]
+    """
+    for i in range(len(jump)):
+        jump[i] = model.shift[sample, i] if len(model.shift) else 0.0
+        for a in range(len(model.ground_jump)):
+            jump[i] += model.ground_jump[a, i] * acc[a]
+
+
+@njit(cache=True)
 def add_carried(
     carried: Floats | None, motion: Floats, first: int, within: tuple[float, float], jump: Floats
 ) -> None:

@@ -41,6 +41,7 @@ from romdam.timestepping.modal.arrays import (
 )
 from romdam.timestepping.modal.kernels import (
     add_carried,
+    added_jumps,
     advance,
     external_force,
     free_motion,
@@ -167,6 +168,7 @@ def _shears_steadily(
     state: ModalState,
     old_force: Floats,
     change: Floats,
+    moved: Floats,
     most: float,
 ) -> bool:
     """Tell whether the change of the shear in closed gaps moves none of them farther than `most`.
@@ -178,9 +180,9 @@ def _shears_steadily(
 
     Parameters
     ----------
-    change : (N,) scratch
+    change, moved : (N,) scratch
     """
-    n, W = len(state.closed), problem.W
+    n = len(state.closed)
     if len(memory.force) == n:
         return True
     for i in range(n):
@@ -190,15 +192,17 @@ def _shears_steadily(
         change[3 * i + NORMAL] = 0.0
         for b in range(3 * i + SHEAR_J, 3 * i + SHEAR_K + 1):
             change[b] = memory.force[b] - old_force[b] if counts else 0.0
+    for b in range(len(change)):
+        moved[b] = -problem.compliance[b] * change[b]
+    for b in range(len(change)):
+        if change[b] != 0.0:
+            row = problem.W[b]  # W is symmetric
+            for a in range(len(moved)):
+                moved[a] += change[b] * row[a]
     for i in range(n):
         j, k = 3 * i + SHEAR_J, 3 * i + SHEAR_K
-        if change[j] == 0.0 and change[k] == 0.0:
-            continue
-        moved_j, moved_k = -problem.compliance[j] * change[j], -problem.compliance[k] * change[k]
-        for b in range(len(change)):
-            moved_j += W[j, b] * change[b]
-            moved_k += W[k, b] * change[b]
-        if not moved_j**2 + moved_k**2 <= most**2:
+        counts = change[j] != 0.0 or change[k] != 0.0
+        if counts and not moved[j] ** 2 + moved[k] ** 2 <= most**2:
             return False
     return True
 
@@ -210,9 +214,8 @@ def _open_base_step(model: ModalModel, runs: Batch, work: Work, run: int) -> Non
     n = clock.base_steps
     copy(work.f_end[run], work.f_0[run])
     external_force(model, runs.acc[:, runs.samples[run] + n + 1], work.f_end[run])
-    if len(model.shift):
-        copy(model.shift[n], work.start_shift[run])
-        copy(model.shift[n + 1], work.end_shift[run])
+    copy(work.end_shift[run], work.start_shift[run])
+    added_jumps(model, n + 1, runs.acc[:, runs.samples[run] + n + 1], work.end_shift[run])
     clock.fine_steps, clock.calm_steps = 0, 0
 
 
@@ -276,7 +279,7 @@ def _try_step(
     if good and l < finest:
         most = runs.shear_impulse[run]
         good = _slides_on(memory, state.slip_rate, (runs.clock[run].last_step, dt), y, most)
-        good = good and _shears_steadily(problem, memory, state, old_force, w, most * dt)
+        good = good and _shears_steadily(problem, memory, state, old_force, w, work.moved[run], most * dt)
     if not good:
         copy(old_force, memory.force)
     return good, residual
@@ -344,13 +347,12 @@ def _move(
         joint += joint_r
         loss += loss_r
     energies = state.energies
-    if model.carried is not None:  # the supports do what work the joint force does on what they carry
-        shift, last = work.shift[run], work.last_shift[run]
-        for i in range(len(shift)):
-            carried = state.mean[i] * (shift[i] - last[i])
-            joint += carried
-            input_ -= carried
-            last[i] = shift[i]
+    shift, last = work.shift[run], work.last_shift[run]
+    for i in range(len(shift)):  # the ground does what work the joint force does on what it moves alone
+        carried = state.mean[i] * (shift[i] - last[i])
+        joint += carried
+        input_ -= carried
+        last[i] = shift[i]
     energies.input += input_
     energies.damping += loss
     energies.joint_work += joint

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.components import NORMAL
-from romdam.contact.problem import GapMemory, GapProblem, gap_memory
+from romdam.contact.problem import GapMemory, GapProblem, blocks_of_gaps, gap_memory, self_flexibility
 from romdam.core.arrays import Floats, Ints, at, stacked
 from romdam.core.system import System
 from romdam.timestepping.equilibrium import system_gap_problem
@@ -45,6 +45,21 @@ class ModeSplit:
     G: Floats
     G_quasi: Floats
     taper: Floats
+
+    @property
+    def follows_ground(self) -> bool:
+        """Whether the quasi-static modes follow the ground; those of a massless boundary have no inertia."""
+        return not (self.taper < 1.0).any()
+
+    def ground_answer(self, system: System) -> Floats:
+        """Displacement of the quasi-static modes per unit ground acceleration, (quasi-static, loads) [s2].
+
+        They are stiff and strongly damped, so the inertia of the ground's motion is a static load to them.
+        """
+        if not self.follows_ground:
+            return np.zeros((len(self.quasi_static), system.load.shape[1]))
+        k = system.K.diagonal()[self.quasi_static]
+        return np.asarray(-system.load[self.quasi_static] / k[:, None])
 
     @property
     def key(self) -> tuple[bytes, bytes]:
@@ -95,6 +110,7 @@ def modal_model(
     massless_boundary : whether the joint force acts with its mean over a step
     shift : (nt, N) added to the jumps at every base step [m]
     """
+    ground_jump = split.G_quasi @ split.ground_answer(system)[:, active]
     k = system.K.diagonal()
     tiles, values = _tiles(system, split)
     R = (
@@ -114,6 +130,7 @@ def modal_model(
         R=np.ascontiguousarray(R),
         conserving=True if massless_boundary else None,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
+        ground_jump=np.ascontiguousarray(ground_jump.T) if ground_jump.any() else np.zeros((0, 0)),
         carried=None if system.pseudo_static is None else np.ascontiguousarray(system.pseudo_static.jump),
     )
 
@@ -248,9 +265,11 @@ def _motion(
     H = half if model.conserving else 2.0 * half
     if len(model.R):
         H = H + (1.0 - decay)[:, None, None] * model.R
-    own = H.diagonal(axis1=1, axis2=2)
     if symmetry is not None:
         own = _single(whole, symmetry, of_whole, sizes, decay)
+    else:
+        n = len(prepared.system.law)
+        own = np.stack([self_flexibility(blocks_of_gaps(each, n)).ravel() for each in H])
     return _Motion(step, decay, H, own, half)
 
 
@@ -274,10 +293,14 @@ def _single(
         )
         for dt in sizes
     ]
-    q_p = np.stack(responses)
-    relaxed = split.G_quasi[rows] ** 2 @ (1.0 / k[split.quasi_static])
-    own = q_p @ split.G[rows].T ** 2 + (1.0 - decay)[:, None] * relaxed
-    return np.asarray(own / np.repeat(symmetry.count, d))
+    G, G_quasi = (each[rows].reshape(-1, d, each.shape[1]) for each in (split.G, split.G_quasi))
+    relaxed = (G_quasi / k[split.quasi_static]) @ G_quasi.transpose(0, 2, 1)
+    blocks = [
+        (G * moved) @ G.transpose(0, 2, 1) + (1.0 - left) * relaxed
+        for moved, left in zip(responses, decay, strict=True)
+    ]
+    own = self_flexibility(np.stack(blocks)) / symmetry.count[:, None]
+    return np.asarray(own.reshape(len(sizes), -1))
 
 
 def _offset_problem(

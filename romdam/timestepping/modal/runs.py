@@ -140,7 +140,7 @@ def _arrays(
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
     buffer = _history_buffer(states, settings.steps.stride, runs)
-    added = len(model.shift) > 0 or model.carried is not None
+    added = len(model.shift) > 0 or len(model.ground_jump) > 0 or model.carried is not None
     arrays = Arrays(model, levels, runs, states, new_work(states, added), buffer)
     _begin(arrays)
     return arrays
@@ -173,11 +173,14 @@ def _begin(arrays: Arrays) -> None:
         getattr(arrays.buffer, name)[runs.rows] = now[name]
     work.f_0[:] = states.f
     work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
-    if len(model.shift):
-        work.start_shift[:], work.end_shift[:] = model.shift[:2]
+    for jumps, sample in ((work.start_shift, 0 * runs.last), (work.end_shift, np.minimum(runs.last, 1))):
+        if len(model.shift):
+            jumps += model.shift[sample]
+        for answer, a in zip(model.ground_jump, runs.acc[:, runs.samples + sample], strict=False):
+            jumps += a[:, None] * answer
     if model.carried is not None:
         disp = runs.supports[-model.carried.shape[1] :, runs.samples]
-        work.last_shift[:] = work.start_shift + (model.carried @ disp).T
+        work.last_shift[:] = (model.carried @ disp).T
 
 
 def _external_force(model: ModalModel, acc: Floats) -> Floats:
@@ -321,7 +324,7 @@ def _outcomes(
             "loop_cpu_seconds": loop * share,
             "batch": float(len(batch)),
         }
-        acc = runs.acc[:, runs.samples[run] :][:, : runs.last[run] + 1 : buffer.stride]
+        acc = prepared.system.inertial(ground)[:, : runs.last[run] + 1 : buffer.stride]
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
         written = some_rows(buffer, rows)
         history = history_of_rows(prepared, (model, split), written, acc, settings)
@@ -339,6 +342,8 @@ def _mass_left(system: System, split: ModeSplit, ground: Floats) -> float:
 
     The largest over the directions that are shaken.
     """
+    if split.follows_ground:
+        return 0.0
     shaken = system.inertial(ground).any(axis=1)
     mass = np.asarray(system.load)[:, shaken] ** 2
     whole = mass.sum(axis=0)
