@@ -60,3 +60,44 @@ def test_the_estimate_is_made_with_the_base_step_that_an_accuracy_came_to():
     true = np.linalg.norm(run.opening.values - truth.opening.values) / np.linalg.norm(truth.opening.values)
     assert true > 1e-3
     assert run.attrs["error_estimate_opening_l2"] == pytest.approx(true, rel=0.1)
+
+
+SINES = np.sin(11.0 * TIME) + 0.6 * np.sin(17.0 * TIME + 1.0), 0.4 * np.sin(14.3 * TIME)
+SHAKING = 9.0 * np.where(TIME < 1.6, np.sin(np.pi * TIME / 1.6) ** 2, 0.0) * np.array(SINES)
+
+
+def slid(finest, dt, law, estimate=True):
+    """Slips (nt, gaps, 2) and openings of a block that slides on another, with all modes, and what it says."""
+    block = {"material": "concrete", "box": {"origin": [0, 0, 0], "size": [4, 4, 4], "element_size": 4}}
+    top = {"material": "concrete", "box": {"origin": [0, 0, 4], "size": [4, 4, 8], "element_size": 4}}
+    joint = {"between": ["base", "top"], "normal_stiffness": 20e9, "shear_stiffness": 10e9, "friction": 0.4}
+    job = {
+        "materials": {"concrete": {"E": 25e9, "nu": 0.2, "rho": 2400}},
+        "blocks": {"base": block, "top": top},
+        "supports": [{"block": "base", "face": "zmin"}],
+        "joints": {"sole": joint | law},
+        "loads": {"gravity": [0, 0, -9.81]},
+        "damping": {"rayleigh": {"frequencies": [5, 40], "ratio": 0.05}},
+        "model": {"modes": "all"},
+        "transient": {"finest_step": finest},
+        "outputs": {"output_interval": DT, "plots": False, "error_estimate": estimate},
+    }
+    time = np.arange(0.0, 1.6, dt)
+    acc = np.stack([*(np.interp(time, TIME, along) for along in SHAKING), np.zeros(len(time))])
+    data = romdam.run(job, motions=GroundMotion("sines", acc, dt, {}, ())).results[0].dataset
+    return data.slip.values[:160], data.opening.values[:160], data.attrs
+
+
+@pytest.mark.parametrize("law", [{}, {"friction_static": 0.6}])
+def test_the_error_of_given_steps_is_stated_where_all_modes_are_kept(law):
+    """Against a sixteenth of the finest and of the base step: the slip, in L2, and that which is left."""
+    slip, opening, attrs = slid(0.0025, DT, law)
+    exact, closed, _ = slid(0.0025 / 16, DT / 16, law, estimate=False)
+    true = max(
+        np.linalg.norm(slip - exact) / np.linalg.norm(exact),
+        np.linalg.norm(opening - closed) / max(np.linalg.norm(closed), 0.01 * np.linalg.norm(exact)),
+        2.0 * np.linalg.norm(slip[-1] - exact[-1]) / np.linalg.norm(exact[-1]),
+    )
+    assert true > 0.01
+    assert 0.5 * true <= attrs["solver_estimated_time_error"] <= 2.0 * true
+    assert "error_estimate_opening_l2" not in attrs
