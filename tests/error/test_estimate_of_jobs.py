@@ -67,7 +67,7 @@ SHAKING = 9.0 * np.where(TIME < 1.6, np.sin(np.pi * TIME / 1.6) ** 2, 0.0) * np.
 
 
 def slid(finest, dt, law, estimate=True):
-    """Slips (nt, gaps, 2) and openings of a block that slides on another, with all modes, and what it says."""
+    """Slips (nt, gaps, 2), openings and attributes of a block with all its modes that slides on another."""
     block = {"material": "concrete", "box": {"origin": [0, 0, 0], "size": [4, 4, 4], "element_size": 4}}
     top = {"material": "concrete", "box": {"origin": [0, 0, 4], "size": [4, 4, 8], "element_size": 4}}
     joint = {"between": ["base", "top"], "normal_stiffness": 20e9, "shear_stiffness": 10e9, "friction": 0.4}

@@ -293,7 +293,7 @@ def _single(
         )
         for dt in sizes
     ]
-    G, G_quasi = (each[rows].reshape(-1, d, each.shape[1]) for each in (split.G, split.G_quasi))
+    G, G_quasi = (each[rows].reshape(len(rows) // d, d, each.shape[1]) for each in (split.G, split.G_quasi))
     relaxed = (G_quasi / k[split.quasi_static]) @ G_quasi.transpose(0, 2, 1)
     blocks = [
         (G * moved) @ G.transpose(0, 2, 1) + (1.0 - left) * relaxed
