@@ -50,7 +50,8 @@ class Check:
     joints : name -> plain numbers (gaps, area [m2], friction, resultant of its water [N])
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
-    costs : CPU seconds of all runs: integration, estimate of the error, stress, figures; empty where unknown
+    costs : CPU seconds of all runs: integration, estimate of the error, stress, results and figures; empty
+        where unknown
     memory, file_size : estimates for all records [bytes]
     warnings : of what keys and records say and hardly can mean
     closed_frequencies : the lowest of the whole, every gap closed [Hz]; empty where they are not computed

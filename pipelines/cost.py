@@ -20,18 +20,19 @@ from romdam.records.measures import moving, significant_duration
 
 log = logging.getLogger(__name__)
 
-COSTS = ("integration", "estimate", "stress", "figures")
+COSTS = ("integration", "estimate", "stress", "results", "figures")
 _PARTS = 4  # of the record, at equal distances: strong motion is some of them
 _FIRST = 0.01  # of the record, each part, to begin with: they tell how long the others may be
 _ROWS = 5.0  # written rows of a part at least
 _BUDGET = 1.0  # s of CPU in the integration of the longer parts
 _LONGER = 2.0  # times as long they are at least
-_FIGURES = 2.5  # s of CPU: matplotlib is loaded, and the figures of a run are drawn
+_RESULTS = 0.6  # s of CPU to write a result, or a summary: 0.2 to 1.2, by the machine and its other work
+_FIGURES = 1.5  # s of CPU to draw the figures of a result: 0.9 to 2.4
 _QUIET = 0.02  # of the record's squared acceleration, at either end: joints hardly move, see `error.estimate`
 
 
 def run_costs(job: Job, model: Model, motions: Sequence[GroundMotion], runs: int = 1) -> dict[str, float]:
-    """CPU seconds of all runs: integration, estimate, stress, figures; empty where a part fails.
+    """CPU seconds of all runs: integration, estimate, stress, results, figures; empty where a part fails.
 
     Parts of two lengths are run, so that what a run takes whatever its length is counted once.
 
@@ -62,8 +63,10 @@ def run_costs(job: Job, model: Model, motions: Sequence[GroundMotion], runs: int
     every = runs * sum(run_seconds(job, motion) for motion in motions) / whole
     costs = {name: every * seconds for name, seconds in costs.items()}
     costs["stress"] += fields
-    drawn = job.config.outputs.plots and job.config.pipeline == "run"
-    return costs | {"figures": _FIGURES * len(motions) if drawn else 0.0}
+    if job.config.pipeline == "run":
+        costs["results"] = _RESULTS * (len(motions) + (len(motions) > 1))
+        costs["figures"] = _FIGURES * len(motions) if job.config.outputs.plots else 0.0
+    return costs
 
 
 def run_seconds(job: Job, motion: GroundMotion) -> float:

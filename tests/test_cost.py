@@ -76,6 +76,7 @@ def test_check_runs_the_parts_twice_short_and_once_longer(config, monkeypatch): 
     found = romdam.check(config)
     assert set(found.costs) == set(cost.COSTS) and found.costs["integration"] > 0.0
     assert found.seconds == pytest.approx(sum(found.costs.values()))
+    assert found.costs["results"] == cost._RESULTS and found.costs["figures"] in (0.0, cost._FIGURES)
     assert lengths == estimates
     assert len(lengths) == 3 * 4  # 0.05 s each, five written rows, to compile and to begin with; then 0.1 s
     assert lengths[:8] == pytest.approx([0.05] * 8, abs=0.011)
