@@ -90,7 +90,7 @@ def size_of(variable):
 def compare(folder, turn, laws, *, slides=False, transient=None, limit=1e-9):
     transient = transient or {"finest_step": 0.00125}
     straight, turned = (result(folder, each, laws, slides, transient) for each in (np.eye(3), turn))
-    for count in ("solver_steps", "solver_finest_step", *([] if slides else ["solver_refused_steps"])):
+    for count in ("solver_steps", "solver_refused_steps", "solver_finest_step"):
         assert straight.attrs[count] == turned.attrs[count]
     assert straight.attrs["solver_refused_steps"] > 0.0
     for name in ("opening", "slip", "normal_force", "shear_force"):
@@ -118,13 +118,10 @@ def test_no_choice_of_axes_in_the_joints_changes_a_run(tmp_path, name):
     compare(tmp_path, turn @ np.diag([1.0, -1.0, 1.0]), LAWS[name])
 
 
-@pytest.mark.parametrize("along", [UPRIGHT, SKEW])
-def test_columns_that_slide_on_rock(tmp_path, along):
-    """Forces are those of stiff springs from rest, which is known to 1e-9 of the displacements.
-
-    A gap that is about to close may cost a further try of a step, and changes nothing.
-    """
-    compare(tmp_path, Rotation.from_rotvec(along).as_matrix(), LAWS["friction"], slides=True, limit=2e-8)
+def test_columns_that_slide_on_rock(tmp_path):
+    """Forces are those of stiff springs from rest, which is known to 1e-9 of the displacements."""
+    turn = Rotation.from_rotvec(SKEW).as_matrix()
+    compare(tmp_path, turn, LAWS["friction"], slides=True, limit=2e-8)
 
 
 def test_the_steps_that_an_accuracy_chooses(tmp_path):
