@@ -201,9 +201,11 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
     if model.finer is not None:
         yield "the error of leaving out modes, which a run estimates"
     if job.config.transient.accuracy is not None:
+        slides = model.system.law.directions > 1
         yield (
             "the step that transient.accuracy comes to on the whole record; the time is for that of short "
             "parts, and each halving more up to doubles it; the size is of the coarsest"
+            + ("; short parts from rest hardly slide, so the time may be ten times as long" if slides else "")
         )
     if job.config.model.modes == "auto":
         yield f"how many modes model.modes: auto takes; {FIRST} are taken here"
