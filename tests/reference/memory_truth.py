@@ -41,7 +41,11 @@ SECONDS = 8.0
 _SHEAR = {"normal_stiffness": "30 GPa/m", "shear_stiffness": "15 GPa/m"}
 _SOFT = {"normal_stiffness": "8 GPa/m", "shear_stiffness": "3 GPa/m"}
 _STANDING = [{"block": name, "face": "zmin"} for name in ("a", "b", "c")]
-RECORDS = {"northridge": None, "farfield_09": ("farfield", 9), "nearfield_05": ("nearfield_pulse", 5)}
+RECORDS: dict[str, tuple[str, int] | None] = {
+    "northridge": None,
+    "farfield_09": ("farfield", 9),
+    "nearfield_05": ("nearfield_pulse", 5),
+}
 
 
 def _box(x: float, width: float, height: float, *, thick: float = 5.0, low: float = 0.0) -> dict[str, Any]:
@@ -105,11 +109,12 @@ def make_job(scene: str, record: str, **transient: Any) -> Job:
 
 def _record(name: str) -> dict[str, Any]:
     """Entry of a record with two horizontal components."""
-    if RECORDS[name] is None:
+    source = RECORDS[name]
+    if source is None:
         files = [RECORD, RECORD.with_name("northridge_mul279_g_dt0.01.txt")]
         entry = {"unit": "9.81 m/s2", "dt": 0.01}
     else:
-        files, dt = _p695_files(*RECORDS[name])
+        files, dt = _p695_files(*source)
         entry = {"unit": "g", "dt": dt}
     components = {axis: {"file": str(path)} for axis, path in zip("xy", files, strict=True)}
     return {"name": name, "components": components} | entry
