@@ -184,7 +184,7 @@ def test_a_job_without_a_comparison_is_told_so(tmp_path):
 @pytest.mark.parametrize(
     ("name", "seconds"),
     [
-        pytest.param("gap_against_contact", 1.0),
+        pytest.param("gap_against_contact", 1.0, marks=pytest.mark.slow),
         pytest.param("gap_against_contact_dam", 1.0, marks=pytest.mark.slow),
     ],
 )

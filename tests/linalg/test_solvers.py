@@ -135,7 +135,7 @@ def test_modes_below_a_frequency_are_those_of_a_sturm_count(name, block, monkeyp
     assert np.abs(modes.T @ (M @ modes) - np.eye(len(omega2))).max() < 1e-10
 
 
-@pytest.mark.parametrize("lost", [0, 3, -1])
+@pytest.mark.parametrize("lost", [0, *(pytest.param(lost, marks=pytest.mark.slow) for lost in (3, -1))])
 def test_block_lanczos_notices_a_mode_that_was_missed(lost, block):
     K, M, _ = block
     _, modes = reference(block)
@@ -252,7 +252,9 @@ def tower(size, element_size, held):
     return K[free][:, free], M[free][:, free], rigid_motions(made).reshape(-1, 6)[free]
 
 
-@pytest.mark.parametrize("count", [5, 16, 17, 25, 28, 66])
+@pytest.mark.parametrize(
+    "count", [5, 16, 25, *(pytest.param(count, marks=pytest.mark.slow) for count in (17, 28, 66))]
+)
 def test_both_modes_of_a_frequency_of_a_square_tower_are_found(count):
     """Bending has each frequency twice; one vector at a time misses one of them in all counts here but 66."""
     K, M, _ = tower((10.0, 10.0, 30.0), 2.5, held=True)

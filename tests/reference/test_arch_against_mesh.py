@@ -87,6 +87,7 @@ def test_error_of_the_cutoff_alone():
     assert (np.array(errors[-1]) < (0.015, 0.01, 0.02)).all()
 
 
+@pytest.mark.slow
 def test_estimate_knows_what_the_water_moves():
     """Without the answers to the water's inertia in its finer basis it is 0.27 to 0.29 of the truth here."""
     asked = job()
