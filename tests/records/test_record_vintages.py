@@ -39,6 +39,15 @@ def test_csmip_v1(tmp_path):
     assert (first.dt, first.meta["level"], first.meta["processed"]) == (samples.DT, "V1", False)
 
 
+def test_a_csmip_file_cut_within_an_end_mark_is_refused(tmp_path):
+    """What is left is a whole file of one channel, but for the rest of the mark."""
+    whole = vintages.csmip_v1(ACC)
+    mark = whole.index("End of Data for Channel  1")
+    for length in (len("End of Data for Channel "), len("End of Data for Channel  1  ---")):
+        with pytest.raises(RecordError, match="the end of the last channel is missing"):
+            read(tmp_path, whole[: mark + length])
+
+
 def test_csmip_v1_of_film_with_even_times_is_read_as_it_stands(tmp_path):
     first, second = read(tmp_path, vintages.csmip_pairs(TIMES, ACC))
     np.testing.assert_allclose(si(first), ACC, atol=0.5001e-4 * vintages.G)  # three decimals of g/10

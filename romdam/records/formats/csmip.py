@@ -38,6 +38,7 @@ TEXT_LINES, INTEGER_LINES, REAL_LINES = 13, 7, 7  # above the pairs of V1
 TIME_DIGIT = 1e-3  # s, as printed
 _ALMOST = re.compile(r"\d\s+points of (accel|veloc|displ)\w* data\b", re.I)
 _END = re.compile(r"end of data for (?:station )?chan", re.I)
+_RULED_END = re.compile(r"(-{3,})\s*" + _END.pattern, re.I)  # closed by as many dashes
 _UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?", re.I)
 _PEAK = re.compile(r"^\s*Peak\s+acceleration\s*=\s*([-+]?\d*\.?\d+)\s*([A-Za-z/^*\d]+)", re.I)
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
@@ -102,7 +103,9 @@ def read_csmip(path: Path) -> list[Channel]:
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
     last = max(i for i, line in enumerate(text.lines) if line.strip())
-    if channels[0].meta["level"] == "V1" and _END.search(text.head(last)) is None:
+    rule = _RULED_END.search(text.head(last))
+    cut = rule is not None and not text.head(last).rstrip().endswith(rule[1])
+    if cut or (channels[0].meta["level"] == "V1" and _END.search(text.head(last)) is None):
         raise text.fail(last, "the end of the last channel is missing; the file is cut short")
     ends = sum(_END.search(line[:WIDE]) is not None for line in text.lines)
     if ends not in (0, len(channels)):
