@@ -102,6 +102,9 @@ def read_csmip(path: Path) -> list[Channel]:
         header = index
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
+    for i in range(header, len(text.lines)):
+        if text.lines[i].strip() and not _END.search(text.head(i)):
+            raise text.fail(i, "lines behind the last channel that announce no data; the file is altered")
     last = max(i for i, line in enumerate(text.lines) if line.strip())
     rule = _RULED_END.search(text.head(last))
     cut = rule is not None and not text.head(last).rstrip().endswith(rule[1])
