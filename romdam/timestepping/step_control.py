@@ -21,10 +21,10 @@ _FRACTION = 1.0 / 400.0  # of the longest period: the finest step that leaves ab
 _LIMIT = 0.01  # accuracy below which shorter ones are needed
 _USUAL_HALVINGS = 3  # of the coarse step, where the period is not known
 _MOST_HALVINGS = 9
-_SHRINK = (0.4, 0.7)  # believed range of the ratio of two successive differences (order 1.3 to 0.5)
+_ORDERS = (0.5, 1.3)  # believed range of the order at which the error falls with the step
 _UNEVEN = 9.0 / 8.0  # more parts in every second run, so that successive steps are no multiples: 4, 9, 16, 36
 _UNEVEN_FROM = 2  # halvings of the base step in the first of such runs: 9 has to be a whole number
-_USUAL_SHRINK = 0.45  # with it 50 of 50 estimates were at least the true error, with 0.35 (and 0.3 above) 39
+_USUAL_ORDER = 1.15  # with it 50 of 50 estimates were at least the true error, with 1.5 (and up to 1.7) 39
 _LATE = 0.005  # of the squared openings, the last ones, which the check leaves out
 _LATE_ERROR = 4.0  # their relative error, believed, over that of the others: 1.7, 6.4 at most on 50 records
 _QUIET_RUNS = 3  # of such jobs
@@ -49,10 +49,10 @@ def simulate_to(
     The first step follows from the longest period of the open joints. A check with twice that step says how
     good it is, and goes on until nearly all of the squared openings are past. Where that is not enough, runs
     of half the step follow. Two successive runs differ by most of the coarser one's error; the finer one's is
-    taken as the difference times r/(1 - r), r being the ratio of the last two differences within what the
-    scheme shows (0.4 to 0.7). The error is in L2 over all openings and times, and over all slips where joints
-    carry shear, and of the slips that are left, the largest; or in the peak opening for a scheme that
-    conserves energy.
+    taken as the difference over (r**p - 1), r being the ratio of their steps and p the order that the last two
+    differences show, within what the scheme shows elsewhere (0.5 to 1.3). The error is in L2 over all openings
+    and times, and over all slips where joints carry shear, and of the slips that are left, the largest; or in
+    the peak opening for a scheme that conserves energy.
 
     Two runs on nested grids may break the same bonds in the same wrong order, or stick and slide at the same
     wrong steps. So where joints have friction, bonds or other memory there is no check: three runs at least,
@@ -85,7 +85,8 @@ def simulate_to(
     for halvings in range(first, max(_MOST_HALVINGS, first + _BASE_HALVINGS) + 1):
         for i, outcome in motions.simulate(trials, halvings):
             if not isinstance(outcome, ConvergenceError):
-                trials[i] = trials[i].after(outcome, motions.compared(i, outcome))
+                fineness = trials[i].fineness(halvings)
+                trials[i] = trials[i].after(outcome, motions.compared(i, outcome), fineness)
                 if halvings == first and settings.steps.base > wanted and hardly_cut(outcome):
                     trials[i] = trials[i].quiet(first)
             elif trials[i].measured is not None or halvings >= min(first + _RETRIES, _MOST_HALVINGS):
@@ -191,7 +192,7 @@ class _Motions:
         """Integrate those whose steps are the same: `refined_from` and `uneven` of `_Trial` are `grid`."""
         coarse, integrator, (since, uneven) = self.settings.steps, self.prepared[0].integrator, grid
         of_base = 0 if since is None else halvings - since
-        more = _UNEVEN if uneven and of_base % 2 else 1.0
+        more = _uneven_share(since, uneven, halvings)
         base = coarse.base / (more * 2.0**of_base)
         finest = min(base, coarse.base / (more * 2.0 ** min(halvings, _MOST_HALVINGS)))
         settings = replace(
@@ -225,6 +226,7 @@ class _Trial:
     history : of the last run
     measured : what the last run is compared by, see `Integrator.compared`
     difference : of the last two runs, relative
+    parts : into which the last runs divided the coarse step, at most two of them
     estimate : of the error of the last run
     runs, cpu : how many there were, and what they took [s]
     rows : how far a check has to go; None for the whole ground motion
@@ -238,6 +240,7 @@ class _Trial:
     history: History | None = None
     measured: Floats | None = None
     difference: float = math.nan
+    parts: tuple[float, ...] = ()
     estimate: float = math.inf
     runs: int = 0
     cpu: float = 0.0
@@ -263,10 +266,15 @@ class _Trial:
         """Halvings of the last run allowed, where there were so many in the first."""
         return _MOST_HALVINGS if self.refined_from is None else max(_MOST_HALVINGS, first + _BASE_HALVINGS)
 
-    def after(self, history: History, measured: Floats) -> _Trial:
-        """Knowledge after one more run."""
+    def fineness(self, halvings: int) -> float:
+        """Parts into which a run divides the coarse step."""
+        return 2.0**halvings * _uneven_share(self.refined_from, self.uneven, halvings)
+
+    def after(self, history: History, measured: Floats, parts: float) -> _Trial:
+        """Knowledge after one more run, which divided the coarse step into so many parts."""
         cpu = self.cpu + history.stats["loop_cpu_seconds"]
         known = replace(self, history=history, measured=measured, runs=self.runs + 1, cpu=cpu, rows=None)
+        known = replace(known, parts=(*self.parts, parts)[-2:])
         if self.uneven:
             known = replace(known, broken=~history.bonded)
         if self.measured is None:
@@ -275,13 +283,14 @@ class _Trial:
         if self.uneven:
             assert self.broken is not None
             difference = max(difference, _disagreement(self.broken, ~history.bonded))
-        shrink = np.clip(difference / self.difference, *_SHRINK) if self.difference > 0.0 else _USUAL_SHRINK
         if measured.ndim == 1:  # peaks agree by chance, so the last two differences have to be small
             return replace(known, difference=difference, estimate=max(difference, self.difference))
-        estimate = float(difference * shrink / (1.0 - shrink))
-        if self.uneven and math.isfinite(self.difference):  # two runs may agree by chance
-            former = _USUAL_SHRINK**2 / (1.0 - _USUAL_SHRINK)  # of two refinements, by the difference before
-            estimate = max(estimate, former * self.difference)
+        runs = (*self.parts, parts)
+        order = _shown_order(self.difference, difference, runs) if len(runs) == 3 else _USUAL_ORDER
+        estimate = difference * error_over_difference(order, *runs[-2:])
+        if self.uneven and len(runs) == 3:  # two runs may agree by chance
+            former = self.difference * error_over_difference(_USUAL_ORDER, *runs[:2])
+            estimate = max(estimate, former * (runs[1] / runs[2]) ** _USUAL_ORDER)
         return replace(known, difference=difference, estimate=estimate)
 
     def unchecked(self) -> _Trial:
@@ -296,9 +305,10 @@ class _Trial:
             compared = self.measured[: self.rows]
             late = math.sqrt(1.0 + _LATE * (_LATE_ERROR**2 - 1.0))
         difference = late * jump_difference(measured, compared)
-        estimate = difference * _USUAL_SHRINK / (1.0 - _USUAL_SHRINK)
+        estimate = difference * error_over_difference(_USUAL_ORDER, 1.0, 2.0)
         cpu = self.cpu + check.stats["loop_cpu_seconds"]
-        return replace(self, difference=difference, estimate=estimate, runs=self.runs + 1, cpu=cpu, rows=None)
+        known = replace(self, difference=difference, estimate=estimate, runs=self.runs + 1, cpu=cpu, rows=None)
+        return replace(known, parts=(self.parts[-1] / 2.0, self.parts[-1]))
 
     def result(self, accuracy: float) -> History:
         """The history of the last run, and what is known of its error."""
@@ -310,6 +320,31 @@ class _Trial:
             "all_runs_cpu_seconds": self.cpu,
         }
         return replace(self.history, stats=self.history.stats | stats)
+
+
+def _uneven_share(since: int | None, uneven: bool, halvings: int) -> float:
+    """What more a run divides the coarse step into than its halvings do."""
+    return _UNEVEN if uneven and since is not None and (halvings - since) % 2 else 1.0
+
+
+def error_over_difference(order: float, coarse: float, fine: float) -> float:
+    """Error of the finer of two runs over their difference, at an order; their steps are 1/coarse, 1/fine."""
+    return 1.0 / ((fine / coarse) ** order - 1.0)
+
+
+def _shown_order(former: float, difference: float, parts: tuple[float, ...]) -> float:
+    """Order at which three runs differ as they do, within what is believed.
+
+    Parameters
+    ----------
+    former, difference : of the first two runs, and of the last two
+    parts : into which the three divided a step
+    """
+    if not former > 0.0:
+        return _USUAL_ORDER
+    orders = np.linspace(*_ORDERS, 161)
+    first, second, third = (part**-orders for part in parts)
+    return float(orders[np.argmin(np.abs((second - third) / (first - second) - difference / former))])
 
 
 def _past(measured: Floats) -> int:
