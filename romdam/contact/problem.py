@@ -42,7 +42,7 @@ from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.compiled import Functions, compiled
 from romdam.contact.laws.coulomb import Coulomb
-from romdam.contact.laws.law import ENTRIES, MU_J, MU_K, Law
+from romdam.contact.laws.law import ENTRIES, MU_J, MU_K, STEP_ENTRIES, Law
 from romdam.contact.solvers.state import solver_state
 from romdam.core.arrays import Bools, Floats, Record, record, record_type
 from romdam.core.errors import ConfigError
@@ -64,6 +64,7 @@ class Laws(NamedTuple):
     on : (L, n) which gaps have which
     start : (L, n, s) memory of the unloaded gaps
     strength : (L,) whether what a law gives up is strength
+    follows_step : (L,) whether a law's bounds depend on the step that is solved
     dashpot_share : (n,) share of a normal dashpot in the closed gap's stiffness over the step
     per_second : (1,) 1 over the step, 0 in statics [1/s]
     functions : of the laws
@@ -73,6 +74,7 @@ class Laws(NamedTuple):
     on: Bools
     start: Floats
     strength: Bools
+    follows_step: Bools
     dashpot_share: Floats
     per_second: Floats
     functions: Functions
@@ -143,6 +145,8 @@ class GapMemory(NamedTuple):
     history : (L, n, s) what the further laws keep of each gap, moved by accepted steps only
     trial : (L, n, s) the same within a step
     limit : (6,) scratch, what the laws put of one gap
+    step, last_step : (n, 8) the gaps in the last solution, and in the last accepted step, as laws see them;
+        empty without further laws
     water : (n,) force of the water that laws put into the gaps, now; empty without further laws [N]
     spring : (N,) deformation of the gaps' springs at the last accepted step: the opening where it is
         below zero, and the jump from the accumulated slip [m]
@@ -157,6 +161,8 @@ class GapMemory(NamedTuple):
     history: Floats
     trial: Floats
     limit: Floats
+    step: Floats
+    last_step: Floats
     water: Floats
     spring: Floats
     failure: Record
@@ -282,8 +288,9 @@ def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:
         parameters[k, :, : one.values.shape[1]], on[k] = one.values, one.on
     start = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
     strength = np.array([each.strength for each in laws], dtype=np.bool_)
+    follows = np.array([each.follows_step for each in laws], dtype=np.bool_)
     share = _dashpot_share(law, stiffness, dt)
-    return Laws(parameters, on, start, strength, share, np.array([1.0 / dt]), compiled(laws))
+    return Laws(parameters, on, start, strength, follows, share, np.array([1.0 / dt]), compiled(laws))
 
 
 def every_law(law: GapLaw) -> tuple[LawRows, ...]:
@@ -309,7 +316,7 @@ def _friction(mu: Floats) -> Floats:
     rows, which = np.unique(mu, axis=0, return_inverse=True)
     limits = np.zeros((len(rows), ENTRIES))
     for row, limit in zip(rows, limits, strict=True):
-        Coulomb.limit(row, np.zeros(0), limit)
+        Coulomb.limit(row, np.zeros(0), np.zeros(STEP_ENTRIES), limit)
     return limits[which.reshape(-1), MU_J : MU_K + 1]
 
 
@@ -364,6 +371,8 @@ def gap_memory(problem: GapProblem) -> GapMemory:
         history=start.copy(),
         trial=start.copy(),
         limit=np.zeros(ENTRIES),
+        step=np.zeros((0 if problem.laws is None else n, STEP_ENTRIES)),
+        last_step=np.zeros((0 if problem.laws is None else n, STEP_ENTRIES)),
         water=np.zeros(0 if problem.laws is None else n),
         spring=np.zeros(N),
         failure=record(FAILURE),

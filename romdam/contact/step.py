@@ -12,13 +12,25 @@ from numpy.typing import NDArray
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import project_shear, slides
 from romdam.contact.problem import GapMemory, GapProblem, Laws
-from romdam.contact.softening import begin_step, bond_forces, commit_laws, release, set_limits
+from romdam.contact.softening import (
+    begin_step,
+    bond_forces,
+    commit_laws,
+    follow_step,
+    observe_step,
+    release,
+    set_limits,
+)
 from romdam.contact.solvers.gauss_seidel import solve_frictional
 from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import PLACE, Floats
 from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit
 from romdam.core.system import OPEN, SLIP, STICK
+
+_MOST_LIMITS = 120  # solutions of a step whose limits follow it
+_FEW_LIMITS = 20  # of these, after which falling limits that come slowly to rest, or not at all, may be off
+_LIMIT_CHANGE, _LAST_LIMIT_CHANGE = 1e-11, 1e-3  # of the largest force: change of a limit that is none
 
 
 @njit(**VIEWS)
@@ -72,10 +84,22 @@ def solve_gaps(
         set_limits(problem.laws, problem.whole, memory)
         if memory.failure.law > 0:
             return np.inf
-        bond_forces(problem.laws, problem, memory, w_free, 1.0)
-        residual = _solve(problem, memory, closed, w_free, y, control)
-        bond_forces(problem.laws, problem, memory, w_free, -1.0)
-        if not residual <= tolerance or release(problem.laws, problem, memory, y) == 0:
+        for solution in range(_MOST_LIMITS):  # one, unless limits follow the step
+            bond_forces(problem.laws, problem, memory, w_free, 1.0)
+            residual = _solve(problem, memory, closed, w_free, y, control)
+            bond_forces(problem.laws, problem, memory, w_free, -1.0)
+            if not residual <= tolerance:
+                return residual
+            observe_step(problem.laws, problem, memory, y)
+            few = solution < _FEW_LIMITS
+            enough = max(tolerance, _LIMIT_CHANGE) if few else _LAST_LIMIT_CHANGE
+            share = 1.0 if few else 0.5
+            change = follow_step(problem.laws, problem, memory, enough, share)
+            if change <= enough:
+                break
+        if change > enough:
+            return max(change, 2.0 * tolerance)
+        if memory.failure.law > 0 or release(problem.laws, memory) == 0:
             return residual if memory.failure.law == 0 else np.inf
         if steady:
             return np.inf
@@ -188,14 +212,12 @@ def _commit_with_laws(
     lost = _move(problem, memory, y, gaps)[1]
     after, fed = _energies(problem, laws.dashpot_share, jump, force), 0.0
     for i in range(n):
-        p, slid, slip = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0, (0.0, 0.0)
+        p, slid = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0
         state[i] = OPEN if p <= 0.0 else max(state[i], STICK)
         for a in range(1, jump.shape[1]):
             slid -= force[i, a] * y[3 * i + a]
-        if len(y) == 3 * n:
-            slip = (y[3 * i + SHEAR_J], y[3 * i + SHEAR_K])
         if (
-            commit_laws(laws, memory, i, jump[i, NORMAL], state[i] == SLIP, slip)
+            commit_laws(laws, memory, i, jump[i, NORMAL], state[i], force[i, NORMAL])
             or laws.dashpot_share[i] > 0.0
         ):
             lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()

@@ -6,7 +6,7 @@ import numpy as np
 
 from romdam.contact.components import NORMAL
 from romdam.contact.laws.catalogue import source_of
-from romdam.contact.laws.law import COHESION_J, ENTRIES, MU_J, TENSION
+from romdam.contact.laws.law import COHESION_J, ENTRIES, MU_J, NORMAL_FORCE, OPENING, STEP_ENTRIES, TENSION
 from romdam.contact.problem import Laws
 from romdam.contact.softening import put_limit
 from romdam.core.arrays import Bools, Floats
@@ -14,7 +14,9 @@ from romdam.core.errors import ConvergenceError
 from romdam.core.jit import njit
 
 
-def shear_strength(mu: Floats, laws: Laws | None, memory: Floats, force: Floats) -> tuple[Floats, Bools]:
+def shear_strength(
+    mu: Floats, laws: Laws | None, memory: Floats, opening: Floats, force: Floats
+) -> tuple[Floats, Bools]:
     """Largest shear that every gap can carry under its present compression, c + mu p, as the laws have it.
 
     Parameters
@@ -22,6 +24,7 @@ def shear_strength(mu: Floats, laws: Laws | None, memory: Floats, force: Floats)
     mu : (n, 2) friction of the gaps, which counts where there are no further laws
     laws : further laws, or None
     memory : (nt, L, n, s) what these keep of each gap, see `romdam.contact.problem.GapMemory`
+    opening : (nt, n) with the initial gap [m]
     force : (nt, n, d) joint force, compression positive [N]
 
     Returns
@@ -40,7 +43,8 @@ def shear_strength(mu: Floats, laws: Laws | None, memory: Floats, force: Floats)
         strength = mu * np.maximum(force[..., NORMAL], 0.0)[..., None]
         return strength, np.zeros(strength.shape[:2], dtype=np.bool_)
     strength, bonded = np.zeros((*force.shape[:2], 2)), np.zeros(force.shape[:2], dtype=np.bool_)
-    failed = _fill(laws, memory, np.ascontiguousarray(force[..., NORMAL]), strength, bonded)
+    compression = np.ascontiguousarray(force[..., NORMAL])
+    failed = _fill(laws, memory, np.ascontiguousarray(opening), compression, strength, bonded)
     if failed > 0:
         law = source_of(laws.functions.limit[failed - 1].law).name
         raise ConvergenceError(f"law {law}: its function limit raises an exception, or gives NaN")
@@ -48,11 +52,14 @@ def shear_strength(mu: Floats, laws: Laws | None, memory: Floats, force: Floats)
 
 
 @njit(cache=True)
-def _fill(laws: Laws, memory: Floats, compression: Floats, strength: Floats, bonded: Bools) -> int:
-    limit = np.zeros(ENTRIES)
+def _fill(
+    laws: Laws, memory: Floats, opening: Floats, compression: Floats, strength: Floats, bonded: Bools
+) -> int:
+    limit, step = np.zeros(ENTRIES), np.zeros(STEP_ENTRIES)
     for row in range(len(memory)):
         for i in range(compression.shape[1]):
-            failed = put_limit(laws, memory[row], i, limit)
+            step[OPENING], step[NORMAL_FORCE] = opening[row, i], compression[row, i]
+            failed = put_limit(laws, memory[row], i, step, limit)
             if failed > 0:
                 return failed
             pressed = max(compression[row, i] + limit[TENSION], 0.0)

@@ -49,10 +49,10 @@ def simulate_to(
     The first step follows from the longest period of the open joints. A check with twice that step says how
     good it is, and goes on until nearly all of the squared openings are past. Where that is not enough, runs
     of half the step follow. Two successive runs differ by most of the coarser one's error; the finer one's is
-    taken as the difference over (r**p - 1), r being the ratio of their steps and p the order that the last two
-    differences show, within what the scheme shows elsewhere (0.5 to 1.3). The error is in L2 over all openings
-    and times, and over all slips where joints carry shear, and of the slips that are left, the largest; or in
-    the peak opening for a scheme that conserves energy.
+    taken as the difference over (r**p - 1), r being the ratio of their steps and p the order that the last
+    two differences show, within what the scheme shows elsewhere (0.5 to 1.3). The error is in L2 over all
+    openings and times, and over all slips where joints carry shear, and of the slips that are left, the
+    largest; or in the peak opening for a scheme that conserves energy.
 
     Two runs on nested grids may break the same bonds in the same wrong order, or stick and slide at the same
     wrong steps. So where joints have friction, bonds or other memory there is no check: three runs at least,
@@ -307,7 +307,9 @@ class _Trial:
         difference = late * jump_difference(measured, compared)
         estimate = difference * error_over_difference(_USUAL_ORDER, 1.0, 2.0)
         cpu = self.cpu + check.stats["loop_cpu_seconds"]
-        known = replace(self, difference=difference, estimate=estimate, runs=self.runs + 1, cpu=cpu, rows=None)
+        known = replace(
+            self, difference=difference, estimate=estimate, runs=self.runs + 1, cpu=cpu, rows=None
+        )
         return replace(known, parts=(self.parts[-1] / 2.0, self.parts[-1]))
 
     def result(self, accuracy: float) -> History:

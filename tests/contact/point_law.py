@@ -67,7 +67,7 @@ class Past(NamedTuple):
     anchor : slip at which the stuck spring carries no force, along j and k [m]
     broken, sliding, out : whether the bond is lost, the gap slides, the key is out
     overlap : opening at the last step where the gap was closed, at most zero [m]
-    slipped, before : slip in the last step, where the gap slid, and in the one before that [m]
+    slipped : slip in the last step, where the gap slid [m]
     """
 
     anchor: Pair = (0.0, 0.0)
@@ -76,7 +76,6 @@ class Past(NamedTuple):
     out: bool = False
     overlap: float = 0.0
     slipped: float = 0.0
-    before: float = 0.0
 
 
 Force = tuple[float, float, float]
@@ -96,13 +95,26 @@ def shear_limit(mu: float, mu_static: float, bond: Pair, keyed: bool, slides: bo
     return math.inf if keyed else max(bond[1] - friction * bond[0], 0.0), friction
 
 
-def _friction(gap: Gap, past: Past) -> Pair:
-    """Coefficients along j and k, of the speed that the last two steps lead to where they change with it."""
+def _friction(gap: Gap, pressed: float, trial: float) -> Pair:
+    """Coefficients along j and k; of the slip that they leave, by bisection, where they change with it.
+
+    Parameters
+    ----------
+    pressed, trial : what friction acts on, and the shear of the gap that sticks [N]
+    """
     at_rest, fast, over = gap.velocity
     if over == 0.0:
         return gap.mu
-    mu = fast + (at_rest - fast) * math.exp(-max(2.0 * past.slipped - past.before, 0.0) / over)
-    return mu, mu
+
+    def after(shear: float) -> float:
+        return fast + (at_rest - fast) * math.exp(-(trial - shear) / gap.K_s / over)
+
+    low, high = 0.0, trial
+    if pressed == 0.0 or trial <= at_rest * pressed:
+        return at_rest, at_rest
+    while (middle := 0.5 * (low + high)) not in (low, high):
+        low, high = (middle, high) if middle < after(middle) * pressed else (low, middle)
+    return high / pressed, high / pressed
 
 
 def _ductile(jump: Force, past: Past, gap: Gap) -> tuple[Force, Pair]:
@@ -113,12 +125,12 @@ def _ductile(jump: Force, past: Past, gap: Gap) -> tuple[Force, Pair]:
     if opening > 0.0 and bond[0] == 0.0:
         p_n = -gap.K_nz * opening
     pressed = max(p_n + bond[0], 0.0)
-    limits, friction = [], _friction(gap, past)
+    trial_j, trial_k = (-gap.K_s * (jump[1 + a] - past.anchor[a]) for a in range(2))
+    limits, friction = [], _friction(gap, pressed, math.hypot(trial_j, trial_k))
     for axis in range(2):
         keyed = gap.keyed[axis] and not past.out
         c, mu = shear_limit(friction[axis], gap.mu_static[axis], bond, keyed, past.sliding)
         limits.append(c + mu * pressed if pressed > 0.0 or keyed else 0.0)
-    trial_j, trial_k = (-gap.K_s * (jump[1 + a] - past.anchor[a]) for a in range(2))
     t_j, t_k, _ = project_shear(trial_j, trial_k, limits[0], limits[1])
     return (p_n, t_j, t_k), (limits[0], limits[1])
 
@@ -161,7 +173,6 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
             out=left.out and jump[0] > gap.key,
             overlap=min(jump[0], 0.0),
             slipped=math.dist(anchor, past.anchor) if state == SLIP else 0.0,
-            before=past.slipped if state == SLIP else 0.0,
         ),
     )
 
@@ -197,7 +208,7 @@ def dashpot(jump: Force, past: Past, gap: Gap) -> Answer:
 
 
 def velocity_friction(jump: Force, past: Past, gap: Gap) -> Answer:
-    """Friction that changes with the slip of the last two steps; as `strong`."""
+    """Friction that changes with the slip of the step; as `strong`."""
     return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, velocity=gap.velocity))
 
 

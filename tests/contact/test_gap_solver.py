@@ -74,7 +74,7 @@ _FURTHER = {  # law -> its parameters for n gaps, of forces about 1e6 N and jump
     "static_friction": lambda n, mu: {"friction_static": np.tile(np.array(mu) + 0.4, (n, 1))},
     "shear_key": lambda n, mu: {"shear_key": np.tile([3e-4, 1.0, 0.0], (n, 1))},
     "dashpot": lambda n, mu: {"viscosity": np.linspace(0.0, 1e6, n)},
-    "velocity_friction": lambda n, mu: {"velocity": np.tile([max(mu) + 0.1, 0.1, 0.3], (n, 1))},
+    "velocity_friction": lambda n, mu: {"velocity": np.tile([0.1, max(mu) + 0.1, 0.3], (n, 1))},
 }
 _FURTHER["all"] = lambda n, mu: {
     **_FURTHER["static_friction"](n, mu),

@@ -34,7 +34,7 @@ class Own(Law):
     shear = True
 
     @staticmethod
-    def limit(parameters, memory, limit):
+    def limit(parameters, memory, step, limit):
         limit[MU_J] = limit[MU_K] = parameters[0] * ({value})
 '''
 OWN = {"law": "own_laws.Own", "own": {"factor": 1.0}}
@@ -57,7 +57,9 @@ from romdam.config import load_config
 from romdam.contact.laws.compiled import compiled
 (law,) = load_config(sys.argv[1]).config.joints["contraction"].law
 limit = numpy.zeros(6)
-numba.njit(lambda f, a, b, c: f(a, b, c))(compiled([law.law]).limit[0], numpy.ones(1), numpy.zeros(1), limit)
+step = numpy.zeros(8)
+call = numba.njit(lambda f, a, b, c, d: f(a, b, c, d))
+call(compiled([law.law]).limit[0], numpy.ones(1), numpy.zeros(1), step, limit)
 print(limit[3])
 """
 
@@ -78,8 +80,8 @@ def of_now(path, name="limit"):
 
 def friction(path):
     limit = np.zeros(6)
-    call = numba.njit(lambda f, row, kept, limit: f(row, kept, limit))
-    assert call(of_now(path), np.ones(1), np.zeros(1), limit) == DONE
+    call = numba.njit(lambda f, row, kept, step, limit: f(row, kept, step, limit))
+    assert call(of_now(path), np.ones(1), np.zeros(1), np.zeros(8), limit) == DONE
     return limit[3]
 
 
@@ -157,18 +159,18 @@ FAULTS = {
     ),
     "an exception in commit": (
         "commit",
-        "    if opening > 1e-5:\n            raise ValueError('open')\n        ",
+        "    if step[0] > 1e-5:\n            raise ValueError('open')\n        ",
     ),
-    "NaN in commit": ("commit", "    memory[0] = opening\n        "),
+    "NaN in commit": ("commit", "    memory[0] = step[0]\n        "),
 }
-ANCHORS = {"limit": "    mu = parameters[1] +", "commit": "    memory[0] = math.sqrt"}
+ANCHORS = {"limit": "    mu = parameters[1] +", "commit": "    memory[0] = step[RATE]"}
 
 
 def failing(kind):
     name, text = FAULTS[kind]
     source = RATE
     if kind == "NaN in commit":  # numba's square root of a negative number
-        source = RATE.replace("rate_k**2)", "rate_k**2 - 1e9)")
+        source = RATE.replace("memory[0] = step[RATE]", "memory[0] = math.sqrt(step[RATE] - 1e9)")
     return name, source if kind == "NaN in commit" else source.replace(
         ANCHORS[name], text + ANCHORS[name].strip()
     )

@@ -31,7 +31,7 @@ RATE = '''
 import math
 
 from romdam.contact import Law, Parameter
-from romdam.contact.laws.law import MU_J, MU_K
+from romdam.contact.laws.law import DT, MU_J, MU_K, RATE
 
 
 class RateFriction(Law):
@@ -42,19 +42,20 @@ class RateFriction(Law):
         Parameter("rate_mu_d", "", most=2.0, required=True),
         Parameter("rate_v_c", "m/s", above=True, required=True),
     )
-    memory = ("rate", "last")
+    memory = ("rate",)
     shear = True
+    follows_step = True
 
     @staticmethod
-    def limit(parameters, memory, limit):
-        fall = math.exp(-max(2.0 * memory[0] - memory[1], 0.0) / parameters[2])
+    def limit(parameters, memory, step, limit):
+        rate = step[RATE] if step[DT] > 0.0 else memory[0]
+        fall = math.exp(-rate / parameters[2])
         mu = parameters[1] + (parameters[0] - parameters[1]) * fall
         limit[MU_J], limit[MU_K] = mu, mu
 
     @staticmethod
-    def commit(parameters, memory, opening, sliding, rate_j, rate_k):
-        memory[1] = memory[0] if sliding else 0.0
-        memory[0] = math.sqrt(rate_j**2 + rate_k**2) if sliding else 0.0
+    def commit(parameters, memory, step):
+        memory[0] = step[RATE]
 '''
 VARIED = "joints.contraction.rate_v_c"
 KEYS = {"law": "own_laws.RateFriction", "rate_mu_s": 0.6, "rate_mu_d": 0.4, "rate_v_c": "10 mm/s"}
@@ -81,11 +82,12 @@ def test_a_law_declares_itself_whole(law):
     assert law.key_names() and len({p.name for p in law.parameters}) == len(law.parameters)
     assert bool(law.array) or law.limit is not None
     assert law.release is None or law.memory
-    for name in ("limit", "release", "commit"):
+    for name, last in (("limit", ["step", "limit"]), ("release", ["step"]), ("commit", ["step"])):
         function = getattr(law, name)
-        assert function is None or list(inspect.signature(function).parameters)[:2] == [
+        assert function is None or [*inspect.signature(function).parameters] == [
             "parameters",
             "memory",
+            *last,
         ]
 
 
@@ -111,7 +113,7 @@ def test_a_users_law_is_of_the_configuration_and_its_file_of_the_digest(tmp_path
     assert load_config(path).digest == job.digest
     other = written(tmp_path, KEYS | {"rate_mu_d": 0.3})
     assert load_config(other).digest != job.digest
-    path = written(tmp_path, KEYS, RATE.replace("if sliding else 0.0", "if sliding else -0.0"))
+    path = written(tmp_path, KEYS, RATE.replace("step[RATE] if", "+step[RATE] if"))
     assert load_config(path).digest != job.digest
 
 
@@ -142,8 +144,8 @@ MISTAKES = [
     ({}, RATE.replace("    shear = True\n", ""), "bounds the shear, which no gap carries"),
     (
         {},
-        RATE.replace("- memory[1]", "- memory[2]"),
-        "limit cannot be called: IndexError",
+        RATE.replace("memory[0] = step", "memory[1] = step"),
+        "commit cannot be called: IndexError",
     ),
 ]
 
@@ -180,7 +182,7 @@ ENDLESS = (
     RATE
     + """
     @staticmethod
-    def release(parameters, memory, opening, pulled, sliding):
+    def release(parameters, memory, step):
         return True
 """
 )
@@ -197,7 +199,7 @@ def test_friction_alone_is_what_its_law_puts(monkeypatch):
     law = GapLaw(1e9 * ones, 0 * ones, 1e9 * ones, mu, 0 * ones, {})
     assert (gap_problem(1e-9 * np.eye(9), law).mu == mu).all()
 
-    def half(parameters, memory, limit):
+    def half(parameters, memory, step, limit):
         limit[MU_J], limit[MU_K] = 0.5 * parameters[0], 0.5 * parameters[1]
 
     monkeypatch.setattr(Coulomb, "limit", staticmethod(half))
@@ -206,7 +208,7 @@ def test_friction_alone_is_what_its_law_puts(monkeypatch):
 
 NOTED = (
     "from __future__ import annotations\n\nfrom dataclasses import dataclass\n\nimport numba\n"
-    + RATE.replace("(rate_j**2 + rate_k**2)", "(square(rate_j, rate_k))")
+    + RATE.replace("memory[0] = step[RATE]", "memory[0] = math.sqrt(square(step[RATE], 0.0))")
     + """
 
 @dataclass
@@ -225,8 +227,9 @@ def rate_after(path):
     """What a gap keeps as its rate after 3 and 4 m/s, as compiled."""
     law = find_law(next(iter(load_config(path).config.joints["contraction"].law)).source)
     commit = compiled([law]).commit[0]
-    kept, calls = np.zeros(2), numba.njit(lambda f, row, kept: f(row, kept, 0.0, True, 3.0, 4.0))
-    calls(commit, np.ones(3), kept)
+    step = np.array([0.0, 0.0, 3e-3, 4e-3, 5.0, 1e-3, 0.0, 1.0])
+    kept, calls = np.zeros(2), numba.njit(lambda f, row, kept, step: f(row, kept, step))
+    calls(commit, np.ones(3), kept, step)
     return kept[0]
 
 

@@ -53,7 +53,7 @@ def _gaps(draw):
 
 
 _SLIPPED = st.one_of(st.just(0.0), st.floats(0.0, 1e-2))
-_PASTS = st.builds(Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0), _SLIPPED, _SLIPPED)
+_PASTS = st.builds(Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0), _SLIPPED)
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)

@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from romdam.contact.laws.law import COHESION_J, COHESION_K, TENSION, Law, Parameter, Past, Row
+from romdam.contact.laws.law import (
+    COHESION_J,
+    COHESION_K,
+    PULLED,
+    SLIDING,
+    TENSION,
+    Law,
+    Parameter,
+    Past,
+    Row,
+)
 
 STRENGTH, COHESION = range(2)
 (BROKEN,) = range(1)
@@ -48,14 +58,14 @@ class Bond(Law):
         return (1.0 if past.has_moved or past.gap > 0.0 else 0.0,)
 
     @staticmethod
-    def limit(parameters: Any, memory: Any, limit: Any) -> None:
+    def limit(parameters: Any, memory: Any, step: Any, limit: Any) -> None:
         if memory[BROKEN] == 0.0:
             limit[TENSION] = parameters[STRENGTH]
             limit[COHESION_J], limit[COHESION_K] = parameters[COHESION], parameters[COHESION]
 
     @staticmethod
-    def release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> bool:
-        if memory[BROKEN] == 0.0 and (sliding or pulled):
+    def release(parameters: Any, memory: Any, step: Any) -> bool:
+        if memory[BROKEN] == 0.0 and (step[SLIDING] > 0.0 or step[PULLED] > 0.0):
             memory[BROKEN] = 1.0
             return True
         return False

@@ -14,7 +14,7 @@ import numpy as np
 
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.crack_water import CrackWater
-from romdam.contact.laws.law import AXES, COHESION_J, ENTRIES, MU_K, Law, Parameter
+from romdam.contact.laws.law import AXES, COHESION_J, ENTRIES, MU_K, STEP_ENTRIES, Law, Parameter
 from romdam.contact.laws.shear_stiffness import ElasticShear
 from romdam.core.errors import ConfigError, listed, shown
 from romdam.core.fingerprint import fingerprint
@@ -109,7 +109,14 @@ def _digest(law: type[Law], file: str, content: bytes) -> str:
 
     functions = {name: getattr(law, name) for name in ("limit", "release", "commit")}
     taken = {name: closed(one, file).content for name, one in functions.items() if one is not None}
-    declared = (law.section, law.parameters, law.memory, bool(law.shear), bool(law.strength))
+    declared = (
+        law.section,
+        law.parameters,
+        law.memory,
+        bool(law.shear),
+        bool(law.strength),
+        bool(law.follows_step),
+    )
     return fingerprint((content, taken, declared))
 
 
@@ -191,14 +198,14 @@ def try_law(law: type[Law], joint: Mapping[str, Any], place: str) -> None:
     ConfigError
         for an exception, a memory of another length than its names, and shear that no direction would carry.
     """
-    limit, name = np.zeros(ENTRIES), "row"
+    limit, step, name = np.zeros(ENTRIES), np.zeros(STEP_ENTRIES), "row"
     try:
         parameters = np.array(law.row(joint, 1.0), dtype=float)
         memory = np.array(law.initial(parameters, 0.0), dtype=float)
         for name, rest in (
-            ("limit", (limit,)),
-            ("release", (0.0, True, True)),
-            ("commit", (0.0, True, 0.1, 0.1)),
+            ("limit", (step, limit)),
+            ("release", (step,)),
+            ("commit", (step,)),
         ):
             function = getattr(law, name)
             if function is not None:

@@ -27,11 +27,11 @@ MOST_LAWS = (
 )
 # what came of a call: nothing to tell, something was given up, or an exception or NaN
 DONE, GAVE_UP, FAILED = range(3)
-_ROW, _NUMBER, _FLAG, _CAME = types.Array(types.float64, 1, "C"), types.float64, types.boolean, types.int64
+_ROW, _CAME = types.Array(types.float64, 1, "C"), types.int64
 _SIGNATURES = {
-    "limit": _CAME(_ROW, _ROW, _ROW),
-    "release": _CAME(_ROW, _ROW, _NUMBER, _FLAG, _FLAG),
-    "commit": _CAME(_ROW, _ROW, _NUMBER, _FLAG, _NUMBER, _NUMBER),
+    "limit": _CAME(_ROW, _ROW, _ROW, _ROW),
+    "release": _CAME(_ROW, _ROW, _ROW),
+    "commit": _CAME(_ROW, _ROW, _ROW),
 }
 _POINTED: dict[str, Any] = {"cache": True, "_nrt": False, "no_cfunc_wrapper": False}
 
@@ -106,9 +106,9 @@ def law(*arguments: Any) -> Any:
     raise NotImplementedError
 
 
-def _limit(parameters: Any, memory: Any, limit: Any) -> int:
+def _limit(parameters: Any, memory: Any, step: Any, limit: Any) -> int:
     try:
-        law(parameters, memory, limit)
+        law(parameters, memory, step, limit)
     except Exception:
         return FAILED
     for entry in limit:
@@ -117,9 +117,9 @@ def _limit(parameters: Any, memory: Any, limit: Any) -> int:
     return DONE
 
 
-def _release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> int:
+def _release(parameters: Any, memory: Any, step: Any) -> int:
     try:
-        gave_up = law(parameters, memory, opening, pulled, sliding)
+        gave_up = law(parameters, memory, step)
     except Exception:
         return FAILED
     for entry in memory:
@@ -128,9 +128,9 @@ def _release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding
     return GAVE_UP if gave_up else DONE
 
 
-def _commit(parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float) -> int:
+def _commit(parameters: Any, memory: Any, step: Any) -> int:
     try:
-        law(parameters, memory, opening, sliding, rate_j, rate_k)
+        law(parameters, memory, step)
     except Exception:
         return FAILED
     for entry in memory:
@@ -142,17 +142,15 @@ def _commit(parameters: Any, memory: Any, opening: float, sliding: bool, rate_j:
 _CALLING: dict[str, Callable[..., Any]] = {"limit": _limit, "release": _release, "commit": _commit}
 
 
-def _no_limit(parameters: Any, memory: Any, limit: Any) -> int:
+def _no_limit(parameters: Any, memory: Any, step: Any, limit: Any) -> int:
     return DONE
 
 
-def _no_release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> int:
+def _no_release(parameters: Any, memory: Any, step: Any) -> int:
     return DONE
 
 
-def _no_commit(
-    parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
-) -> int:
+def _no_commit(parameters: Any, memory: Any, step: Any) -> int:
     return DONE
 
 

@@ -24,5 +24,5 @@ class Coulomb(Law):
     array = "mu"
 
     @staticmethod
-    def limit(parameters: Any, memory: Any, limit: Any) -> None:
+    def limit(parameters: Any, memory: Any, step: Any, limit: Any) -> None:
         limit[MU_J], limit[MU_K] = parameters[ALONG_J], parameters[ALONG_K]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from romdam.contact.laws.law import WATER, Law, Past, Row
+from romdam.contact.laws.law import OPENING, PULLED, WATER, Law, Past, Row
 
 (EXCESS,) = range(1)
 (OPEN,) = range(1)
@@ -32,20 +32,18 @@ class CrackWater(Law):
         return (1.0 if past.opening > 0.0 and (past.has_moved or past.gap > 0.0) else 0.0,)
 
     @staticmethod
-    def limit(parameters: Any, memory: Any, limit: Any) -> None:
+    def limit(parameters: Any, memory: Any, step: Any, limit: Any) -> None:
         if memory[OPEN] > 0.0:
             limit[WATER] = parameters[EXCESS]
 
     @staticmethod
-    def release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> bool:
-        if memory[OPEN] == 0.0 and pulled:
+    def release(parameters: Any, memory: Any, step: Any) -> bool:
+        if memory[OPEN] == 0.0 and step[PULLED] > 0.0:
             memory[OPEN] = 1.0
             return True
         return False
 
     @staticmethod
-    def commit(
-        parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
-    ) -> None:
-        if opening <= 0.0:
+    def commit(parameters: Any, memory: Any, step: Any) -> None:
+        if step[OPENING] <= 0.0:
             memory[OPEN] = 0.0

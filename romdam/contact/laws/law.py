@@ -5,9 +5,13 @@ may say, what a suite may vary, how both are checked and what the manual lists. 
 in plain functions of one gap, compiled when a scene needs them; they touch the numbers they are handed and
 nothing else:
 
-limit       puts what bounds the gap's force, before the step is solved;
+limit       puts what bounds the gap's force;
 release     looks at the solution and gives up what the gap cannot hold; the step is then solved again;
 commit      moves the memory, once the step is accepted.
+
+All of them see the gap in the step: its opening, normal force, slip and rate of slip, and the length of the
+step. A law whose bounds depend on these says so (`follows_step`): the step is then solved until the bounds
+are those of its own solution.
 
 The shear of a closed gap is bounded by |t| <= c + mu p with p the compression, along j and k each, or on the
 resultant where both bounds are equal; a bond of the strength T lets p go down to -T. Water pushes the sides
@@ -27,6 +31,8 @@ from romdam.core.arrays import Floats
 
 # what bounds the force of a gap: the entries of `limit` [N], [1]
 TENSION, COHESION_J, COHESION_K, MU_J, MU_K, WATER = range(ENTRIES := 6)
+# a gap in a step: the entries of `step`
+OPENING, NORMAL_FORCE, SLIP_J, SLIP_K, RATE, DT, PULLED, SLIDING = range(STEP_ENTRIES := 8)
 AXES = ("j", "k")
 
 Row = Sequence[float] | Floats
@@ -87,18 +93,25 @@ class Law:
     memory : names of what a gap keeps from step to step
     shear : whether it lets a gap carry shear, so that the tangential directions are needed
     strength : whether what `release` gives up is strength, whose energy is lost with it
+    follows_step : whether `limit` reads `step`
     array : the array of `romdam.core.system.GapLaw` that its one parameter is, where it has one of its own
 
-    The functions of one gap take arrays: `parameters` as `row` makes them, `memory` in the order above:
+    The functions of one gap take arrays: `parameters` as `row` makes them, `memory` in the order above, and
+    `step`, the gap in the present solution of the step:
 
-    limit(parameters, memory, limit) : put entries TENSION, COHESION_J, COHESION_K, MU_J, MU_K, WATER of
+    OPENING : at its end, with the initial gap [m]
+    NORMAL_FORCE : compression positive, below zero what a bond holds [N]
+    SLIP_J, SLIP_K : what the gap slides in the step [m]
+    RATE : the size of that over the length of the step; 0 at rest [m/s]
+    DT : the length of the step; 0 at rest, and where the bounds of a stored state are asked for, which has
+        neither slip nor rate: `memory` has to answer then [s]
+    PULLED, SLIDING : 1 where the gap opens against all its tension, and where it is on its shear limit
+
+    limit(parameters, memory, step, limit) : put entries TENSION, COHESION_J, COHESION_K, MU_J, MU_K, WATER of
         `limit`; bounds below zero count as zero
-    release(parameters, memory, opening, pulled, sliding) : whether something was given up, noted in `memory`
-        (a step that gives up more often than the memory has entries does not converge);
-        `opening` with the initial gap [m], `pulled` where the gap opens against all its tension, `sliding`
-        where it is on its shear limit
-    commit(parameters, memory, opening, sliding, rate_j, rate_k) : move the memory; rates of slip over the
-        step [m/s]. Without it what `release` noted stays.
+    release(parameters, memory, step) : whether something was given up, noted in `memory` (a step that gives
+        up more often than the memory has entries does not converge)
+    commit(parameters, memory, step) : move the memory. Without it what `release` noted stays.
     """
 
     section: ClassVar[str] = ""
@@ -106,6 +119,7 @@ class Law:
     memory: ClassVar[tuple[str, ...]] = ()
     shear: ClassVar[bool] = False
     strength: ClassVar[bool] = True
+    follows_step: ClassVar[bool] = False
     array: ClassVar[str] = ""
 
     limit: ClassVar[Callable[..., None] | None] = None

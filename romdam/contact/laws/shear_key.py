@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from romdam.contact.laws.law import COHESION_J, COHESION_K, Law, Parameter, Past, Row
+from romdam.contact.laws.law import COHESION_J, COHESION_K, OPENING, Law, Parameter, Past, Row
 
 DEPTH, HOLDS_J, HOLDS_K = range(3)
 (OUT,) = range(1)
@@ -34,7 +34,7 @@ class ShearKey(Law):
         return (1.0 if past.opening > parameters[DEPTH] else 0.0,)
 
     @staticmethod
-    def limit(parameters: Any, memory: Any, limit: Any) -> None:
+    def limit(parameters: Any, memory: Any, step: Any, limit: Any) -> None:
         if memory[OUT] == 0.0:
             if parameters[HOLDS_J] > 0.0:
                 limit[COHESION_J] = math.inf
@@ -42,15 +42,13 @@ class ShearKey(Law):
                 limit[COHESION_K] = math.inf
 
     @staticmethod
-    def release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> bool:
-        if memory[OUT] == 0.0 and opening > parameters[DEPTH]:
+    def release(parameters: Any, memory: Any, step: Any) -> bool:
+        if memory[OUT] == 0.0 and step[OPENING] > parameters[DEPTH]:
             memory[OUT] = 1.0
             return True
         return False
 
     @staticmethod
-    def commit(
-        parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
-    ) -> None:
-        if opening <= parameters[DEPTH]:
+    def commit(parameters: Any, memory: Any, step: Any) -> None:
+        if step[OPENING] <= parameters[DEPTH]:
             memory[OUT] = 0.0

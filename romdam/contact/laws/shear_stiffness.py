@@ -33,5 +33,5 @@ class ElasticShear(Law):
         return bool(K_n == joint["tension_stiffness"] and K_s not in (0.0, {"per_gap": 0.0}))
 
     @staticmethod
-    def limit(parameters: Any, memory: Any, limit: Any) -> None:
+    def limit(parameters: Any, memory: Any, step: Any, limit: Any) -> None:
         limit[COHESION_J], limit[COHESION_K] = math.inf, math.inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from romdam.contact.laws.law import MU_J, MU_K, Law, Parameter, Past, Row
+from romdam.contact.laws.law import MU_J, MU_K, SLIDING, Law, Parameter, Past, Row
 
 STATIC_J, STATIC_K, DYNAMIC_J, DYNAMIC_K = range(4)
 (SLIDES,) = range(1)
@@ -34,21 +34,19 @@ class StaticFriction(Law):
         return (1.0 if past.sliding else 0.0,)
 
     @staticmethod
-    def limit(parameters: Any, memory: Any, limit: Any) -> None:
+    def limit(parameters: Any, memory: Any, step: Any, limit: Any) -> None:
         if memory[SLIDES] == 0.0:
             limit[MU_J] = max(limit[MU_J], parameters[STATIC_J])
             limit[MU_K] = max(limit[MU_K], parameters[STATIC_K])
 
     @staticmethod
-    def release(parameters: Any, memory: Any, opening: float, pulled: bool, sliding: bool) -> bool:
+    def release(parameters: Any, memory: Any, step: Any) -> bool:
         more = parameters[STATIC_J] > parameters[DYNAMIC_J] or parameters[STATIC_K] > parameters[DYNAMIC_K]
-        if memory[SLIDES] == 0.0 and sliding and more:
+        if memory[SLIDES] == 0.0 and step[SLIDING] > 0.0 and more:
             memory[SLIDES] = 1.0
             return True
         return False
 
     @staticmethod
-    def commit(
-        parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
-    ) -> None:
-        memory[SLIDES] = 1.0 if sliding else 0.0
+    def commit(parameters: Any, memory: Any, step: Any) -> None:
+        memory[SLIDES] = step[SLIDING]

@@ -6,18 +6,18 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from romdam.contact.laws.law import MU_J, MU_K, Law, Parameter, Past, Row
+from romdam.contact.laws.law import DT, MU_J, MU_K, Law, Parameter, Past, Row
+from romdam.contact.laws.law import RATE as STEP_RATE
 
 STATIC, DYNAMIC, SPEED = range(3)
-RATE, LAST = range(2)
+(RATE,) = range(1)
 
 
 class VelocityFriction(Law):
     """mu = mu_d + (mu_s - mu_d) exp(-|v| / v_c) on the resultant, in place of `friction`.
 
-    v is the speed that the last two steps lead to in the middle of the next, if it is as long: within a step
-    the bound is constant, which leaves the problem of the step as easy as Coulomb's. The speed of the last
-    step alone would leave an error of first order in the step.
+    v is the speed over the step that is solved. The speed of steps before would do for a rigid block; where
+    the joint gives, slip follows the force at once, and the shear would alternate from step to step.
 
     References
     ----------
@@ -30,8 +30,9 @@ class VelocityFriction(Law):
         Parameter("mu_d", "", most=2.0, meaning="Coefficient of friction of fast sliding."),
         Parameter("v_c", "m/s", above=True, meaning="Velocity over which friction falls."),
     )
-    memory = ("rate", "last")
+    memory = ("rate",)
     shear = True
+    follows_step = True
 
     @classmethod
     def wrong(cls, joint: Mapping[str, Any]) -> str | None:
@@ -41,18 +42,16 @@ class VelocityFriction(Law):
 
     @classmethod
     def resumed(cls, parameters: Row, past: Past) -> tuple[float, ...]:
-        rate = past.rate if past.sliding else 0.0
-        return (rate, rate)
+        return (past.rate if past.sliding else 0.0,)
 
     @staticmethod
-    def limit(parameters: Any, memory: Any, limit: Any) -> None:
-        fall = math.exp(-max(2.0 * memory[RATE] - memory[LAST], 0.0) / parameters[SPEED])
-        mu = parameters[DYNAMIC] + (parameters[STATIC] - parameters[DYNAMIC]) * fall
+    def limit(parameters: Any, memory: Any, step: Any, limit: Any) -> None:
+        rate = step[STEP_RATE] if step[DT] > 0.0 else memory[RATE]
+        mu = parameters[DYNAMIC] + (parameters[STATIC] - parameters[DYNAMIC]) * math.exp(
+            -rate / parameters[SPEED]
+        )
         limit[MU_J], limit[MU_K] = mu, mu
 
     @staticmethod
-    def commit(
-        parameters: Any, memory: Any, opening: float, sliding: bool, rate_j: float, rate_k: float
-    ) -> None:
-        memory[LAST] = memory[RATE] if sliding else 0.0
-        memory[RATE] = math.sqrt(rate_j**2 + rate_k**2) if sliding else 0.0
+    def commit(parameters: Any, memory: Any, step: Any) -> None:
+        memory[RATE] = step[STEP_RATE]

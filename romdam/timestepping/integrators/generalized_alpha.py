@@ -256,7 +256,9 @@ class _Rows:
 
     def history(self, stats: dict[str, float]) -> History:
         """The finished history."""
-        strength, bonded = shear_strength(self.system.law.mu, self.problem.laws, self.memory, self.force)
+        strength, bonded = shear_strength(
+            self.system.law.mu, self.problem.laws, self.memory, self.jump[..., NORMAL], self.force
+        )
         return History(
             time=np.arange(len(self.jump), dtype=np.float64) * self.steps.interval,
             jump=self.jump,

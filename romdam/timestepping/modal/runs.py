@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory
 from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
@@ -332,7 +333,9 @@ def _outcomes(
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
         force = history.traction
         memory = written.memory[: len(force)]
-        strength, bonded = shear_strength(prepared.system.law.mu, laws, memory, force)
+        strength, bonded = shear_strength(
+            prepared.system.law.mu, laws, memory, history.jump[..., NORMAL], force
+        )
         outcomes.append(replace(history, peaks=peaks, stats=stats, strength=strength, bonded=bonded))
     return outcomes
 
