@@ -100,7 +100,9 @@ def test_a_check_counts_its_time_and_allows_for_what_it_leaves_out():
     """A check off by a tenth; what it leaves out of the squares is taken to be four times as wrong."""
     measured, check = np.ones((4, 1)), SimpleNamespace(stats={"loop_cpu_seconds": 2.0})
     whole = _Trial(measured=measured, runs=1, cpu=3.0, parts=(8.0,)).checked(check, 1.1 * measured)
-    early = _Trial(measured=measured, runs=1, cpu=3.0, parts=(8.0,), rows=2).checked(check, 1.1 * measured[:2])
+    early = _Trial(measured=measured, runs=1, cpu=3.0, parts=(8.0,), rows=2).checked(
+        check, 1.1 * measured[:2]
+    )
     assert whole.difference == pytest.approx(0.1)
     assert early.difference == pytest.approx(0.1 * np.sqrt(1.0 + 0.005 * (4.0**2 - 1.0)))
     assert whole.cpu == early.cpu == 5.0 and whole.runs == 2
