@@ -1,4 +1,4 @@
-"""The manual's table of constants against the code: none is missing, none is gone, every value is today's."""
+"""The manual's list of constants against the code: none is missing, none is gone, every value is today's."""
 
 import ast
 import math
@@ -29,7 +29,7 @@ LEAST_NAMED, NO_NUMBER = (
     0.02,
     1e-290,
 )  # between them lie tolerances; what is smaller only keeps from dividing by zero
-ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| `([\w/.]+\.py)` \|", re.M)
+ENTRY = re.compile(r"^`(?P<file>[\w/.]+\.py)`$|^- `(?P<name>\w+)` (?P<value>[^:]+)", re.M)
 
 
 def in_code():
@@ -72,11 +72,16 @@ def _number(node):
 
 
 def in_manual():
-    """The same from the rows `| name | value | file | ...` of docs/constants.md."""
+    """The same from docs/constants.md: a line of a file, and below it entries "- `name` value: meaning"."""
     text = (ROOT / "docs" / "constants.md").read_text()
-    rows = ROW.findall(text)
-    constants = {(Path(file).name, name): _value(value) for name, value, file in rows}
-    assert len(constants) == len(rows), "a constant stands twice in docs/constants.md"
+    constants, file = {}, ""
+    for entry in ENTRY.finditer(text):
+        if entry["file"]:
+            file = Path(entry["file"]).name
+        else:
+            key = (file, entry["name"])
+            assert key not in constants, f"{key} stands twice in docs/constants.md"
+            constants[key] = _value(entry["value"])
     return constants
 
 
@@ -84,7 +89,7 @@ def _value(text):
     return tuple(float(word) for word in re.findall(r"-?\d[\d.]*(?:e[+-]?\d+)?", text))
 
 
-def test_the_table_holds_every_constant_with_its_value():
+def test_the_list_holds_every_constant_with_its_value():
     code, manual = in_code(), in_manual()
     assert len(code) > 40
     missing, gone = sorted(code.keys() - manual.keys()), sorted(manual.keys() - code.keys())
@@ -97,7 +102,7 @@ def test_the_table_holds_every_constant_with_its_value():
 
 
 def test_no_number_that_decides_something_is_without_a_name():
-    """Round-off, tolerances and shares are module constants, so that the table above can hold them."""
+    """Round-off, tolerances and shares are module constants, so that the list above can hold them."""
     unnamed = {
         (path.name, number): f"{path.relative_to(ROOT)}:{line}: {number:g}"
         for room in ROOMS[:4]
@@ -105,7 +110,7 @@ def test_no_number_that_decides_something_is_without_a_name():
         for line, number in _unnamed(ast.parse(path.read_text()))
     }
     new = [place for key, place in unnamed.items() if key not in UNNAMED]
-    assert not new, f"make them constants of the module and add rows to docs/constants.md: {new}"
+    assert not new, f"make them constants of the module and add entries to docs/constants.md: {new}"
 
 
 def _unnamed(tree):
