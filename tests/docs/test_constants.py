@@ -29,7 +29,7 @@ LEAST_NAMED, NO_NUMBER = (
     0.02,
     1e-290,
 )  # between them lie tolerances; what is smaller only keeps from dividing by zero
-ENTRY = re.compile(r"^`(?P<file>[\w/.]+\.py)`$|^- `(?P<name>\w+)` (?P<value>[^:]+)", re.M)
+ENTRY = re.compile(r"^`(?P<file>[\w/.]+\.py)`$|^- `(?P<name>_?[A-Z]\w*)` (?P<value>[^:]+)", re.M)
 
 
 def in_code():
