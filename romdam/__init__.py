@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from romdam.results.fields import Result, open_result
     from romdam.results.suite.summary import open_suite
 
-__version__ = "0.2.0"
+__version__ = "0.3.0.dev0"
 __all__ = [
     "Config", "ConfigError", "ConvergenceError", "GroundMotion", "Job", "MeshError", "ModesOptions",
     "Outcome", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError", "SuiteOptions",

@@ -1,0 +1,73 @@
+"""Laws whose limits depend on the slip and the pressure of the step that is solved, in a user's file."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from test_law_steps import CLOSED, OneGap
+
+from romdam.contact.laws.catalogue import find_law, user_law
+from romdam.core.system import SLIP, STICK, GapLaw, LawRows
+
+PAGE = Path(__file__).parents[2] / "docs" / "extending" / "law.md"
+SPRING = 5e5  # shear per free jump of the gap: K_s 1e6 N/m in series with 1e-6 m/N [N/m]
+
+
+def one_gap(folder, name, row):
+    """A gap of K_n 4e6 N/m and K_s 1e6 N/m on 1e-6 m/N with a law of the manual's page."""
+    (text,) = re.findall(r"```python\n# configs/weakening.py\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (folder / "weakening.py").write_text(text)
+    source = user_law(f"weakening.{name}", folder / "weakening.py")
+    one, values = np.ones(1), np.array([row])
+    rows = (LawRows(source, values, np.ones(1, dtype=bool), shear=True),)
+    law = GapLaw(4e6 * one, 0 * one, 1e6 * one, np.zeros((1, 2)), 0 * one, {}, laws=rows)
+    assert find_law(source).follows_step
+    return OneGap(law, 1e-6)
+
+
+def test_slip_weakening_loses_friction_with_the_path_of_the_slip(tmp_path):
+    """p = 4000 N; the shear T of a jump u from the rest r: T = p mu(path + |u - r - T / k|), k = 5e5 N/m.
+
+    There and back: the path adds up, the slip does not.
+    """
+    gap, path, rest = one_gap(tmp_path, "SlipWeakening", [0.6, 0.2, 0.02]), 0.0, 0.0
+    force, state = gap.step(CLOSED, 4e-3, 0.0)
+    assert force[1] == pytest.approx(-2000.0, rel=1e-9) and state == STICK
+    for jump in (7e-3, 12e-3, -4e-3, 9e-3):
+        way = np.sign(jump - rest)
+
+        def missing(shear, jump=jump, path=path, rest=rest):
+            slip = abs(jump - rest) - shear / SPRING
+            return 4000.0 * (0.2 + 0.4 * np.exp(-(path + slip) / 0.02)) - shear
+
+        shear = brentq(missing, 0.0, 2400.0, xtol=1e-12)
+        force, state = gap.step(CLOSED, jump, 0.0)
+        assert force[0] == pytest.approx(4000.0, rel=1e-9) and state == SLIP
+        assert force[1] == pytest.approx(-way * shear, rel=1e-8)
+        path += abs(jump - rest) - shear / SPRING
+        rest = jump - way * shear / SPRING
+        assert gap.memory.history[-1, 0, 0] == pytest.approx(path, rel=1e-8)
+    assert path > 0.02 and abs(rest) < path / 2
+
+
+def test_friction_that_depends_on_the_pressure_of_the_step(tmp_path):
+    """T = mu_0 p_0^n p^(1 - n): the compression grows eightfold, the friction by the square root of it."""
+    gap = one_gap(tmp_path, "PressureFriction", [0.5, 2000.0, 0.5])
+    for closed, along in ((-2e-3, 8e-3), (-16e-3, 40e-3), (-4e-3, 60e-3)):
+        p = -closed / 1.25e-6
+        force, state = gap.step(closed, along, 0.0)
+        assert force[0] == pytest.approx(p, rel=1e-9) and state == SLIP
+        assert force[1] == pytest.approx(-0.5 * np.sqrt(2000.0 * p), rel=1e-8)
+
+
+def test_the_direction_of_the_slip_does_not_matter(tmp_path):
+    """The same path turned by 37 degrees in the plane of the gap."""
+    c, s = np.cos(np.radians(37.0)), np.sin(np.radians(37.0))
+    straight = one_gap(tmp_path, "SlipWeakening", [0.6, 0.2, 0.02])
+    turned = one_gap(tmp_path, "SlipWeakening", [0.6, 0.2, 0.02])
+    for j, k in ((7e-3, 1e-3), (9e-3, -6e-3), (-8e-3, 2e-3)):
+        (_, t_j, t_k), _ = straight.step(CLOSED, j, k)
+        (_, o_j, o_k), _ = turned.step(CLOSED, c * j - s * k, s * j + c * k)
+        assert (o_j, o_k) == pytest.approx((c * t_j - s * t_k, s * t_j + c * t_k), rel=1e-8)
