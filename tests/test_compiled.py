@@ -150,3 +150,51 @@ def test_steps_are_the_same_without_compiling():
 def test_no_field_of_a_record_hides_behind_numpys_own():
     with pytest.raises(AssertionError, match="size"):
         record_type(size=int)
+
+
+AT_ONCE = """
+import sys, time
+from pathlib import Path
+import numpy as np
+from numba.core.caching import IndexDataCacheFile
+from romdam.core.jit import copy
+folder, name, kind, delay = Path(sys.argv[1]), sys.argv[2], sys.argv[3], float(sys.argv[4])
+write = IndexDataCacheFile._save_index
+def slowly(self, overloads):
+    time.sleep(delay)  # what an index holds is read before, and written after
+    write(self, overloads)
+IndexDataCacheFile._save_index = slowly
+(folder / name).touch()
+while len(list(folder.glob("ready*"))) < 2:
+    time.sleep(0.001)
+copy(np.zeros(3, kind), np.zeros(3, kind))
+print(sum(copy.stats.cache_hits.values()))
+"""
+
+
+def hits_at_once(folder: Path, kinds: tuple[str, str], delay: float) -> list[str]:
+    """Hits of the cache in two processes that call a function at the same time, with these types."""
+    cache = {"NUMBA_CACHE_DIR": str(folder / "cache")}
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", AT_ONCE, str(folder), f"ready{i}", kind, str(delay)],
+            env=os.environ | cache, stdout=subprocess.PIPE, text=True,
+        )
+        for i, kind in enumerate(kinds)
+    ]  # fmt: skip
+    hits = [process.communicate()[0].strip() for process in started]
+    for path in folder.glob("ready*"):
+        path.unlink()
+    return hits
+
+
+def test_of_two_processes_that_need_the_same_one_compiles(tmp_path):
+    """Workers of a suite or of these tests start together, and a time loop takes a minute."""
+    assert sorted(hits_at_once(tmp_path, ("float64", "float64"), 0.0)) == ["0", "1"]
+    assert not list((tmp_path / "cache").rglob("*.lock"))
+
+
+def test_two_processes_that_keep_at_once_lose_nothing(tmp_path):
+    """Numba reads the index, adds to it and writes it: the later of two would forget the earlier."""
+    assert hits_at_once(tmp_path, ("float64", "int64"), 0.5) == ["0", "0"]
+    assert hits_at_once(tmp_path, ("float64", "int64"), 0.0) == ["1", "1"]

@@ -102,6 +102,17 @@ def hold(path: Path) -> int | None:
     return descriptor
 
 
+@contextmanager
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Keep others that ask for this folder waiting meanwhile, where the system has such locks."""
+    descriptor = os.open(folder if fcntl else os.devnull, os.O_RDONLY)
+    try:
+        _lock(descriptor, waiting=True)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def _lock(descriptor: int, waiting: bool = False) -> bool | None:
     """Take a lock that ends with its process; whether it could be had, None where there are no locks."""
     if fcntl is None:

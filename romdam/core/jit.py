@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import gc
+import hashlib
 import logging
 import operator
 import os
@@ -38,6 +39,7 @@ from numba.misc.appdirs import AppDirs
 from numpy.typing import NDArray
 
 from romdam.core.arrays import at
+from romdam.core.files import hold, lock_folder
 from romdam.core.fingerprint import files_digest
 
 log = logging.getLogger(__name__)
@@ -45,6 +47,7 @@ log = logging.getLogger(__name__)
 _SETTINGS: Any = numba.config
 _KERNELS = ("contact", "timestepping")  # rooms whose compiled functions call each other
 _TOLD = 1.0  # seconds of compiling that are worth a line
+_PATIENCE, _LOOK = 300.0, 0.05  # seconds to wait for a process that compiles the same, and between two looks
 _RARELY = (50_000, 20, 20)  # objects made between two looks for garbage; looks before older ones are in them
 _TRIED = (0, 68)  # the numba that `_Linked`, `_Whole` and `_Compiler` were tried with
 
@@ -143,10 +146,11 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             if "no locator" not in str(error):
                 raise
             made = _cached_elsewhere(function, options)
+        lock = _Lock()
         if hasattr(made._cache, "_cache_file"):
-            _guard(made._cache)
+            _guard(made._cache, lock)
             _stamp(made._cache, Path(function.__code__.co_filename).parent)
-        made.compile = _without_collecting(made.compile)
+        made.compile = _without_collecting(made.compile, lock)
         if CALLED:
             called = numba.njit(**options | CALLED | {"cache": False})(function)
             made.get_call_template, made.get_overload = _template(called), called.get_overload
@@ -155,8 +159,41 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     return compiled
 
 
-def _without_collecting(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Compile with few looks for garbage: at numba's millions of objects, they take an eighth of the time."""
+class _Lock:
+    """Lock of the process that compiles a function for some types of arguments: others wait for it.
+
+    Processes that start together, as workers of a suite or of the tests, would each compile the same.
+    """
+
+    def __init__(self) -> None:
+        self._held: tuple[Path, int] | None = None
+
+    def take(self, cache: Any, signature: object) -> None:
+        """Wait for another process that compiles the same, not for ever: it may be stopped."""
+        kind = hashlib.sha256(repr(signature).encode()).hexdigest()[:16]
+        path = Path(cache.cache_path) / f"{Path(cache._cache_file._index_name).stem}.{kind}.lock"
+        end = time.monotonic() + _PATIENCE
+        with suppress(OSError):  # where nothing can be written, nothing is kept either
+            cache._impl.locator.ensure_cache_path()
+            while (descriptor := hold(path)) is None and time.monotonic() < end:
+                time.sleep(_LOOK)
+            self._held = None if descriptor is None else (path, descriptor)
+
+    def release(self) -> None:
+        """Let others compile, or read what was kept."""
+        if self._held is not None:
+            path, descriptor = self._held
+            self._held = None
+            os.close(descriptor)
+            with suppress(OSError):
+                path.unlink()
+
+
+def _without_collecting(compile_: Callable[[Any], Any], lock: _Lock) -> Callable[[Any], Any]:
+    """Compile with few looks for garbage: at numba's millions of objects, they take an eighth of the time.
+
+    The lock is taken where the cache holds nothing, and is held until what was compiled is kept, or failed.
+    """
 
     def compiled(signature: Any) -> Any:
         before = gc.get_threshold()
@@ -165,6 +202,7 @@ def _without_collecting(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
             return compile_(signature)
         finally:
             gc.set_threshold(*before)
+            lock.release()
 
     return compiled
 
@@ -268,28 +306,36 @@ def _code_of(folder: Path) -> str:
     return files_digest(sorted({*folder.glob("*.py"), *kernels}))
 
 
-def _guard(cache: Any) -> None:
+def _guard(cache: Any, lock: _Lock) -> None:
     """Make a cache that cannot be read or written count as empty: numba unpickles whatever it finds.
 
     Between a look for what is not there and its being kept numba compiles, which is said where it takes long,
-    while it does and once it is done.
+    while it does and once it is done. Two processes that keep at once would write each other's data under one
+    name of the index, so each keeps alone.
     """
     load, save = cache.load_overload, cache.save_overload
     asked, watch = [0.0], [threading.Timer(_TOLD, _say_compiling)]
 
-    def load_overload(*place: Any) -> Any:
-        asked[0] = time.perf_counter()
+    def read(*place: Any) -> Any:
         try:
-            found = load(*place)
+            return load(*place)
         except Exception as error:  # whatever unpickling raises of a damaged file, or of another numba's
             log.info("%s: compiled functions cannot be read (%s); compiling again", cache.cache_path, error)
             with suppress(OSError):
                 cache.flush()
-            found = None
+            return None
+
+    def load_overload(*place: Any) -> Any:
+        asked[0] = time.perf_counter()
+        found = read(*place)
         if found is None:
             watch[0] = threading.Timer(_TOLD, _say_compiling)
             watch[0].daemon = True
             watch[0].start()
+            lock.take(cache, place[0])
+            found = read(*place)
+            if found is not None:
+                watch[0].cancel()
         return found
 
     def save_overload(*compiled: Any) -> None:
@@ -298,7 +344,9 @@ def _guard(cache: Any) -> None:
         if seconds > _TOLD:
             log.info("compiled in %.0f s", seconds)
         try:
-            save(*compiled)
+            cache._impl.locator.ensure_cache_path()
+            with lock_folder(Path(cache.cache_path)):
+                save(*compiled)
         except Exception as error:  # of the disk or of pickling: what is compiled works all the same
             log.info("%s: compiled functions cannot be kept (%s)", cache.cache_path, error)
 
