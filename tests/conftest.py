@@ -1,11 +1,20 @@
-"""Every test has a cache of reduced blocks of its own and leaves the user's alone; signals are heard."""
+"""Every test has a cache of reduced blocks of its own and leaves the user's alone; signals are heard.
 
+BLAS has one thread: the tests run on one process a core, and a further thread of OpenBLAS that waits for work
+spins, which was up to five sixths of the CPU time. The library reads the number as it is loaded, so it is set
+here. Tests of threads set their numbers themselves (test_threads.py).
+"""
+
+import os
 import signal
 from itertools import count
 
 import pytest
 
 _numbers = count()
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 
 @pytest.fixture(autouse=True, scope="session")

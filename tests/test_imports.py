@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -88,10 +89,17 @@ def modules() -> list[tuple[str, Path]]:
     return found
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """Syntax tree of a file, flat; each file is parsed once."""
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
+@cache
 def imports(path: Path) -> list[tuple[str, int]]:
     """Every absolute module name imported anywhere in a file, with its line."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found += [(alias.name, node.lineno) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -102,7 +110,7 @@ def imports(path: Path) -> list[tuple[str, int]]:
 
 def is_type_only(path: Path, line: int) -> bool:
     """Whether a line stands in an `if TYPE_CHECKING:` block, which never runs."""
-    blocks = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.If)]
+    blocks = [n for n in nodes(path) if isinstance(n, ast.If)]
     return any(
         isinstance(n.test, ast.Name) and n.test.id == "TYPE_CHECKING" and n.lineno <= line <= n.end_lineno
         for n in blocks
@@ -119,13 +127,17 @@ def breaks_rule(room: str, name: str) -> bool:
     return target not in ALLOWED[room] and room not in TYPES.get(name, set())
 
 
-@pytest.mark.parametrize(
-    ("room", "path"), modules(), ids=lambda v: str(v.relative_to(ROOT)) if isinstance(v, Path) else ""
-)
-def test_module_imports_only_what_comes_before_it(room, path):
-    assert room in ALLOWED, f"{path}: a new room; state in this test what it may import"
-    wrong = [f"{path.name}:{line} imports {name}" for name, line in imports(path) if breaks_rule(room, name)]
-    assert not wrong, f"{room} may import {sorted(ALLOWED[room])}: {wrong}"
+def test_module_imports_only_what_comes_before_it():
+    assert {room for room, _ in modules()} <= set(ALLOWED), (
+        "a new room: state in this test what it may import"
+    )
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}; {room} may import {sorted(ALLOWED[room])}"
+        for room, path in modules()
+        for name, line in imports(path)
+        if breaks_rule(room, name)
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
 @pytest.mark.parametrize("library", ONLY_IN)
@@ -166,7 +178,7 @@ def test_library_neither_prints_nor_exits_nor_configures_logging():
     for room, path in modules():
         if room in ("cli", "terminal"):
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes(path):
             if isinstance(node, ast.Call):
                 name = ast.unparse(node.func)
                 assert name not in forbidden | {"sys.exit", "logging.basicConfig"}, f"{path}:{node.lineno}"
@@ -280,7 +292,7 @@ NUMERICAL = {"numpy", "scipy", "numba"}
 def numerics(path: Path) -> list[str]:
     """Imports of numerical libraries and matrix products in a file."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         names = []
         if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult):
             found.append(f"{path.name}:{node.lineno}: {ast.unparse(node)}")
