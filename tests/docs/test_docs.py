@@ -16,6 +16,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 import yaml
+from test_cli import call
 
 from romdam.config import load_config, parse_config
 from romdam.records.formats.registry import FORMATS
@@ -106,10 +107,13 @@ def _run_console(text, place):
         if line.startswith("$ "):
             words = shlex.split(line[2:], comments=True)
             assert words[0] in ("romdam", "python", "cat", "ls"), f"{place}: {line}"
-            started = {"romdam": [sys.executable, "-m", "romdam"], "python": [sys.executable]}
-            command = [*started.get(words[0], [words[0]]), *words[1:]]
-            done = subprocess.run(command, capture_output=True, text=True)
-            assert done.returncode == 0, f"{place}: {line}\n{done.stdout}\n{done.stderr}"
+            if words[0] == "romdam":
+                code, out, err = call(*words[1:])
+            else:
+                command = [sys.executable if words[0] == "python" else words[0], *words[1:]]
+                done = subprocess.run(command, capture_output=True, text=True)
+                code, out, err = done.returncode, done.stdout, done.stderr
+            assert code == 0, f"{place}: {line}\n{out}\n{err}"
 
 
 def _load(text, line, file):
