@@ -1,11 +1,14 @@
 """A synthetic case with known numbers: two blocks of one cell, joints of 2 and 3 gaps, friction or not."""
 
+from collections.abc import Iterator
+from copy import copy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.sparse import eye
 
+from romdam import open_result
 from romdam.config import load_config
 from romdam.config.load import Job
 from romdam.core.basis import BlockBasis
@@ -24,7 +27,8 @@ from romdam.core.scene import (
 from romdam.core.system import ENERGY_TERMS, Coordinates, History
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
-from romdam.results.dataset import Timing
+from romdam.results.dataset import Timing, build_dataset, write_dataset
+from romdam.results.fields import Result, write_model
 from romdam.results.variables import Case
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
@@ -153,3 +157,22 @@ def case() -> Case:
 @pytest.fixture
 def timing() -> Timing:
     return Timing({"scene": 0.5}, {"scene": 0.4})
+
+
+@pytest.fixture(scope="session")
+def opened(job: Job, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Result]:
+    """The synthetic case with its model, written and opened once: each takes h5netcdf 1.3 CPU-s."""
+    folder, case = tmp_path_factory.mktemp("quake"), make_case()
+    name = write_model(folder, case.scene, make_basis())
+    timing = Timing({"scene": 0.5}, {"scene": 0.4})
+    write_dataset(build_dataset(case, job, timing, name), folder / "quake.nc")
+    with open_result(folder / "quake.nc") as result:
+        yield result
+
+
+@pytest.fixture
+def result(opened: Result) -> Result:
+    """That result; attributes and variables that a test changes are changed for this test alone."""
+    mine = copy(opened)
+    mine.dataset = opened.dataset.copy()
+    return mine

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -12,13 +13,11 @@ from cf_files import CHECKER, errors_of_the_checker, flaws
 from romdam.results.dataset import build_dataset, open_dataset, write_dataset
 from romdam.results.renamed import UNITS
 
-from .conftest import make_case
-
 
 @pytest.fixture
-def path(case, job, timing, tmp_path):
-    write_dataset(build_dataset(case, job, timing, None), tmp_path / "a.nc")
-    return tmp_path / "a.nc"
+def path(opened, tmp_path):
+    """A file of its own: tests write into it."""
+    return Path(shutil.copy(opened.path, tmp_path / "a.nc"))
 
 
 def test_a_result_keeps_to_cf(path):
@@ -72,9 +71,8 @@ def test_gaps_of_joints_that_alternate_are_found_too(case, job, timing, tmp_path
         )
 
 
-def test_results_lie_side_by_side(path, case, job, timing, tmp_path):
-    write_dataset(build_dataset(make_case(), job, timing, None), tmp_path / "b.nc")
-    with open_dataset(path) as one, open_dataset(tmp_path / "b.nc") as other:
+def test_results_lie_side_by_side(path, opened):
+    with open_dataset(path) as one, open_dataset(opened.path) as other:
         both = xr.concat([one.opening, other.opening], dim="record")
         assert both.sizes == {"record": 2, "time": 41, "gap": 5}
         assert both.sel(gap_joint="J1").sizes["gap"] == 2

@@ -17,14 +17,6 @@ from romdam.results.fields import write_model
 from .conftest import make_basis, make_case
 
 
-@pytest.fixture
-def result(case, job, timing, tmp_path):
-    name = write_model(tmp_path, case.scene, make_basis())
-    write_dataset(build_dataset(case, job, timing, name), tmp_path / "quake.nc")
-    with open_result(tmp_path / "quake.nc") as opened:
-        yield opened
-
-
 @pytest.mark.parametrize(("block", "columns"), [("left", slice(0, 3)), ("right", slice(3, 7))])
 def test_field_is_basis_times_coordinates(result, case, block, columns):
     expected = case.history.q[:, columns] @ make_basis()[block].vectors.rows().T

@@ -8,32 +8,22 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from romdam import open_result
 from romdam.cli import app
 from romdam.core.errors import ResultError
 from romdam.pipelines.views import view_result
 from romdam.postprocess.stress.summary import principal_stresses
-from romdam.results.dataset import build_dataset, write_dataset
-from romdam.results.fields import write_model
 from romdam.results.series import frame_times
 from romdam.scene.elements import SOLIDS
 from romdam.visual.view.moving import _corner_facets, moving
 from romdam.visual.view.page import MISSING, MOST
 
-from .conftest import make_basis, make_case
-
 FRAMES = (5, (0.5, 1.5))
 
 
 @pytest.fixture
-def result(job, timing, tmp_path):
-    case = make_case()
-    name = write_model(tmp_path, case.scene, make_basis())
-    dataset = build_dataset(case, job, timing, name)
-    dataset.attrs["title"] = "left < right & </script>"
-    write_dataset(dataset, tmp_path / "quake.nc")
-    with open_result(tmp_path / "quake.nc") as opened:
-        yield opened
+def result(result):
+    result.dataset.attrs["title"] = "left < right & </script>"
+    return result
 
 
 def unpacked(text, kind, *shape):

@@ -13,23 +13,18 @@ import xarray as xr
 from matplotlib.image import imread
 from PIL import Image
 
-from romdam import open_result
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
 from romdam.pipelines.views import PlotOptions, plot_result, show_scene
 from romdam.postprocess.maxima import AS_DISPLACEMENT, HEAD, INSTANT, explained, maxima
 from romdam.results import series
-from romdam.results.dataset import build_dataset, write_dataset
 from romdam.results.export import mesh_of, write_series, write_vtu
-from romdam.results.fields import write_model
 from romdam.results.series import dam_blocks, frame_times, worst_displacement_time
 from romdam.results.table import write_maxima
 from romdam.scene.elements import SOLIDS
 from romdam.terminal.tables import peaks_table
 from romdam.visual import field_views, rendering
-
-from .conftest import make_basis, make_case
 
 pytest.importorskip("pyvista")
 
@@ -55,15 +50,6 @@ def drawable():
         rendering.refuse_without_renderer()
     except ResultError as error:
         pytest.skip(str(error))
-
-
-@pytest.fixture
-def result(job, timing, tmp_path):
-    case = make_case()
-    name = write_model(tmp_path, case.scene, make_basis())
-    write_dataset(build_dataset(case, job, timing, name), tmp_path / "quake.nc")
-    with open_result(tmp_path / "quake.nc") as opened:
-        yield opened
 
 
 def colours(path, box=slice(None)):
