@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 CONFIG ?= configs/two_cantilevers.yaml
 OUT ?= results
 JOBS ?= 2
+NOTEBOOKS ?= force
 
 .PHONY: run test test-slow test-kernels test-docs lowest fuzz bench mutants peers campaign docs lint clean
 
@@ -73,9 +74,10 @@ campaign: $(VENV)/.installed-dev
 test-docs: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -m slow tests/docs
 
-# The manual, as pages in docs/_build; a warning is an error.
+# The manual, as pages in docs/_build; a warning is an error. NOTEBOOKS=off leaves the tutorials without outputs.
 docs: $(VENV)/.installed-dev
-	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -q -W --keep-going -D nb_execution_mode=$(NOTEBOOKS) \
+	  -b html docs docs/_build
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

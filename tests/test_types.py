@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-UNCHECKED = ("test_", "conftest", "__init__")
 WRONG = {
     "from romdam.pipelines.run import run\nrun(1, 2, 3)\n": 'Argument 1 to "run"',
     "from romdam.pipelines.error.verify import verify\nverify(3, 'out')\n": 'Argument 1 to "verify"',
@@ -25,12 +24,3 @@ def test_wrong_calls_of_the_pipelines_are_told(tmp_path):
     for number, message in enumerate(WRONG.values()):
         told = [line for line in out.splitlines() if f"wrong_{number}.py" in line]
         assert any(message in line for line in told), f"{message} not among {told or out}"
-
-
-@pytest.mark.slow
-def test_helpers_of_the_tests_are_checked_by_make_lint():
-    """Whatever a test imports from beside it has types too."""
-    helpers = [path for path in (ROOT / "tests").rglob("*.py") if not path.name.startswith(UNCHECKED)]
-    assert {"hand_systems.py", "bits.py"} <= {path.name for path in helpers}
-    done = subprocess.run([sys.executable, "-m", "mypy", "romdam", *helpers], cwd=ROOT, capture_output=True)
-    assert done.returncode == 0, done.stdout.decode()
