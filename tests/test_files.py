@@ -117,7 +117,7 @@ def test_a_folder_that_takes_no_files_is_named_before_anything_is_computed(tmp_p
 
 def test_runs_of_one_process_share_a_folder_and_a_cache(tmp_path):
     np.savetxt(tmp_path / "pulse.txt", np.sin(np.arange(20.0)))
-    (tmp_path / "job.yaml").write_text(SMALL.rstrip() + "\n  plots: false\n")
+    (tmp_path / "job.yaml").write_text(SMALL)
     job = romdam.load_config(tmp_path / "job.yaml")
     with ThreadPoolExecutor(4) as threads:
         made = [threads.submit(romdam.run, job, tmp_path / "out", cache=tmp_path / "c") for _ in range(8)]

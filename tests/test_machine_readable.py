@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
-from test_cli import SMALL, call, call_alone, config, edited  # noqa: F401
+from test_cli import DRAWN, SMALL, call, call_alone, config, edited  # noqa: F401
 from typer.main import get_command
 
 import romdam
@@ -205,9 +205,9 @@ def log_of(out: Path) -> list[str]:
 
 
 def test_a_run_lists_every_file_and_logs_all_of_it(config, tmp_path):  # noqa: F811
-    raw = yaml.safe_load(SMALL)
+    raw = yaml.safe_load(DRAWN)
     raw["materials"]["concrete"]["rho"] = "24.4 kg/m3"
-    edited(config, materials=raw["materials"])
+    edited(config, materials=raw["materials"], outputs=raw["outputs"])
     out = tmp_path / "out"
     code, stdout, _ = call("run", config, "--out", out)
     listed = {line.removeprefix("written: ") for line in stdout.splitlines() if line.startswith("written: ")}

@@ -25,7 +25,7 @@ VARIABLES = ("opening", "normal_force", "reduced_coordinates", "energy_strain", 
 @pytest.fixture
 def job(tmp_path):
     np.savetxt(tmp_path / "pulse.txt", np.sin(np.arange(20.0)))
-    (tmp_path / "job.yaml").write_text(SMALL.rstrip() + "\n  plots: false\n")
+    (tmp_path / "job.yaml").write_text(SMALL)
     return romdam.load_config(tmp_path / "job.yaml")
 
 

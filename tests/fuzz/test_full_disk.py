@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))
 
 from suite_jobs import BASE, write_job
-from test_cli import SMALL, call
+from test_cli import DRAWN, call
 
 SECONDS = 120.0
 VARYING = ("date_created", "history", "configuration_folder")
@@ -40,7 +40,7 @@ def small(request, tmp_path_factory):
     else:
         time = np.arange(40) * 0.01
         np.savetxt(made / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-4 * time))
-        (made / "job.yaml").write_text(SMALL)
+        (made / "job.yaml").write_text(DRAWN)
     assert run(made, made / "out")[0] == 0
     return made
 

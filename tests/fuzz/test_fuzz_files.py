@@ -46,7 +46,7 @@ def whole(tmp_path_factory):
     time = np.arange(40) * 0.01
     np.savetxt(made / "pulse.txt", 5.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-4 * time))
     for name, modes in (("job", 10), ("other", 9)):
-        text = SMALL.rstrip() + STRESSED + "  plots: false\n"
+        text = SMALL.rstrip() + STRESSED
         (made / f"{name}.yaml").write_text(text.replace("modes: 10", f"modes: {modes}"))
         out = made / name
         code, _, err = call("run", made / f"{name}.yaml", "--out", out, "--cache", made / "cache", "--quiet")
