@@ -91,6 +91,25 @@ def test_peaks_that_agree_by_chance_are_not_believed():
     trial = _Trial(measured=np.ones(4), difference=0.2, estimate=0.2, runs=2)
     assert not trial.agrees
     history = SimpleNamespace(stats={"loop_cpu_seconds": 0.0})
-    after = trial.after(history, np.ones(4) + 1e-4)
+    after = trial.after(history, np.ones(4) + 1e-4, 8.0)
     assert after.agrees and after.estimate == 0.2
-    assert after.after(history, np.ones(4)).estimate < 2e-4
+    assert after.after(history, np.ones(4), 16.0).estimate < 2e-4
+
+
+@pytest.mark.parametrize("order", [0.5, 0.75, 1.0, 1.3])
+@pytest.mark.parametrize("uneven", [False, True])
+def test_the_error_of_runs_that_converge_at_an_order_is_stated(order, uneven):
+    """Runs that are off by parts**-order, all alike: the error itself; 1.25 of it or more with memory.
+
+    With memory the first difference alone counts, too, at an order of 1.15: more than the truth above that.
+    """
+    history = SimpleNamespace(stats={"loop_cpu_seconds": 0.0}, bonded=np.ones((5, 1), dtype=bool))
+    trial = _Trial(uneven=uneven, refined_from=0)
+    for halvings in (2, 3, 4, 5):
+        parts = trial.fineness(halvings)
+        shape = (5, 1, 3) if uneven else (5, 1)
+        trial = trial.after(history, (1.0 + 1e-3 * parts**-order) * np.ones(shape), parts)
+        if trial.runs >= 3:
+            truth = 1e-3 * parts**-order * (2.0 if uneven else 1.0)  # the slips that are left count twice
+            low, high = (1.24, 1.7) if uneven else (0.99, 1.01)
+            assert low <= trial.estimate / truth <= high
