@@ -119,6 +119,12 @@ def _unusual(model: BaseModel, path: str) -> Iterator[str]:
         for place, value in _values(getattr(model, field), f"{path}{field}"):
             if isinstance(value, BaseModel):
                 yield from _unusual(value, f"{place}.")
+                if field == "velocity_friction" and getattr(value, "mu_s", 0.0) > getattr(value, "mu_d", 0.0):
+                    yield (
+                        f"{place}: friction falls with the speed, so that stiff joints stick and slide by "
+                        "turns, at times that hang on the step: slips of runs at several steps say more than "
+                        "the stated error of one; compare transient.finest_step of 0.2 and 0.05 ms"
+                    )
             elif isinstance(value, float) and field in usual:
                 least, most, unit, text = usual[field]
                 if not least <= abs(value) <= most and value != 0.0:

@@ -44,6 +44,14 @@ def test_what_is_unusual_is_said(key, value, parts):
     assert any(all(part in line for part in parts) for line in found), found
 
 
+@pytest.mark.parametrize(("mu_s", "mu_d", "said"), [(0.6, 0.4, 1), (0.4, 0.6, 0), (0.5, 0.5, 0)])
+def test_friction_that_falls_with_the_speed_is_said_to_stick_and_slide(mu_s, mu_d, said):
+    law = {"mu_s": mu_s, "mu_d": mu_d, "v_c": "0.1 m/s"}
+    joint = ("joints", "contraction")
+    found = doubts(put(((*joint, "velocity_friction"), law), ((*joint, "shear_stiffness"), 8e9)))
+    assert sum("stick and slide by turns" in line for line in found) == said
+
+
 def test_one_number_for_both_directions_is_told_once():
     joint = ("joints", "contraction")
     found = doubts(put(((*joint, "friction"), 1.9), ((*joint, "shear_stiffness"), 8e9)))
