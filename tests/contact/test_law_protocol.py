@@ -140,6 +140,11 @@ MISTAKES = [
     ({}, RATE.replace('"rate_mu_s"', '"friction"'), "is a key of joints already"),
     ({}, RATE.replace('"m/s"', '"furlong"'), "unit 'furlong' is not known"),
     ({}, RATE.replace("def limit", "def bound"), "without the function `limit`"),
+    (
+        {},
+        RATE.replace("memory, step):", "memory, opening, sliding, rate_j, rate_k):"),
+        "commit must be commit(parameters, memory, step), as from version 0.3 on",
+    ),
     ({"shear_stiffness": 0.0}, RATE, "needs `shear_stiffness`"),
     ({}, RATE.replace("    shear = True\n", ""), "bounds the shear, which no gap carries"),
     (

@@ -6,6 +6,7 @@ import keyword
 import math
 import sys
 from collections.abc import Mapping
+from inspect import signature
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,6 +22,11 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.system import GapLaw, LawSource
 
 _OWN = {law.__name__: law for law in (*LAWS, ElasticShear, CrackWater)}
+_ARGUMENTS = {
+    "limit": ("parameters", "memory", "step", "limit"),
+    "release": ("parameters", "memory", "step"),
+    "commit": ("parameters", "memory", "step"),
+}
 _UNITS = ("", "axes", "m", "s", "m/s", "Pa", "N", "N/m", "N/m^3", "N*s/m^3", "1/s", "Hz")
 _RESERVED = {"between", "law", "gap", "gaps", "normal", "tolerance"}  # keys of a joint that no law may add
 _LOADED: dict[LawSource, type[Law]] = {}
@@ -184,6 +190,14 @@ def _check(law: type[Law], place: str) -> None:
         raise ConfigError(f"{place}.array: the gaps' own arrays are romdam's; leave it out")
     if law.limit is None:
         raise ConfigError(f"{place}: a law without the function `limit` does nothing; define it")
+    for name, wanted in _ARGUMENTS.items():
+        function = getattr(law, name)
+        taken = [] if function is None else [*signature(getattr(function, "py_func", function)).parameters]
+        if taken and len(taken) != len(wanted):
+            raise ConfigError(
+                f"{place}.{name} must be {name}({', '.join(wanted)}), as from version 0.3 on, got "
+                f"{name}({', '.join(taken)}); `step` has what it took of a gap (romdam.contact.laws.law)"
+            )
     if law.release is not None and not law.memory:
         raise ConfigError(f"{place}.release has no `memory` to note in what was given up; name what it keeps")
     values = {p.name: AXES if p.unit == "axes" else _sample(p) for p in law.parameters}
