@@ -287,12 +287,16 @@ class _Trial:
             difference = max(difference, _disagreement(self.broken, ~history.bonded))
         if measured.ndim == 1:  # peaks agree by chance, so the last two differences have to be small
             return replace(known, difference=difference, estimate=max(difference, self.difference))
-        runs = (*self.parts, parts)
-        order = _shown_order(self.difference, difference, runs) if len(runs) == 3 else _USUAL_ORDER
-        estimate = difference * error_over_difference(order, *runs[-2:])
-        if self.uneven and len(runs) == 3:  # two runs may agree by chance
-            former = self.difference * error_over_difference(_USUAL_ORDER, *runs[:2])
-            estimate = _SAFETY * max(estimate, former * (runs[1] / runs[2]) ** _USUAL_ORDER)
+        *before, last = self.parts
+        if not before:
+            estimate = difference * error_over_difference(_USUAL_ORDER, last, parts)
+            return replace(known, difference=difference, estimate=estimate)
+        (first,) = before
+        order = _shown_order(self.difference, difference, (first, last, parts))
+        estimate = difference * error_over_difference(order, last, parts)
+        if self.uneven:  # two runs may agree by chance
+            former = self.difference * error_over_difference(_USUAL_ORDER, first, last)
+            estimate = _SAFETY * max(estimate, former * (last / parts) ** _USUAL_ORDER)
         return replace(known, difference=difference, estimate=estimate)
 
     def unchecked(self) -> _Trial:
