@@ -60,6 +60,8 @@ def call(*args: object) -> tuple[int, str, str]:
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.setattr(sys, "argv", ["romdam", *map(str, args)])
         patch.setenv("COLUMNS", "200")
+        for name, value in (("MPLBACKEND", "agg"), ("OPENBLAS_THREAD_TIMEOUT", "18")):
+            patch.setenv(name, value)  # as the command does: what these were comes back
         try:
             cli.main()
         except SystemExit as stop:
