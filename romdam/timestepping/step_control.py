@@ -292,7 +292,7 @@ class _Trial:
             estimate = difference * error_over_difference(_USUAL_ORDER, last, parts)
             return replace(known, difference=difference, estimate=estimate)
         (first,) = before
-        order = _shown_order(self.difference, difference, (first, last, parts))
+        order = _order_of_error(self.difference, difference, (first, last, parts))
         estimate = difference * error_over_difference(order, last, parts)
         if self.uneven:  # two runs may agree by chance
             former = self.difference * error_over_difference(_USUAL_ORDER, first, last)
@@ -340,7 +340,7 @@ def error_over_difference(order: float, coarse: float, fine: float) -> float:
     return 1.0 / ((fine / coarse) ** order - 1.0)
 
 
-def _shown_order(former: float, difference: float, parts: tuple[float, ...]) -> float:
+def _order_of_error(former: float, difference: float, parts: tuple[float, ...]) -> float:
     """Order at which three runs differ as they do, within what is believed.
 
     Parameters
