@@ -27,6 +27,7 @@ LAWS = {
     "coulomb": (0.3, None),
     "static": (0.3, (StaticFriction, [0.5, 0.5, 0.3, 0.3])),
     "velocity": (0.0, (VelocityFriction, [0.5, 0.2, 0.1])),
+    "velocity, rising": (0.0, (VelocityFriction, [0.2, 0.45, 0.1])),
 }
 
 
@@ -68,8 +69,9 @@ def by_hand(name, dt=2e-5, record=RECORD):
         t = -(free - rest) / (flexibility + 1.0 / K_S)
         if name == "static":
             limit = (0.3 if slides or abs(t) > 0.5 * WEIGHT else 0.5) * WEIGHT
-        elif name == "velocity":
-            limit = (0.2 + 0.3 * np.exp(-rate / 0.1)) * WEIGHT
+        elif name.startswith("velocity"):
+            _, (at_rest, fast, speed) = LAWS[name][1]
+            limit = (fast + (at_rest - fast) * np.exp(-rate / speed)) * WEIGHT
         else:
             limit = mu * WEIGHT
         slides = abs(t) > limit
