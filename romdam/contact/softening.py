@@ -222,12 +222,15 @@ def release(laws: Laws | None, memory: GapMemory) -> int:
 
 
 @njit(cache=True, inline="always")
-def _bound(memory: GapMemory, i: int, p: float) -> float:
-    """Limit of the shear of gap i, the smaller one of both directions; 0 where it is open."""
+def _bounds(memory: GapMemory, i: int, p: float) -> tuple[float, float]:
+    """Limits of the shear of gap i along j and k; 0 where it is open."""
     limits = memory.limits
-    along_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p
-    along_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p
-    return max(min(along_j, along_k), 0.0) if p > 0.0 else 0.0
+    if p <= 0.0:
+        return 0.0, 0.0
+    return (
+        limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p,
+        limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p,
+    )
 
 
 @njit(**ARRAYS)
@@ -245,31 +248,41 @@ def follow_step(
     -------
     float, the largest change of a limit, relative to the largest force
     """
-    if laws is None or not laws.follows_step.any() or len(memory.force) == len(problem.gap):
+    if laws is None or not laws.follows_step.any():
         return 0.0
     n, limits, force = len(problem.gap), memory.limits, memory.force
+    d = len(force) // max(n, 1)
     moving, shear = np.empty(n, dtype=np.int64), np.empty(n)
     missing, slope = np.empty(n), np.empty(n)
     count, worst, largest, nearby = 0, 0.0, 1e-300, np.empty(STEP_ENTRIES)
     for i in range(n):
-        b, follows = 3 * i, False
+        b, follows = d * i, False
         for k in range(len(laws.on)):
             follows = follows or (laws.follows_step[k] and laws.on[k, i])
         p = force[b] + limits.tension[i]
         largest = max(largest, abs(p))
         if not follows:
             continue
-        used = _bound(memory, i, p)
+        used_j, used_k = _bounds(memory, i, p)
+        tension, water = limits.tension[i], memory.water[i]
         if not _set_limits_of(laws, problem.whole, memory, i, memory.step[i]):
             return 0.0
-        bound, T = _bound(memory, i, p), math.hypot(force[b + SHEAR_J], force[b + SHEAR_K])
+        worst = max(worst, abs(limits.tension[i] - tension), abs(memory.water[i] - water))
+        largest = max(largest, abs(water))
+        if d == 1:
+            continue
+        bound_j, bound_k = _bounds(memory, i, p)
+        bound, T = min(bound_j, bound_k), math.hypot(force[b + SHEAR_J], force[b + SHEAR_K])
         slip = math.hypot(memory.step[i, SLIP_J], memory.step[i, SLIP_K])
         disc = on_resultant(limits, i)
         if p <= 0.0 or not math.isfinite(bound) or T == 0.0 or (slip == 0.0 and bound >= T):
             continue  # open, held, or it sticks with the old limit and with the new one
-        worst = max(worst, abs(bound - (T if disc else used)))
-        if not disc:
-            continue  # along j and k each: its new limits are taken as they are
+        if not disc:  # along j and k each: the new limits are taken as they are
+            for new, used in ((bound_j, used_j), (bound_k, used_k)):
+                if math.isfinite(new) or math.isfinite(used):
+                    worst = max(worst, abs(new - used))
+            continue
+        worst = max(worst, abs(bound - T))
         A = _along(problem.W, force, i, i, T, T)
         move = _NEARBY * max(A * abs(bound - T), slip)
         copy(memory.step[i], nearby)
@@ -278,7 +291,7 @@ def follow_step(
         nearby[RATE] = (slip + move) * laws.per_second.item()
         if not _set_limits_of(laws, problem.whole, memory, i, nearby):
             return 0.0
-        rise = (_bound(memory, i, p) - bound) / move if move > 0.0 else 0.0
+        rise = (min(_bounds(memory, i, p)) - bound) / move if move > 0.0 else 0.0
         _set_limits_of(laws, problem.whole, memory, i, memory.step[i])
         moving[count], shear[count], missing[count] = i, T, bound - T
         slope[count] = rise

@@ -327,16 +327,16 @@ def _guard(cache: Any, lock: _Lock) -> None:
 
     def load_overload(*place: Any) -> Any:
         asked[0] = time.perf_counter()
-        found = read(*place)
-        if found is None:
+        kept = read(*place)
+        if kept is None:
             watch[0] = threading.Timer(_TOLD, _say_compiling)
             watch[0].daemon = True
             watch[0].start()
             lock.take(cache, place[0])
-            found = read(*place)
-            if found is not None:
+            kept = read(*place)
+            if kept is not None:
                 watch[0].cancel()
-        return found
+        return kept
 
     def save_overload(*compiled: Any) -> None:
         watch[0].cancel()

@@ -71,3 +71,57 @@ def test_the_direction_of_the_slip_does_not_matter(tmp_path):
         (_, t_j, t_k), _ = straight.step(CLOSED, j, k)
         (_, o_j, o_k), _ = turned.step(CLOSED, c * j - s * k, s * j + c * k)
         assert (o_j, o_k) == pytest.approx((c * t_j - s * t_k, s * t_j + c * t_k), rel=1e-8)
+
+
+WATER_LAW = '''
+from romdam.contact.laws.law import MU_J, MU_K, OPENING, SLIP_J, WATER, Law, Parameter
+
+
+class Leak(Law):
+    """Water in an open gap, in proportion to its opening."""
+
+    section = "leak"
+    parameters = (Parameter("stiffness", "N/m"),)
+    follows_step = True
+
+    @staticmethod
+    def limit(parameters, memory, step, limit):
+        limit[WATER] = parameters[0] * max(step[OPENING], 0.0)
+
+
+class Unequal(Law):
+    """Friction along j that grows with the slip, less than the constant one along k or more."""
+
+    section = "unequal"
+    parameters = (Parameter("along_k", ""), Parameter("per_slip", "1/s"))
+    shear = True
+    follows_step = True
+
+    @staticmethod
+    def limit(parameters, memory, step, limit):
+        limit[MU_J], limit[MU_K] = 0.3 + parameters[1] * abs(step[SLIP_J]), parameters[0]
+'''
+
+
+def of_file(folder, name, row, K_s, mu):
+    (folder / "further.py").write_text(WATER_LAW)
+    one, values = np.ones(1), np.array([row])
+    rows = (LawRows(user_law(f"further.{name}", folder / "further.py"), values, one > 0.0, shear=K_s > 0.0),)
+    return OneGap(GapLaw(4e6 * one, 0 * one, K_s * one, np.full((1, 2), mu), 0 * one, {}, laws=rows), 1e-6)
+
+
+def test_water_that_follows_the_opening_of_the_step(tmp_path):
+    """g = w + h c g: a free opening of 1 mm becomes 1.25 mm where h c = 0.2; and no shear is there at all."""
+    gap = of_file(tmp_path, "Leak", [2e5], 0.0, 0.0)
+    for w in (1e-3, 3e-3, -2e-3, 0.5e-3):
+        gap.step(w)
+        assert gap.jump[0, 0] == pytest.approx(w / 0.8 if w > 0.0 else w * 0.2, rel=1e-8)
+
+
+@pytest.mark.parametrize("along_k", [0.2, 1.5])
+def test_of_unequal_limits_each_follows_the_step(tmp_path, along_k):
+    """T = p (0.3 + a s), s = u - T / k: T = p (0.3 + a u) / (1 + p a / k), whichever limit is the smaller."""
+    gap, a = of_file(tmp_path, "Unequal", [along_k, 20.0], 1e6, 0.0), 20.0
+    (_, t_j, _), state = gap.step(CLOSED, 6e-3, 0.0)
+    assert t_j == pytest.approx(-4000.0 * (0.3 + a * 6e-3) / (1.0 + 4000.0 * a / SPRING), rel=1e-8)
+    assert state == SLIP
