@@ -47,7 +47,12 @@ _OF_LAWS: dict[str, Range] = {  # keys of laws' own sections
     "mu_s": (0.1, 1.2, "", "concrete joints have about 0.6"),
     "mu_d": (0.1, 1.2, "", "concrete joints have about 0.6"),
     "v_c": (1e-4, 1.0, "m/s", "friction changes over millimetres to centimetres a second"),
+    "d_c": (1e-4, 1.0, "m", "friction falls over millimetres to decimetres of slip"),
+    "JRC": (1.0, 20.0, "", "joints have 2 (smooth) to 20 (rough)"),
+    "JCS": (1e6, 3e8, "Pa", "walls of rock joints have 10 to 200 MPa"),
+    "mu_b": (0.3, 1.0, "", "rock has basic friction angles of 25 to 35 degrees"),
 }
+_FALLING = {"velocity_friction": "the speed", "slip_weakening": "the slip"}
 _USUAL: dict[type[BaseModel], dict[str, Range]] = {
     MaterialConfig: {
         "E": (1e8, 2.5e11, "Pa", "concrete has about 30 GPa, rock 1 to 100 GPa"),
@@ -119,11 +124,11 @@ def _unusual(model: BaseModel, path: str) -> Iterator[str]:
         for place, value in _values(getattr(model, field), f"{path}{field}"):
             if isinstance(value, BaseModel):
                 yield from _unusual(value, f"{place}.")
-                if field == "velocity_friction" and getattr(value, "mu_s", 0.0) > getattr(value, "mu_d", 0.0):
+                if field in _FALLING and getattr(value, "mu_s", 0.0) > getattr(value, "mu_d", 0.0):
                     yield (
-                        f"{place}: friction falls with the speed, so that stiff joints stick and slide by "
-                        "turns, at times that hang on the step: slips of runs at several steps say more than "
-                        "the stated error of one; compare transient.finest_step of 0.2 and 0.05 ms"
+                        f"{place}: friction falls with {_FALLING[field]}, so that stiff joints stick and "
+                        "slide by turns, at times that hang on the step: slips of runs at several steps say "
+                        "more than the stated error of one; compare transient.finest_step of 0.2 and 0.05 ms"
                     )
             elif isinstance(value, float) and field in usual:
                 least, most, unit, text = usual[field]

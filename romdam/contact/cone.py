@@ -3,10 +3,34 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
+from romdam.contact.components import ALONG_J, ALONG_K
 from romdam.core.jit import njit
 
+if TYPE_CHECKING:
+    from romdam.contact.problem import Limits
+
 _ON_LIMIT = 1e-9  # of a limit: a shear that is nearer to it slides
+
+
+@njit(cache=True)
+def shear_limit(cohesion: float, mu: float, p: float) -> float:
+    """Limit of the shear along one direction, c + mu p, with p the force that friction acts on [N]."""
+    return cohesion + mu * p
+
+
+@njit(cache=True)
+def shear_limits(limits: Limits, i: int, p: float) -> tuple[float, float]:
+    """Limits of the shear of gap i along j and k [N].
+
+    Parameters
+    ----------
+    p : force that friction acts on, p_c with the tension of a bond [N]
+    """
+    limit_j = shear_limit(limits.cohesion[i, ALONG_J], limits.mu[i, ALONG_J], p)
+    limit_k = shear_limit(limits.cohesion[i, ALONG_K], limits.mu[i, ALONG_K], p)
+    return limit_j, limit_k
 
 
 @njit(cache=True)

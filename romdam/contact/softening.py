@@ -19,8 +19,8 @@ import math
 
 import numpy as np
 
-from romdam.contact.components import ALONG_J, ALONG_K, SHEAR_J, SHEAR_K
-from romdam.contact.cone import slides
+from romdam.contact.components import SHEAR_J, SHEAR_K
+from romdam.contact.cone import shear_limits, slides
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.compiled import FAILED, GAVE_UP
 from romdam.contact.laws.law import (
@@ -189,8 +189,7 @@ def observe_step(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: F
         p, step[SLIDING] = memory.force[b] + memory.limits.tension[i], 0.0
         step[SLIP_J], step[SLIP_K] = 0.0, 0.0
         if d == 3:
-            limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
-            limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
+            limit_j, limit_k = shear_limits(memory.limits, i, p)
             if slides(limit_j, limit_k, memory.force[b + SHEAR_J], memory.force[b + SHEAR_K]):
                 step[SLIDING] = 1.0
                 if p > 0.0:
@@ -224,13 +223,7 @@ def release(laws: Laws | None, memory: GapMemory) -> int:
 @njit(cache=True, inline="always")
 def _bounds(memory: GapMemory, i: int, p: float) -> tuple[float, float]:
     """Limits of the shear of gap i along j and k; 0 where it is open."""
-    limits = memory.limits
-    if p <= 0.0:
-        return 0.0, 0.0
-    return (
-        limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p,
-        limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p,
-    )
+    return shear_limits(memory.limits, i, p) if p > 0.0 else (0.0, 0.0)
 
 
 @njit(**ARRAYS)

@@ -10,7 +10,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
-from romdam.contact.cone import project_shear, slides
+from romdam.contact.cone import project_shear, shear_limits, slides
 from romdam.contact.problem import GapMemory, GapProblem, Laws
 from romdam.contact.softening import (
     begin_step,
@@ -248,8 +248,7 @@ def _move(
         state[i] = STICK if p_c > 0.0 else OPEN
         if d == 3:
             p = min(p_c, memory.force[b]) + memory.limits.tension[i]
-            limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
-            limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
+            limit_j, limit_k = shear_limits(memory.limits, i, p)
             held, slid = _shear(problem, memory, (y, jump, force), (limit_j, limit_k), i)
             stored += held
             lost += slid

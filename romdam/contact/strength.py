@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from romdam.contact.components import NORMAL
+from romdam.contact.cone import shear_limit
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.law import COHESION_J, ENTRIES, MU_J, NORMAL_FORCE, OPENING, STEP_ENTRIES, TENSION
 from romdam.contact.problem import Laws
@@ -66,6 +67,6 @@ def _fill(
             for a in range(2):
                 mu = max(limit[MU_J + a], 0.0)
                 cohesion = max(limit[COHESION_J + a] - mu * limit[TENSION], 0.0)
-                strength[row, i, a] = cohesion + mu * pressed
+                strength[row, i, a] = shear_limit(cohesion, mu, pressed)
                 bonded[row, i] = bonded[row, i] or limit[TENSION] > 0.0 or limit[COHESION_J + a] > 0.0
     return 0

@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from romdam.contact.laws import Bond, ShearKey, StaticFriction, VelocityFriction
+from romdam.contact.laws import (
+    BartonBandis,
+    Bond,
+    ShearKey,
+    SlipWeakening,
+    StaticFriction,
+    VelocityFriction,
+)
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.law import Law
 from romdam.contact.problem import every_law
@@ -21,6 +28,8 @@ def with_laws(
     shear_key: ArrayLike | None = None,
     viscosity: ArrayLike = 0.0,
     velocity: ArrayLike | None = None,
+    weakening: ArrayLike | None = None,
+    rough: ArrayLike | None = None,
 ) -> GapLaw:
     """The same gaps with further laws.
 
@@ -30,6 +39,8 @@ def with_laws(
     friction_static : of each gap (n, 2)
     shear_key : of each gap (n, 3): depth [m], whether it holds along j and along k
     velocity : mu_s, mu_d, v_c [m/s] of one or each gap
+    weakening : mu_s, mu_d, d_c [m] of one or each gap
+    rough : JRC, JCS [N], mu_b of one or each gap
     """
     n, rows = len(law), list[tuple[type[Law], Floats, bool]]()
 
@@ -39,8 +50,9 @@ def with_laws(
     if friction_static is not None:
         static = np.asarray(friction_static, dtype=float)
         rows.append((StaticFriction, np.hstack([static, law.mu]), bool(static.any())))
-    if velocity is not None:
-        rows.append((VelocityFriction, np.broadcast_to(np.asarray(velocity, dtype=float), (n, 3)), True))
+    for one, values in ((VelocityFriction, velocity), (SlipWeakening, weakening), (BartonBandis, rough)):
+        if values is not None:
+            rows.append((one, np.broadcast_to(np.asarray(values, dtype=float), (n, 3)), True))
     if np.any(tensile_strength) or np.any(cohesion):
         rows.append((Bond, np.column_stack([full(tensile_strength), full(cohesion)]), bool(np.any(cohesion))))
     if shear_key is not None:

@@ -56,6 +56,8 @@ class Case:
             keyed=(key[1] > 0.0, key[2] > 0.0),
             viscous=float(laws.get("viscosity", 0.0)) / STEP,
             velocity=(float(at_rest), float(fast), float(speed) * STEP),
+            weakening=tuple(laws.get("weakening", (0.0, 0.0, 0.0))),
+            rough=tuple(laws.get("rough", (0.0, 0.0, 0.0))),
         )
 
 

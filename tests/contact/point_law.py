@@ -44,6 +44,9 @@ class Gap(NamedTuple):
     viscous : normal dashpot over the length of the step [N/m]
     velocity : mu at rest, mu of fast slip, and the slip per step over which it changes [m]; in place of `mu`
         where that slip is not zero
+    weakening : the same with the path of all slip in place of that of the step
+    rough : roughness coefficient, compressive strength of the wall [N], basic friction; in place of `mu`
+        where the strength is not zero
     """
 
     K_n: float
@@ -57,6 +60,8 @@ class Gap(NamedTuple):
     keyed: tuple[bool, bool] = (False, False)
     viscous: float = 0.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    weakening: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rough: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Past(NamedTuple):
@@ -68,6 +73,7 @@ class Past(NamedTuple):
     broken, sliding, out : whether the bond is lost, the gap slides, the key is out
     overlap : opening at the last step where the gap was closed, at most zero [m]
     slipped : slip in the last step, where the gap slid [m]
+    path : of all slip so far [m]
     """
 
     anchor: Pair = (0.0, 0.0)
@@ -76,6 +82,7 @@ class Past(NamedTuple):
     out: bool = False
     overlap: float = 0.0
     slipped: float = 0.0
+    path: float = 0.0
 
 
 Force = tuple[float, float, float]
@@ -95,21 +102,30 @@ def shear_limit(mu: float, mu_static: float, bond: Pair, keyed: bool, slides: bo
     return math.inf if keyed else max(bond[1] - friction * bond[0], 0.0), friction
 
 
-def _friction(gap: Gap, pressed: float, trial: float) -> Pair:
+def _friction(gap: Gap, past: Past, pressed: float, trial: float) -> Pair:
     """Coefficients along j and k; of the slip that they leave, by bisection, where they change with it.
 
     Parameters
     ----------
     pressed, trial : what friction acts on, and the shear of the gap that sticks [N]
     """
-    at_rest, fast, over = gap.velocity
+    roughness, wall, basic = gap.rough
+    if wall > 0.0:
+        angle = math.atan(basic)
+        if pressed < wall:
+            rise = math.inf if pressed == 0.0 else roughness * math.log10(wall / pressed)
+            angle = max(min(angle + math.radians(rise), math.radians(70.0)), angle)
+        return math.tan(angle), math.tan(angle)
+    (first, fast, over), before = gap.velocity, 0.0
+    if over == 0.0:
+        (first, fast, over), before = gap.weakening, past.path
     if over == 0.0:
         return gap.mu
 
     def after(shear: float) -> float:
-        return fast + (at_rest - fast) * math.exp(-(trial - shear) / gap.K_s / over)
+        return fast + (first - fast) * math.exp(-(before + (trial - shear) / gap.K_s) / over)
 
-    low, high = 0.0, trial
+    low, high, at_rest = 0.0, trial, after(trial)
     if pressed == 0.0 or trial <= at_rest * pressed:
         return at_rest, at_rest
     while (middle := 0.5 * (low + high)) not in (low, high):
@@ -126,7 +142,7 @@ def _ductile(jump: Force, past: Past, gap: Gap) -> tuple[Force, Pair]:
         p_n = -gap.K_nz * opening
     pressed = max(p_n + bond[0], 0.0)
     trial_j, trial_k = (-gap.K_s * (jump[1 + a] - past.anchor[a]) for a in range(2))
-    limits, friction = [], _friction(gap, pressed, math.hypot(trial_j, trial_k))
+    limits, friction = [], _friction(gap, past, pressed, math.hypot(trial_j, trial_k))
     for axis in range(2):
         keyed = gap.keyed[axis] and not past.out
         c, mu = shear_limit(friction[axis], gap.mu_static[axis], bond, keyed, past.sliding)
@@ -164,6 +180,7 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
     state = SLIP if slips else STICK if closed else OPEN
     spring = (force[1] / gap.K_s, force[2] / gap.K_s) if gap.K_s > 0.0 else (0.0, 0.0)
     anchor = (jump[1] + spring[0], jump[2] + spring[1])
+    slipped = math.dist(anchor, past.anchor) if state == SLIP else 0.0
     return (
         force,
         state,
@@ -172,7 +189,8 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
             sliding=state == SLIP,
             out=left.out and jump[0] > gap.key,
             overlap=min(jump[0], 0.0),
-            slipped=math.dist(anchor, past.anchor) if state == SLIP else 0.0,
+            slipped=slipped,
+            path=past.path + slipped,
         ),
     )
 
@@ -212,9 +230,20 @@ def velocity_friction(jump: Force, past: Past, gap: Gap) -> Answer:
     return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, velocity=gap.velocity))
 
 
+def slip_weakening(jump: Force, past: Past, gap: Gap) -> Answer:
+    """Friction that changes with the path of the slip; as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, weakening=gap.weakening))
+
+
+def barton_bandis(jump: Force, past: Past, gap: Gap) -> Answer:
+    """Friction that changes with the normal stress; as `strong`."""
+    return strong(jump, past, Gap(gap.K_n, gap.K_nz, gap.K_s, rough=gap.rough))
+
+
 def together(jump: Force, past: Past, gap: Gap) -> Answer:
-    """All that may stand together, which is all but friction that changes with the slip; as `strong`."""
-    return strong(jump, past, gap._replace(velocity=(0.0, 0.0, 0.0)))
+    """All that may stand together, which is all but friction that changes within a step; as `strong`."""
+    none = (0.0, 0.0, 0.0)
+    return strong(jump, past, gap._replace(velocity=none, weakening=none, rough=none))
 
 
 LAWS = {
@@ -225,5 +254,7 @@ LAWS = {
     "shear_key": shear_key,
     "dashpot": dashpot,
     "velocity_friction": velocity_friction,
+    "slip_weakening": slip_weakening,
+    "barton_bandis": barton_bandis,
     "all": together,
 }

@@ -75,6 +75,8 @@ _FURTHER = {  # law -> its parameters for n gaps, of forces about 1e6 N and jump
     "shear_key": lambda n, mu: {"shear_key": np.tile([3e-4, 1.0, 0.0], (n, 1))},
     "dashpot": lambda n, mu: {"viscosity": np.linspace(0.0, 1e6, n)},
     "velocity_friction": lambda n, mu: {"velocity": np.tile([0.1, max(mu) + 0.1, 0.3], (n, 1))},
+    "slip_weakening": lambda n, mu: {"weakening": np.tile([0.1, max(mu) + 0.1, 1e-3], (n, 1))},
+    "barton_bandis": lambda n, mu: {"rough": np.tile([10.0, 1e7, 0.5], (n, 1))},
 }
 _FURTHER["all"] = lambda n, mu: {
     **_FURTHER["static_friction"](n, mu),

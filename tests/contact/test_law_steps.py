@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from romdam.contact.laws import (
     LAWS,
+    BartonBandis,
     Bond,
     Coulomb,
     Dashpot,
@@ -22,6 +23,7 @@ from romdam.contact.laws import (
     Penalty,
     ShearKey,
     ShearStiffness,
+    SlipWeakening,
     StaticFriction,
     TensionStiffness,
     VelocityFriction,
@@ -157,7 +159,10 @@ BY_UNIT = {
     "": 0.6, "Pa": 1e5, "m": 3e-4, "m/s": 0.3, "N/m^3": 1e9, "N*s/m^3": 1e6, "axes": ("j",),
     "s": 1e-2, "N": 1e5, "N/m": 1e9, "1/s": 10.0, "Hz": 10.0,
 }  # fmt: skip
-BY_NAME = {"friction": (0.4, 0.4), "mu_d": 0.9, "tension_stiffness": 3e8, "shear_stiffness": 5e8}
+BY_NAME = {
+    "friction": (0.4, 0.4), "mu_d": 0.9, "JRC": 10.0, "JCS": 1e7, "mu_b": 0.5,
+    "tension_stiffness": 3e8, "shear_stiffness": 5e8,
+}  # fmt: skip
 ALWAYS = ("normal_stiffness", "shear_stiffness", "friction")
 
 # Laws that the point laws do not have, and why
@@ -165,8 +170,8 @@ EXEMPT = {
     Grouting: "acts before the first step, on the initial gap (tests/timestepping/test_static_state.py)"
 }
 ORACLE = {
-    Penalty, TensionStiffness, ShearStiffness, Dashpot, Coulomb, StaticFriction, VelocityFriction, Bond,
-    ShearKey,
+    Penalty, TensionStiffness, ShearStiffness, Dashpot, Coulomb, StaticFriction, VelocityFriction,
+    SlipWeakening, BartonBandis, Bond, ShearKey,
 }  # fmt: skip
 TOGETHER = (Dashpot, Coulomb, StaticFriction, Bond, ShearKey)
 
@@ -205,6 +210,8 @@ def point_gap(laws):
     keys = keys_of(laws)
     key = keys["shear_key"] or {"depth": 0.0, "directions": ()}
     velocity = keys["velocity_friction"] or {"mu_s": 0.0, "mu_d": 0.0, "v_c": 0.0}
+    weakening = keys["slip_weakening"] or {"mu_s": 0.0, "mu_d": 0.0, "d_c": 0.0}
+    rough = keys["barton_bandis"] or {"JRC": 0.0, "JCS": 0.0, "mu_b": 0.0}
     return Gap(
         keys["normal_stiffness"],
         keys["tension_stiffness"],
@@ -217,6 +224,8 @@ def point_gap(laws):
         keyed=("j" in key["directions"], "k" in key["directions"]),
         viscous=keys["viscosity"] / STEP,
         velocity=(velocity["mu_s"], velocity["mu_d"], velocity["v_c"] * STEP),
+        weakening=(weakening["mu_s"], weakening["mu_d"], weakening["d_c"]),
+        rough=(rough["JRC"], rough["JCS"], rough["mu_b"]),
     )
 
 
@@ -231,7 +240,7 @@ def free_jumps(seed, steps):
 
 def kept(gap):
     """What the laws keep of the gap, by the names of the point laws' `Past`."""
-    named = {"broken": "broken", "slides": "sliding", "out": "out", "rate": "slipped"}
+    named = {"broken": "broken", "slides": "sliding", "out": "out", "rate": "slipped", "path": "path"}
     found = {}
     for k, rows in enumerate(gap.law.laws, start=len(gap.memory.history) - len(gap.law.laws)):
         (law,) = (each for each in LAWS if source_of(each) == rows.law)

@@ -49,11 +49,13 @@ def _gaps(draw):
         keyed=draw(st.tuples(_FLAG, _FLAG)),
         viscous=draw(st.floats(0.0, 1e8)),
         velocity=(*mu, draw(st.floats(1e-6, 1e-2))),
+        weakening=(*mu, draw(st.floats(1e-6, 1e-2))),
+        rough=(draw(st.floats(0.0, 20.0)), draw(st.floats(1e3, 1e8)), mu[0]),
     )
 
 
 _SLIPPED = st.one_of(st.just(0.0), st.floats(0.0, 1e-2))
-_PASTS = st.builds(Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0), _SLIPPED)
+_PASTS = st.builds(Past, _ANCHOR, _FLAG, _FLAG, _FLAG, st.floats(-1e-2, 0.0), _SLIPPED, _SLIPPED)
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
@@ -78,9 +80,11 @@ def test_forces_are_admissible(name, jump, past, gap):
         assert p_n == 0.0 or name == "all"  # a dashpot may pull at a bond that has not opened yet
         assert jump[0] >= 0.0 or name in ("dashpot", "all")  # and lets go where there is none
     mu = np.array(gap.mu_static if name in ("static_friction", "all") else gap.mu)
-    if name == "velocity_friction":  # between both, whatever the speed
+    if name in ("velocity_friction", "slip_weakening"):  # between both, whatever the slip
         mu = np.full(2, max(gap.velocity[:2]))
-    limits = mu * max(p_n, 0.0) + (gap.cohesion if bonded and not past.broken else 0.0)
+    if name == "barton_bandis":
+        mu = np.full(2, max(math.tan(math.radians(70.0)), gap.rough[2]))
+    limits = mu * p_n + gap.cohesion if bonded and not past.broken else mu * max(p_n, 0.0)
     limits[limits < 0.0] = 0.0
     if name in ("shear_key", "all") and jump[0] <= gap.key and not past.out:
         limits[list(gap.keyed)] = np.inf

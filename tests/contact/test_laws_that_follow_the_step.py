@@ -1,4 +1,4 @@
-"""Laws whose limits depend on the slip and the pressure of the step that is solved, in a user's file."""
+"""Laws whose limits depend on the step that is solved, inside the package and in a user's file."""
 
 import re
 from pathlib import Path
@@ -8,18 +8,18 @@ import pytest
 from scipy.optimize import brentq
 from test_law_steps import CLOSED, OneGap
 
-from romdam.contact.laws.catalogue import find_law, user_law
+import romdam
+from romdam.contact.laws import BartonBandis, SlipWeakening
+from romdam.contact.laws.catalogue import find_law, source_of, user_law
 from romdam.core.system import SLIP, STICK, GapLaw, LawRows
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending" / "law.md"
+INSIDE = Path(romdam.__file__).parent / "contact" / "laws" / "slip_weakening.py"
 SPRING = 5e5  # shear per free jump of the gap: K_s 1e6 N/m in series with 1e-6 m/N [N/m]
 
 
-def one_gap(folder, name, row):
-    """A gap of K_n 4e6 N/m and K_s 1e6 N/m on 1e-6 m/N with a law of the manual's page."""
-    (text,) = re.findall(r"```python\n# configs/weakening.py\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    (folder / "weakening.py").write_text(text)
-    source = user_law(f"weakening.{name}", folder / "weakening.py")
+def one_gap(source, row):
+    """A gap of K_n 4e6 N/m and K_s 1e6 N/m on 1e-6 m/N with a law."""
     one, values = np.ones(1), np.array([row])
     rows = (LawRows(source, values, np.ones(1, dtype=bool), shear=True),)
     law = GapLaw(4e6 * one, 0 * one, 1e6 * one, np.zeros((1, 2)), 0 * one, {}, laws=rows)
@@ -27,12 +27,21 @@ def one_gap(folder, name, row):
     return OneGap(law, 1e-6)
 
 
-def test_slip_weakening_loses_friction_with_the_path_of_the_slip(tmp_path):
+def slip_weakening(where, folder):
+    """The law inside, or the same text as a file of a user's with a key of its own."""
+    if where == "inside":
+        return source_of(SlipWeakening)
+    (folder / "weakening.py").write_text(INSIDE.read_text().replace('section = "', 'section = "my_'))
+    return user_law("weakening.SlipWeakening", folder / "weakening.py")
+
+
+@pytest.mark.parametrize("where", ["inside", "user"])
+def test_slip_weakening_loses_friction_with_the_path_of_the_slip(tmp_path, where):
     """p = 4000 N; the shear T of a jump u from the rest r: T = p mu(path + |u - r - T / k|), k = 5e5 N/m.
 
     There and back: the path adds up, the slip does not.
     """
-    gap, path, rest = one_gap(tmp_path, "SlipWeakening", [0.6, 0.2, 0.02]), 0.0, 0.0
+    gap, path, rest = one_gap(slip_weakening(where, tmp_path), [0.6, 0.2, 0.02]), 0.0, 0.0
     force, state = gap.step(CLOSED, 4e-3, 0.0)
     assert force[1] == pytest.approx(-2000.0, rel=1e-9) and state == STICK
     for jump in (7e-3, 12e-3, -4e-3, 9e-3):
@@ -54,7 +63,10 @@ def test_slip_weakening_loses_friction_with_the_path_of_the_slip(tmp_path):
 
 def test_friction_that_depends_on_the_pressure_of_the_step(tmp_path):
     """T = mu_0 p_0^n p^(1 - n): the compression grows eightfold, the friction by the square root of it."""
-    gap = one_gap(tmp_path, "PressureFriction", [0.5, 2000.0, 0.5])
+    (text,) = re.findall(r"```python\n# configs/pressure.py\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (tmp_path / "pressure.py").write_text(text)
+    source = user_law("pressure.PressureFriction", tmp_path / "pressure.py")
+    gap = one_gap(source, [0.5, 2000.0, 0.5])
     for closed, along in ((-2e-3, 8e-3), (-16e-3, 40e-3), (-4e-3, 60e-3)):
         p = -closed / 1.25e-6
         force, state = gap.step(closed, along, 0.0)
@@ -62,11 +74,24 @@ def test_friction_that_depends_on_the_pressure_of_the_step(tmp_path):
         assert force[1] == pytest.approx(-0.5 * np.sqrt(2000.0 * p), rel=1e-8)
 
 
-def test_the_direction_of_the_slip_does_not_matter(tmp_path):
+@pytest.mark.parametrize(
+    ("p", "angle"),
+    [(4000.0, 40.0), (40000.0, 30.0), (400000.0, 30.0), (400.0, 50.0), (0.4, 70.0)],
+    ids=["a tenth of the strength", "the strength", "beyond it", "a hundredth", "the steepest"],
+)
+def test_a_rough_joint_of_barton_and_bandis(p, angle):
+    """JRC 10, JCS 40 kN of the gap, phi_b 30 degrees: ten degrees more for each tenth of the stress."""
+    gap = one_gap(source_of(BartonBandis), [10.0, 4e4, np.tan(np.radians(30.0))])
+    gap.step(-2.0 * p * 1.25e-6, 0.0, 0.0)
+    force, state = gap.step(-p * 1.25e-6, 0.0, 6.0 * p / SPRING)
+    assert force[0] == pytest.approx(p, rel=1e-9) and state == SLIP
+    assert force[2] == pytest.approx(-p * np.tan(np.radians(angle)), rel=1e-8)
+
+
+def test_the_direction_of_the_slip_does_not_matter():
     """The same path turned by 37 degrees in the plane of the gap."""
     c, s = np.cos(np.radians(37.0)), np.sin(np.radians(37.0))
-    straight = one_gap(tmp_path, "SlipWeakening", [0.6, 0.2, 0.02])
-    turned = one_gap(tmp_path, "SlipWeakening", [0.6, 0.2, 0.02])
+    straight, turned = (one_gap(source_of(SlipWeakening), [0.6, 0.2, 0.02]) for _ in range(2))
     for j, k in ((7e-3, 1e-3), (9e-3, -6e-3), (-8e-3, 2e-3)):
         (_, t_j, t_k), _ = straight.step(CLOSED, j, k)
         (_, o_j, o_k), _ = turned.step(CLOSED, c * j - s * k, s * j + c * k)

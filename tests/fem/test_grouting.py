@@ -113,6 +113,8 @@ SHEAR_LAWS = {
     "one direction": {"friction": [0.6, 0.2]},
     "static friction": {"friction": 0.5, "friction_static": 0.7},
     "velocity": {"velocity_friction": {"mu_s": 0.7, "mu_d": 0.5, "v_c": 0.01}},
+    "weakening": {"slip_weakening": {"mu_s": 0.7, "mu_d": 0.5, "d_c": 0.02}},
+    "rough": {"barton_bandis": {"JRC": 8.0, "JCS": 50e6, "mu_b": 0.6}},
     "key": {"shear_key": {"depth": 0.05}},
     "bond": {"friction": 0.3, "cohesion": 1e6, "tensile_strength": 0.5e6},
     "dashpot": {"friction": 0.6, "viscosity": 1e6},

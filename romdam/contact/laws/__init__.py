@@ -1,5 +1,6 @@
 """Joint laws, one file each: the answer of one gap."""
 
+from romdam.contact.laws.barton_bandis import BartonBandis
 from romdam.contact.laws.bond import Bond
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.dashpot import Dashpot
@@ -9,6 +10,7 @@ from romdam.contact.laws.penalty import Penalty
 from romdam.contact.laws.shear_key import ShearKey
 from romdam.contact.laws.shear_stiffness import ElasticShear as ElasticShear
 from romdam.contact.laws.shear_stiffness import ShearStiffness
+from romdam.contact.laws.slip_weakening import SlipWeakening
 from romdam.contact.laws.static_friction import StaticFriction
 from romdam.contact.laws.tension_stiffness import TensionStiffness
 from romdam.contact.laws.velocity_friction import VelocityFriction
@@ -23,6 +25,8 @@ LAWS: tuple[type[Law], ...] = (
     Coulomb,
     StaticFriction,
     VelocityFriction,
+    SlipWeakening,
+    BartonBandis,
     Bond,
     ShearKey,
 )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from romdam.contact.laws.coulomb import refuse_other_friction
 from romdam.contact.laws.law import DT, MU_J, MU_K, Law, Parameter, Past, Row
 from romdam.contact.laws.law import RATE as STEP_RATE
 
@@ -36,9 +37,7 @@ class VelocityFriction(Law):
 
     @classmethod
     def wrong(cls, joint: Mapping[str, Any]) -> str | None:
-        if any(joint["friction"]) or joint["friction_static"] is not None:
-            return "velocity_friction stands in place of `friction` and `friction_static`; leave these out"
-        return None
+        return refuse_other_friction(cls.section, joint)
 
     @classmethod
     def resumed(cls, parameters: Row, past: Past) -> tuple[float, ...]:

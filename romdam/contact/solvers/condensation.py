@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
-from romdam.contact.cone import project_shear, slides
+from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
+from romdam.contact.cone import project_shear, shear_limits, slides
 from romdam.contact.problem import Limits
 from romdam.contact.solvers.state import FrictionalState
 from romdam.core.arrays import Bools, Floats, Ints, Singles
@@ -36,8 +36,7 @@ _CONDITION = 1e5  # of W on the condensed contacts: beyond it single precision d
 def sticks(limits: Limits, p: Floats, i: int) -> bool:
     """Tell whether gap i is closed and its shear below its limit in both directions."""
     p_n, t_j, t_k = p[3 * i + NORMAL], p[3 * i + SHEAR_J], p[3 * i + SHEAR_K]
-    limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p_n
-    limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p_n
+    limit_j, limit_k = shear_limits(limits, i, p_n)
     return p_n > 0.0 and limit_j > 0.0 and limit_k > 0.0 and not slides(limit_j, limit_k, t_j, t_k)
 
 
@@ -138,8 +137,7 @@ def release_sliding(limits: Limits, solver: FrictionalState, p: Floats) -> None:
             gone += 1
             n, j, k = 3 * i + NORMAL, 3 * i + SHEAR_J, 3 * i + SHEAR_K
             p[n] = max(p[n], 0.0)
-            limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p[n]
-            limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p[n]
+            limit_j, limit_k = shear_limits(limits, i, p[n])
             p[j], p[k], _ = project_shear(p[j], p[k], limit_j, limit_k)
     number = sticking.counts.number
     if _WORTH * (number - gone) < len(going) or _WORTH * gone > number:

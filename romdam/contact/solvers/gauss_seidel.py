@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
-from romdam.contact.cone import project_shear
+from romdam.contact.cone import project_shear, shear_limits
 from romdam.contact.problem import GapMemory, GapProblem, Limits
 from romdam.contact.solvers.condensation import multiply, note_sticking, release_all, release_sliding
 from romdam.contact.solvers.continuation import continue_from_no_friction
@@ -124,8 +124,7 @@ def _sweep(
         p_n = max(x[n] - (y_moved[n] + y[g + NORMAL]) / row_n[n], 0.0)
         y_j = y_moved[j] + y[g + SHEAR_J] + row_j[n] * (p_n - x[n])
         y_k = y_moved[k] + y[g + SHEAR_K] + row_k[n] * (p_n - x[n])
-        limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p_n
-        limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * p_n
+        limit_j, limit_k = shear_limits(limits, i, p_n)
         scale = 1.0 / max(row_j[j], row_k[k])  # one for both, or the disc would turn the shear
         t_j, t_k, _ = project_shear(x[j] - scale * y_j, x[k] - scale * y_k, limit_j, limit_k)
         size = max(size, p_n, abs(t_j), abs(t_k))

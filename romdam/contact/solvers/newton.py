@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
-from romdam.contact.cone import project_shear
+from romdam.contact.cone import project_shear, shear_limit, shear_limits
 from romdam.contact.problem import GapMemory, Limits
 from romdam.core.arrays import Bools, Floats
 from romdam.core.jit import copy, njit
@@ -99,8 +99,7 @@ def _natural(
     b = 3 * i
     x_n = p[b] - y[b] / W[b, b]
     scale = 1.0 / max(W[b + SHEAR_J, b + SHEAR_J], W[b + SHEAR_K, b + SHEAR_K])
-    limit_j = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * max(x_n, 0.0)
-    limit_k = limits.cohesion[i, ALONG_K] + limits.mu[i, ALONG_K] * max(x_n, 0.0)
+    limit_j, limit_k = shear_limits(limits, i, max(x_n, 0.0))
     return (
         x_n,
         p[b + SHEAR_J] - scale * y[b + SHEAR_J],
@@ -255,7 +254,7 @@ def _slave(limits: Limits, p: Floats, heading: Floats, free: Bools) -> None:
             if (turns and axis == 0) or not free[i, 1 + axis]:
                 p[b + SHEAR_J + axis] = 0.0
                 if heading[i, axis] != 0.0:  # a gap without heading may have an infinite limit
-                    limit = limits.cohesion[i, axis] + limits.mu[i, axis] * p[b]
+                    limit = shear_limit(limits.cohesion[i, axis], limits.mu[i, axis], p[b])
                     p[b + SHEAR_J + axis] = heading[i, axis] * limit
 
 
@@ -280,7 +279,7 @@ def _update(
         J[a, a] += _REGULAR * W[b, b]
         if rows[a, NORMAL] == 0.0 and on_resultant(limits, i) and not free[i, SHEAR_K]:
             along = heading[i, ALONG_J] * y[b + SHEAR_J] + heading[i, ALONG_K] * y[b + SHEAR_K]
-            limit = limits.cohesion[i, ALONG_J] + limits.mu[i, ALONG_J] * p[b]
+            limit = shear_limits(limits, i, p[b])[ALONG_J]
             J[a, a] += max(-along, 0.0) / max(limit, _LEAST_LIMIT * abs(right[a]) / W[b, b] + 1e-300)
     for a in range(unknowns):
         finite = math.isfinite(right[a])

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
+from romdam.contact.cone import shear_limit
 from romdam.core.arrays import Floats
 from romdam.core.jit import copy, njit
 
@@ -91,7 +92,7 @@ def _slides_between(
     if p_n < 0.0 or along > 0.0:
         return False
     cohesion, mu = bound
-    t = cohesion + mu * p_n
+    t = shear_limit(cohesion, mu, p_n)
     p[NORMAL], p[SHEAR_J], p[SHEAR_K] = p_n, t * math.cos(left), t * math.sin(left)
     return True
 
@@ -159,7 +160,7 @@ def _combination(
     solution = np.linalg.solve(J, right)
     good = solution[NORMAL] >= 0.0 if closed else _row(A, NORMAL, solution, b) >= 0.0
     for a in range(2):
-        limit = cohesion[a] + mu[a] * solution[NORMAL]
+        limit = shear_limit(cohesion[a], mu[a], solution[NORMAL])
         good = good and _fits(_row(A, SHEAR_J + a, solution, b), solution[SHEAR_J + a], limit, moves[a])
     if good:
         copy(solution, p)
@@ -181,11 +182,8 @@ def solve_gap(A: Floats, b: Floats, cohesion: Floats, mu: Floats, p: Floats) -> 
     if cohesion[ALONG_J] == cohesion[ALONG_K] and mu[ALONG_J] == mu[ALONG_K]:
         for closed in (False, True):
             good = _combination(A, b, limits, (closed, 0, 0), stuck)
-            if (
-                good
-                and math.hypot(stuck[SHEAR_J], stuck[SHEAR_K])
-                <= cohesion[ALONG_J] + mu[ALONG_J] * stuck[NORMAL]
-            ):
+            limit = shear_limit(cohesion[ALONG_J], mu[ALONG_J], stuck[NORMAL])
+            if good and math.hypot(stuck[SHEAR_J], stuck[SHEAR_K]) <= limit:
                 copy(stuck, p)
                 return True
         return math.isfinite(cohesion[ALONG_J]) and _sliding(A, b, (cohesion[ALONG_J], mu[ALONG_J]), p)

@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 
 from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
-from romdam.contact.cone import slides
+from romdam.contact.cone import shear_limits, slides
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import PLACE, Floats, at
@@ -128,8 +128,7 @@ def _keeps_within(problem: GapProblem, memory: GapMemory, old_force: Floats, mos
 def _slides(memory: GapMemory, i: int) -> bool:
     """Tell whether the shear of gap i is at its limit."""
     p = memory.force[3 * i + NORMAL] + memory.limits.tension[i]
-    limit_j = memory.limits.cohesion[i, ALONG_J] + memory.limits.mu[i, ALONG_J] * p
-    limit_k = memory.limits.cohesion[i, ALONG_K] + memory.limits.mu[i, ALONG_K] * p
+    limit_j, limit_k = shear_limits(memory.limits, i, p)
     return bool(
         p > 0.0 and slides(limit_j, limit_k, memory.force[3 * i + SHEAR_J], memory.force[3 * i + SHEAR_K])
     )
