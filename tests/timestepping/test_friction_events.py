@@ -12,7 +12,7 @@ import pytest
 from hand_systems import gap_law, modal_twin, sparse_system
 from simulating import prepared_for
 
-from romdam.contact.laws import StaticFriction, VelocityFriction
+from romdam.contact.laws import BartonBandis, SlipWeakening, StaticFriction, VelocityFriction
 from romdam.contact.laws.catalogue import source_of
 from romdam.core.system import LawRows
 from romdam.timestepping.settings import Settings
@@ -22,12 +22,15 @@ from romdam.timestepping.steps import Steps, cut_steps
 
 DT, MASS, K_N, K_S, WEIGHT = 0.01, 1920.0, 320e9, 80e9, 1920.0 * 9.81
 TIME = np.arange(161) * DT
+LIFT = 5.0 * np.sin(np.pi * TIME / 1.6) * np.sin(13.0 * TIME)  # vertical acceleration, of "rough" alone
 RECORD = 9.0 * np.sin(np.pi * TIME / 1.6) ** 2 * (np.sin(11.0 * TIME) + 0.6 * np.sin(17.0 * TIME + 1.0))
 LAWS = {
     "coulomb": (0.3, None),
     "static": (0.3, (StaticFriction, [0.5, 0.5, 0.3, 0.3])),
     "velocity": (0.0, (VelocityFriction, [0.5, 0.2, 0.1])),
     "velocity, rising": (0.0, (VelocityFriction, [0.2, 0.45, 0.1])),
+    "slip weakening": (0.0, (SlipWeakening, [0.5, 0.2, 0.02])),
+    "rough, lifted and pressed": (0.0, (BartonBandis, [10.0, 10.0 * WEIGHT, 0.2])),
 }
 
 
@@ -48,12 +51,14 @@ def block(name, turned=0.0):
     )
     inertia = np.zeros((3, 3))
     inertia[:2, 0] = MASS * np.cos(turned), MASS * np.sin(turned)
+    inertia[2, 2] = MASS
     return modal_twin(replace(system, load=inertia))
 
 
-def shaking(dt, record=RECORD):
-    acc = np.interp(np.arange(round(TIME[-1] / dt) + 1) * dt, TIME, record)
-    return np.stack([acc, 0.0 * acc, 0.0 * acc])
+def shaking(dt, record=RECORD, lift=0.0 * TIME):
+    at = np.arange(round(TIME[-1] / dt) + 1) * dt
+    acc = np.interp(at, TIME, record)
+    return np.stack([acc, 0.0 * acc, np.interp(at, TIME, lift)])
 
 
 def by_hand(name, dt=2e-5, record=RECORD):
@@ -61,10 +66,11 @@ def by_hand(name, dt=2e-5, record=RECORD):
     mu, _ = LAWS[name]
     n = round(TIME[-1] / dt)
     acc = np.interp((np.arange(n) + 0.5) * dt, TIME, record).tolist()
-    u = v = rest = rate = largest = 0.0
+    lift = np.interp((np.arange(n) + 1.0) * dt, TIME, LIFT).tolist()
+    u = v = rest = rate = largest = path = 0.0
     slides = False
     flexibility = 0.5 * dt * dt / MASS
-    for a in acc:
+    for a, up in zip(acc, lift, strict=True):
         free = u + v * dt - 0.5 * dt * dt * a
         t = -(free - rest) / (flexibility + 1.0 / K_S)
         if name == "static":
@@ -72,6 +78,11 @@ def by_hand(name, dt=2e-5, record=RECORD):
         elif name.startswith("velocity"):
             _, (at_rest, fast, speed) = LAWS[name][1]
             limit = (fast + (at_rest - fast) * np.exp(-rate / speed)) * WEIGHT
+        elif name == "slip weakening":
+            limit = (0.2 + 0.3 * np.exp(-path / 0.02)) * WEIGHT
+        elif name.startswith("rough"):
+            p = WEIGHT + MASS * up
+            limit = p * np.tan(np.arctan(0.2) + np.radians(10.0 * np.log10(10.0 * WEIGHT / p)))
         else:
             limit = mu * WEIGHT
         slides = abs(t) > limit
@@ -80,7 +91,7 @@ def by_hand(name, dt=2e-5, record=RECORD):
         v += dt * (t / MASS - a)
         slid = u + t / K_S - rest
         rest += slid
-        rate = abs(slid) / dt
+        rate, path = abs(slid) / dt, path + abs(slid)
         largest = max(largest, abs(u))
     return u, largest
 
@@ -90,10 +101,11 @@ def test_the_slip_left_is_that_of_a_point_on_its_spring(name):
     """With `finest_step: 0.25 ms`, and with an accuracy of 1 %; the record's step is 10 ms."""
     prepared, (left, _) = prepared_for(block(name), "adaptive"), by_hand(name)
     steps = cut_steps(2.5e-4, DT, DT)
-    run = simulate_one(prepared, shaking(steps.base), Settings(steps))
+    lift = LIFT if name.startswith("rough") else 0.0 * TIME
+    run = simulate_one(prepared, shaking(steps.base, lift=lift), Settings(steps))
     assert abs(left) > 2e-3
     assert run.jump[-1, 0, 1] == pytest.approx(left, rel=5e-3)
-    best = simulate_to([prepared], [shaking], Settings(Steps(DT)), 0.01)[0]
+    best = simulate_to([prepared], [lambda dt: shaking(dt, lift=lift)], Settings(Steps(DT)), 0.01)[0]
     assert best.jump[-1, 0, 1] == pytest.approx(left, rel=5e-3)
     assert best.stats["estimated_time_error"] <= 0.01
 
