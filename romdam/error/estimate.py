@@ -66,15 +66,30 @@ def estimate_error(finer: FinerModel, history: History, ground: Floats, settings
     opening, better, rows = _openings(finer, history, ground, settings)
     error = opening_error(opening, better, finer.prepared.system.law.joints, peak_bound)
     first, last = (float(history.time[row]) for row in (rows.start, rows.stop - 1))
-    return ErrorStatement("estimate", _sentence(error.l2, error.peak, (first, last)), {"opening": error})
+    rocks = finer.prepared.system.floating
+    return ErrorStatement("estimate", _sentence(error.l2, error.peak, first, last, rocks), {"opening": error})
 
 
-def _sentence(l2: float, peak: float, seconds: tuple[float, float]) -> str:
+def _sentence(l2: float, peak: float, first: float, last: float, rocks: bool) -> str:
+    """Say what leaving out modes changes.
+
+    Parameters
+    ----------
+    first, last : ends of the time that was compared [s]
+    rocks : whether a part is held by joints alone, so that it can rock on them
+    """
+    compared = f"estimated from {first:g} to {last:g} s with a finer model"
+    if rocks:
+        return (
+            f"Leaving out modes changes the openings by {percent(l2)} in L2 and the largest one by "
+            f"{percent(peak)}, {compared}. That may be a tenth of the truth, or four times: blocks that "
+            "joints alone hold rock on them, and histories of rocking part whatever the basis. Compare "
+            "residual slips and peaks with those of twice the cutoff, or run `modes: all`."
+        )
     return (
         f"Leaving out modes changes the openings by about {percent(l2)} in L2, mostly good to a factor of "
-        f"two, and the largest one by {percent(peak)} at most, mostly by less than half of that; estimated "
-        f"from {seconds[0]:g} to {seconds[1]:g} s with a finer model. `romdam certify` states it for the "
-        "whole record."
+        f"two, and the largest one by {percent(peak)} at most, mostly by less than half of that; {compared}. "
+        "`romdam certify` states it for the whole record."
     )
 
 
