@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from romdam.config.effects import EFFECTS, EXCLUDED
 from romdam.config.schema import limits, plain, schema
 from romdam.results.case import Variable
 from romdam.results.suite.rows import ROWS
@@ -25,6 +26,7 @@ def write(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     made = {
         "configuration.md": configuration(),
+        "effects.md": effects(),
         "coordinates.md": variables(COORDINATES),
         "variables.md": variables(VARIABLES),
         "rows.md": variables(ROWS),
@@ -33,6 +35,24 @@ def write(folder: Path) -> None:
         path = folder / name
         if not path.exists() or path.read_text() != text:
             path.write_text(text)
+
+
+def effects() -> str:
+    """A row and a column for every physical effect, and the reasons of pairs that cannot be."""
+    names, reasons = list(EFFECTS), list(dict.fromkeys(EXCLUDED.values()))
+    head = ["effect", "key", *(str(k + 1) for k in range(len(names)))]
+    rows = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    for k, name in enumerate(names):
+        marks = []
+        for other in names:
+            message = EXCLUDED.get(frozenset({name, other}))
+            mark = (
+                "" if other == name else "yes" if message is None else chr(ord("a") + reasons.index(message))
+            )
+            marks.append(mark)
+        rows.append(f"| {k + 1} {name} | `{EFFECTS[name].key}` | {' | '.join(marks)} |")
+    notes = [f"- {chr(ord('a') + k)}: {_cell(reason)}" for k, reason in enumerate(reasons)]
+    return "\n".join([*rows, "", *notes]) + "\n"
 
 
 def variables(registry: Mapping[str, Variable]) -> str:

@@ -12,12 +12,12 @@ from romdam.core.files import prepare_folder, replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
+from romdam.effects.full_order import assemble_full
 from romdam.export import matrices
 from romdam.export.build import build_deck
 from romdam.export.codes import CODES
 from romdam.export.deck import Deck, Motion
 from romdam.fem.gaps import gap_law
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.given import records_of, usable
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen

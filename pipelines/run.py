@@ -23,9 +23,9 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import beside, cpu_time, one_thread
+from romdam.effects.full_order import assemble_full
 from romdam.error.statement import ErrorStatement, read_verification
 from romdam.fem.stress import observing_stress
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates

@@ -207,11 +207,11 @@ def ground_at_steps(
 ) -> Floats:
     """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it.
 
-    (3 + 9 k, nt) with what supports move against the base, where a system is given that has k such motions.
+    With what supports move against the base, where a system is given that has such motions; rows as
+    `romdam.core.motion.ground_rows` has them.
     """
     refuse_steps(motion.duration if duration is None else duration, dt, motion.name)
-    drive = None if system is None else system.drive
-    acc = resample_motion(motion, dt, band_limited=drive is not None and drive.band_limited)
+    acc = resample_motion(motion, dt, band_limited=system is not None and system.needs_whole_record)
     if duration is not None:
         acc = cut_or_extended(acc, round(duration / dt) + 1)
     moving = None if system is None else system.pseudo_static

@@ -84,15 +84,14 @@ def section_scene(
 def inputs(system: System, omega: float, axis: int) -> Floats:
     """What the load of a system multiplies, of unit ground acceleration exp(i omega t)."""
     unit = np.eye(3)[axis]
-    drive = system.drive
-    return unit if drive is None else np.concatenate([unit, channel_inputs(drive, omega, axis)])
+    return np.concatenate([unit, *(channel_inputs(drive, omega, axis) for drive in system.drives)])
 
 
 def channel_inputs(drive: Any, omega: float, axis: int) -> Floats:
     """Velocity, waves of the sections and their rates, of unit ground acceleration exp(i omega t)."""
     velocity = np.eye(3)[axis] / (1j * omega)
     matrix = np.diag(drive.k - omega**2) + 1j * omega * drive.c
-    y = np.linalg.solve(matrix, drive.drive @ velocity)
+    y = np.linalg.solve(matrix, drive.velocity @ velocity)
     return np.concatenate([velocity, y, 1j * omega * y])
 
 

@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 MAIN_JOB = ROOT / "configs" / "two_cantilevers.yaml"
 EVERY_ROOM = {
-    "config", "records", "scene", "fem", "linalg", "reduction", "contact", "timestepping", "error",
+    "config", "records", "scene", "fem", "effects", "linalg", "reduction", "contact", "timestepping", "error",
     "postprocess", "results", "visual", "export",
 }  # fmt: skip
 ALLOWED = {
@@ -32,11 +32,12 @@ ALLOWED = {
     "postprocess": {"records"},
     "fem": {"linalg", "scene"},
     "timestepping": {"contact", "linalg"},
-    "reduction": {"fem", "linalg", "scene"},
+    "effects": {"fem", "linalg", "scene"},
+    "reduction": {"effects", "fem", "linalg", "scene"},
     "results": {"postprocess"},
     "error": {"contact", "linalg", "results", "timestepping"},
     "visual": {"postprocess", "results"},
-    "export": {"contact", "fem", "reduction", "scene"},
+    "export": {"contact", "effects", "fem", "reduction", "scene"},
     "pipelines": EVERY_ROOM | {"surroundings"},  # of the process that workers are forked from
     "terminal": {"error", "pipelines", "postprocess"},
     "commands": {"examples", "pipelines", "records", "results", "surroundings", "terminal", "visual"},
@@ -51,6 +52,7 @@ TYPES = {
     "romdam.contact.laws.coulomb": LAWS,
     "romdam.contact.laws.crack_water": LAWS,
     "romdam.contact.laws.law": LAWS,
+    "romdam.reduction.basis": {"effects"},
     "romdam.reduction.storage.keys": {"results"},
     "romdam.reduction.storage.model_file": {"results"},
     "romdam.reduction.storage.user_cache": {"__init__", "commands", "terminal"},  # listed, cleared by command

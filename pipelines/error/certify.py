@@ -20,6 +20,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import one_thread
+from romdam.effects.full_order import assemble_full
 from romdam.error.certificate import (
     Correction,
     certificate,
@@ -33,7 +34,6 @@ from romdam.error.replay import Replayed, corrected_run, measure_defect
 from romdam.error.sampled import SHORTEST, Sampling, sampled_certificate
 from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.fem.parts import basis_over_unknowns
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for

@@ -17,9 +17,9 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import one_thread
+from romdam.effects.full_order import assemble_full
 from romdam.error.comparison import Openings, compare_openings, read_reference
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, Stage, silent

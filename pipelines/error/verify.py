@@ -16,11 +16,11 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import one_thread
+from romdam.effects.full_order import assemble_full
 from romdam.error.comparison import Openings, read_reference
 from romdam.error.statement import ErrorStatement, write_verification
 from romdam.error.verification import VerifiedRun, against_reference, full_order_step, verification
 from romdam.fem.stress import observing_stress
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.moving_supports import refuse_drifting

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, NamedTuple
 
+from romdam.config.effects import has_viscous_boundary
 from romdam.core.integrators import INTEGRATORS
 
 if TYPE_CHECKING:
@@ -21,13 +22,11 @@ class Coupling(NamedTuple):
 
 def coupling(config: Config) -> Coupling | None:
     """Tell what couples the modes of a job; None where nothing does."""
-    dam, ground, water = config.arch_dam, config.ground, config.water
-    of_dam = dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"
-    if of_dam or ground.viscous:
-        key = "arch_dam.rock.boundary" if of_dam else "ground.viscous"
+    if has_viscous_boundary(config):
+        key = "ground.viscous" if config.ground.viscous else "arch_dam.rock.boundary"
         remedy = "hold the rock by supports (`boundary: fixed`) and give it `mass: false`"
         return Coupling(key, "dashpots of viscous faces", remedy)
-    if water is not None and water.has_waves:
+    if config.water is not None and config.water.has_waves:
         return Coupling("water.model", "compressible water", "set water.model: incompressible")
     for name, block in config.blocks.items():
         if block.matrices is not None and block.matrices.damping is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -18,6 +19,23 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AXES = ("x", "y", "z")
+
+
+class Motion(StrEnum):
+    """Motions that loads follow; what moves against the base does so in its own rows, x, y, z each."""
+
+    BASE = "acceleration of the base"
+    BASE_VELOCITY = "velocity of the base"
+    SUPPORTS = "acceleration of supports against the base"
+    SUPPORTS_VELOCITY = "velocity of supports against the base"
+    SUPPORTS_DISPLACEMENT = "displacement of supports against the base"
+    CHANNEL = "waves of a channel's sections"
+    CHANNEL_RATE = "rate of the waves of a channel's sections"
+    FREE_FIELD = "motion of a column of rock against its surface, and its rate times beta"
+    FREE_FIELD_RATE = "rate of that motion"
+    FREE_FIELD_TRACTION = "traction on the lower end of a column of rock"
+
+
 MOST_SAMPLES = 20_000_000  # of a motion: 5 hours at 1 ms, 500 MB for its three components
 
 
@@ -212,3 +230,11 @@ class MovingSupports:
 
     motions: tuple[SupportMotion, ...]
     components: dict[str, Ints]
+
+
+def ground_rows(supports: int) -> dict[Motion, slice]:
+    """Rows of a run's ground motion: the base's three, then those of supports that move by themselves."""
+    motions = Motion.SUPPORTS, Motion.SUPPORTS_VELOCITY, Motion.SUPPORTS_DISPLACEMENT
+    n = 3 * supports
+    after = {one: slice(3 + k * n, 3 + (k + 1) * n) for k, one in enumerate(motions)}
+    return {Motion.BASE: slice(0, 3)} | after

@@ -370,7 +370,7 @@ class Scene:
     warmed : block name -> uniform change of temperature [K]
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
     radiating : blocks whose mass only carries away what the others send out: the ground does not shake it
-    free_field : the waves that come up through the rock, see `romdam.fem.free_field`; None without
+    free_field : the waves that come up through the rock, see `romdam.effects.free_field`; None without
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     moving : supports that do not move as the base does; None where all do
     remarks : what of the scene is odd and may not be meant, one sentence each

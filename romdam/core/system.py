@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import csr_matrix, diags_array, hstack, issparse
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.motion import SupportMotion
+from romdam.core.motion import Motion, SupportMotion, ground_rows
 
 OPEN, STICK, SLIP = 0, 1, 2  # `History.state`
 STATES = {"open": OPEN, "stick": STICK, "slip": SLIP}
@@ -152,22 +153,38 @@ Rates = Callable[[Floats], tuple[Complex, Complex]]
 """Acceleration [1/s2] and velocity [1/s] of a unit displacement that goes around by given angles a step."""
 
 
+@dataclass(frozen=True)
+class Histories:
+    """Motions at every step of a run, by name.
+
+    Attributes
+    ----------
+    rows : motion -> (k, lead + nt)
+    lead : number of steps before the record's start
+    warnings : what a careful reader should know of them, one sentence each
+    """
+
+    rows: dict[Motion, Floats]
+    lead: int = 0
+    warnings: tuple[str, ...] = ()
+
+
 class Drive(Protocol):
-    """Histories of what drives a system besides the ground's acceleration."""
+    """What makes further motions from those that there are, such as waves from the base's acceleration."""
 
     @property
-    def band_limited(self) -> bool:
-        """Whether nothing beyond the record's Nyquist frequency may be in the acceleration that it takes."""
+    def whole_record(self) -> bool:
+        """Whether a part of the record does not tell it, and nothing beyond the record's Nyquist frequency
+        may be in the base's acceleration.
+        """
         ...
 
-    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int, tuple[str, ...]]:
-        """All histories (columns of `System.load`, lead + nt), the lead, and warnings for the result.
-
-        The lead is the number of steps before the record's start.
+    def drive(self, given: Histories, dt: float, rates: Rates) -> Histories:
+        """Add its motions.
 
         Parameters
         ----------
-        acc : (3, nt) ground acceleration at every step [m/s2]
+        given : the base's acceleration at least
         rates : of the integrator
         """
         ...
@@ -199,12 +216,9 @@ class PseudoStatic:
 
     def motion(self, ground: Floats) -> tuple[Floats, Floats, Floats]:
         """Acceleration, velocity and displacement (m, nt) of the supports, of a run's ground motion."""
-        acc, vel, disp = ground[-3 * len(self.stiffness) :].reshape(3, len(self.stiffness), -1)
-        return acc, vel, disp
-
-    def displacement(self, ground: Floats) -> Floats:
-        """The last of them alone, (m, nt) [m]."""
-        return ground[-len(self.stiffness) :]
+        rows = ground_rows(len(self.motions))
+        acc, vel = ground[rows[Motion.SUPPORTS]], ground[rows[Motion.SUPPORTS_VELOCITY]]
+        return acc, vel, ground[rows[Motion.SUPPORTS_DISPLACEMENT]]
 
     def normal(self, directions: int) -> PseudoStatic:
         """The same with the gaps' normal jumps alone, of so many directions."""
@@ -224,7 +238,7 @@ class System:
     ----------
     M, C, K : (n, n) sparse
     B : (directions * ng, n) sparse; rows of gap m are directions*m + (0: normal, 1: j, 2: k)
-    load : (n, 3) M r for unit ground acceleration along x, y, z; (n, 3 + m) with what else a drive has
+    load : (n, k) forces, with the opposite sign, of unit motions: M r for unit acceleration of the base
     force : (n,) static force
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
     at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
@@ -234,11 +248,11 @@ class System:
     diagonal : whether M is the identity (zero where there is no mass) and C, K are diagonal
     floating : whether the system has motions that no support and no stiffness holds
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
-    drive : of the load's columns from the fourth on, and of the acceleration that goes with them; None
-        where the ground's acceleration is all
+    motions : motion -> the columns of the load that follow it, in order; the base's acceleration is first
+    drives : what makes motions that are not of a run's ground motion, in the order in which they act
     gyroscopic : whether C is skew between dam and water, where it does no work; B does not see the water
     pseudo_static : what supports that do not move as the base does add to the displacement u, and so to jumps
-        and what is observed; their acceleration has the load's columns from the fourth on. None without
+        and what is observed; None without
     drag : (n, k) D: the damping is C - D D^T, which does not act on rigid motions that joints alone hold and
         as a matrix would be full; None where C is all of it
     """
@@ -256,7 +270,8 @@ class System:
     floating: bool
     reduced: bool = False
     at_point: csr_matrix | None = None
-    drive: Drive | None = None
+    motions: dict[Motion, slice] = field(default_factory=lambda: {Motion.BASE: slice(0, 3)})
+    drives: tuple[Drive, ...] = ()
     gyroscopic: bool = False
     pseudo_static: PseudoStatic | None = None
     drag: Floats | None = None
@@ -271,9 +286,46 @@ class System:
         force = self.C @ rate
         return np.asarray(force if self.drag is None else force - self.drag @ (self.drag.T @ rate))
 
+    @property
+    def needs_whole_record(self) -> bool:
+        """Tell whether a part of a record does not tell what drives the system in that part."""
+        return any(drive.whole_record for drive in self.drives)
+
+    def histories(self, ground: Floats, dt: float, rates: Rates) -> Histories:
+        """Every motion that the load follows, of a run's ground motion at steps dt [s].
+
+        Parameters
+        ----------
+        ground : (rows, nt), see `romdam.core.motion.ground_rows`
+        rates : of the integrator
+        """
+        made = Histories(self._given(ground))
+        for drive in self.drives:
+            made = drive.drive(made, dt, rates)
+        return made
+
+    def followed(self, rows: Mapping[Motion, Floats]) -> Floats:
+        """(k, nt) what the columns of the load follow."""
+        return np.concatenate([rows[motion] for motion in self.motions])
+
     def inertial(self, ground: Floats) -> Floats:
-        """The rows of a run's ground motion that the load acts with: accelerations of base and supports."""
-        return ground[: self.load.shape[1]]
+        """(k, nt) what the columns of the load follow where nothing drives the system besides."""
+        return self.followed(self._given(ground))
+
+    def _given(self, ground: Floats) -> dict[Motion, Floats]:
+        supports = 0 if self.pseudo_static is None else len(self.pseudo_static.motions)
+        return {motion: ground[rows] for motion, rows in ground_rows(supports).items()}
+
+    def loaded(self, more: Mapping[Motion, Floats | csr_matrix]) -> System:
+        """The system with further loads, (n, k) each, added to those that follow the same motion."""
+        columns = {motion: self.load[:, own] for motion, own in self.motions.items()}
+        for motion, force in more.items():
+            columns[motion] = columns[motion] + force if motion in columns else force
+        ends = np.cumsum([0, *(force.shape[1] for force in columns.values())]).tolist()
+        motions = {one: slice(*pair) for one, pair in zip(columns, pairwise(ends), strict=True)}
+        sparse = any(issparse(force) for force in columns.values())
+        load = csr_matrix(hstack(list(columns.values()))) if sparse else np.hstack(list(columns.values()))
+        return replace(self, load=load, motions=motions)
 
 
 def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> System:

@@ -198,7 +198,7 @@ def measure_defect(
             progress(row + 1, rows)
     if full.system.pseudo_static is not None:  # exact in all of them
         by = full.system.pseudo_static
-        carried = by.displacement(forces.ground)[:, :: forces.substeps].T
+        carried = by.motion(forces.ground)[2][:, :: forces.substeps].T
         jump += carried @ by.jump.T
         disp += carried @ by.observe.T
     jumps, disps = ((own[0], own[0] - own[1], own[0] - own[2]) for own in (jump, disp))

@@ -18,11 +18,11 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.core.system import GapLaw
+from romdam.effects.added_mass import added_mass
 from romdam.export.deck import Deck, Gaps, Motion, Solid
 from romdam.fem.damping import joints_alone_hold, rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, water_force
 from romdam.fem.loads import static_force
-from romdam.fem.water.added_mass import added_mass
 from romdam.scene.meshes.quality import sound_volume
 from romdam.scene.ties import scene_parts
 

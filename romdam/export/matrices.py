@@ -94,7 +94,7 @@ def write(
     WriteError
     """
     system, reduced = model
-    if system.drive is not None or system.pseudo_static is not None:
+    if system.drives or system.pseudo_static is not None:
         raise ConfigError(
             "export: waves in rock or water, or supports of their own motion, drive this system besides "
             "the acceleration of its base, limit 0 such drives; leave out ground.input, water.model: "

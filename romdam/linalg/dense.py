@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
 from romdam.core.threads import DENSE_EIGENPROBLEM, threads_for
 
 _KEPT = 1e-12  # of a column's length, up to which it may be changed
+DEPENDENT = 1e-8  # eigenvalue of vectors' Gram matrix, relative, below which one is dropped
+_RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _WORTH = 0.75  # of the columns: a product of more is not cheaper than the matrix
 
 
@@ -69,3 +72,14 @@ def orthonormalising(gram: Floats, least: float) -> Floats:
     size, U = np.linalg.eigh(gram * scale * scale[:, None])
     keep = size > least * size.max(initial=0.0)
     return np.asarray(scale[:, None] * U[:, keep] / np.sqrt(size[keep]))
+
+
+def independent(D: Floats, M: csr_matrix) -> Floats:
+    """M-orthonormal vectors that span D's, without directions that are round-off."""
+    return np.asarray(D @ orthonormalising(D.T @ (M @ D), DEPENDENT))
+
+
+def without_roundoff(omega2: Floats) -> Floats:
+    """Squared frequencies; those of rigid motions come out as round-off of the stiffest mode and are zero."""
+    floor = _RIGID * omega2.max(initial=0.0)
+    return np.where(omega2 < floor, 0.0, omega2)

@@ -16,12 +16,12 @@ from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Scene
+from romdam.effects.added_mass import AddedMass, added_mass, added_mass_matrix
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import inertia
 from romdam.fem.damping import modal_coefficients, rayleigh_coefficients, rigid_drag, sliding_motions
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import Unknowns, unknowns
-from romdam.fem.unreduced import MOST_WET, assemble_full
-from romdam.fem.water.added_mass import AddedMass, added_mass, sparse_added_mass
 from romdam.linalg.modes.eigen import lowest_modes_by_blocks
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
@@ -117,7 +117,7 @@ def natural_modes(
     omega2, modes = _solved(pencil, pencil.M, count, solver)
     M, load, dry = pencil.M, pencil.load, None
     if water is not None:
-        M = csr_matrix(M + sparse_added_mass(water, numbered.of_block, MOST_WET)[0])
+        M = csr_matrix(M + added_mass_matrix(water, csr_matrix(water.on(numbered.of_block))))
         load, dry = load + _carried(scene, numbered, water), np.sqrt(omega2) / (2.0 * np.pi)
         solver = _solver(pencil, M, count, solving) if pencil.shift else solver
         omega2, modes = _solved(pencil, M, count, solver)

@@ -13,8 +13,8 @@ from scipy.sparse import csr_matrix, eye_array
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block
+from romdam.effects.added_mass import WetMass
 from romdam.fem.assembly import assemble, inertia
-from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.multigrid import Motions
 from romdam.reduction.basis import Augmented, Dense, with_inner
 from romdam.reduction.interface import Interface, joint_interface

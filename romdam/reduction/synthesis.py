@@ -19,26 +19,21 @@ from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Scene
 from romdam.core.system import GapLaw, System
-from romdam.fem.damping import further_damping, modal_coefficients, rayleigh_coefficients, rigid_drag
-from romdam.fem.free_field import boundary_load, deconvolution
+from romdam.effects.added_mass import AddedMass
+from romdam.effects.effect import Coordinates, ModalCoordinates
+from romdam.effects.scene_effects import scene_effects
 from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
 from romdam.fem.loads import surface_force, weight_acts
-from romdam.fem.pseudo_static import pseudo_static, support_inertia
-from romdam.fem.water.added_mass import AddedMass, added_mass
-from romdam.fem.water.compressible import reservoir_waves
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import over_coordinates
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
-from romdam.reduction.methods.acting import Acting, pressed_by
+from romdam.reduction.methods.acting import Acting, acting_on
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.methods.free_interface import merged_bases, merged_keys
 from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys, refuse_wet
-from romdam.reduction.moving_supports import with_supports
 from romdam.reduction.single_block import reduced_block
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.water import with_water
-from romdam.reduction.waves import with_reservoir
 from romdam.scene.meshes.quality import refuse_loose_nodes
 from romdam.scene.ties import Part, scene_parts
 
@@ -112,26 +107,22 @@ def _reduced_scene(
     refuse_wet(scene)
     law = gap_law(scene)
     forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
-    moving, water, models = pseudo_static(scene, law.directions, choices[0].solving), added_mass(scene), []
-    carried, waves = support_inertia(scene, moving), reservoir_waves(scene)
-    pressed = pressed_by(waves or water, moving, scene.blocks)
-    operators = gap_operators(scene, law.directions)
-    acting = Acting(operators, forces, pressed, law.directions, carried, water)
+    effects = scene_effects(scene, damping, law.directions, choices[0].solving)
+    operators, models = gap_operators(scene, law.directions), []
+    acting = acting_on(scene.blocks, operators, forces, law.directions, effects)
     for choice in choices:
         _refuse_large(scene, acting, choice, store)
     parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
     for bases in zip(*parts, strict=True):
         basis, columns = _side_by_side(scene, bases)
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
-        system = _system(scene, basis, acting, law, damping, columns)
-        if water is not None:
-            system, basis = with_water(system, basis, water, damping)
-        system = _with_dashpots(system, scene, basis, damping)
-        system = _with_free_field(system, scene, basis, damping)
-        system = with_reservoir(system, scene, basis, waves)
-        system = with_supports(system, basis, moving, carried, water)
+        system = _system(scene, basis, acting, law, columns)
+        coordinates: Coordinates = ModalCoordinates(basis, system.size)
+        for effect in effects:
+            system, coordinates = effect.add(system, coordinates)
+        assert isinstance(coordinates, ModalCoordinates)
         report["cpu_seconds"] = time.process_time() - start
-        models.append(ReducedModel(system=system, basis=basis, report=report, water=water))
+        models.append(ReducedModel(system, coordinates.basis, report, acting.water))
     return models
 
 
@@ -153,7 +144,6 @@ def _system(
     basis: dict[str, BlockBasis],
     acting: Acting,
     law: GapLaw,
-    damping: DampingConfig,
     parts: dict[str, slice],
 ) -> System:
     """The parts side by side, with their joints open."""
@@ -165,7 +155,7 @@ def _system(
         mass[parts[name]] = 0.0 if has_no_mass(part, scene) else 1.0
     return System(
         M=csr_matrix(diags_array(mass)),
-        C=csr_matrix(diags_array(modal_coefficients(damping, omega2))),
+        C=csr_matrix((size, size)),
         K=csr_matrix(diags_array(omega2)),
         B=csr_matrix(B),
         load=load,
@@ -178,44 +168,6 @@ def _system(
         reduced=True,
         at_point=None if more is None else csr_matrix(over_coordinates(more, basis, size)),
     )
-
-
-def _with_dashpots(
-    system: System, scene: Scene, basis: dict[str, BlockBasis], damping: DampingConfig
-) -> System:
-    """The system with what blocks are damped by besides; it couples the modes: C is not diagonal then."""
-    further = {name: further_damping(block, damping.rayleigh) for name, block in scene.blocks.items()}
-    if all(own is None for own in further.values()):
-        return system
-    C, mass = system.C.toarray(), system.M.toarray()  # the mass that Rayleigh's alpha acts on
-    rigid = (system.K.diagonal() == 0.0) & (system.M.diagonal() > 0.0)
-    free = rigid.copy()
-    for name, own in further.items():
-        part, block = basis[name], scene.blocks[name]
-        if own is not None:
-            C[part.columns, part.columns] += part.vectors.project(part.vectors.under(own))
-        if block.matrices is not None and block.matrices.C is not None:
-            mass[part.columns, part.columns] -= part.vectors.project(part.vectors.under(block.matrices.M))
-        if block.absorbing:  # its boundary holds it, and so not its joints alone
-            free[part.columns] = False
-    alpha, _ = rayleigh_coefficients(damping.rayleigh)
-    if alpha > 0.0 and rigid.any():
-        C += alpha * np.diag(rigid)
-        D = rigid_drag(alpha * mass[:, free], np.eye(len(free))[:, free])
-        C -= D @ D.T
-    return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
-
-
-def _with_free_field(
-    system: System, scene: Scene, basis: dict[str, BlockBasis], damping: DampingConfig
-) -> System:
-    """The system with the effective forces of the free field on absorbing faces."""
-    field, absorbing = scene.free_field, [name for name in basis if scene.blocks[name].absorbing]
-    if field is None:
-        return system
-    forces = {name: csr_matrix(boundary_load(scene.blocks[name], field).T) for name in absorbing}
-    load = np.hstack([system.load, -over_coordinates(forces, basis, system.size).T])
-    return replace(system, load=load, drive=deconvolution(field, damping))
 
 
 def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: BlockStore | None) -> None:

@@ -23,7 +23,7 @@ class Carried:
     Attributes
     ----------
     by : what moves; None where nothing does
-    jump : (N,) that joint forces see [m]
+    jump : (N,) that joint forces see, with those that a statement of error adds [m]
     more : (N,) what jumps at the gaps' positions are more [m]
     """
 
@@ -37,13 +37,13 @@ class Carried:
         zero = np.zeros(system.B.shape[0])
         return cls(system.pseudo_static, zero, zero)
 
-    def after(self, ground: Floats) -> Self:
-        """The jumps at the last column of a ground motion."""
+    def after(self, disp: Floats, added: Floats | None) -> Self:
+        """The jumps where supports have moved by `disp` (m,), with `added` ones (N,) or without."""
         if self.by is None:
-            return self
-        disp = self.by.displacement(ground)[:, -1]
+            return self if added is None else replace(self, jump=added)
         more = self.more if self.by.at_point is None else self.by.at_point @ disp
-        return replace(self, jump=self.by.jump @ disp, more=more)
+        jump = self.by.jump @ disp
+        return replace(self, jump=jump if added is None else jump + added, more=more)
 
 
 def with_carried_points(history: History, system: System, ground: Floats, stride: int) -> History:
@@ -56,7 +56,7 @@ def with_carried_points(history: History, system: System, ground: Floats, stride
     by = system.pseudo_static
     if by is None or by.at_point is None:
         return history
-    more = (by.at_point @ by.displacement(ground)[:, ::stride]).T
+    more = (by.at_point @ by.motion(ground)[2][:, ::stride]).T
     return replace(history, jump=history.jump + more.reshape(history.jump.shape))
 
 

@@ -29,9 +29,9 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
+from romdam.effects.full_order import assemble_full
 from romdam.error.metrics import relative_l2
 from romdam.fem.stress import observing_stress
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.record_set import load_motions

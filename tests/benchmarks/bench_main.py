@@ -34,8 +34,8 @@ from reference_run import ROOT, errors, job, march
 
 from romdam.core.integrators import INTEGRATORS
 from romdam.core.system import History, System
+from romdam.effects.full_order import assemble_full
 from romdam.error.metrics import relative_l2
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.timestepping.modal.propagator import modal_propagator
 from romdam.timestepping.steps import cut_steps

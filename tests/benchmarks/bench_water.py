@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from gravity_sections import FOOT, KOYNA, PINE_FLAT, Section, first_period, section_scene
 from simulating import simulated
 
-from romdam.fem.unreduced import assemble_full
+from romdam.effects.full_order import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 
 RECORD = Path(__file__).parents[2] / "data" / "records" / "northridge_mul009_g_dt0.01.txt"

@@ -10,7 +10,7 @@ from simulating import simulated
 from romdam.config import parse_config
 from romdam.config.plausible import doubts
 from romdam.contact.laws.shear_stiffness import ElasticShear
-from romdam.fem.unreduced import assemble_full
+from romdam.effects.full_order import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium

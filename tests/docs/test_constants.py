@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("contact", "timestepping", "reduction", "linalg", "error", "export")
+ROOMS = ("contact", "timestepping", "effects", "reduction", "linalg", "error", "export")
 STAGES = (  # of pipelines
     "automatic_modes", "error/estimate", "error/certify", "error/verify", "error/study", "export",
 )  # fmt: skip

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from romdam.config.effects import EFFECTS, EXCLUDED
 from romdam.results.suite.rows import ROWS
 from romdam.results.variables import COORDINATES, VARIABLES
 
@@ -51,3 +52,15 @@ def test_the_pages_are_in_the_contents():
         folder = contents.removesuffix("index.md")
         pages -= {f"{folder}{word}.md" for word in words} | {contents}
     assert not pages, f"in no table of contents: {sorted(pages)}"
+
+
+def test_every_pair_of_effects_has_a_cell_and_every_refusal_its_reason(tables):
+    rows = [line.split(" | ") for line in tables.effects().splitlines() if line.startswith("| ")][1:]
+    marks = [[cell.strip(" |") for cell in row[2:]] for row in rows]
+    assert len(marks) == len(EFFECTS) and all(len(row) == len(EFFECTS) for row in marks)
+    letters = [mark for row in marks for mark in row if mark not in ("", "yes")]
+    assert len(letters) == 2 * len(EXCLUDED) and marks == [
+        list(column) for column in zip(*marks, strict=True)
+    ]
+    for letter, reason in zip("ab", dict.fromkeys(EXCLUDED.values()), strict=True):
+        assert f"- {letter}: {reason}" in tables.effects() and letter in letters

@@ -11,9 +11,9 @@ import numpy as np
 from romdam.config.load import parse_config
 from romdam.core.scene import Scene
 from romdam.core.system import System
+from romdam.effects.full_order import assemble_full
 from romdam.export.build import build_deck
 from romdam.export.deck import Deck, Motion
-from romdam.fem.unreduced import assemble_full
 from romdam.scene.build import build_scene
 
 ROOT = Path(__file__).parents[2]

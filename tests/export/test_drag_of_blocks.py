@@ -14,10 +14,10 @@ from romdam.config.load import Job
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.sealed import reading
 from romdam.core.system import BlockMatrices
+from romdam.effects.full_order import assemble_full
 from romdam.export.matrices import write
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import unknowns
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.doubts import with_doubts_of
 from romdam.reduction.natural_modes import natural_modes
 

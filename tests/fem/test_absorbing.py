@@ -8,9 +8,9 @@ from simulating import simulated
 
 from romdam.config.sections.job import BoxConfig, DampingConfig
 from romdam.core.scene import Absorbing, Material, Probe, Scene
+from romdam.effects.full_order import assemble_full
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.assembly import assemble
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block

@@ -13,13 +13,13 @@ from test_water import SERIES, job, rigid_mass, section_system, wall
 
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError
+from romdam.core.motion import Motion
+from romdam.core.system import Histories
+from romdam.effects.channel import ChannelDrive, impedance_network
+from romdam.effects.compressible_water import reduced_waves, reservoir_waves
+from romdam.effects.full_order import assemble_full
 from romdam.fem.stress import observing_stress
-from romdam.fem.unreduced import assemble_full
-from romdam.fem.water.compressible import reservoir_waves
-from romdam.fem.water.drive import ChannelDrive
-from romdam.fem.water.radiation import impedance_network
 from romdam.reduction.synthesis import reduce_scene
-from romdam.reduction.waves import reduced_waves
 from romdam.scene.build import build_scene
 
 H, C, RHO, WIDTH = 40.0, 1440.0, 1000.0, 4.0
@@ -126,10 +126,10 @@ def test_waves_of_a_section_are_exact_for_linear_acceleration():
     ground = np.zeros((3, 41))
     ground[1] = 1.0
     t = dt * np.arange(41)
-    states = drive.histories(ground, dt, lambda angle: (angle, angle))[0][3:]
-    np.testing.assert_allclose(states[1], t, atol=1e-13)
-    np.testing.assert_allclose(states[3], 3.0 * (t - np.sin(w * t) / w) / w**2, atol=1e-13)
-    np.testing.assert_allclose(states[4], 3.0 * (1 - np.cos(w * t)) / w**2, atol=1e-13)
+    rows = drive.drive(Histories({Motion.BASE: ground}), dt, lambda angle: (angle, angle)).rows
+    np.testing.assert_allclose(rows[Motion.BASE_VELOCITY][1], t, atol=1e-13)
+    np.testing.assert_allclose(rows[Motion.CHANNEL][0], 3.0 * (t - np.sin(w * t) / w) / w**2, atol=1e-13)
+    np.testing.assert_allclose(rows[Motion.CHANNEL_RATE][0], 3.0 * (1 - np.cos(w * t)) / w**2, atol=1e-13)
 
 
 def test_fast_sound_is_incompressible_water():

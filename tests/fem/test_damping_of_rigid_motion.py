@@ -18,10 +18,10 @@ from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfi
 from romdam.core.arrays import Floats
 from romdam.core.scene import Absorbing, Scene
 from romdam.core.system import BlockMatrices, System
+from romdam.effects.full_order import assemble_full
 from romdam.error.replay import step_factor
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import basis_over_unknowns, unknowns
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.supports import rigid_motions as rigid_motions_of
 from romdam.scene.ties import scene_parts

@@ -14,8 +14,8 @@ from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Material
+from romdam.effects.full_order import assemble_full
 from romdam.fem.column import respond, shapes, wave_moduli
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.error.certify import certify
 from romdam.pipelines.error.study import study
 from romdam.pipelines.run import run

@@ -10,7 +10,7 @@ from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.core.errors import ConvergenceError
-from romdam.fem.unreduced import assemble_full
+from romdam.effects.full_order import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.variables import COORDINATES, Case
 from romdam.scene.build import build_scene

@@ -12,9 +12,9 @@ from mortar_blocks import FACE, SIZE, pair, turn
 from romdam.config.sections.job import DampingConfig
 from romdam.config.sections.joints import JointConfig
 from romdam.core.scene import FacePressure, PointForce, Scene
+from romdam.effects.full_order import assemble_full
 from romdam.fem.parts import unknowns
 from romdam.fem.stress import stress_operator
-from romdam.fem.unreduced import assemble_full
 from romdam.scene.joints import build_joint
 from romdam.timestepping.equilibrium import static_equilibrium
 

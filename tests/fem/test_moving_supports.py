@@ -10,8 +10,8 @@ from simulating import simulated
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.motion import GroundMotion, SupportMotion
+from romdam.effects.full_order import assemble_full
 from romdam.fem.stress import observing_stress
-from romdam.fem.unreduced import assemble_full
 from romdam.records.processing.integrate import displacement, velocity
 from romdam.records.processing.support_motions import with_supports
 from romdam.reduction.methods.craig_bampton import ModeChoice

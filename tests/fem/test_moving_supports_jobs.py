@@ -114,14 +114,6 @@ def test_wrong_motions_are_refused_by_their_keys(folder, motion, text):
             {"transient": {"finest_step": 0.001, "integrator": "conserving"}, "damping": {}},
             "conserving knows one",
         ),
-        (
-            {"ground": {"viscous": [{"block": "middle", "faces": ["ymin"]}]}},
-            "viscous faces of the rock know one",
-        ),
-        (
-            {"water": {"model": "compressible", "level": 20, "faces": [{"block": "middle", "face": "ymin"}]}},
-            "one motion of its floor",
-        ),
     ],
 )
 def test_what_knows_one_motion_is_refused(folder, sections, text):

@@ -17,8 +17,8 @@ from test_water import job, wall
 import romdam
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.fingerprint import fingerprint
-from romdam.fem.water.added_mass import added_mass
-from romdam.fem.water.compressible import reservoir_waves
+from romdam.effects.added_mass import added_mass
+from romdam.effects.compressible_water import reservoir_waves
 from romdam.fem.water.prism import prism
 from romdam.scene.reservoir.wet_mesh import wet_mesh
 

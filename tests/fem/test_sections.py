@@ -9,6 +9,7 @@ from scipy.sparse.linalg import eigsh, spsolve
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.errors import ConfigError
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.fem.sections import (
@@ -18,7 +19,6 @@ from romdam.fem.sections import (
     observed_section_forces,
     section_operators,
 )
-from romdam.fem.unreduced import assemble_full
 from romdam.postprocess.stress.sections import linearised_stress
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene

@@ -10,6 +10,7 @@ from scipy.sparse.linalg import spsolve
 from romdam.config import parse_config
 from romdam.config.sections.job import BoxConfig
 from romdam.core.scene import Material
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
 from romdam.fem.stress import (
     COMPONENTS,
@@ -18,7 +19,6 @@ from romdam.fem.stress import (
     stress_operator,
     stress_operators,
 )
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.boxes import box_block
 from romdam.scene.build import build_scene

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from romdam.config import parse_config
-from romdam.fem.unreduced import assemble_full
+from romdam.effects.full_order import assemble_full
 from romdam.postprocess.concerns import crack_concerns
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene

@@ -12,12 +12,12 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 from simulating import simulated
 
+import romdam.effects.added_mass
 import romdam.reduction.storage.model_file
-import romdam.reduction.water
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError, ReductionError
-from romdam.fem.unreduced import assemble_full
-from romdam.fem.water.added_mass import added_mass, sparse_added_mass
+from romdam.effects.added_mass import added_mass, added_mass_matrix
+from romdam.effects.full_order import assemble_full
 from romdam.reduction.basis import Lazy
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
@@ -216,7 +216,7 @@ def test_modes_left_dry_cost_little(monkeypatch):
     """Without water on the highest half of the modes the six lowest frequencies move by less than 0.2 %."""
     scene, config = two_blocks()
     whole = reduce_scene(scene, config.model, config.damping)
-    monkeypatch.setattr(romdam.reduction.water, "_MOST", whole.system.size // 2)
+    monkeypatch.setattr(romdam.effects.added_mass, "_MOST", whole.system.size // 2)
     half = reduce_scene(scene, config.model, config.damping)
     assert set(half.system.parts) == {"water", "a", "b"}
     k, k_half = (np.sqrt(np.sort(m.system.K.diagonal())[:6]) for m in (whole, half))
@@ -330,8 +330,9 @@ def test_full_order_says_what_it_cannot_hold():
     maps = {name: csr_matrix((3 * len(b.points), 3 * len(b.points))) for name, b in scene.blocks.items()}
     maps["a"] = csr_matrix(np.eye(maps["a"].shape[0]))
     maps["b"] = csr_matrix((maps["b"].shape[0], maps["a"].shape[0]))
+    water = added_mass(scene)
     with pytest.raises(ReductionError, match=r"couples 27 wet DOFs, 7.3e\+02 entries .* limit 1e\+02; use"):
-        sparse_added_mass(added_mass(scene), maps, 100)
+        added_mass_matrix(water, csr_matrix(water.on(maps)), 100)
 
 
 def test_incompressible_water_on_faces_that_do_not_meet_node_by_node_is_refused():

@@ -335,8 +335,8 @@ def write_files(folder: Path) -> None:
 
 def _write_matrices(folder: Path) -> None:
     """right.h5: the right block of the first base as its own matrices."""
+    from romdam.effects.full_order import assemble_full
     from romdam.export.matrices import write
-    from romdam.fem.unreduced import assemble_full
     from romdam.scene.build import build_scene
 
     config = parse_config(_TWO, "two.yaml")

@@ -12,7 +12,7 @@ from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfi
 from romdam.core.arrays import Floats
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
-from romdam.fem.unreduced import assemble_full
+from romdam.effects.full_order import assemble_full
 from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.scene.build import build_scene
 

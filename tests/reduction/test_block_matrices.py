@@ -15,9 +15,9 @@ from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfig
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.sealed import creating, reading
+from romdam.effects.full_order import assemble_full
 from romdam.export.matrices import write
 from romdam.fem.assembly import assemble
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene

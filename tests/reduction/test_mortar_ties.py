@@ -17,11 +17,11 @@ from romdam.config.sections.joints import JointConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import FacePressure, Material, Probe, Scene, StressNodes, StressSites, Tie
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.fem.parts import assemble_part, basis_over_unknowns, gather, unknowns
 from romdam.fem.stress import modal_stress, observed_stress, stress_operators
-from romdam.fem.unreduced import assemble_full
 from romdam.linalg.solvers import Solving
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding, much_finer

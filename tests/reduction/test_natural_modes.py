@@ -14,8 +14,8 @@ from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError
 from romdam.core.threads import one_thread
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.natural_modes import natural_modes
 from romdam.scene.build import build_scene
 from romdam.scene.ties import tie_joints

@@ -7,8 +7,8 @@ from scipy.sparse import csr_matrix
 from small_scenes import DAMPING, raw, scene
 
 from romdam.config.sections.job import ModelConfig
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble_mass
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.methods.residual_vectors import independent
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 

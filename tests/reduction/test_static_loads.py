@@ -10,10 +10,10 @@ from scipy.sparse import csr_matrix
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import hydrostatic_force, static_force, surface_force, thermal_force
 from romdam.fem.stress import stress_operators
-from romdam.fem.unreduced import assemble_full
 from romdam.linalg.factor import Factor
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.storage.staging import initial_stress, staged_displacement

@@ -31,8 +31,8 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
 from romdam.core.threads import one_thread
+from romdam.effects.full_order import assemble_full
 from romdam.error.metrics import RelativeError, opening_error
-from romdam.fem.unreduced import assemble_full
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion

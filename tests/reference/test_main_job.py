@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from reference_run import RECORD, errors, job, march, reference, shaking
 
-from romdam.fem.unreduced import assemble_full
+from romdam.effects.full_order import assemble_full
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.timestepping.modal.symmetry import merge_equivalent_contacts
 from romdam.timestepping.steps import cut_steps

@@ -12,10 +12,10 @@ from romdam.config import load_config
 from romdam.config.sections.job import DampingConfig
 from romdam.config.sections.places import GridElement
 from romdam.core.errors import ConfigError
+from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import part_matrices, unknowns
-from romdam.fem.unreduced import assemble_full
 from romdam.reduction.natural_modes import natural_modes
 from romdam.scene.build import build_scene
 from romdam.scene.facets import area_vectors, boundary_facets

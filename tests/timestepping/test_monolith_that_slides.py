@@ -14,7 +14,7 @@ import pytest
 from scipy.linalg import eigh, expm
 
 import romdam
-from romdam.fem.unreduced import assemble_full
+from romdam.effects.full_order import assemble_full
 from romdam.pipelines.run import scene_of
 from romdam.postprocess.sliding import REST, sliding
 

@@ -10,7 +10,6 @@ from romdam.config.base import Model
 from romdam.config.quantities import Length
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.places import FaceRef
-from romdam.config.sections.water import WaterConfig
 
 
 class ViscousConfig(Model):
@@ -59,32 +58,13 @@ class GroundConfig(Model):
         return viscous | {f"rock[{i}]": name for i, name in enumerate(self.rock)}
 
 
-def refuse_wrong_ground(
-    ground: GroundConfig,
-    dam: ArchDamConfig | None,
-    water: WaterConfig | None,
-    modal: bool = False,
-) -> None:
-    """Raise where waves have no viscous faces to come through, and where water is for one motion.
-
-    Parameters
-    ----------
-    modal : whether damping is by ratios of modes
+def refuse_wrong_ground(ground: GroundConfig, dam: ArchDamConfig | None) -> None:
+    """Raise where waves have no viscous faces to come through.
 
     Raises
     ------
     ValueError
     """
-    if ground.input == "free_field" and water is not None and water.has_waves:
-        raise ValueError(
-            "ground.input: free_field moves each depth of the rock on its own, and water.model: compressible "
-            "has one motion of its floor and banks; set water.model: incompressible, or ground.input: uniform"
-        )
-    if ground.input == "free_field" and modal:
-        raise ValueError(
-            "damping.modal: the free field is found for `rayleigh` damping of the rock only (modal ratios "
-            "are those of rock and dam together); give damping.rayleigh, or ground.input: uniform"
-        )
     key = "rock" if ground.rock else "input: free_field" if ground.input == "free_field" else ""
     of_dam = dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"
     if key and not (of_dam or ground.viscous):

@@ -9,6 +9,7 @@ from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.coupling import coupling, refuse_coupled
+from romdam.config.effects import refuse_excluded
 from romdam.config.names import Name
 from romdam.config.quantities import (
     AngularFrequency,
@@ -288,10 +289,11 @@ class Config(Model):
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
         varied = self.suite.parameters if self.suite else {}
-        refuse_wrong_ground(self.ground, self.arch_dam, self.water, self.damping.modal is not None)
+        refuse_excluded(self)
+        refuse_wrong_ground(self.ground, self.arch_dam)
         refuse_coupled(coupling(self), self.transient.integrator, self.model.modes, varied)
         several = len(self.records) > 1 or self.pipeline == "suite"
-        refuse_wrong_motions(self.supports, (self.ground, self.arch_dam, self.water), self.transient, several)
+        refuse_wrong_motions(self.supports, self.transient, several)
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):

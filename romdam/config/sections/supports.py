@@ -9,12 +9,9 @@ from pydantic import Field, model_validator
 
 from romdam.config.base import Model
 from romdam.config.quantities import Dimensionless, Time
-from romdam.config.sections.geometry.arch_dam import ArchDamConfig
-from romdam.config.sections.ground import GroundConfig
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import Axis, FaceRef
 from romdam.config.sections.transient import TransientConfig
-from romdam.config.sections.water import WaterConfig
 
 
 class SupportMotionConfig(Model):
@@ -53,16 +50,12 @@ class SupportConfig(Model):
 
 
 def refuse_wrong_motions(
-    supports: Sequence[SupportConfig],
-    beside: tuple[GroundConfig, ArchDamConfig | None, WaterConfig | None],
-    transient: TransientConfig,
-    several: bool,
+    supports: Sequence[SupportConfig], transient: TransientConfig, several: bool
 ) -> None:
-    """Raise where supports of their own motion meet what knows one motion of the base only.
+    """Raise where supports of their own motion meet an integrator that knows one motion of the base only.
 
     Parameters
     ----------
-    beside : what else the scene may have
     several : whether there is more than one entry of records, or a suite
 
     Raises
@@ -70,25 +63,12 @@ def refuse_wrong_motions(
     ValueError
     """
     moving = {f"supports[{i}].motion": one.motion for i, one in enumerate(supports) if one.motion is not None}
-    if not moving:
-        return
-    (place, *_), (ground, dam, water) = moving, beside
-    if ground.viscous or (dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"):
-        raise ValueError(
-            f"{place}: viscous faces of the rock know one motion of the base; hold the rock by supports "
-            "(boundary: fixed, `mass: false`), or leave the motion out"
-        )
-    if water is not None and water.has_waves:
-        raise ValueError(
-            f"{place}: water.model: compressible has one motion of its floor and banks; set water.model: "
-            "incompressible, or leave the motion out"
-        )
-    if transient.integrator == "conserving":
-        raise ValueError(
-            f"{place}: transient.integrator: conserving knows one motion of the base; take adaptive, modal "
-            "or generalized_alpha"
-        )
     for place, motion in moving.items():
+        if transient.integrator == "conserving":
+            raise ValueError(
+                f"{place}: transient.integrator: conserving knows one motion of the base; take adaptive, "
+                "modal or generalized_alpha"
+            )
         if motion.record is not None and several:
             raise ValueError(
                 f"{place}.record: goes with one record, and there are several entries of `records`, or a "

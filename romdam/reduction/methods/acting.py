@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,9 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
 from romdam.core.scene import Block
-from romdam.core.system import PseudoStatic
-from romdam.fem.pseudo_static import applied
-from romdam.fem.water.added_mass import AddedMass, WetMass
-from romdam.fem.water.compressible import Waves
-from romdam.linalg.factor import Factor
+from romdam.effects.added_mass import AddedMass, WetMass
+from romdam.effects.effect import Effect
+from romdam.effects.moving_supports import CarriedInertia
 
 
 @dataclass(frozen=True)
@@ -25,8 +23,8 @@ class Acting:
     ----------
     operators : block name -> its gap operator, (directions * gaps, 3 nodes)
     forces : block name -> (3 nodes,) static forces but its weight [N]
-    pressed : block name -> (3 nodes, w) forces of the water on its wet faces for unit accelerations of the
-        ground and of supports
+    pressed : block name -> (3 nodes, w) forces of the effects while all moves slowly, such as those of water
+        on wet faces for unit accelerations of base and supports; without those that supports displace
     directions : of every gap, 1 or 3
     carried : block name -> (3 nodes, m) inertia of what moving supports displace [kg]
     water : whose inertia finer bases answer, or None
@@ -55,20 +53,24 @@ class Acting:
         return np.asarray(every[:, length > 0.0] / length[length > 0.0])
 
 
-def pressed_by(
-    water: AddedMass | Waves | None, moving: PseudoStatic | None, blocks: Mapping[str, Block]
-) -> dict[str, Floats]:
-    """Forces (3 nodes, w) of the water on blocks for unit accelerations of the ground and of supports.
-
-    Compressible water presses so where all moves slowly.
-    """
-    if water is None:
-        return {name: np.zeros((block.points.size, 0)) for name, block in blocks.items()}
-    if isinstance(water, AddedMass):
-        rows = water.ground
-        if moving is not None:
-            rows = np.hstack([rows, water.times(applied(water.coupling, moving.shapes))])
-    else:
-        rows = water.at_dam.T @ Factor(water.K).solve(np.ascontiguousarray(water.load[:, :3]))
-    dry = {name: np.zeros((block.points.size, rows.shape[1])) for name, block in blocks.items()}
-    return dry | {name: np.asarray(coupling.T @ rows) for name, coupling in water.coupling.items()}
+def acting_on(
+    blocks: Mapping[str, Block],
+    operators: dict[str, csr_matrix],
+    forces: dict[str, Floats],
+    directions: int,
+    effects: Sequence[Effect],
+) -> Acting:
+    """What acts on blocks: their joints, static forces, and loads of effects."""
+    carried = next((one for one in effects if isinstance(one, CarriedInertia)), None)
+    moving, none = (
+        None if carried is None else carried.moving,
+        {n: np.zeros((b.points.size, 0)) for n, b in blocks.items()},
+    )
+    pressed = dict(none)
+    for effect in effects:
+        loads = {} if effect is carried else effect.static_loads(moving)
+        width = max((load.shape[1] for load in loads.values()), default=0)
+        for name, before in pressed.items():
+            pressed[name] = np.hstack([before, loads.get(name, np.zeros((len(before), width)))])
+    water = next((one for one in effects if isinstance(one, AddedMass)), None)
+    return Acting(operators, forces, pressed, directions, none if carried is None else carried.inertia, water)

@@ -8,9 +8,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
-from romdam.linalg.dense import eigh
+from romdam.linalg.dense import eigh, without_roundoff
 from romdam.linalg.symmetric import Symmetric
-from romdam.reduction.methods.craig_bampton import without_roundoff
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 
 _DEPENDENT = 1e-12  # share of the largest, below which a direction of the attachment modes is round-off

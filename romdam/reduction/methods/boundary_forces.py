@@ -9,9 +9,9 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
 from romdam.core.scene import Scene
+from romdam.effects.free_field import field_shapes
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.assembly import assemble
-from romdam.fem.free_field import field_shapes
 from romdam.scene.ties import Part
 
 

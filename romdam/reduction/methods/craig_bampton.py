@@ -35,25 +35,22 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError, ReductionError
-from romdam.fem.water.added_mass import WetMass
-from romdam.linalg.dense import eigh, orthonormalising
+from romdam.effects.added_mass import WetMass
+from romdam.linalg.dense import DEPENDENT, eigh, independent, orthonormalising, without_roundoff
 from romdam.linalg.modes.eigen import dense_modes, modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.residual_vectors import (
-    DEPENDENT,
     FINER_VECTORS,
     ROUND_OFF,
     Interior,
-    independent,
     larger,
     lowest_with,
 )
 
 FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
 _ALL = 2**62
-_RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _SOME = 30  # modes below a frequency, before they are counted
 
 
@@ -438,9 +435,3 @@ def _with_residual_vectors(
 def _onto(sub: Substructure, forces: Floats) -> Floats:
     """Forces (n, k) on the modes (m, k)."""
     return np.asarray(sub.mix.T @ (sub.basis.T @ forces))
-
-
-def without_roundoff(omega2: Floats) -> Floats:
-    """Squared frequencies; those of rigid motions come out as round-off of the stiffest mode and are zero."""
-    floor = _RIGID * omega2.max(initial=0.0)
-    return np.where(omega2 < floor, 0.0, omega2)

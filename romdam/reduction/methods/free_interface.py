@@ -38,10 +38,11 @@ from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Ints, Scene
 from romdam.core.threads import at_once
+from romdam.effects.added_mass import WetMass
 from romdam.fem.parts import gather, part_operator
-from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
+from romdam.linalg.dense import without_roundoff
 from romdam.linalg.modes.eigen import dense_modes, span_of_modes
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import SMALL, Solver, make_solver
@@ -52,7 +53,6 @@ from romdam.reduction.methods.craig_bampton import (
     ModeChoice,
     Substructure,
     eigen_residual,
-    without_roundoff,
 )
 from romdam.reduction.methods.merged_part import MergedPart, merged_part
 from romdam.reduction.methods.residual_vectors import FINER_VECTORS

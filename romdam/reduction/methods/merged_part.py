@@ -9,8 +9,8 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
 from romdam.core.arrays import Floats
 from romdam.core.scene import Bools, Ints, Scene
+from romdam.effects.added_mass import WetMass
 from romdam.fem.parts import gather, part_matrices
-from romdam.fem.water.added_mass import WetMass
 from romdam.linalg.modes.rigid import rigid_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.symmetric import Symmetric

@@ -24,8 +24,9 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Bools
+from romdam.effects.added_mass import WetMass
 from romdam.fem.assembly import assemble, inertia
-from romdam.fem.water.added_mass import WetMass
+from romdam.linalg.dense import independent, without_roundoff
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.interface import Interface
@@ -37,12 +38,10 @@ from romdam.reduction.methods.craig_bampton import (
     diagonalise,
     fixed_interface_modes,
     over_interior,
-    without_roundoff,
 )
 from romdam.reduction.methods.residual_vectors import (
     FINER_VECTORS,
     ROUND_OFF,
-    independent,
     larger,
     lowest_with,
 )

@@ -15,11 +15,10 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
-from romdam.linalg.dense import eigh, orthonormalising
+from romdam.linalg.dense import eigh
 from romdam.linalg.solvers import Solver
 
 FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
-DEPENDENT = 1e-8  # eigenvalue of the residual vectors' Gram matrix, relative, below which one is dropped
 ROUND_OFF = 1e-7  # of a mode's size: too much of a residual vector below it is that, and mirrors nothing
 _SAME = 1e-5  # relative, of frequencies squared that count as one
 
@@ -76,8 +75,3 @@ def larger(D: Floats, M: csr_matrix, omega2: Floats, least: float) -> Floats:
     smallest = np.full(len(omega2), np.inf)
     np.minimum.at(smallest, together, np.sqrt((D * (M @ D)).sum(axis=0)))
     return np.asarray(D[:, smallest[together] > least]) if least else D
-
-
-def independent(D: Floats, M: csr_matrix) -> Floats:
-    """M-orthonormal vectors that span D's, without directions that are round-off."""
-    return np.asarray(D @ orthonormalising(D.T @ (M @ D), DEPENDENT))

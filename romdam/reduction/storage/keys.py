@@ -13,13 +13,13 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats
 from romdam.core.fingerprint import code_digest, fingerprint
 from romdam.core.scene import Block, Scene
-from romdam.fem.water.added_mass import WetMass
+from romdam.effects.added_mass import WetMass
 from romdam.reduction.interface import Interface
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.scene.ties import Part
 
 LAYOUT = "romdam-block-2"
-ROOMS = ("core", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
+ROOMS = ("core", "effects", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
 
 
 def block_key(

@@ -30,7 +30,8 @@ from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, record
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import Complex, Coordinates, History, System
+from romdam.core.motion import Motion
+from romdam.core.system import Complex, Coordinates, History, Rates, System
 from romdam.core.threads import cpu_time
 from romdam.linalg.factor import Factor
 from romdam.timestepping.energy import ENERGIES, ledger
@@ -99,7 +100,7 @@ class _Stepper:
 class _State:
     """Displacement, velocity, acceleration, inertia M a, gaps and works at the last accepted step."""
 
-    def __init__(self, system: System, q: Floats, gaps: GapState, ground: Floats) -> None:
+    def __init__(self, system: System, q: Floats, gaps: GapState, motion: Floats) -> None:
         self.u = q
         self.v = np.zeros_like(q)
         self.jump, self.force, self.state = gaps.jump.copy(), gaps.force.copy(), gaps.state.copy()
@@ -107,12 +108,7 @@ class _State:
         self.energies, self.impulse = record(ENERGIES), np.zeros_like(gaps.force)
         self.energies.stored = gaps.stored
         self.numerical, self.carried = 0.0, Carried.at_rest(system)
-        rest = (
-            system.force
-            - system.load @ system.inertial(ground)
-            + system.B.T @ gaps.acting.ravel()
-            - system.K @ q
-        )
+        rest = system.force - system.load @ motion + system.B.T @ gaps.acting.ravel() - system.K @ q
         massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
         self.a = Factor(system.M + diags_array(massless.astype(float))).solve(np.where(massless, 0.0, rest))
         self.inertia = system.M @ self.a
@@ -142,15 +138,21 @@ def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
     return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), problem)
 
 
-def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, tolerance: float) -> float:
-    """Advance one step in place; the relative residual of the gap-space problem."""
+def _step(
+    stepper: _Stepper, memory: GapMemory, state: _State, motion: Floats, carried: Carried, tolerance: float
+) -> float:
+    """Advance one step in place; the relative residual of the gap-space problem.
+
+    Parameters
+    ----------
+    motion : (k, 2) what the columns of the load follow, at both ends of the step
+    carried : jumps that moving supports make at its end
+    """
     s, dt, system = stepper.scheme, stepper.dt, stepper.system
     u_old, v_old, inertia_old = state.u, state.v, state.inertia
     u_star = u_old + dt * v_old + dt**2 * (0.5 - s.beta) * state.a
     v_star = v_old + dt * (1.0 - s.gamma) * state.a
-    carried = state.carried.after(ground)
-    ground = system.inertial(ground)
-    before, after = ground.T
+    before, after = motion.T
     external = system.force - system.load @ ((1.0 - s.a_f) * after + s.a_f * before)
     right = external - s.a_m * inertia_old
     right -= system.damping_force((1.0 - s.a_f) * v_star + s.a_f * v_old)
@@ -175,18 +177,18 @@ def _step(stepper: _Stepper, memory: GapMemory, state: _State, ground: Floats, t
     state.inertia = system.M @ state.a
     moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
     damping = system.damping_force(rate)
-    energies.input += float((system.force - system.load @ ground.mean(axis=1)) @ moved) + fed
+    energies.input += float((system.force - system.load @ motion.mean(axis=1)) @ moved) + fed
     energies.damping += dt * float(rate @ damping)
     energies.joint_work += float((acting * (state.jump - jump_old)).sum()) - fed
     energies.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
     state.carried = carried
     energies.friction += friction
-    state.numerical += _numerical(stepper, moved, state.v - v_old, state.inertia - inertia_old, ground)
+    state.numerical += _numerical(stepper, moved, state.v - v_old, state.inertia - inertia_old, motion)
     state.numerical += float((moved - dt * rate) @ damping)
     return residual
 
 
-def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, ground: Floats) -> float:
+def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, motion: Floats) -> float:
     """Energy that the scheme takes from the motion over a step, besides the work of damping [J].
 
     The balance of a step times its displacement du, less the changes of the energies and the work of the
@@ -199,7 +201,7 @@ def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, ground: 
     du, dv, M_da : changes of displacement and velocity over the step, and of the inertia M a
     """
     s, system = stepper.scheme, stepper.system
-    before, after = ground.T
+    before, after = motion.T
     force = system.K @ du + M_da + system.load @ (after - before)
     taken = (0.5 - s.a_f) * (du @ force) + (s.beta - 0.5 * s.gamma) * stepper.dt * (dv @ M_da)
     return float(taken)
@@ -322,11 +324,9 @@ class GeneralizedAlpha:
                 outcomes.append(error)
         return outcomes
 
-    def _driven(self, system: System, ground: Floats, dt: float) -> tuple[Floats, int, tuple[str, ...]]:
-        """Histories of the load's columns, the steps by which they begin before the record, and warnings."""
-        if system.drive is None:
-            return ground, 0, ()
-        return system.drive.histories(ground, dt, partial(scheme_rates, scheme(self.rho_inf), dt))
+    def rates(self, dt: float) -> Rates:
+        """See `scheme_rates`."""
+        return partial(scheme_rates, scheme(self.rho_inf), dt)
 
     def _integrate(self, simulation: Simulation, settings: Settings, progress: Progress) -> History:
         start = cpu_time()
@@ -336,14 +336,19 @@ class GeneralizedAlpha:
         memory = gap_memory(stepper.problem)
         q, gaps = initial_state(prepared, settings)
         take_over(memory, gaps)
-        history, lead, warnings = self._driven(system, ground, dt)
-        state = _State(system, q, gaps, history.T[0])
+        histories = system.histories(ground, dt, self.rates(dt))
+        motion, lead, added = system.followed(histories.rows), histories.lead, settings.shift
+        supports = histories.rows.get(Motion.SUPPORTS_DISPLACEMENT, np.zeros((0, motion.shape[1])))
+        state = _State(system, q, gaps, motion.T[0])
         _compile(stepper.problem)
         setup, loop = cpu_time() - start, cpu_time()
         total = ground.shape[1] - 1
 
         def advance(n: int) -> float:
-            residual = _step(stepper, memory, state, history[:, lead + n : lead + n + 2], tolerance)
+            end = None if added is None else added[max(n + 1, 0)]
+            carried = state.carried.after(supports[:, lead + n + 1], end)
+            ends = motion[:, lead + n : lead + n + 2]
+            residual = _step(stepper, memory, state, ends, carried, tolerance)
             place = system.law.place(int(memory.failure.gap))
             if failed := failed_law(stepper.problem.laws, memory, place):
                 raise ConvergenceError(failed)
@@ -369,4 +374,4 @@ class GeneralizedAlpha:
             "setup_cpu_seconds": setup,
             "loop_cpu_seconds": cpu_time() - loop,
         }
-        return replace(rows.history(stats), warnings=warnings)
+        return replace(rows.history(stats), warnings=histories.warnings)

@@ -1,10 +1,12 @@
-"""Displacement that supports of their own motion make by themselves, and its inertia.
+"""Moving supports: the displacement that supports of their own motion make by themselves, and its inertia.
 
 With supports that move by d(t) against the base the displacement is u + u_s d, u_s the static answer of the
 mesh, its joints open, to their unit displacements. u is zero at supports, and its equation is that of one
 motion with -M u_s d'' beside -M r a_g: u_s is exact, at full order and reduced, and the basis has only u to
 answer. K u_s is zero where nothing holds, so that stiffness-proportional damping does nothing for u_s d;
 neither does the mass-proportional part, nor modal ratios: a structure that is carried along is not damped.
+What else has inertia or damping acts on all of the displacement, and so adds loads that follow the supports:
+water their acceleration or velocity, dashpots of viscous faces their velocity.
 
 References
 ----------
@@ -14,13 +16,16 @@ Chopra, Dynamics of Structures, section 9.7; Clough, Penzien, Dynamics of Struct
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.errors import ConfigError
+from romdam.core.motion import Motion
 from romdam.core.scene import Scene
-from romdam.core.system import PseudoStatic
+from romdam.core.system import PseudoStatic, System
+from romdam.effects.effect import Coordinates
 from romdam.fem.assembly import assemble, assemble_mass
 from romdam.fem.gaps import gap_operators, point_operators
 from romdam.fem.parts import assemble_part, gather
@@ -29,6 +34,38 @@ from romdam.linalg.solvers import AUTO, Solving, make_solver
 from romdam.scene.elements import Floats
 from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import Part, scene_parts
+
+
+@dataclass(frozen=True)
+class CarriedInertia:
+    """Moving supports of a scene as an effect.
+
+    Attributes
+    ----------
+    moving : the displacement that they make
+    inertia : block name -> M u_s, (3 nodes, m) [kg]
+    """
+
+    moving: PseudoStatic
+    inertia: dict[str, Floats]
+
+    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+        """Add the inertia of what the supports displace."""
+        load = np.asarray(coordinates.press(self.inertia))
+        return replace(system, pseudo_static=self.moving).loaded({Motion.SUPPORTS: load}), coordinates
+
+    def static_loads(self, moving: PseudoStatic | None) -> dict[str, Floats]:
+        """That inertia."""
+        return self.inertia
+
+
+def moving_supports(scene: Scene, directions: int, solving: Solving = AUTO) -> CarriedInertia | None:
+    """The effect of a scene's moving supports; None where all move as the base does. See `pseudo_static`."""
+    moving = pseudo_static(scene, directions, solving)
+    if moving is None:
+        return None
+    inertia = {name: assemble_mass(scene.blocks[name]) @ u for name, u in moving.shapes.items()}
+    return CarriedInertia(moving, {name: np.asarray(values) for name, values in inertia.items()})
 
 
 def pseudo_static(scene: Scene, directions: int, solving: Solving = AUTO) -> PseudoStatic | None:
@@ -64,13 +101,6 @@ def pseudo_static(scene: Scene, directions: int, solving: Solving = AUTO) -> Pse
 def applied(operators: Mapping[str, csr_matrix], shapes: Mapping[str, Floats]) -> Floats:
     """Sum over the blocks of operators (rows, 3 nodes) on what they move by, (rows, m)."""
     return np.asarray(sum(operator @ shapes[name] for name, operator in operators.items()))
-
-
-def support_inertia(scene: Scene, moving: PseudoStatic | None) -> dict[str, Floats]:
-    """M u_s of every block, (3 nodes, m) [kg]; without columns where no support moves by itself."""
-    if moving is None:
-        return {name: np.zeros((3 * len(block.points), 0)) for name, block in scene.blocks.items()}
-    return {name: np.asarray(assemble_mass(scene.blocks[name]) @ u) for name, u in moving.shapes.items()}
 
 
 def _shapes(part: Part, scene: Scene, solving: Solving) -> dict[str, Floats]:

@@ -25,18 +25,21 @@ Løkke, Chopra, Earthq. Eng. Struct. Dyn. 46 (2017) 1257 and 47 (2018) 1309 (dir
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import csr_matrix, eye_array, hstack, kron
 
+from romdam.config.effects import FREE_FIELD_WITH_RATIOS
 from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Absorbing, Block, FreeField
-from romdam.core.system import Complex, Rates
+from romdam.core.motion import Motion
+from romdam.core.scene import Absorbing, Block, FreeField, Scene
+from romdam.core.system import Complex, Histories, PseudoStatic, Rates, System
+from romdam.effects.effect import Coordinates
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.column import layer_motion, respond, shapes, slopes, wave_moduli
 from romdam.fem.damping import rayleigh_coefficients
@@ -68,15 +71,15 @@ class Deconvolution:
 
     field: FreeField
     damping: tuple[float, float]
-    band_limited: ClassVar[bool] = True
+    whole_record: ClassVar[bool] = True
 
-    def histories(self, acc: Floats, dt: float, rates: Rates) -> tuple[Floats, int, tuple[str, ...]]:
-        """Acceleration; motion and its rate times beta; rate; traction on the lower end: see `boundary_load`.
+    def drive(self, given: Histories, dt: float, rates: Rates) -> Histories:
+        """Add the motion of the column, its rate and the traction on its lower end, see `boundary_load`.
 
-        Parameters
-        ----------
-        acc : (3, nt) of the surface, without what is beyond the record's Nyquist frequency [m/s2]
+        They begin before the record does, and with them all motions; what the mesh cannot carry is left out
+        of the base's acceleration, which has nothing beyond the record's Nyquist frequency.
         """
+        acc = given.rows[Motion.BASE]
         from scipy.fft import irfft, next_fast_len, rfft, rfftfreq  # here: few scenes have a free field
 
         height = -np.diff(self.field.levels)
@@ -97,8 +100,11 @@ class Deconvolution:
             np.stack(kind, axis=1).reshape(-1, len(freq))
             for kind in zip(*(column.spectra for column in columns), strict=True)
         ]
-        made = irfft(np.vstack(by_kind), size)[:, :total]
-        return made, lead, tuple(_warnings(acc, made[:3, lead:], columns))
+        kinds = Motion.BASE, Motion.FREE_FIELD, Motion.FREE_FIELD_RATE, Motion.FREE_FIELD_TRACTION
+        made = {kind: irfft(rows, size)[:, :total] for kind, rows in zip(kinds, by_kind, strict=True)}
+        rest = {kind: np.pad(rows, ((0, 0), (lead, 0))) for kind, rows in given.rows.items()}
+        warnings = tuple(_warnings(acc, made[Motion.BASE][:, lead:], columns))
+        return Histories(rest | made, given.lead + lead, (*given.warnings, *warnings))
 
     def _component(
         self, k: int, acc: Complex, symbols: tuple[Complex, Complex], freq: Floats, crossing: float
@@ -189,6 +195,46 @@ def _warnings(acc: Floats, passed: Floats, columns: Sequence[_Component]) -> Ite
         )
 
 
+@dataclass(frozen=True)
+class IncomingWaves:
+    """Waves that come up through a scene's rock, as an effect.
+
+    Attributes
+    ----------
+    drive : of their histories
+    forces : block name -> (3 nodes, columns) see `boundary_load`; blocks with absorbing faces alone
+    """
+
+    drive: Deconvolution
+    forces: Mapping[str, csr_matrix]
+
+    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+        """Add the effective forces on absorbing faces."""
+        load, nodes = (
+            -coordinates.press(self.forces),
+            3 * self.drive.field.order * len(self.drive.field.materials),
+        )
+        kinds = {
+            Motion.FREE_FIELD: load[:, :nodes],
+            Motion.FREE_FIELD_RATE: load[:, nodes : 2 * nodes],
+            Motion.FREE_FIELD_TRACTION: load[:, 2 * nodes :],
+        }
+        return replace(system.loaded(kinds), drives=(*system.drives, self.drive)), coordinates
+
+    def static_loads(self, moving: PseudoStatic | None) -> dict[str, Floats]:
+        """None here: a part with a viscous boundary answers each node of the column, see `merged_part`."""
+        return {}
+
+
+def incoming_waves(scene: Scene, damping: DampingConfig) -> IncomingWaves | None:
+    """The free field of a scene as an effect; None without one. Raises as `deconvolution` does."""
+    field, drive = scene.free_field, deconvolution(scene.free_field, damping)
+    if field is None or drive is None:
+        return None
+    absorbing = {name: block for name, block in scene.blocks.items() if block.absorbing}
+    return IncomingWaves(drive, {name: boundary_load(block, field) for name, block in absorbing.items()})
+
+
 def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolution | None:
     """Input of a scene with a free field; None without one.
 
@@ -200,10 +246,7 @@ def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolut
     if field is None:
         return None
     if damping.modal is not None:
-        raise ConfigError(
-            "damping.modal: the free field is found for `rayleigh` damping of the rock only (modal ratios "
-            "are those of rock and dam together); give damping.rayleigh, or ground.input: uniform"
-        )
+        raise ConfigError(FREE_FIELD_WITH_RATIOS)
     return Deconvolution(field, rayleigh_coefficients(damping.rayleigh))
 
 

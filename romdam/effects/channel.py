@@ -26,15 +26,17 @@ Fenves, Chopra, UCB/EERC-84/10 (1984) (modes of the channel); Givoli, J. Comput.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eigh, expm
 from scipy.sparse import block_diag, csr_matrix, diags_array, hstack, identity, kron
 
+from romdam.core.motion import Motion
 from romdam.core.scene import Sound
+from romdam.core.system import Histories, Rates
 from romdam.fem.water.body import Section
-from romdam.fem.water.drive import ChannelDrive
 from romdam.scene.elements import Floats
 
 _NETWORK = np.array(  # w_j, k_j, l_j
@@ -46,6 +48,44 @@ _NETWORK = np.array(  # w_j, k_j, l_j
     ]
 )
 _RADIATING = 2.0  # section modes below so many times the reservoir's cut-off
+
+
+@dataclass(frozen=True)
+class ChannelDrive:
+    """Ground acceleration and velocity v, and N oscillators y'' + c y' + k y = velocity v, with their rates.
+
+    Attributes
+    ----------
+    c : (N, N) [1/s]
+    k : (N,) [1/s2]
+    velocity : (N, 3) of y, per velocity of the base
+    """
+
+    c: Floats
+    k: Floats
+    velocity: Floats
+    whole_record: ClassVar[bool] = False
+
+    def drive(self, given: Histories, dt: float, rates: Rates) -> Histories:
+        """Add the base's velocity, y and y' at every step: exact where its acceleration is linear."""
+        acc = given.rows[Motion.BASE]
+        N = len(self.k)
+        velocity, y, rate, size = slice(0, 3), slice(3, 3 + N), slice(3 + N, 3 + 2 * N), 3 + 2 * N
+        A = np.zeros((size + 6, size + 6))  # the states, acceleration, its slope
+        A[velocity, size : size + 3] = A[size : size + 3, size + 3 :] = np.eye(3)
+        A[y, rate], A[rate, y], A[rate, rate] = np.eye(N), -np.diag(self.k), -self.c
+        A[rate, velocity] = self.velocity
+        step = expm(dt * A)[:size]
+        added = step[:, size : size + 3] @ acc[:, :-1] + step[:, size + 3 :] @ np.diff(acc) / dt
+        states = np.zeros((size, acc.shape[1]))
+        for i in range(acc.shape[1] - 1):
+            states[:, i + 1] = step[:, :size] @ states[:, i] + added[:, i]
+        made = {
+            Motion.BASE_VELOCITY: states[velocity],
+            Motion.CHANNEL: states[y],
+            Motion.CHANNEL_RATE: states[rate],
+        }
+        return replace(given, rows=given.rows | made)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,73 @@
+"""The physical effects that a job may ask for, and those that physics does not let act together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from romdam.config.sections.job import Config
+
+
+class EffectEntry(NamedTuple):
+    """The key that asks for an effect, and whether a job does."""
+
+    key: str
+    acts: Callable[[Config], bool]
+
+
+def _has_water(model: str) -> Callable[[Config], bool]:
+    return lambda config: config.water is not None and config.water.model == model
+
+
+def has_viscous_boundary(config: Config) -> bool:
+    """Tell whether rock has faces that take waves up."""
+    dam = config.arch_dam
+    of_dam = dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"
+    return of_dam or bool(config.ground.viscous)
+
+
+EFFECTS = {
+    "moving supports": EffectEntry(
+        "supports[].motion", lambda config: any(one.motion is not None for one in config.supports)
+    ),
+    "Westergaard's added mass": EffectEntry("water.model: westergaard", _has_water("westergaard")),
+    "incompressible water": EffectEntry("water.model: incompressible", _has_water("incompressible")),
+    "compressible water": EffectEntry("water.model: compressible", _has_water("compressible")),
+    "viscous boundary": EffectEntry("ground.viscous", has_viscous_boundary),
+    "free field": EffectEntry("ground.input: free_field", lambda config: config.ground.input == "free_field"),
+    "staged weight": EffectEntry("loads.weight: staged", lambda config: config.loads.weight == "staged"),
+    "temperature": EffectEntry("loads.temperature", lambda config: bool(config.loads.temperature)),
+    "water in joints": EffectEntry("loads.joint_water", lambda config: bool(config.loads.joint_water)),
+    "grouting": EffectEntry(
+        "joints.<name>.grouting_pressure",
+        lambda config: any(one.law_keys["grouting_pressure"] for one in config.every_joint.values()),
+    ),
+    "modal damping": EffectEntry("damping.modal", lambda config: config.damping.modal is not None),
+}
+
+FREE_FIELD_WITH_RATIOS = (
+    "damping.modal: the free field is found for `rayleigh` damping of the rock only (modal ratios are those "
+    "of rock and dam together); give damping.rayleigh, or ground.input: uniform"
+)
+_ONE_RESERVOIR = "water.model: a scene has one reservoir, whose water has one model; choose one of the three"
+_WATERS = "Westergaard's added mass", "incompressible water", "compressible water"
+
+EXCLUDED = {frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS} | {
+    frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)
+}
+
+
+def refuse_excluded(config: Config) -> None:
+    """Refuse effects that physics does not let act together.
+
+    Raises
+    ------
+    ValueError
+        with the key, the physics and the remedy.
+    """
+    acting = [name for name, effect in EFFECTS.items() if effect.acts(config)]
+    for pair in combinations(acting, 2):
+        if message := EXCLUDED.get(frozenset(pair)):
+            raise ValueError(message)

@@ -1,0 +1,88 @@
+"""The unreduced mesh of a scene, with its effects, as one sparse system over its free DOFs."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import block_diag, csr_matrix, hstack, vstack
+
+from romdam.config.sections.job import DampingConfig
+from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Scene
+from romdam.core.system import System
+from romdam.effects.effect import Coordinates, MeshCoordinates
+from romdam.effects.scene_effects import scene_effects
+from romdam.fem.damping import sliding_motions
+from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
+from romdam.fem.loads import static_force
+from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
+from romdam.scene.ties import scene_parts
+
+
+def assemble_full(scene: Scene, damping: DampingConfig) -> System:
+    """Build the unreduced system.
+
+    Parameters
+    ----------
+    scene : the scene
+    damping : none or Rayleigh; modal ratios would make C dense
+
+    Raises
+    ------
+    ConfigError
+        for modal damping.
+    """
+    if damping.modal is not None:
+        raise ConfigError(
+            "damping.modal: a full-order model takes `rayleigh` damping only (modal ratios would make C "
+            "dense); give damping.rayleigh, or use model.order: reduced"
+        )
+    law, numbered, parts = gap_law(scene), unknowns(scene), scene_parts(scene)
+    operators = gap_operators(scene, law.directions)
+    more = point_operators(scene, law.directions)
+    K, M, B, load, at_point, rigid = [], [], [], [], [], []
+    for name, part in parts.items():
+        free = numbered.free[name]
+        stiffness, mass, inertia = part_matrices(part, scene.blocks)
+        K.append(stiffness[free][:, free])
+        M.append(mass[free][:, free])
+        B.append(part_operator(part, operators)[:, free])
+        at_point += [] if more is None else [part_operator(part, more)[:, free]]
+        load.append(part_inertia(part, scene, inertia)[free])
+        rigid.append(sliding_motions(part, scene, K[-1], M[-1], free))
+    held = [part.stands_free(scene) for part in parts.values()]
+    mass, jumps = csr_matrix(block_diag(M)), csr_matrix(hstack(B))
+    shaken = np.vstack(load)
+    system = System(
+        M=mass,
+        C=csr_matrix(mass.shape),
+        K=csr_matrix(block_diag(K)),
+        B=jumps,
+        load=shaken,
+        force=_force(scene, numbered, len(shaken)) + jumps[:: law.directions].T @ water_force(scene),
+        observe=_observe(scene, numbered),
+        law=law,
+        parts=numbered.parts,
+        diagonal=False,
+        floating=not all(held),
+        at_point=csr_matrix(hstack(at_point)) if at_point else None,
+    )
+    coordinates: Coordinates = MeshCoordinates(numbered.of_block, csr_matrix(block_diag(rigid)))
+    for effect in scene_effects(scene, damping, law.directions):
+        system, coordinates = effect.add(system, coordinates)
+    return system
+
+
+def _force(scene: Scene, numbered: Unknowns, size: int) -> Floats:
+    """Static force on the unknowns."""
+    force = np.zeros(size)
+    for name, matrix in numbered.of_block.items():
+        force = force + matrix.T @ static_force(scene, name).ravel()
+    return np.asarray(force)
+
+
+def _observe(scene: Scene, numbered: Unknowns) -> csr_matrix:
+    """Displacement of the probes from the unknowns, (3 * probes, unknowns)."""
+    size = max((part.stop for part in numbered.parts.values()), default=0)
+    rows = [numbered.of_block[probe.block][3 * probe.node : 3 * probe.node + 3] for probe in scene.probes]
+    return csr_matrix(vstack([csr_matrix((0, size)), *rows]))

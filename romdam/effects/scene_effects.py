@@ -1,0 +1,43 @@
+"""The effects of a scene, in the order in which they act."""
+
+from __future__ import annotations
+
+from romdam.config.sections.job import DampingConfig
+from romdam.core.scene import Scene
+from romdam.effects.added_mass import added_mass
+from romdam.effects.compressible_water import compressible_water
+from romdam.effects.damping import SolidDamping
+from romdam.effects.effect import Effect
+from romdam.effects.free_field import incoming_waves
+from romdam.effects.moving_supports import moving_supports
+from romdam.linalg.solvers import AUTO, Solving
+
+
+def scene_effects(
+    scene: Scene, damping: DampingConfig, directions: int, solving: Solving = AUTO
+) -> tuple[Effect, ...]:
+    """Make the effects of a scene.
+
+    What supports displace is known to all others. Damping acts on the mass of incompressible water. Waves in
+    rock begin before the record, which waves in water then follow.
+
+    Parameters
+    ----------
+    directions : of every gap, 1 or 3
+    solving : how large parts are solved
+
+    Raises
+    ------
+    ConfigError
+        for effects that physics does not let act together.
+    ReductionError
+        where the reservoir's equations cannot be factored.
+    """
+    found: list[Effect | None] = [
+        moving_supports(scene, directions, solving),
+        added_mass(scene),
+        SolidDamping(scene, damping),
+        incoming_waves(scene, damping),
+        compressible_water(scene),
+    ]
+    return tuple(effect for effect in found if effect is not None)

@@ -1,0 +1,194 @@
+"""Every pair of effects: full order and the reduced model with all modes are one, or the physics is named."""
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from simulating import simulated
+
+import romdam.effects.compressible_water
+from romdam.config import parse_config
+from romdam.config.effects import EFFECTS, EXCLUDED
+from romdam.config.sections.job import DampingConfig
+from romdam.core.errors import ConfigError
+from romdam.core.motion import GroundMotion, SupportMotion
+from romdam.core.scene import Material
+from romdam.effects.full_order import assemble_full
+from romdam.fem.column import wave_moduli
+from romdam.records.processing.integrate import displacement
+from romdam.records.processing.support_motions import with_supports
+from romdam.reduction.methods.craig_bampton import ALL_MODES
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.build import build_scene
+from romdam.timestepping.grouting import grouted
+
+DT = 0.01
+SIDES = ["xmin", "ymin", "ymax"]
+LAW = {"normal_stiffness": "2 GPa/m", "shear_stiffness": "1 GPa/m", "friction": 0.5}
+
+
+def box(origin, size, edge, material="concrete"):
+    return {"material": material, "box": {"origin": origin, "size": size, "element_size": edge}}
+
+
+def water(model):
+    """Beside both blocks; slow sound, so that waves matter on so small a scene."""
+    faces = [{"block": name, "face": "ymin"} for name in ("left", "right")]
+    slow = {"sound_speed": 150.0, "bottom_reflection": 0.6, "cutoff": 12.0} if model == "compressible" else {}
+    return {"water": {"model": model, "level": 7.5, "length": 8.0, "faces": faces} | slow}
+
+
+KEYS = {
+    "moving supports": {"supports": {"delay": 0.03, "factor": 1.3}},
+    "Westergaard's added mass": water("westergaard"),
+    "incompressible water": water("incompressible"),
+    "compressible water": water("compressible"),
+    "viscous boundary": {"ground": {"viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]}},
+    "free field": {
+        "ground": {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]}
+    },
+    "staged weight": {"loads": {"weight": "staged"}},
+    "temperature": {"loads": {"temperature": [{"change": -3.0, "blocks": ["left", "right"]}]}},
+    "water in joints": {"loads": {"joint_water": [{"joints": ["joint"], "level": 6.0}]}},
+    "grouting": {"joints": {"grouting_pressure": 2e5}},
+    "modal damping": {"damping": {"modal": 0.04}},
+}
+
+
+def job(*effects):
+    """A block on rock with mass, and one beside it on a support, a joint with friction between them."""
+    asked = {}
+    for name in effects:
+        for section, keys in KEYS[name].items():
+            asked[section] = asked.get(section, {}) | keys
+    rests = [
+        {"block": "right", "face": "zmin"} | ({"motion": asked["supports"]} if "supports" in asked else {})
+    ]
+    if "ground" not in asked:
+        rests.append({"block": "rock", "face": "zmin"})
+    return {
+        "materials": {
+            "concrete": {"E": 3e9, "nu": 0.2, "rho": 2400.0, "expansion": 1e-5},
+            "rock": {"E": 2e9, "nu": 0.25, "rho": 2500.0},
+        },
+        "blocks": {
+            "rock": box([0, -2, -4], [4, 8, 4], [2, 4, 2], "rock"),
+            "left": box([0, 0, 0], [4, 4, 8], [2, 4, 2]),
+            "right": box([4, 0, 0], [4, 4, 8], [2, 4, 2]),
+        },
+        "ties": {"foot": {"between": ["left", "rock"], "discretization": "mortar"}},
+        "supports": rests,
+        "joints": {"joint": {"between": ["left", "right"]} | LAW | asked.get("joints", {})},
+        "loads": {"gravity": [0, 0, -9.81]} | asked.get("loads", {}),
+        "damping": asked.get("damping", {"rayleigh": {"frequencies": [2.0, 20.0], "ratio": 0.04}}),
+        "records": [{"file": "none.txt", "unit": "m/s2", "dt": DT, "components": {"y": 1}}],
+        "model": {"modes": "all"},
+        "transient": {"finest_step": DT},
+        "outputs": {"nodes": {"top": {"block": "left", "at": [0, 0, 8]}}},
+    } | {key: asked[key] for key in ("water", "ground") if key in asked}
+
+
+def shaking(scene, seconds=0.6):
+    """A pulse along all axes, (rows, nt), followed by what supports do."""
+    time = np.arange(round(seconds / DT) + 1) * DT
+    window = np.sin(np.pi * np.minimum(time / 0.5, 1.0)) ** 2
+    acc = np.stack(
+        [a * window * np.sin(2 * np.pi * f * time) for a, f in ((6.0, 3.1), (8.0, 4.3), (3.0, 6.0))]
+    )
+    return acc if scene.moving is None else with_supports(acc, DT, scene.moving.motions)
+
+
+def all_modes(K, M, *_):
+    """Of the reservoir too, whose reduction is exact then."""
+    return eigh(K.toarray(), M.toarray())
+
+
+@pytest.mark.parametrize("pair", [pair for pair in combinations(KEYS, 2) if frozenset(pair) not in EXCLUDED])
+def test_pair_at_full_order_and_reduced_with_all_modes(pair, monkeypatch):
+    """Jumps, displacements and joint forces within 1e-8 of their peaks; ledgers close."""
+    monkeypatch.setattr(romdam.effects.compressible_water, "modes_below", all_modes)
+    config = parse_config(job(*pair), "s.yaml")
+    assert all(EFFECTS[name].acts(config) for name in pair)
+    scene = build_scene(config, Path(), "s.yaml")
+    ratios = "modal damping" in pair  # whose matrix would be full on the mesh
+    made = [reduce_scene(scene, ALL_MODES, config.damping).system]
+    made += [] if ratios else [assemble_full(scene, config.damping)]
+    found = [simulated(grouted(one, 1e-8), shaking(scene), DT, "generalized_alpha") for one in made]
+    for history in found:
+        assert history.stats["ledger_imbalance"] < 1e-11
+        assert (history.state != 0).mean() > 0.0 and history.jump.any()
+    for name in ("jump", "disp", "traction"):
+        own, mesh = getattr(found[0], name), getattr(found[-1], name)
+        assert np.abs(own - mesh).max() <= 1e-8 * np.abs(mesh).max(), name
+
+
+@pytest.mark.parametrize("name", KEYS)
+def test_each_effect_changes_what_happens(name):
+    """Nothing is passed over: with the effect the same shaking opens the joint otherwise."""
+    jumps = []
+    for effects in ((), (name,)):
+        config = parse_config(job(*effects), "s.yaml")
+        scene = build_scene(config, Path(), "s.yaml")
+        system = grouted(reduce_scene(scene, ALL_MODES, config.damping).system, 1e-8)
+        jumps.append(simulated(system, shaking(scene), DT, "generalized_alpha").jump)
+    assert np.abs(jumps[1] - jumps[0]).max() > 1e-3 * np.abs(jumps[0]).max()
+
+
+@pytest.mark.parametrize("pair", [tuple(sorted(pair)) for pair in EXCLUDED])
+def test_pair_that_physics_excludes_is_refused_with_the_reason(pair):
+    """One reservoir has one water; a column of rock has no modal ratios. The message says so."""
+    raw = job(*pair)
+    if all("water" in KEYS[name] for name in pair):
+        assert raw["water"]["model"] in ("westergaard", "incompressible", "compressible")
+        return  # one key, of one value
+    with pytest.raises(ConfigError, match="the free field is found for `rayleigh` damping of the rock only"):
+        parse_config(raw, "s.yaml")
+
+
+def test_supports_that_follow_one_motion_move_water_with_waves_as_the_base_does():
+    """Along the river neither floor nor banks move the water, so only the dam does: the same jumps."""
+    raw = job("moving supports", "compressible water")
+    raw["supports"][1]["motion"] = raw["supports"][0]["motion"]
+    moving = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
+    config = parse_config(job("compressible water"), "s.yaml")
+    acc = shaking(build_scene(config, Path(), "s.yaml")) * [[0.0], [1.0], [0.0]]
+    ground = with_supports(acc, DT, moving.moving.motions)
+    for build in (assemble_full, lambda scene, damping: reduce_scene(scene, config.model, damping).system):
+        own = simulated(build(moving, config.damping), ground, DT, "generalized_alpha")
+        still = build(build_scene(config, Path(), "s.yaml"), config.damping)
+        base = simulated(still, acc + ground[3:6], DT, "generalized_alpha")
+        np.testing.assert_allclose(own.jump, base.jump, atol=1e-9 * np.abs(base.jump).max())
+        follows = ground[9:12].T
+        np.testing.assert_allclose(own.disp, base.disp + follows, atol=1e-9 * np.abs(follows).max())
+
+
+@pytest.mark.parametrize("reduced", [False, True])
+def test_wave_of_a_moving_support_leaves_through_a_viscous_face(reduced):
+    """A bar without lateral strain, moved at one end by d(t), at s from it: d(t - s/c), and no reflection."""
+    bar = Material(E=20e9, nu=0.0, rho=2500.0)
+    raw = {
+        "materials": {"bar": {"E": bar.E, "nu": bar.nu, "rho": bar.rho}},
+        "blocks": {"bar": box([0, 0, 0], [200, 5, 5], 5.0, "bar")},
+        "supports": [{"block": "bar", "face": "xmax", "motion": {"delay": 0.1}}],
+        "ground": {"viscous": [{"block": "bar", "faces": ["xmin"], "distance": 1e8}]},
+        "records": [{"file": "none.txt", "unit": "m/s2", "dt": DT, "components": {"y": 1}}],
+        "model": {"modes": "all"},
+        "transient": {"finest_step": DT},
+        "outputs": {"nodes": {"in": {"block": "bar", "at": [100, 0, 0]}}},
+    }
+    scene = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
+    dt, n = 1e-3, 401
+    t = dt * np.arange(n)
+    pulse = np.where(t < 0.1, np.sin(np.pi * t / 0.1) ** 4, 0.0)
+    acc = np.gradient(np.gradient(pulse, dt), dt)
+    motion = SupportMotion(0, record=GroundMotion("pulse", np.stack([acc, 0 * acc, 0 * acc]), dt))
+    ground = with_supports(np.zeros((3, n)), dt, (motion,))
+    damping = DampingConfig()
+    system = reduce_scene(scene, ALL_MODES, damping).system if reduced else assemble_full(scene, damping)
+    history = simulated(system, ground, dt, "generalized_alpha")
+    d, late = displacement(acc, dt), 100.0 / np.sqrt(wave_moduli(bar)[2] / bar.rho)
+    exact = np.interp(t - late, t, d, left=0.0)
+    assert np.abs(history.disp[:, 0] - exact).max() < 0.01 * np.abs(exact).max()
+    assert history.stats["ledger_imbalance"] < 1e-10
