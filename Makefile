@@ -21,11 +21,14 @@ test: $(VENV)/.installed-dev
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -m slow
 
-# The last bit of a product depends on the processor: what branches on it must not, whatever the kernel.
+# The last bit of a product depends on the processor: what branches on it must not, whatever the kernel. Tests
+# of how laws are read and compiled make no such product.
+KERNEL_TESTS := tests/contact tests/reduction tests/timestepping $(addprefix --ignore=tests/contact/,test_laws.py test_law_outside.py test_law_protocol.py)
+
 test-kernels: $(VENV)/.installed-dev
 	@kernels=$$($(BIN)/python .ci/kernels.py) || exit 1; for kernel in $$kernels; do \
 	  echo "OPENBLAS_CORETYPE=$$kernel"; \
-	  OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal tests/contact tests/timestepping || exit 1; done
+	  OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal $(KERNEL_TESTS) || exit 1; done
 
 # The lowest versions that pyproject.toml allows: an example from nothing, and what meets libraries most.
 lowest: $(VENV)-lowest/.installed
@@ -72,7 +75,7 @@ campaign: $(VENV)/.installed-dev
 
 # With it every code block of README.md and docs/ has run, and the tutorials from a wheel in an empty environment.
 test-docs: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -q -m slow tests/docs
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal -m slow tests/docs
 
 # The manual, as pages in docs/_build; a warning is an error. NOTEBOOKS=off leaves the tutorials without outputs.
 docs: $(VENV)/.installed-dev

@@ -108,6 +108,7 @@ def test_a_new_process_takes_what_stands_there_now(folder):
         assert float(done.stdout) == float(mu), done.stderr
 
 
+@pytest.mark.slow
 def test_a_suite_makes_its_rows_again_where_a_table_has_changed(folder):
     raw = yaml.safe_load(written(folder, OWN, LAW.format(head=READ, value="MU")).read_text())
     path = folder / "dam.yaml"

@@ -3,6 +3,7 @@
 import ast
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,7 @@ def _is_there(name):
     return any(path.endswith(f"/{name}") for path in NAMES)
 
 
+@cache
 def _members():
     """Class -> names that it, or what it is derived from, declares or sets; of all classes of that name."""
     own, bases = {}, {}
@@ -65,9 +67,6 @@ def _declared(node):
             yield one.name
 
 
-MEMBERS = _members()
-
-
 def _ticked(page):
     """(line, text) of everything in backticks."""
     for number, line in enumerate(page.read_text().splitlines(), 1):
@@ -87,13 +86,13 @@ def test_every_file_that_a_page_names_is_there(page):
 
 @pytest.mark.parametrize("page", [pytest.param(page, id=str(page.relative_to(ROOT))) for page in PAGES])
 def test_every_member_of_a_class_that_a_page_names_is_there(page):
-    gone, last = [], ""
+    members, gone, last = _members(), [], ""
     for line, text in _ticked(page):
         if (short := re.fullmatch(r"\.(\w+)", text)) and last:
             text = f"{last}.{short[1]}"  # `System.M`, `.C`
         if member := MEMBER.fullmatch(text):
             last, name = member.groups()
-            if last in MEMBERS and name not in MEMBERS[last]:
+            if last in members and name not in members[last]:
                 gone.append(f"line {line}: {text}")
     assert not gone, f"{page.name}: {gone}"
 

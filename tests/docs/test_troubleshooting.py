@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ GAP = "..."  # names and numbers in a message of the page
 SHORTEST = 4  # letters of a fragment that is looked for
 
 
+@cache
 def _messages():
     """Every text of the code, its placeholders as `GAP`, without backticks, with single blanks."""
     texts = []
@@ -26,7 +28,6 @@ def _messages():
     return {" ".join(text.replace("`", "").split()) for text in texts}
 
 
-MESSAGES = _messages()
 QUOTED = sorted(
     {
         text
@@ -47,4 +48,4 @@ def test_every_quoted_message_is_one_of_the_code(quoted):
     fragments = [part.strip(" ,;:.") for part in quoted.split(GAP)]
     fragments = [part for part in fragments if len(part) >= SHORTEST]
     assert fragments
-    assert any(all(part in message for part in fragments) for message in MESSAGES), quoted
+    assert any(all(part in message for part in fragments) for message in _messages()), quoted

@@ -48,7 +48,12 @@ def penalty(tmp_path_factory):
     return result_of(tmp_path_factory.mktemp("penalty"), *CASES["penalty"])
 
 
-@pytest.mark.parametrize("case", CASES)
+QUICK = "friction"  # of the cases; the others are slow
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(name, marks=[] if name == QUICK else [pytest.mark.slow]) for name in CASES]
+)
 def test_the_interval_covers_the_whole_record(case, tmp_path):
     path = result_of(tmp_path, *CASES[case])
     sample, whole = (pipeline.certify(path, passes=passes).statement for passes in (None, 1))

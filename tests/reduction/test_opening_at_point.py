@@ -8,7 +8,7 @@ DT = 0.0025
 
 
 @pytest.mark.parametrize("discretization", ["mortar", "node_to_node"])
-@pytest.mark.parametrize("order", ["full", "modal", "adaptive"])
+@pytest.mark.parametrize("order", [pytest.param("full", marks=pytest.mark.slow), "modal", "adaptive"])
 def test_opening_at_a_crest_corner_is_the_difference_of_its_nodes(order, discretization):
     config = raw(friction=0.5, discretization=discretization)
     for block in config["blocks"].values():
