@@ -1,10 +1,15 @@
-"""Response spectra by the exact recursion for acceleration that is linear between samples.
+"""Response spectra of single-degree-of-freedom oscillators: u'' + 2 xi omega u' + omega^2 u = -a_g.
 
-Every step is cut so finely that the oscillator turns at most an eighth of a period. All oscillators run
-through the record at once; the few chunks that can hold a peak are run once more, where the response is
-known with its derivatives, so that the peak itself is found and not the sample next to it. After the last
-sample the ground goes to rest within one interval and the oscillators swing on: the largest of that free
-vibration counts too, by its closed form.
+The ground acceleration a_g is linear between samples, and the recursion is exact for it. An interval is
+divided into substeps of at most an eighth of the oscillator's period. The peak is found in two passes:
+
+1. All oscillators are integrated over the record. The largest response at the substeps is kept for each chunk
+   of `CHUNK` intervals.
+2. Chunks that may contain the peak are integrated again. There the response between two substeps is computed
+   from its derivatives, so that the result is the peak itself and not the nearest substep.
+
+After the last sample a_g falls to zero within one interval, and the oscillator vibrates freely. The peak of
+this free vibration, from its closed form, counts too.
 
 References
 ----------
@@ -26,23 +31,23 @@ from romdam.core.jit import njit
 from romdam.core.motion import MOST_SAMPLES
 
 Array = NDArray[np.float64]
-TURNS = 8.0  # substeps a period, at least
-ROTATIONS = 180  # one a degree
-ROTATED_TURNS = 32.0  # a parabola through samples this close errs by less than 1e-4 of the peak
-EXTREME_TURNS = 16.0  # cos(pi / 16): a peak is missed by 2 % at worst, by 0.6 % on average
-CHUNK = 64  # samples between stored states
-NEAR = 0.9  # cos(pi / 8) = 0.924 of a peak is what the worst placed samples see
+SUBSTEPS = 8.0  # in a period, at least
+ROTATIONS = 180  # angles of RotD, one for each degree
+ROTATED_SUBSTEPS = 32.0  # in a period: the error of a parabola through them is below 1e-4 of the peak
+EXTREME_SUBSTEPS = 16.0  # in a period: cos(pi / 16), a peak is missed by 2 % at most, by 0.6 % on average
+CHUNK = 64  # intervals between two stored states
+NEAR_PEAK = 0.9  # of the largest value at substeps; cos(pi / 8) = 0.924 of a peak is seen there at least
 
 
 @dataclass(frozen=True)
 class Spectra:
-    """Peak responses of oscillators at rest when the record starts.
+    """Peak responses of oscillators that are at rest when the record starts.
 
     Attributes
     ----------
     periods : (np,) [s]
-    dampings : (nd,) ratios
-    sd : (k, nd, np) relative displacement [m]
+    dampings : (nd,) damping ratios
+    sd : (k, nd, np) relative displacement of k components [m]
     sv : (k, nd, np) relative velocity [m/s]
     sa : (k, nd, np) absolute acceleration [m/s2]
     """
@@ -55,89 +60,122 @@ class Spectra:
 
     @property
     def psa(self) -> Array:
-        """(k, nd, np) pseudo-acceleration omega^2 sd [m/s2]."""
+        """Pseudo-acceleration omega^2 sd, (k, nd, np) [m/s2]."""
         return (2.0 * np.pi / self.periods) ** 2 * self.sd
 
 
 def response_spectra(
     acc: Array, dt: float, periods: Array, dampings: Array | tuple[float, ...] = (0.05,)
 ) -> Spectra:
-    """Compute Sd, Sv and Sa of k components at all periods and dampings.
+    """Compute Sd, Sv and Sa of k components at all periods and damping ratios.
 
     Parameters
     ----------
-    acc : (k, nt) or (nt,) [m/s2], linear between samples, zero from one interval after the last
-    dt : [s]
-    periods : (np,) [s], positive
-    dampings : (nd,) ratios in [0, 1)
+    acc : (k, nt) or (nt,) ground acceleration, linear between samples, zero from one interval after the last
+        sample on [m/s2]
+    dt : sampling interval [s]
+    periods : (np,) positive [s]
+    dampings : (nd,) damping ratios in [0, 1)
 
     Raises
     ------
     RecordError
-        for periods or dampings out of range.
+        if a period or a damping ratio is out of range.
     """
-    rows = _ended(acc)
-    periods, dampings = _checked(periods, dampings)
-    shape = (rows.shape[0], dampings.size, periods.size)
+    acc = _with_zero_sample(acc)
+    periods, dampings = _validated(periods, dampings)
+    shape = (acc.shape[0], dampings.size, periods.size)
     sd, sv, sa = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for d, damping in enumerate(dampings):
-        for group, substeps, coefficients in _groups(periods, dt, float(damping)):
-            for row in range(rows.shape[0]):
-                states, largest, last = _integrate(rows[row], substeps, coefficients, True)
-                peaks = _refine(rows[row], substeps, coefficients, states, largest)
-                peaks = np.maximum(peaks, _free_peaks(last, 2.0 * np.pi / periods[group], float(damping)))
-                sd[row, d, group], sv[row, d, group], sa[row, d, group] = peaks
+        for group, substeps, coefficients in _substep_groups(periods, dt, float(damping)):
+            for k, component in enumerate(acc):
+                states, largest, last = _integrate(component, substeps, coefficients, True)
+                peaks = _refine_peaks(component, substeps, coefficients, states, largest)
+                after = _free_vibration_peaks(last, 2.0 * np.pi / periods[group], float(damping))
+                sd[k, d, group], sv[k, d, group], sa[k, d, group] = np.maximum(peaks, after)
     return Spectra(periods, dampings, sd, sv, sa)
 
 
 def pseudo_acceleration(acc: Array, dt: float, periods: Array, damping: float = 0.05) -> Array:
-    """Compute PSa alone, (k, np) [m/s2]."""
-    rows = _ended(acc)
-    periods, _ = _checked(periods, (damping,))
-    peaks = np.zeros((rows.shape[0], periods.size))
-    for group, substeps, coefficients in _groups(periods, dt, float(damping)):
-        for row in range(rows.shape[0]):
-            states, largest, last = _integrate(rows[row], substeps, coefficients, False)
-            within = _refine(rows[row], substeps, coefficients, states, largest)[0]
-            after = _free_peaks(last, 2.0 * np.pi / periods[group], float(damping))[0]
-            peaks[row, group] = np.maximum(within, after)
-    return peaks * (2.0 * np.pi / periods) ** 2
+    """Compute the pseudo-acceleration spectrum alone, (k, np) [m/s2].
+
+    Parameters and errors are those of `response_spectra`.
+    """
+    acc = _with_zero_sample(acc)
+    periods, _ = _validated(periods, (damping,))
+    sd = np.zeros((acc.shape[0], periods.size))
+    for group, substeps, coefficients in _substep_groups(periods, dt, float(damping)):
+        for k, component in enumerate(acc):
+            states, largest, last = _integrate(component, substeps, coefficients, False)
+            within = _refine_peaks(component, substeps, coefficients, states, largest)[0]
+            after = _free_vibration_peaks(last, 2.0 * np.pi / periods[group], float(damping))[0]
+            sd[k, group] = np.maximum(within, after)
+    return sd * (2.0 * np.pi / periods) ** 2
 
 
 def extremes(
     acc: Array, dt: float, periods: Array, damping: float, near: float
 ) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
-    """Find the extremes of oscillators under one component (nt,) that reach `near` of their peaks.
+    """Find the local extremes of the oscillators' responses to one component.
+
+    Extremes are those of the values at substeps, of which a period has `EXTREME_SUBSTEPS`. The free vibration
+    after the last sample is left out: a record that is to be matched ends with zeros.
+
+    Parameters
+    ----------
+    acc : (nt,) [m/s2]
+    near : an extreme is returned if it is at least this fraction of the peak of its period
 
     Returns
     -------
-    number of the period, time [s], pseudo-acceleration with its sign [m/s2], whether it is the peak; (ne,)
-    each, by rising period. Between samples extremes are not sought: there are `EXTREME_TURNS` a period.
-    Nor are they after the last sample: a record that is to be matched has zeros there
+    index : (ne,) of the period, ascending
+    time : (ne,) [s]
+    value : (ne,) pseudo-acceleration with its sign [m/s2]
+    is_peak : (ne,) whether it is the peak of its period
+
+    Raises
+    ------
+    RecordError
+        if a period or the damping ratio is out of range.
     """
-    periods, _ = _checked(periods, (damping,))
-    rows: list[tuple[NDArray[Any], ...]] = [()] * periods.size
-    for group, substeps, coefficients in _groups(periods, dt, float(damping), EXTREME_TURNS):
+    periods, _ = _validated(periods, (damping,))
+    of_period: list[tuple[NDArray[Any], ...]] = [()] * periods.size
+    for group, substeps, coefficients in _substep_groups(periods, dt, float(damping), EXTREME_SUBSTEPS):
         for column, index in enumerate(np.flatnonzero(group)):
             history = (2.0 * np.pi / periods[index]) ** 2 * _history(acc, substeps, coefficients[:, column])
             size = np.abs(history)
             peak = int(np.argmax(size))
-            turns = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] >= near * size[peak])
-            at = np.union1d(1 + np.flatnonzero(turns), peak)
-            rows[index] = np.full(at.size, index), at * dt / substeps, history[at], at == peak
-    which, time, value, largest = (np.concatenate(column) for column in zip(*rows, strict=True))
-    return which.astype(np.int64), time, value, largest.astype(bool)
+            is_extreme = (
+                (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] >= near * size[peak])
+            )
+            at = np.union1d(1 + np.flatnonzero(is_extreme), peak)
+            of_period[index] = np.full(at.size, index), at * dt / substeps, history[at], at == peak
+    index, time, value, is_peak = (np.concatenate(column) for column in zip(*of_period, strict=True))
+    return index.astype(np.int64), time, value, is_peak.astype(bool)
 
 
 def rotated_psa(
     first: Array, second: Array, dt: float, periods: Array, damping: float = 0.05
 ) -> tuple[Array, Array]:
-    """Compute RotD50 and RotD100 of PSa from two orthogonal components, (np,) each [m/s2].
+    """Compute RotD50 and RotD100 of the pseudo-acceleration from two orthogonal horizontal components.
 
-    Oscillator responses are superposed linearly: two histories are rotated through 180 degrees. They go on
-    for one period after the last sample; the free vibration has its largest value within half of that.
+    The responses to both components are combined linearly for 180 angles. The histories extend one period
+    beyond the last sample, because the free vibration reaches its peak within half a period.
+
+    Parameters
+    ----------
+    first, second : (nt,) [m/s2]
+
+    Returns
+    -------
+    rotd50, rotd100 : (np,) median and largest of all angles [m/s2]
+
+    Raises
+    ------
+    RecordError
+        if a period or the damping ratio is out of range, or a period too long for the sampling interval.
     """
-    periods, _ = _checked(periods, (damping,))
+    periods, _ = _validated(periods, (damping,))
     if np.max(periods) > MOST_SAMPLES * dt:
         raise RecordError(
             f"spectra: a period of {np.max(periods):g} s is too long for samples of {dt:g} s, the limit is "
@@ -145,41 +183,43 @@ def rotated_psa(
         )
     angles = np.radians(np.arange(ROTATIONS))
     rotd = np.zeros((2, periods.size))
-    for group, substeps, coefficients in _groups(periods, dt, float(damping), ROTATED_TURNS):
+    for group, substeps, coefficients in _substep_groups(periods, dt, float(damping), ROTATED_SUBSTEPS):
         for column, index in enumerate(np.flatnonzero(group)):
-            rest = np.zeros(1 + int(np.ceil(periods[index] / dt)))
+            free_vibration = np.zeros(1 + int(np.ceil(periods[index] / dt)))
             u1, u2 = (
-                _history(np.append(row, rest), substeps, coefficients[:, column]) for row in (first, second)
+                _history(np.append(component, free_vibration), substeps, coefficients[:, column])
+                for component in (first, second)
             )
             radius = np.hypot(u1, u2)
             order = np.argsort(-radius)
             peaks = _rotated_peaks(u1, u2, radius, order, np.cos(angles), np.sin(angles))
             rotd[:, index] = np.median(peaks), np.max(peaks)
-    scale = (2.0 * np.pi / periods) ** 2
-    return rotd[0] * scale, rotd[1] * scale
+    omega2 = (2.0 * np.pi / periods) ** 2
+    return rotd[0] * omega2, rotd[1] * omega2
 
 
-def _ended(acc: Array) -> Array:
-    """The components (k, nt) with one sample of rest at their end."""
+def _with_zero_sample(acc: Array) -> Array:
+    """Return the components (k, nt + 1) with a sample of zero at their end [m/s2]."""
     return np.pad(np.atleast_2d(np.asarray(acc, dtype=np.float64)), ((0, 0), (0, 1)))
 
 
-def _free_peaks(state: Array, omega: Array, xi: float) -> Array:
-    """Largest |u|, |v|, |u''| (3, np) of oscillators that swing freely from u [m] and v [m/s], (2, np).
+def _free_vibration_peaks(state: Array, omega: Array, xi: float) -> Array:
+    """Compute the largest |u|, |u'|, |u''| (3, np) of free vibrations from a state u [m], u' [m/s], (2, np).
 
-    Each is a solution x of x'' + 2 xi omega x' + omega^2 x = 0, so that it turns first where
-    tan(omega_d t) = omega_d x' / (omega^2 x + xi omega x'), and is smaller at every later turn.
+    Each of u, u', u'' is a solution x of x'' + 2 xi omega x' + omega^2 x = 0. Its first extreme is where
+    tan(omega_d t) = omega_d x' / (omega^2 x + xi omega x') with the values at t = 0; later ones are smaller.
     """
-    damped = omega * np.sqrt(1.0 - xi**2)
+    omega_d = omega * np.sqrt(1.0 - xi**2)
     u, v = state
     a = -2.0 * xi * omega * v - omega**2 * u
     x, rate = np.array([u, v, a]), np.array([v, a, -2.0 * xi * omega * a - omega**2 * v])
-    turn = np.arctan2(damped * rate, omega**2 * x + xi * omega * rate) % np.pi / damped
-    swing = x * np.cos(damped * turn) + (rate + xi * omega * x) / damped * np.sin(damped * turn)
-    return np.maximum(np.abs(x), np.abs(swing) * np.exp(-xi * omega * turn))
+    t = np.arctan2(omega_d * rate, omega**2 * x + xi * omega * rate) % np.pi / omega_d
+    undecayed = x * np.cos(omega_d * t) + (rate + xi * omega * x) / omega_d * np.sin(omega_d * t)
+    return np.maximum(np.abs(x), np.abs(undecayed) * np.exp(-xi * omega * t))
 
 
-def _checked(periods: Array, dampings: Array | tuple[float, ...]) -> tuple[Array, Array]:
+def _validated(periods: Array, dampings: Array | tuple[float, ...]) -> tuple[Array, Array]:
+    """Return periods and damping ratios as arrays, or raise a RecordError if one is out of range."""
     periods = np.atleast_1d(np.asarray(periods, dtype=np.float64))
     ratios = np.atleast_1d(np.asarray(dampings, dtype=np.float64))
     if not np.all((periods > 0.0) & np.isfinite(periods)):
@@ -189,80 +229,93 @@ def _checked(periods: Array, dampings: Array | tuple[float, ...]) -> tuple[Array
     return periods, ratios
 
 
-def _groups(
-    periods: Array, dt: float, damping: float, turns: float = TURNS
+def _substep_groups(
+    periods: Array, dt: float, damping: float, least: float = SUBSTEPS
 ) -> list[tuple[NDArray[np.bool_], int, Array]]:
-    """Periods that share a number of substeps (a power of two): which, how many, their recursion."""
-    return list(_cached_groups(periods.tobytes(), dt, damping, turns))
+    """Group the periods by the number of substeps in a sampling interval, a power of two.
+
+    Parameters
+    ----------
+    least : substeps in a period, at least
+
+    Returns
+    -------
+    list of (which periods (np,), number of substeps, coefficients (11, periods of the group))
+    """
+    return list(_cached_groups(periods.tobytes(), dt, damping, least))
 
 
-@functools.lru_cache(maxsize=64)  # the records of a suite share few dt
+@functools.lru_cache(maxsize=64)  # the records of a suite have few different dt
 def _cached_groups(
-    periods: bytes, dt: float, damping: float, turns: float
+    period_bytes: bytes, dt: float, damping: float, least: float
 ) -> tuple[tuple[NDArray[np.bool_], int, Array], ...]:
-    every = np.frombuffer(periods)
-    power = np.ceil(np.log2(np.maximum(turns * dt / every, 1.0)) - 1e-9).astype(int)
+    periods = np.frombuffer(period_bytes)
+    power = np.ceil(np.log2(np.maximum(least * dt / periods, 1.0)) - 1e-9).astype(int)
     groups = []
     for p in np.unique(power):
         group, substeps = power == p, 2 ** int(p)
-        groups.append((group, substeps, _recursion(2.0 * np.pi / every[group], damping, dt / substeps)))
+        groups.append((group, substeps, _coefficients(2.0 * np.pi / periods[group], damping, dt / substeps)))
     return tuple(groups)
 
 
-def _recursion(omega: Array, xi: float, h: float) -> Array:
-    """Coefficients (11, np): u1 = c0 u + c1 v + c2 ag0 + c3 ag1, v1 = c4 u + ...; omega^2, 2 xi omega, h.
+def _coefficients(omega: Array, xi: float, h: float) -> Array:
+    """Compute the coefficients c (11, np) of a substep h.
 
-    Relative displacement u of u'' + 2 xi omega u' + omega^2 u = -ag, with ag linear over h, from the power
-    series of the impulse response g (g'' + 2 xi omega g' + omega^2 g = 0, g(0) = 0, g'(0) = 1) and of its
-    two integrals: exact to rounding as h omega <= 2 pi / 8, where closed forms cancel for h omega -> 0.
+    With a_g from a0 to a1 the state u [m], v = u' [m/s] becomes
+
+        u1 = c0 u + c1 v + c2 a0 + c3 a1,    v1 = c4 u + c5 v + c6 a0 + c7 a1,
+
+    and c8 = omega^2, c9 = 2 xi omega, c10 = h. They follow from the impulse response g, with
+    g'' + 2 xi omega g' + omega^2 g = 0, g(0) = 0, g'(0) = 1, and its two integrals. Power series are exact to
+    round-off for h omega <= 2 pi / 8; the closed forms would suffer from cancellation for h omega -> 0.
     """
-    w2, cw = omega**2, 2.0 * xi * omega
+    omega2, damping = omega**2, 2.0 * xi * omega
     terms = [np.zeros_like(omega), np.ones_like(omega)]  # g = sum terms[k] h^k / k!
     while len(terms) < 24:
-        terms.append(-cw * terms[-1] - w2 * terms[-2])
-    g, g1, once, twice = np.zeros((4, omega.size))
+        terms.append(-damping * terms[-1] - omega2 * terms[-2])
+    g, g_rate, integral, second_integral = np.zeros((4, omega.size))
     factor = 1.0  # h^k / k!
     for k, term in enumerate(terms):
         g += term * factor
-        g1 += terms[k + 1] * factor if k + 1 < len(terms) else 0.0
-        once += term * (factor * h / (k + 1))
-        twice += term * (factor * h**2 / ((k + 1) * (k + 2)))
+        g_rate += terms[k + 1] * factor if k + 1 < len(terms) else 0.0
+        integral += term * (factor * h / (k + 1))
+        second_integral += term * (factor * h**2 / ((k + 1) * (k + 2)))
         factor *= h / (k + 1)
-    # a unit step of ag gives -once, a unit ramp -twice; their rates are -g and -once
+    # u for a unit step of a_g is -integral, for a unit ramp -second_integral; v is -g and -integral
     return np.array(
         [
-            g1 + cw * g, g, -once + twice / h, -twice / h,
-            -w2 * g, g1, -g + once / h, -once / h,
-            w2, cw, np.full_like(omega, h),
+            g_rate + damping * g, g, -integral + second_integral / h, -second_integral / h,
+            -omega2 * g, g_rate, -g + integral / h, -integral / h,
+            omega2, damping, np.full_like(omega, h),
         ]
     )  # fmt: skip
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _integrate(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, Array, Array]:
-    """Run all oscillators; of each chunk: the state at its start, the largest |u|, |v|, |u'' + ag|.
+    """Integrate all oscillators of a group over a component (nt,).
 
-    The last array is the state at the end (2, np): displacement and velocity.
+    Parameters
+    ----------
+    c : (11, np) see `_coefficients`
+    full : whether velocity and acceleration are wanted too
+
+    Returns
+    -------
+    states : (chunks, 2, np) displacement [m] and velocity [m/s] at the start of each chunk
+    peaks : (chunks, 3, np) largest |u|, |u'|, |u'' + a_g| at the substeps of each chunk [m], [m/s], [m/s2]
+    last : (2, np) displacement and velocity at the end
     """
-    a11, a12, b11, b12, a21, a22, b21, b22, w2, cw = (
-        c[0],
-        c[1],
-        c[2],
-        c[3],
-        c[4],
-        c[5],
-        c[6],
-        c[7],
-        c[8],
-        c[9],
-    )
+    a11, a12, b11, b12 = c[0], c[1], c[2], c[3]
+    a21, a22, b21, b22 = c[4], c[5], c[6], c[7]
+    omega2, damping = c[8], c[9]
     count, chunks = c.shape[1], (acc.size - 1 + CHUNK - 1) // CHUNK
     states, peaks = np.zeros((chunks, 2, count)), np.zeros((chunks, 3, count))
     u, v = np.zeros(count), np.zeros(count)
-    pu, pv, pa = np.zeros(count), np.zeros(count), np.zeros(count)
+    peak_u, peak_v, peak_a = np.zeros(count), np.zeros(count), np.zeros(count)
     for chunk in range(chunks):
         states[chunk, 0], states[chunk, 1] = u, v
-        pu[:], pv[:], pa[:] = 0.0, 0.0, 0.0
+        peak_u[:], peak_v[:], peak_a[:] = 0.0, 0.0, 0.0
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, acc.size - 1)):
             rise = (acc[n + 1] - acc[n]) / substeps
             for k in range(substeps):
@@ -272,36 +325,45 @@ def _integrate(acc: Array, substeps: int, c: Array, full: bool) -> tuple[Array, 
                     uj = a11[j] * u[j] + a12[j] * v[j] + b11[j] * a0 + b12[j] * a1
                     vj = a21[j] * u[j] + a22[j] * v[j] + b21[j] * a0 + b22[j] * a1
                     u[j], v[j] = uj, vj
-                    pu[j] = max(pu[j], abs(uj))
+                    peak_u[j] = max(peak_u[j], abs(uj))
                     if full:
-                        pv[j] = max(pv[j], abs(vj))
-                        pa[j] = max(pa[j], abs(cw[j] * vj + w2[j] * uj))
-        peaks[chunk, 0], peaks[chunk, 1], peaks[chunk, 2] = pu, pv, pa
+                        peak_v[j] = max(peak_v[j], abs(vj))
+                        peak_a[j] = max(peak_a[j], abs(damping[j] * vj + omega2[j] * uj))
+        peaks[chunk, 0], peaks[chunk, 1], peaks[chunk, 2] = peak_u, peak_v, peak_a
     last = np.zeros((2, count))
     last[0], last[1] = u, v
     return states, peaks, last
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _refine(acc: Array, substeps: int, c: Array, states: Array, peaks: Array) -> Array:
-    """Peaks between samples, (3, np): the chunks whose samples come near the largest are run once more."""
+def _refine_peaks(acc: Array, substeps: int, c: Array, states: Array, peaks: Array) -> Array:
+    """Compute the peaks (3, np) between substeps, by a second pass over the chunks that may contain them.
+
+    Parameters and order of the peaks are those of `_integrate`.
+    """
     count = c.shape[1]
     best = np.zeros((3, count))
     for j in range(count):
         for kind in range(3):
             largest = np.max(peaks[:, kind, j])
             for chunk in range(peaks.shape[0]):
-                if largest > 0.0 and peaks[chunk, kind, j] >= NEAR * largest:
-                    found = _chunk_peak(acc, substeps, c[:, j], states[chunk, :, j], chunk * CHUNK, kind)
-                    best[kind, j] = max(best[kind, j], found)
+                if largest > 0.0 and peaks[chunk, kind, j] >= NEAR_PEAK * largest:
+                    peak = _chunk_peak(acc, substeps, c[:, j], states[chunk, :, j], chunk * CHUNK, kind)
+                    best[kind, j] = max(best[kind, j], peak)
     return best
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _chunk_peak(acc: Array, substeps: int, c: Array, state: Array, first: int, kind: int) -> float:
-    """Largest |u|, |v| or |u'' + ag| (kind 0, 1, 2) in one chunk, from the derivatives at each substep."""
+    """Compute the largest |u|, |u'| or |u'' + a_g| (kind 0, 1, 2) of one oscillator in a chunk.
+
+    Parameters
+    ----------
+    state : (2,) displacement and velocity at the start of the chunk
+    first : number of the first sample of the chunk
+    """
     u, v, best, h = state[0], state[1], 0.0, c[10]
-    x = np.zeros(7)
+    x = np.zeros(7)  # u and its derivatives up to the sixth, at the start of a substep
     for n in range(first, min(first + CHUNK, acc.size - 1)):
         rise = (acc[n + 1] - acc[n]) / substeps
         for k in range(substeps):
@@ -310,7 +372,7 @@ def _chunk_peak(acc: Array, substeps: int, c: Array, state: Array, first: int, k
             x[3] = -rise / h - c[9] * x[2] - c[8] * x[1]
             for i in range(4, 7):
                 x[i] = -c[9] * x[i - 1] - c[8] * x[i - 2]
-            if kind == 2:  # absolute acceleration: its ground part is linear within the step
+            if kind == 2:  # absolute acceleration: a_g is linear within the substep
                 x[2] += acc[n] + k * rise
                 x[3] += rise / h
             best = max(best, _step_peak(x[kind:], h))
@@ -324,23 +386,26 @@ def _chunk_peak(acc: Array, substeps: int, c: Array, state: Array, first: int, k
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _step_peak(x: Array, h: float) -> float:
-    """Largest |value| in [0, h] of a quantity with derivatives x[0..4]: start, end, and turn between."""
+    """Compute the largest |x(t)| for t in [0, h] from x and its four derivatives at 0, x[0..4].
+
+    It is at the start, at the end, or where the rate is zero in between.
+    """
     best = max(abs(x[0]), abs(x[0] + h * (x[1] + h * (x[2] / 2 + h * (x[3] / 6 + h * x[4] / 24)))))
-    end = x[1] + h * (x[2] + h * (x[3] / 2 + h * x[4] / 6))
-    if x[1] * end >= 0.0:
+    end_rate = x[1] + h * (x[2] + h * (x[3] / 2 + h * x[4] / 6))
+    if x[1] * end_rate >= 0.0:
         return best
-    t = h * x[1] / (x[1] - end)
+    t = h * x[1] / (x[1] - end_rate)  # secant, then Newton
     for _ in range(3):
-        slope = x[1] + t * (x[2] + t * (x[3] / 2 + t * x[4] / 6))
-        bend = x[2] + t * (x[3] + t * x[4] / 2)
-        t = min(max(t - slope / bend, 0.0), h) if bend != 0.0 else t
+        rate = x[1] + t * (x[2] + t * (x[3] / 2 + t * x[4] / 6))
+        curvature = x[2] + t * (x[3] + t * x[4] / 2)
+        t = min(max(t - rate / curvature, 0.0), h) if curvature != 0.0 else t
     return max(best, abs(x[0] + t * (x[1] + t * (x[2] / 2 + t * (x[3] / 6 + t * x[4] / 24)))))
 
 
 @njit(cache=True, fastmath=True)
 def _history(acc: Array, substeps: int, c: Array) -> Array:
-    """Relative displacement at every substep, ((nt - 1) substeps + 1,)."""
-    out = np.zeros((acc.size - 1) * substeps + 1)
+    """Compute the relative displacement of one oscillator at every substep, ((nt - 1) substeps + 1,) [m]."""
+    history = np.zeros((acc.size - 1) * substeps + 1)
     u, v = 0.0, 0.0
     for n in range(acc.size - 1):
         rise = (acc[n + 1] - acc[n]) / substeps
@@ -348,17 +413,24 @@ def _history(acc: Array, substeps: int, c: Array) -> Array:
             a0 = acc[n] + k * rise
             a1 = a0 + rise
             u, v = c[0] * u + c[1] * v + c[2] * a0 + c[3] * a1, c[4] * u + c[5] * v + c[6] * a0 + c[7] * a1
-            out[n * substeps + k + 1] = u
-    return out
+            history[n * substeps + k + 1] = u
+    return history
 
 
 @njit(cache=True, fastmath=True)
 def _rotated_peaks(
     first: Array, second: Array, radius: Array, order: NDArray[np.int64], cosines: Array, sines: Array
 ) -> Array:
-    """Largest |first cos + second sin| for every angle, between samples by a parabola.
+    """Compute the largest |first cos + second sin| for every angle, between samples by a parabola.
 
-    Samples are visited by falling radius: no later one can beat a value that exceeds its radius.
+    Samples are visited in the order of falling radius. A value cannot exceed the radius of its sample, so the
+    search ends at the first radius that is not above the largest value.
+
+    Parameters
+    ----------
+    first, second, radius : (n,) responses to both components, and their resultant [m]
+    order : (n,) sample numbers by falling radius
+    cosines, sines : (angles,)
     """
     peaks = np.zeros(cosines.size)
     for i in range(cosines.size):
@@ -373,7 +445,7 @@ def _rotated_peaks(
             x0 = cosines[i] * first[at - 1] + sines[i] * second[at - 1]
             x1 = cosines[i] * first[at] + sines[i] * second[at]
             x2 = cosines[i] * first[at + 1] + sines[i] * second[at + 1]
-            bend = x0 - 2.0 * x1 + x2
-            best = abs(x1 - (x2 - x0) ** 2 / (8.0 * bend)) if abs(bend) > 0.0 else best
+            curvature = x0 - 2.0 * x1 + x2
+            best = abs(x1 - (x2 - x0) ** 2 / (8.0 * curvature)) if abs(curvature) > 0.0 else best
         peaks[i] = best
     return peaks

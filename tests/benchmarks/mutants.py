@@ -103,11 +103,11 @@ FAULTS: dict[str, list[Fault]] = {
         *_of(
             f"{RECORDS}spectra.py",
             SPECTRA,
-            ("NEAR = 0.9 ", "NEAR = 0.9999 "),
-            ("TURNS = 8.0 ", "TURNS = 2.0 "),
+            ("NEAR_PEAK = 0.9 ", "NEAR_PEAK = 0.9999 "),
+            ("SUBSTEPS = 8.0 ", "SUBSTEPS = 2.0 "),
             (
-                "swing = x * np.cos(damped * turn) + (rate + xi * omega * x)",
-                "swing = x * np.cos(damped * turn) + (rate)",
+                "undecayed = x * np.cos(omega_d * t) + (rate + xi * omega * x)",
+                "undecayed = x * np.cos(omega_d * t) + (rate)",
             ),
         ),
         *_of(
