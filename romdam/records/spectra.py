@@ -128,7 +128,7 @@ def extremes(
 
     Returns
     -------
-    index : (ne,) of the period, ascending
+    numbers : (ne,) index of the period, ascending
     time : (ne,) [s]
     value : (ne,) pseudo-acceleration with its sign [m/s2]
     is_peak : (ne,) whether it is the peak of its period
@@ -150,8 +150,8 @@ def extremes(
             )
             at = np.union1d(1 + np.flatnonzero(is_extreme), peak)
             of_period[index] = np.full(at.size, index), at * dt / substeps, history[at], at == peak
-    index, time, value, is_peak = (np.concatenate(column) for column in zip(*of_period, strict=True))
-    return index.astype(np.int64), time, value, is_peak.astype(bool)
+    numbers, time, value, is_peak = (np.concatenate(column) for column in zip(*of_period, strict=True))
+    return numbers.astype(np.int64), time, value, is_peak.astype(bool)
 
 
 def rotated_psa(

@@ -1,10 +1,13 @@
-"""Displacement anywhere in a block, rebuilt from the basis file and the reduced coordinates.
+"""Displacement and stress at any node of a block, from a result and its companion files.
 
-The basis file (HDF5, `model-<first 12 of its content's SHA-256>.h5`, one per model, beside the results):
+A result file has the reduced coordinates q(t), the basis file the reduced basis, so that u(t) = basis q(t).
+It is an HDF5 file in the folder of the result, `model-<first 12 digits of the SHA-256 of its content>.h5`,
+one for each model:
 
     /                       attributes: format, content_sha256, source
     /blocks/<name>          one group for each block, as `romdam.reduction.storage.model_file` describes it
-    /blocks/<name>/carried  (n, 3, k) displacement per `support_displacement`, where supports move
+    /blocks/<name>/carried  (n, 3, k) displacement for unit displacements of k support components; only if
+                            supports move differently from the base
 """
 
 from __future__ import annotations
@@ -35,110 +38,123 @@ from romdam.results.dataset import open_run
 from romdam.results.stress.file import read_stress
 
 FORMAT = "romdam-model-1"
-_STATED = ("error_statement", "certificate_statement", "error_estimate")  # of the error, best first
-_PEAKS = 8  # joints whose opening a notebook shows
-_ROWS = 4096  # of an array at a time
+_ERROR_STATEMENTS = ("error_statement", "certificate_statement", "error_estimate")  # best first
+_SHOWN_JOINTS = 8  # joints whose peak opening a notebook shows
+_ROWS = 4096  # rows of an array that are read or hashed at a time
 
 
 def write_model(
     folder: Path, scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None = None
 ) -> str:
-    """Write the basis file of a model unless it is there; its name, made from its content.
+    """Write the basis file of a model, unless the folder has it already.
 
     Parameters
     ----------
-    carried : block name -> (3 n, k) displacement that moving supports make; None without any
+    carried : block name -> (3 n, k) displacement for unit displacements of moving supports; None without any
+
+    Returns
+    -------
+    str, the name of the file, which follows from its content
 
     Raises
     ------
     WriteError
-        where the folder or the disk refuses it.
+        if the file cannot be written.
     """
 
-    def written(file: h5py.File, name: str, block: Block) -> Iterator[NDArray[Any]]:
+    def write_block(file: h5py.File, name: str, block: Block) -> Iterator[NDArray[Any]]:
+        """Write the basis of a block and yield its rows as they are written, for the digest."""
         group = file.create_group(f"blocks/{name}")
         yield from rows_written(group, block, basis[name])
         if carried is not None:
             group["carried"] = carried[name].reshape(len(block.points), 3, -1)
             yield carried[name]
 
-    def fill(file: h5py.File) -> str:
-        return _digest(
+    def write_blocks(file: h5py.File) -> str:
+        return _content_digest(
             (
                 f"{name} {block.element} {basis[name].columns.start} {basis[name].vectors.shape}",
-                chain(_pieces(block.points), _pieces(block.cells)),
-                written(file, name, block),
+                chain(_row_chunks(block.points), _row_chunks(block.cells)),
+                write_block(file, name, block),
             )
             for name, block in scene.blocks.items()
         )
 
-    size = sum(own.vectors.nbytes for own in basis.values())
-    return write_beside(folder, ("model", FORMAT), fill, size, _made_of(scene, basis, carried))
+    size = sum(each.vectors.nbytes for each in basis.values())
+    return write_beside(folder, ("model", FORMAT), write_blocks, size, _model_digest(scene, basis, carried))
 
 
-def _made_of(scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None) -> str:
-    """SHA-256 of all but the basis, and of what a random force does on it, whose bytes need not be made.
+def _model_digest(scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None) -> str:
+    """Compute a SHA-256 that tells models apart without forming the bases, which may be large.
 
-    On an arch dam of 66,390 unknowns (a file of 122 MB) that takes 0.1 s of CPU, all bytes 1.6.
+    The basis enters by its projection of a random force.
     """
     content = hashlib.sha256(FORMAT.encode())
     for name, block in scene.blocks.items():
-        own = basis[name]
-        columns = f"{own.columns.start}:{own.columns.stop}"
-        content.update(f"{name} {block.element} {columns} {own.vectors.shape}".encode())
-        force = np.random.default_rng(0).standard_normal(own.vectors.shape[0])
-        answer = own.vectors.project(force)
-        for piece in (block.points, block.cells, own.omega2, own.participation, answer):
-            content.update(np.ascontiguousarray(piece).data)
+        of_block = basis[name]
+        columns = f"{of_block.columns.start}:{of_block.columns.stop}"
+        content.update(f"{name} {block.element} {columns} {of_block.vectors.shape}".encode())
+        force = np.random.default_rng(0).standard_normal(of_block.vectors.shape[0])
+        projected = of_block.vectors.project(force)
+        for array in (block.points, block.cells, of_block.omega2, of_block.participation, projected):
+            content.update(np.ascontiguousarray(array).data)
         if carried is not None:
             content.update(np.ascontiguousarray(carried[name]).data)
     return content.hexdigest()
 
 
-def _digest(blocks: Iterable[tuple[str, Iterable[NDArray[Any]], Iterable[NDArray[Any]]]]) -> str:
-    """SHA-256 of blocks: name, element, first column and shape of the basis; points and cells; basis."""
+def _content_digest(blocks: Iterable[tuple[str, Iterable[NDArray[Any]], Iterable[NDArray[Any]]]]) -> str:
+    """Compute the SHA-256 of the content of a basis file.
+
+    Parameters
+    ----------
+    blocks : for each block a header (name, element, first column and shape of the basis), the chunks of its
+        points and cells, and those of its basis
+    """
     content = hashlib.sha256(FORMAT.encode())
-    for about, mesh, basis in blocks:
-        content.update(about.encode())
-        for piece in chain(mesh, basis):
-            content.update(np.ascontiguousarray(piece).data)
+    for header, mesh, basis in blocks:
+        content.update(header.encode())
+        for chunk in chain(mesh, basis):
+            content.update(np.ascontiguousarray(chunk).data)
     return content.hexdigest()
 
 
-def _slices(count: int) -> Iterator[slice]:
-    return (slice(first, first + _ROWS) for first in range(0, count, _ROWS))
-
-
-def _pieces(array: Any) -> Iterator[NDArray[Any]]:
-    """Rows of an array or a dataset, some at a time."""
-    return (array[rows] for rows in _slices(array.shape[0]))
+def _row_chunks(array: Any) -> Iterator[NDArray[Any]]:
+    """Iterate over the rows of an array or a dataset, `_ROWS` at a time."""
+    return (array[first : first + _ROWS] for first in range(0, array.shape[0], _ROWS))
 
 
 def stored_digest(file: h5py.File) -> str:
-    """SHA-256 of the content of a basis file."""
-    return _digest(
+    """Compute the SHA-256 of the content of an open basis file."""
+    return _content_digest(
         (
             f"{name} {group['cells'].attrs['element']} {int(group['basis'].attrs['first'])} "
             f"{(3 * group['basis'].shape[0], group['basis'].shape[2])}",
-            chain(_pieces(group["points"]), _pieces(group["cells"])),
-            chain(_pieces(group["basis"]), _pieces(group["carried"]) if "carried" in group else ()),
+            chain(_row_chunks(group["points"]), _row_chunks(group["cells"])),
+            chain(_row_chunks(group["basis"]), _row_chunks(group["carried"]) if "carried" in group else ()),
         )
         for name, group in in_order(file)
     )
 
 
 class Result:
-    """A result file and its basis file, both read only where asked.
+    """A result file and its companion files, which are read only as far as they are needed.
+
+    Parameters
+    ----------
+    path : of the NetCDF file
+    unkept : the temporary folder of a run without an output folder; it exists as long as this object. None
+        for a run with one
 
     Attributes
     ----------
-    path : the NetCDF file; one that goes with this object where the run had no folder
-    dataset : xarray.Dataset, lazy; in memory where the run had no folder
+    path : of the NetCDF file
+    dataset : xarray.Dataset; lazy, but in memory for a run without an output folder
     """
 
     def __init__(self, path: str | Path, unkept: Unkept | None = None) -> None:
         self.path = Path(path)
-        self._whole = self.path.absolute()  # what lies beside it is opened later
+        self._absolute_path = self.path.absolute()  # companion files are opened later, perhaps elsewhere
         self.dataset: xr.Dataset = open_run(self.path)
         self._model: h5py.File | None = None
         self._unkept = unkept
@@ -156,7 +172,7 @@ class Result:
 
     def __repr__(self) -> str:
         attrs = self.dataset.attrs
-        return f"Result({self._place!r}): {attrs['title']}, record {attrs['record']}"
+        return f"Result({self._location!r}): {attrs['title']}, record {attrs['record']}"
 
     def _repr_html_(self) -> str:
         attrs = self.dataset.attrs
@@ -165,9 +181,9 @@ class Result:
             "record": f"dt {attrs['record_dt']:g} s, peak {peak_text(attrs)}",
             "run": f"{seconds:.4g} s, {attrs['model_order']} order, {attrs['integrator']}",
             "peak opening": self.peaks,
-            "error": "; ".join(str(attrs[name]) for name in _STATED if name in attrs),
+            "error": "; ".join(str(attrs[name]) for name in _ERROR_STATEMENTS if name in attrs),
             "warnings": "; ".join(stated_warnings(attrs)),
-            "file": self._place,
+            "file": self._location,
         }
         return card(str(attrs["title"]), f"Result, record {self.record}", rows)
 
@@ -178,19 +194,20 @@ class Result:
 
     @property
     def peaks(self) -> str:
-        """Peak opening of every joint, the largest first, not of all of many."""
+        """The peak openings of at most `_SHOWN_JOINTS` joints as a text, the largest first."""
         if "peak_opening" not in self.dataset:
             return "no joints"
-        named = self.dataset.peak_opening.to_series().sort_values(ascending=False)
-        some = [f"{name} {1e3 * value:.3g} mm" for name, value in named.head(_PEAKS).items()]
-        return ", ".join(some) + (f" and {len(named) - _PEAKS} more" if len(named) > _PEAKS else "")
+        openings = self.dataset.peak_opening.to_series().sort_values(ascending=False)
+        shown = [f"{name} {1e3 * value:.3g} mm" for name, value in openings.head(_SHOWN_JOINTS).items()]
+        left = len(openings) - len(shown)
+        return ", ".join(shown) + (f" and {left} more" if left else "")
 
     @property
-    def _place(self) -> str:
+    def _location(self) -> str:
         return str(self.path) if self._unkept is None else "in memory"
 
     def close(self) -> None:
-        """Close both files."""
+        """Close the result file and the basis file."""
         self.dataset.close()
         if self._model is not None:
             self._model.close()
@@ -199,15 +216,27 @@ class Result:
     @property
     def blocks(self) -> list[str]:
         """Names of the blocks."""
-        return list(self._file()["blocks"])
+        return list(self._basis_file()["blocks"])
 
     def points(self, block: str) -> Floats:
-        """Node positions of a block, (n, 3) [m]."""
-        return np.asarray(self._block(block)["points"])
+        """Return the node positions of a block, (n, 3) [m].
+
+        Raises
+        ------
+        ResultError
+            for an unknown block or a full-order result.
+        """
+        return np.asarray(self._block_group(block)["points"])
 
     def cells(self, block: str) -> tuple[str, NDArray[np.int64]]:
-        """Element name of a block and its cells, node numbers in the VTK order."""
-        cells = self._block(block)["cells"]
+        """Return the element of a block, such as "hex8", and its cells (nc, nodes of a cell) in VTK order.
+
+        Raises
+        ------
+        ResultError
+            for an unknown block or a full-order result.
+        """
+        cells = self._block_group(block)["cells"]
         return str(cells.attrs["element"]), np.asarray(cells)
 
     def displacement(
@@ -216,15 +245,16 @@ class Result:
         nodes: int | Sequence[int] | NDArray[np.integer[Any]] | None = None,
         times: float | Sequence[float] | slice | None = None,
     ) -> xr.DataArray:
-        """Displacement relative to the base of nodes of a block.
+        """Compute the displacement of nodes of a block, relative to the base.
 
-        Only the asked rows of the basis and of the reduced coordinates are read.
+        Only these nodes of the basis, and these times of the reduced coordinates, are read.
 
         Parameters
         ----------
-        block : its name
-        nodes : node numbers in the block; None is all
-        times : seconds, the nearest written time is taken; or a slice of seconds; None is all
+        block : name of the block
+        nodes : node numbers in the block, from 0; None for all
+        times : one or more times, for each of which the nearest written time is taken; or a slice, for all
+            written times between its ends; None for all [s]
 
         Returns
         -------
@@ -235,21 +265,20 @@ class Result:
         ResultError
             for an unknown block, a node number out of range, or a full-order result.
         """
-        group = self._block(block)
-        matrix = group["basis"]
-        chosen = self._nodes(matrix.shape[0], block, nodes)
-        first, count = int(matrix.attrs["first"]), matrix.shape[2]
-        q = self._coordinates(times, slice(first, first + count))
-        rows, back = np.unique(chosen, return_inverse=True)
-        field = np.einsum("ncm,tm->tnc", matrix[rows][back], q.values, optimize=True)
+        group = self._block_group(block)
+        basis = group["basis"]
+        numbers = self._node_numbers(basis.shape[0], block, nodes)
+        first, count = int(basis.attrs["first"]), basis.shape[2]
+        q = self._reduced_coordinates(times, slice(first, first + count))
+        rows, back = np.unique(numbers, return_inverse=True)  # h5py reads ascending rows only
+        disp = np.einsum("ncm,tm->tnc", basis[rows][back], q.values, optimize=True)
         if "carried" in group:
-            field += np.einsum(
-                "ncm,tm->tnc", group["carried"][rows][back], self._supports(times), optimize=True
-            )
+            supports = self._support_displacement(times)
+            disp += np.einsum("ncm,tm->tnc", group["carried"][rows][back], supports, optimize=True)
         return xr.DataArray(
-            field,
+            disp,
             dims=("time", "point", "component"),
-            coords={"time": q.time.values, "point": chosen, "component": ["x", "y", "z"]},
+            coords={"time": q.time.values, "point": numbers, "component": ["x", "y", "z"]},
             name="displacement",
             attrs={"units": "m", "long_name": f"displacement of block {block} relative to the base"},
         )
@@ -260,96 +289,119 @@ class Result:
         nodes: int | Sequence[int] | NDArray[np.integer[Any]] | None = None,
         times: float | Sequence[float] | slice | None = None,
     ) -> xr.DataArray:
-        """Stress of nodes of a block, those that `outputs.stress` names.
+        """Compute the stress of nodes of a block; `outputs.stress` of the job says which nodes have stress.
 
         Parameters
         ----------
-        block : its name
-        nodes : node numbers in the block; None is all that have stress
+        block : name of the block
+        nodes : node numbers in the block, from 0; None for all that have stress
         times : as in `displacement`
 
         Returns
         -------
-        DataArray with dims time, point, stress_component [Pa]; `point` holds the node numbers
+        DataArray with dims time, point, stress_component [Pa], tension positive; `point` holds the node
+        numbers
 
         Raises
         ------
         ResultError
             for an unknown block, a node without stress, or a full-order result.
         """
-        kept = read_stress(self._whole, str(self.dataset.attrs.get("stress_file", "")), block, nodes)
-        q = self._coordinates(times, kept.columns)
-        supports = self._supports(times) if kept.carried else np.zeros((len(q), 0))
-        combined = kept.combined(np.hstack([q.values, supports]))
+        stored = read_stress(
+            self._absolute_path, str(self.dataset.attrs.get("stress_file", "")), block, nodes
+        )
+        q = self._reduced_coordinates(times, stored.columns)
+        supports = self._support_displacement(times) if stored.carried else np.zeros((len(q), 0))
+        combined = stored.combined(np.hstack([q.values, supports]))
         return xr.DataArray(
-            np.einsum("ncr,tr->tnc", kept.fields, combined, optimize=True) + kept.offset,
+            np.einsum("ncr,tr->tnc", stored.fields, combined, optimize=True) + stored.offset,
             dims=("time", "point", "stress_component"),
-            coords={"time": q.time.values, "point": kept.nodes, "stress_component": list(COMPONENTS)},
+            coords={"time": q.time.values, "point": stored.nodes, "stress_component": list(COMPONENTS)},
             name="stress",
             attrs={"units": "Pa", "long_name": f"stress of block {block}, tension positive"},
         )
 
-    def _coordinates(self, times: float | Sequence[float] | slice | None, columns: slice) -> xr.DataArray:
+    def _reduced_coordinates(
+        self, times: float | Sequence[float] | slice | None, columns: slice
+    ) -> xr.DataArray:
+        """Return the reduced coordinates of a block, (nt, m) [m].
+
+        Raises
+        ------
+        ResultError
+            if the result has fewer than its companion files.
+        """
         q = self.dataset.get("reduced_coordinates")
         modes = 0 if q is None else q.sizes["mode"]
         if q is None or columns.stop > modes:
             raise ResultError(
-                f"{self.path}: has {modes} reduced coordinates, the files beside it are of {columns.stop} or "
-                "more, of another model; run it again"
+                f"{self.path}: has {modes} reduced coordinates, but its companion files need {columns.stop} "
+                "or more: they are of another model; run it again"
             )
         return _at_times(q, times)[:, columns]
 
-    def _supports(self, times: float | Sequence[float] | slice | None) -> Floats:
-        """Displacement of moving supports, (nt, 3 supports) [m]."""
+    def _support_displacement(self, times: float | Sequence[float] | slice | None) -> Floats:
+        """Return the displacement of moving supports, (nt, 3 supports) [m].
+
+        Raises
+        ------
+        ResultError
+            if the result has none.
+        """
         if "support_displacement" not in self.dataset:
             raise ResultError(
-                f"{self.path}: has no support_displacement, and the files beside it are of a model whose "
+                f"{self.path}: has no support_displacement, but its companion files are of a model whose "
                 "supports move; run it again"
             )
         values = _at_times(self.dataset.support_displacement, times).values
         return np.asarray(values.reshape(len(values), -1))
 
-    def _nodes(self, count: int, block: str, nodes: Any) -> NDArray[np.int64]:
-        chosen = np.arange(count) if nodes is None else np.atleast_1d(np.asarray(nodes, dtype=np.int64))
-        if chosen.size and not (chosen.min() >= 0 and chosen.max() < count):
+    def _node_numbers(self, count: int, block: str, nodes: Any) -> NDArray[np.int64]:
+        """Return node numbers as an array, all if None; raise a ResultError for one out of range."""
+        numbers = np.arange(count) if nodes is None else np.atleast_1d(np.asarray(nodes, dtype=np.int64))
+        if numbers.size and not (numbers.min() >= 0 and numbers.max() < count):
             raise ResultError(
                 f"{self.path}: nodes of block {block!r} must be from 0 to {count - 1}, "
-                f"got {chosen.min()} to {chosen.max()}"
+                f"got {numbers.min()} to {numbers.max()}"
             )
-        return chosen
+        return numbers
 
-    def _block(self, name: str) -> h5py.Group:
-        blocks = self._file()["blocks"]
+    def _block_group(self, name: str) -> h5py.Group:
+        """Return the group of a block in the basis file; raise a ResultError for an unknown block."""
+        blocks = self._basis_file()["blocks"]
         if name not in blocks:
             raise ResultError(f"{self.path}: no block {name!r}; there are {', '.join(blocks)}")
         return blocks[name]
 
-    def _file(self) -> h5py.File:
+    def _basis_file(self) -> h5py.File:
+        """Return the basis file, opened at the first call."""
         if self._model is None:
-            self._model = _open_model(self._whole, str(self.dataset.attrs.get("model_file", "")))
+            self._model = _open_model(self._absolute_path, str(self.dataset.attrs.get("model_file", "")))
         return self._model
 
 
 def open_result(path: str | Path) -> Result:
-    """Open a result that `romdam run` wrote; also a context manager.
+    """Open a result that `romdam run` wrote, also in a `with` statement.
 
     Raises
     ------
     ResultError
-        where there is no such file, or it is not a romdam result.
+        if there is no such file, or it is not a result of romdam.
     """
     return Result(path)
 
 
-def _at_times(q: xr.DataArray, times: float | Sequence[float] | slice | None) -> xr.DataArray:
+def _at_times(history: xr.DataArray, times: float | Sequence[float] | slice | None) -> xr.DataArray:
+    """Select times of a history, as `Result.displacement` describes them."""
     if times is None:
-        return q
+        return history
     if isinstance(times, slice):
-        return q.sel(time=times)
-    return q.sel(time=np.atleast_1d(np.asarray(times, dtype=float)), method="nearest")
+        return history.sel(time=times)
+    return history.sel(time=np.atleast_1d(np.asarray(times, dtype=float)), method="nearest")
 
 
 def _open_model(result: Path, name: str) -> h5py.File:
+    """Open the basis file of a result; raise a ResultError for a full-order result, which has none."""
     if not name:
         raise ResultError(
             f"{result}: a full-order result keeps displacements at its output nodes only; "

@@ -109,7 +109,7 @@ def test_a_model_that_differs_in_anything_is_written(case, tmp_path, changed):
     else:
         array = getattr(basis["left"], changed) * (1.0 + 1e-15) + 1e-9
         basis["left"] = replace(basis["left"], **{changed: array})
-    assert fields._made_of(scene, basis, carried) != fields._made_of(
+    assert fields._model_digest(scene, basis, carried) != fields._model_digest(
         case.scene, make_basis(), {n: np.zeros_like(c) for n, c in carried.items()}
     )
     names.add(write_model(tmp_path, scene, basis, carried))
