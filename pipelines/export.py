@@ -129,4 +129,4 @@ def export_matrices(job: Job, out: Path, show: Stage = silent, cache: Path | Non
     model = build_model(job, clock, store)
     with clock.stage("output", "writing matrices"):
         folder = prepare_folder(out)
-        return matrices.write(model.scene, (model.system, model.reduced), job.config.damping, folder)
+        return matrices.write(model.scene, model.system, model.reduced, job.config.damping, folder)

@@ -92,7 +92,9 @@ class Outcome:
         ResultError
             where a file is damaged, is gone, or is of another run by then.
         """
-        return self.unkept or tuple(map(_open_own, self.paths, self.written))
+        return self.unkept or tuple(
+            _open_as_written(path, *written) for path, written in zip(self.paths, self.written, strict=True)
+        )
 
     def _repr_html_(self) -> str:
         records = {result.record: result.peaks for result in self.results}
@@ -101,9 +103,8 @@ class Outcome:
         return card(str(title), kind, records | self.failures)
 
 
-def _open_own(path: Path, written: tuple[Path, str]) -> Result:
+def _open_as_written(path: Path, whole: Path, identity: str) -> Result:
     """Open a file as it was named, by its whole path where the current folder is another by now."""
-    whole, identity = written
     result = open_result(path if path.absolute() == whole else whole)
     if run_identity(result.dataset.attrs) != identity:
         result.close()

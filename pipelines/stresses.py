@@ -38,9 +38,7 @@ def stress_fields(
     stress_carried = {name: own for name, (own, _) in carried.items()}
     sections = with_carried(sections, {name: own for name, (_, own) in carried.items()})
     made_of = {
-        name: digest_of_stress(
-            operator, basis[name], (name, own.nodes, offset[name], stress_carried.get(name))
-        )
+        name: digest_of_stress(operator, basis[name], name, own.nodes, offset[name], stress_carried.get(name))
         for (name, own), operator in zip(scene.stress.blocks.items(), operators.values(), strict=True)
     }
     kept = {} if folder is None else kept_stress(folder, made_of)

@@ -9,6 +9,7 @@ from romdam.config.load import Job
 from romdam.core.files import prepare_folder
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.results.fields import Result
+from romdam.results.series import Frames
 from romdam.scene.build import build_scene
 
 
@@ -64,6 +65,7 @@ def plot_result(result: Result, out: str | Path, pictures: PlotOptions, show: St
     if pictures.fields or pictures.animation:
         refuse_without_renderer()
     folder, clock, stem = prepare_folder(Path(out)), Clock(show), result.path.stem
+    frames = Frames(pictures.frames, pictures.window)
     with clock.stage("figures", "drawing figures"):
         paths = [*write_plots(result.dataset, folder, stem), write_maxima(result.dataset, folder, stem)]
         paths += write_sliding(result.dataset, folder, stem)
@@ -76,24 +78,22 @@ def plot_result(result: Result, out: str | Path, pictures: PlotOptions, show: St
         from romdam.results.export import write_series
 
         with clock.stage("vtu", "writing the series") as progress:
-            paths.append(write_series(result, folder, stem, (pictures.frames, pictures.window), progress))
+            paths.append(write_series(result, folder, stem, frames, progress))
     if pictures.animation:
         from romdam.visual.field_views import write_animation
 
         with clock.stage("animation", "drawing the animation") as progress:
-            paths.append(write_animation(result, folder, stem, (pictures.frames, pictures.window), progress))
+            paths.append(write_animation(result, folder, stem, frames, progress))
     return paths
 
 
-def view_result(
-    result: Result, page: Path | None, frames: tuple[int, tuple[float, float] | None], show: Stage = silent
-) -> Path | None:
+def view_result(result: Result, page: Path | None, frames: Frames, show: Stage = silent) -> Path | None:
     """Show the motion of a result in a window, or write it as a page for the browser; the page's path.
 
     Parameters
     ----------
     page : the file; None for a window
-    frames : how many, and the first and last second, or None for those around the largest displacement
+    frames : of the motion
 
     Raises
     ------

@@ -103,7 +103,7 @@ def certify(
     with clock.stage("cost", "timing a solution"):
         tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
     if sampled:
-        statement, history = _sampled((job, run, motion), model, (fine, full), settings, clock)
+        statement, history = _sampled(job, run, motion, model, fine, full, settings, clock)
     else:
         models = _replayed(job, run, model, fine, full)
         correction = _correct(
@@ -155,14 +155,16 @@ def _cost(full: Replayed, run: StoredRun, rows: int) -> str:
 
 
 def _sampled(
-    made: tuple[Job, StoredRun, GroundMotion],
+    job: Job,
+    run: StoredRun,
+    motion: GroundMotion,
     model: Model,
-    models: tuple[ReducedModel, Replayed],
+    fine: ReducedModel,
+    full: Replayed,
     settings: Settings,
     clock: Clock,
 ) -> tuple[ErrorStatement, History]:
     """The statement from windows of the record, and the finer model's run over all of it."""
-    (job, run, motion), (fine, full) = made, models
     finer, end = prepare(job, fine.system), float(run.time[-1])
     ground = ground_at_steps(motion, settings.steps.base, end)
     with clock.stage("finer_run", "running the finer model") as progress:

@@ -101,7 +101,7 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
         stored, name = _reference(setup, clock)
     else:
         name = str(reference)
-    cases = [_measure(setup, case, (stored, name), clock) for case in _cases(setup, clock)]
+    cases = [_measure(setup, case, stored, name, clock) for case in _cases(setup, clock)]
     about = {
         "record": motion.name,
         "compared": f"{motion.name}, {setup.compared:g} s of all openings against {name}",
@@ -183,22 +183,25 @@ def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
     return replace(settings_for(setup.job, prepared, setup.motion), steps=steps)
 
 
-def _measure(setup: _Setup, case: _Case, reference: tuple[Openings, str], clock: Clock) -> CaseResult:
-    one = case.setting
+def _measure(
+    setup: _Setup, case: _Case, reference: Openings, reference_name: str, clock: Clock
+) -> CaseResult:
+    setting = case.setting
     ground = ground_at_steps(setup.motion, case.settings.steps.base, setup.duration, case.prepared.system)
-    model = f"{one.modes}, {one.residual_vectors} residual vectors"
-    text = f"{one.integrator}, {model}, finest step {one.finest_step:g} s"
+    model = f"{setting.modes}, {setting.residual_vectors} residual vectors"
+    text = f"{setting.integrator}, {model}, finest step {setting.finest_step:g} s"
     runs: list[History] = []
     try:
         with clock.stage("case", text) as progress:
             for _ in range(setup.job.config.study.repeats):
                 runs.append(simulate_one(case.prepared, ground, case.settings, progress))
     except ConvergenceError as error:
-        return failed_case(one, str(error))
+        return failed_case(setting, str(error))
     history = runs[0]
     rows = history.time <= setup.compared * (1.0 + 1e-9)
-    own = Openings(history.time[rows], history.jump[rows, :, 0], setup.scene.gap_position)
-    return case_result(one, runs, compare_openings(own, reference[0], ("the study", reference[1])))
+    openings = Openings(history.time[rows], history.jump[rows, :, 0], setup.scene.gap_position)
+    difference = compare_openings(openings, reference, ("the study", reference_name))
+    return case_result(setting, runs, difference)
 
 
 def _write(folder: Path, dataset: xr.Dataset) -> Study:

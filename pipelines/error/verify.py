@@ -101,7 +101,7 @@ def verify(
     model = build_model(job, clock)
     job = telling_doubts_of(model.scene, job)
     reduced = _reduced(job, model, motion, seconds, clock)
-    full = _full(job, model, (motion, seconds, reduced), clock, tell)
+    full = _full(job, model, motion, seconds, reduced, clock, tell)
     about: dict[str, object] = {
         "record": motion.name,
         "first_second": first,
@@ -148,11 +148,12 @@ def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock
 def _full(
     job: Job,
     model: Model,
-    beside: tuple[GroundMotion, float, VerifiedRun],
+    motion: GroundMotion,
+    seconds: float,
+    reduced: VerifiedRun,
     clock: Clock,
     tell: Callable[[str], None],
 ) -> VerifiedRun:
-    motion, seconds, reduced = beside
     every = float(reduced.history.time[1])
     steps = fixed_steps(full_order_step(reduced, motion.dt), every, motion.dt)
     settings = replace(settings_for(job, model.prepared, motion), steps=steps)

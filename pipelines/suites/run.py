@@ -122,7 +122,7 @@ def run_suite(
     with suite_lock(folder), workers as pool:
         plan = make_plan(job, clock)
         suite = build_suite(plan, folder, options.cache, clock)
-        rows, made = _make_missing(suite, plan, folder, (pool, clock, tell))
+        rows, made = _make_missing(suite, plan, folder, pool, clock, tell)
         with clock.stage("summary", "writing the summary"):
             found = {run.place: rows[run.key] for run in plan.runs if run.key in rows}
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
@@ -155,10 +155,9 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
 
 
 def _make_missing(
-    suite: Suite, plan: Plan, folder: Path, using: tuple[Pool, Clock, Callable[[str], None]]
+    suite: Suite, plan: Plan, folder: Path, pool: Pool, clock: Clock, tell: Callable[[str], None]
 ) -> tuple[dict[str, Row], int]:
     """Key -> row of all runs, and how many had to be made."""
-    pool, clock, tell = using
     sweep_parts(folder)
     sweep_parts(suite.folder)
     with clock.stage("plan", "looking for finished runs"):

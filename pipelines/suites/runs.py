@@ -80,7 +80,7 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
             continue
         clock = (share * spent[0], share * spent[1])
         try:
-            rows.append(_row(suite, models[run.place[2]], run, (motion, outcome), clock))
+            rows.append(_row(suite, models[run.place[2]], run, motion, outcome, clock))
         except ResultError:  # of the folder or the disk, which are those of all runs
             raise
         except recoverable() as error:
@@ -119,11 +119,16 @@ def _shares(outcomes: Sequence[History | Exception]) -> list[float]:
 
 
 def _row(
-    suite: Suite, model: Model, run: Run, made: tuple[GroundMotion, History], clock: tuple[float, float]
+    suite: Suite,
+    model: Model,
+    run: Run,
+    motion: GroundMotion,
+    history: History,
+    clock: tuple[float, float],
 ) -> Row:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
-    (motion, history), stated = made, dict[str, float]()
+    stated: dict[str, float] = {}
     history, estimate = with_estimates(suite.job, model, motion, history)
     if estimate is not None and estimate.errors:
         stated["estimated_reduction_error"] = estimate.errors["opening"].l2

@@ -139,20 +139,20 @@ def serve(fd: int, module: str) -> None:
     search_what_comes()  # in the workers too: their first search takes 0.2 s otherwise
     with suppress(EOFError, ConnectionError):  # the caller is gone
         count, function, shared, tasks = caller.recv()
-        for answer in _answers(caller, count, function, (shared, tasks)):
+        for answer in _answers(caller, count, function, shared, tasks):
             caller.send(answer)
 
 
 def _answers(
-    caller: Connection, count: int, function: Function, data: tuple[object, Sequence[Any]]
+    caller: Connection, count: int, function: Function, shared: object, tasks: Sequence[Any]
 ) -> Iterator[tuple[int, bool, Any]]:
     """Number of each task as it is done, whether the function raised, and its result or error."""
-    waiting, tries = deque(range(len(data[1]))), [0] * len(data[1])
+    waiting, tries = deque(range(len(tasks))), [0] * len(tasks)
     running: dict[Connection, _Worker] = {}
     try:
         while waiting or running:
             while waiting and len(running) < count:
-                worker = _Worker([caller, *running], function, data)
+                worker = _Worker([caller, *running], function, shared, tasks)
                 running[worker.connection] = worker
                 worker.give(waiting.popleft())
             for connection in wait([*running, caller]):
@@ -180,11 +180,11 @@ class _Worker:
     """One process and the task it is at."""
 
     def __init__(
-        self, others: list[Connection], function: Function, data: tuple[object, Sequence[Any]]
+        self, others: list[Connection], function: Function, shared: object, tasks: Sequence[Any]
     ) -> None:
         self.connection, theirs = multiprocessing.Pipe()
         process = multiprocessing.get_context("fork").Process
-        args = (theirs, [self.connection, *others], function, data)
+        args = (theirs, [self.connection, *others], function, shared, tasks)
         self._process = process(target=_work, args=args, daemon=True)
         self._process.start()
         theirs.close()
@@ -220,12 +220,12 @@ def _work(
     connection: Connection,
     others: list[Connection],
     function: Function,
-    data: tuple[object, Sequence[Any]],
+    shared: object,
+    tasks: Sequence[Any],
 ) -> None:
     """Serve as a worker until nobody asks any more."""
     for one in others:  # or nobody would see the nursery die
         one.close()
-    shared, tasks = data
     while True:
         try:
             number = connection.recv()

@@ -55,7 +55,7 @@ def run(
     before = seen(out)
     with run_log(out, config, exit_code):
         if is_suite:
-            failed = run_suite(job, out, (workers, scheduler, cache), terminal)
+            failed = run_suite(job, out, workers, scheduler, cache, terminal)
         elif job.config.pipeline == "comparison":
             failed = _run_comparison(job, out, folder, terminal)
         else:

@@ -17,19 +17,20 @@ if TYPE_CHECKING:
 
 
 def run_suite(
-    job: Job, out: Path, where: tuple[int | None, str | None, Path | None], terminal: Terminal
+    job: Job, out: Path, workers: int | None, scheduler: str | None, cache: Path | None, terminal: Terminal
 ) -> list[str]:
     """Run a suite, tell what came of it and write its report; a line for each kind of failure.
 
     Parameters
     ----------
-    where : workers, scheduler and cache
+    workers : processes; as many as there are cores if not given
+    scheduler : address of a Dask cluster that runs the suite instead
+    cache : folder of reduced blocks
     """
     from romdam.pipelines.suites.cluster import prepare_pool
 
-    prepare_pool(
-        where[0], where[1], "romdam.pipelines.suites.runs"
-    )  # loads it while this process loads the rest
+    # loads the module while this process loads the rest
+    prepare_pool(workers, scheduler, "romdam.pipelines.suites.runs")
     import romdam.pipelines.report  # it is wanted at the end
     from romdam.pipelines.suites.run import SuiteOptions
     from romdam.terminal import complain
@@ -39,7 +40,7 @@ def run_suite(
     search_what_comes()
     stages, say = terminal
     try:
-        outcome = romdam.run_suite(job, out, SuiteOptions(*where), stages, say)
+        outcome = romdam.run_suite(job, out, SuiteOptions(workers, scheduler, cache), stages, say)
     except KeyboardInterrupt:
         complain("romdam: stopped; what is finished is kept, and goes on when run again")
         raise typer.Exit(STOPPED) from None

@@ -127,11 +127,12 @@ def view(
 ) -> None:
     """Show the motion of a result in 3-D, with displacement and stress, in a window or as a page."""
     from romdam.pipelines.views import view_result
+    from romdam.results.series import Frames
     from romdam.terminal import open_terminal
 
     stages, say = open_terminal(quiet, verbose)
     with romdam.open_result(result) as opened:
-        if page := view_result(opened, html, (frames, window), stages):
+        if page := view_result(opened, html, Frames(frames, window), stages):
             say(f"written: {page}")
 
 

@@ -113,12 +113,16 @@ def _transform(by: Floats, jumps: Floats) -> None:
 
 def _without_friction(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
     """Solve by pivoting, which gets what it reads: each array more to pass is seven words at every step."""
-    matrices, solved = (problem.W, problem.Z), (memory.force, memory.failure, memory.solver)
-    return solve_unilateral(matrices, solved, closed, y_free, y, control)
+    force, failure, solver = memory.force, memory.failure, memory.solver
+    tolerance, steady = control
+    return solve_unilateral(
+        problem.W, problem.Z, force, failure, solver, closed, y_free, y, tolerance, steady
+    )
 
 
 def _with_friction(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
-    return solve_frictional(problem, memory, closed, y_free, y, control)
+    tolerance, steady = control
+    return solve_frictional(problem, memory, closed, y_free, y, tolerance, steady)
 
 
 _SOLVERS = {PivotingState: _without_friction, FrictionalState: _with_friction}

@@ -72,7 +72,7 @@ class BlockExport:
 
 
 def write(
-    scene: Scene, model: tuple[System, ReducedModel | None], damping: DampingConfig, folder: Path
+    scene: Scene, system: System, reduced: ReducedModel | None, damping: DampingConfig, folder: Path
 ) -> list[Path]:
     """Write every block, reduced where there is a reduced model, and the system that is integrated.
 
@@ -80,7 +80,8 @@ def write(
 
     Parameters
     ----------
-    model : the system with its joints open, and the reduced model that it is of, if any
+    system : with its joints open
+    reduced : the reduced model that it is of, if any
     folder : there already
 
     Returns
@@ -93,7 +94,6 @@ def write(
         where more drives the system than the base's acceleration, which no matrix says.
     WriteError
     """
-    system, reduced = model
     if system.drives or system.pseudo_static is not None:
         raise ConfigError(
             "export: waves in rock or water, or supports of their own motion, drive this system besides "

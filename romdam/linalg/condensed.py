@@ -115,9 +115,9 @@ class CondensedSingle:
         limit = SINGLE_TOLERANCE * np.sqrt(_squares(right))
         found, left = np.zeros(right.shape), right
         for _ in range(_MOST):
-            parts = self._parts(left)
+            outer, carried, size = self._parts(left)
             del left  # before the product makes another
-            self._answer(parts, found)
+            self._answer(outer, carried, size, found)
             left = self._matrix @ found
             np.subtract(right, left, out=left)
             open_ = np.sqrt(_squares(left)) > limit
@@ -132,7 +132,7 @@ class CondensedSingle:
     def precondition(self, right: Floats) -> Floats:
         """The factors' own answer, of five digits or so, for (n, k)."""
         found = np.zeros(right.shape)
-        self._answer(self._parts(right), found)
+        self._answer(*self._parts(right), found)
         return found
 
     def _parts(self, right: Floats) -> tuple[Floats, Singles, Floats]:
@@ -140,9 +140,8 @@ class CondensedSingle:
         size = _lengths(right)
         return right[self.outer] / size, self._onto_inner(right, size), size
 
-    def _answer(self, parts: tuple[Floats, Singles, Floats], found: Floats) -> None:
-        """Add the factors' answer to (n, k)."""
-        outer, carried, size = parts
+    def _answer(self, outer: Floats, carried: Singles, size: Floats, found: Floats) -> None:
+        """Add the factors' answer to `found` (n, k), from what `_parts` makes of the right-hand side."""
         if carried.any():
             carried = self._inner.forward(carried)
             outer[self._at] += carried[self._apart]

@@ -87,12 +87,11 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
     if entry.files is not None:
         return _files(entry, folder)
     if entry.file is not None:
-        return [_file(entry, files_of_record(folder / entry.file), folder)]
+        return [_file(entry, folder, *files_of_record(folder / entry.file))]
     return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
 
 
-def _file(entry: RecordConfig, record: tuple[str, list[Path]], folder: Path) -> Source:
-    name, paths = record
+def _file(entry: RecordConfig, folder: Path, name: str, paths: list[Path]) -> Source:
     return Source(entry.name or name, lambda: [_from_files(entry.name or name, paths, entry, folder)])
 
 
@@ -142,7 +141,7 @@ def _files(entry: RecordConfig, folder: Path) -> list[Source]:
     if entry.group == "file":
         records = of_one_record(paths)
         _tell_boreholes([name for name, _ in records], str(entry.files))
-        return [_file(entry, record, folder) for record in records]
+        return [_file(entry, folder, name, files) for name, files in records]
     return [Source(entry.name or str(entry.files), partial(_from_stations, paths, entry, folder))]
 
 

@@ -24,15 +24,24 @@ def stress_factors(fields: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floa
 
 
 def digest_of_stress(
-    operator: csr_matrix, basis: BlockBasis, about: tuple[str, Ints, Floats, Floats | None]
+    operator: csr_matrix,
+    basis: BlockBasis,
+    name: str,
+    nodes: Ints,
+    offset: Floats,
+    carried: Floats | None,
 ) -> str:
     """SHA-256 that differs where a block's fields do: of the stress of a random motion, and of the code.
 
     Parameters
     ----------
     operator : stress of the block's displacement, see `romdam.fem.stress.stress_operator`
-    about : the block's name, its stress nodes, the offset, and what moving supports make
+    name : of the block
+    nodes : its stress nodes
+    offset : stress at rest, see `initial_stress` [Pa]
+    carried : stress that moving supports make, if any do
     """
     q = np.random.default_rng(0).standard_normal(basis.vectors.shape[1])
     columns = basis.columns.start, basis.columns.stop
-    return fingerprint((code_digest(*ROOMS), columns, operator @ basis.vectors.apply(q), about))
+    motion = operator @ basis.vectors.apply(q)
+    return fingerprint((code_digest(*ROOMS), columns, motion, (name, nodes, offset, carried)))

@@ -134,15 +134,16 @@ def open_beside(
     except OSError as error:
         raise ResultError(f"{path}: cannot be opened ({error})") from error
     try:
-        _check(file, path, (layouts, sealed, content))
+        _check(file, path, layouts, sealed, content)
     except BaseException:
         file.close()
         raise
     return file
 
 
-def _check(file: h5py.File, path: Path, expected: tuple[list[str], bool, Callable[[h5py.File], str]]) -> None:
-    layouts, sealed, content = expected
+def _check(
+    file: h5py.File, path: Path, layouts: list[str], sealed: bool, content: Callable[[h5py.File], str]
+) -> None:
     if text_of(file, "format") not in layouts:
         raise ResultError(
             f"{path}: is of format {shown(text_of(file, 'format'))}, this version reads {layouts[0]!r}; "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,20 @@ from numpy.typing import NDArray
 from romdam.core.errors import ResultError
 from romdam.results.fields import Result
 
-Frames = tuple[int, tuple[float, float] | None]
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of a series.
+
+    Attributes
+    ----------
+    count : how many
+    window : first and last second; None for the seconds around the largest displacement
+    """
+
+    count: int
+    window: tuple[float, float] | None = None
+
 
 _SAMPLES = 150  # nodes of each block at which the rows are sought that are looked at whole
 _NEAR = 0.5  # of the largest displacement of these, which such a row reaches
@@ -67,14 +81,14 @@ def frame_times(result: Result, frames: Frames) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    frames : how many, and the first and last second, or None for the seconds around the largest displacement
+    frames : how many, and of which seconds
 
     Raises
     ------
     ResultError
         where the window has no written time.
     """
-    count, window = frames
+    count, window = frames.count, frames.window
     time = np.asarray(result.dataset.time.values, dtype=float)
     worst = None
     if window is None:

@@ -66,7 +66,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
     dam = _dam(config, materials, source)
     files = MeshFiles(folder)
-    blocks = dam.blocks | _blocks(config, materials, (files, dam.blocks), source)
+    blocks = dam.blocks | _blocks(config, materials, files, dam.blocks, source)
     rock = rock_of(config.ground, dam.viscous)
     blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
     waves = config.ground.input == "free_field"
@@ -138,9 +138,13 @@ def _dam(config: Config, materials: dict[str, Material], source: str) -> Dam:
 
 
 def _blocks(
-    config: Config, materials: dict[str, Material], shapes: tuple[MeshFiles, dict[str, Block]], source: str
+    config: Config,
+    materials: dict[str, Material],
+    files: MeshFiles,
+    made_by_dam: dict[str, Block],
+    source: str,
 ) -> dict[str, Block]:
-    (files, made_by_dam), blocks = shapes, dict[str, Block]()
+    blocks: dict[str, Block] = {}
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:

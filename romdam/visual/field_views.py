@@ -125,7 +125,7 @@ def write_animation(result: Result, folder: Path, stem: str, frames: Frames, pro
     bounds = _bounds(result, list(fields[0].values))
     images = []
     for k, (field, time) in enumerate(zip(fields, times, strict=True)):
-        picture = _view(result, field, (bounds, _DIRECTIONS[0]), scale, norm, _FRAME_SIZE)
+        picture = _view(result, field, bounds, _DIRECTIONS[0], scale, norm, _FRAME_SIZE)
         text = f"{time:.2f} s   shape x {scale:g}   yellow: {1e3 * top:.3g} mm"
         picture.plotter.add_text(text, font_size=9, color="black")
         images.append(PillowImage.fromarray(picture.image()))
@@ -174,7 +174,7 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
     )
     bounds = _bounds(result, list(field.values))
     images = {
-        name: _view(result, field_scaled, (bounds, direction), scale, norm).image()
+        name: _view(result, field_scaled, bounds, direction, scale, norm).image()
         for name, direction in _sides(result).items()
     }
     when = f", largest {float(shown.max()):.3g} {unit}".rstrip()
@@ -198,13 +198,20 @@ def _draw_each(
     norm, beyond = _norm(shown, first)
     largest = max(np.linalg.norm(u, axis=1).max() for field in fields.values() for u in field.moved.values())
     scale = magnification(result, float(largest))
-    camera = _across_the_narrow_side(_moved_bounds(result, first, scale))
+    bounds = _moved_bounds(result, first, scale)
+    direction = _across_the_narrow_side(bounds)
     panels: dict[str, Image] = {}
     for name, result in results.items():
         own = {block: values * factor for block, values in fields[name].values.items()}
         low, high = (f(np.concatenate(list(own.values()))) for f in (np.nanmin, np.nanmax))
         picture = _view(
-            result, replace(fields[name], values=own), camera, scale, norm, fitting_size(*camera, _PANEL)
+            result,
+            replace(fields[name], values=own),
+            bounds,
+            direction,
+            scale,
+            norm,
+            fitting_size(bounds, direction, _PANEL),
         )
         panels[f"{name}\n{low:.3g} to {high:.3g} {unit} at {times[name]:.2f} s"] = picture.image()
     with mpl.rc_context(STYLE):
@@ -239,11 +246,11 @@ def _moved_bounds(result: Result, field: _Field, scale: float) -> Bounds:
     return np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
 
 
-def _across_the_narrow_side(bounds: Bounds) -> tuple[Bounds, Floats]:
-    """Bounds and the direction that a model's longer horizontal side is seen from."""
+def _across_the_narrow_side(bounds: Bounds) -> Floats:
+    """Direction to the eye that sees a model's longer horizontal side."""
     long_x, long_y, _ = bounds[1] - bounds[0]
     ahead = _DIRECTIONS[1]
-    return bounds, ahead if long_x >= long_y else ahead[[1, 0, 2]]
+    return ahead if long_x >= long_y else ahead[[1, 0, 2]]
 
 
 def _norm(shown: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
@@ -264,12 +271,13 @@ def _norm(shown: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
 def _view(
     result: Result,
     field: _Field,
-    camera: tuple[Bounds, Floats],
+    bounds: Bounds,
+    direction: Floats,
     scale: float,
     norm: Normalize,
     size: tuple[int, int] | None = None,
 ) -> Picture:
-    picture = Picture(*camera, size)
+    picture = Picture(bounds, direction, size)
     for name, values in field.values.items():
         element, cells = result.cells(name)
         points = result.points(name) + scale * field.moved[name]

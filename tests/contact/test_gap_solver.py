@@ -383,8 +383,8 @@ def test_every_way_alone_finds_the_same_force(way, seed):
     W, y_free, y = case.problem.W, _free_response(case), _free_response(case)
     wanted, memory = solve(case)[1].ravel(), gap_memory(case.problem)
     if way == "sweeps":
-        free = (TOLERANCE, np.zeros(0, dtype=bool))
-        residual = frictional._sweeps(W, memory.limits, memory, y_free, y, free)
+        kept = np.zeros(0, dtype=bool)
+        residual = frictional._sweeps(W, memory.limits, memory, y_free, y, TOLERANCE, kept)
     else:
         find = {"newton": continuation.newton, "exact": continuation.exact_sweeps}[way]
         residual = find(W, memory.limits, memory, y_free, y, TOLERANCE)

@@ -46,7 +46,7 @@ def test_decks_say_that_the_other_code_brakes_what_joints_hold():
 def test_matrices_of_a_mesh_carry_what_is_taken_off(tmp_path):
     """C = damping - drag drag^T has no force on translations, in the block's files and in the system's."""
     whole = scene(raw_block_on_rock(stiff=1.0) | {"model": {"order": "full"}})
-    write(whole, (assemble_full(whole, DAMPING), None), DAMPING, tmp_path)
+    write(whole, assemble_full(whole, DAMPING), None, DAMPING, tmp_path)
     C, D = (mmread(tmp_path / f"block_{key}.mtx") for key in ("damping", "drag"))
     assert D.shape[1] == 6
     C = C.toarray() - D @ D.T

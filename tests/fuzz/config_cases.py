@@ -341,7 +341,7 @@ def _write_matrices(folder: Path) -> None:
 
     config = parse_config(_TWO, "two.yaml")
     scene = build_scene(config, folder, "two.yaml")
-    write(scene, (assemble_full(scene, config.damping), None), config.damping, folder)
+    write(scene, assemble_full(scene, config.damping), None, config.damping, folder)
 
 
 def _write_column(path: Path, group: str, x: tuple[int, int], y: tuple[int, int]) -> None:

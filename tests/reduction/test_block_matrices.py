@@ -103,7 +103,7 @@ def test_frequencies_are_those_that_calculix_finds_of_its_matrices():
 def exported(scene, folder, model=None, damping=DAMPING):
     reduced = None if model is None else reduce_scene(scene, model, damping)
     system = assemble_full(scene, damping) if reduced is None else reduced.system
-    return write(scene, (system, reduced), damping, folder)
+    return write(scene, system, reduced, damping, folder)
 
 
 def read_back(config, form, keys):

@@ -12,12 +12,12 @@ from romdam.cli import app
 from romdam.core.errors import ResultError
 from romdam.pipelines.views import view_result
 from romdam.postprocess.stress.summary import principal_stresses
-from romdam.results.series import frame_times
+from romdam.results.series import Frames, frame_times
 from romdam.scene.elements import SOLIDS
 from romdam.visual.view.moving import _corner_facets, moving
 from romdam.visual.view.page import MISSING, MOST
 
-FRAMES = (5, (0.5, 1.5))
+FRAMES = Frames(5, (0.5, 1.5))
 
 
 @pytest.fixture

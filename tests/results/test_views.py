@@ -20,7 +20,7 @@ from romdam.pipelines.views import PlotOptions, plot_result, show_scene
 from romdam.postprocess.maxima import AS_DISPLACEMENT, HEAD, INSTANT, explained, maxima
 from romdam.results import series
 from romdam.results.export import mesh_of, write_series, write_vtu
-from romdam.results.series import dam_blocks, frame_times, worst_displacement_time
+from romdam.results.series import Frames, dam_blocks, frame_times, worst_displacement_time
 from romdam.results.table import write_maxima
 from romdam.scene.elements import SOLIDS
 from romdam.terminal.tables import peaks_table
@@ -118,9 +118,9 @@ def test_plot_makes_figures_fields_series_and_animation(drawable, result, tmp_pa
 
 
 def test_series_holds_the_displacement_of_every_node_at_every_frame(result, tmp_path):
-    write_series(result, tmp_path, "quake", (4, (0.5, 1.5)), lambda done, total: None)
+    write_series(result, tmp_path, "quake", Frames(4, (0.5, 1.5)), lambda done, total: None)
     rows = ElementTree.parse(tmp_path / "quake.pvd").getroot().findall("./Collection/DataSet")
-    times = frame_times(result, (4, (0.5, 1.5)))
+    times = frame_times(result, Frames(4, (0.5, 1.5)))
     assert [float(row.get("timestep")) for row in rows] == pytest.approx(list(times))
     mesh = meshio.read(tmp_path / rows[2].get("file"))
     expected = [result.displacement(b, times=times[2]).values[0] for b in result.blocks]
@@ -143,7 +143,7 @@ def test_series_names_its_blocks_where_readers_find_them(result, tmp_path):
         found = {name: int(np.ravel(values)[0]) for name, values in fields.items()}
         assert found == {'left & "first"': 0, "right": 1}
     np.testing.assert_array_equal(pyvista.read(path).cell_data["block"], np.concatenate(numbers))
-    write_series(result, tmp_path, "quake", (1, None), lambda done, total: None)
+    write_series(result, tmp_path, "quake", Frames(1), lambda done, total: None)
     assert list(meshio.read(tmp_path / "quake-0000.vtu").field_data) == result.blocks
 
 
@@ -219,7 +219,7 @@ def test_frames_show_the_largest_displacement(result, count, window, monkeypatch
     moved = [result.displacement(b) for b in result.blocks]
     inside = slice(None) if window is None else slice(*window)
     largest = max(float(np.linalg.norm(one.sel(time=inside), axis=2).max()) for one in moved)
-    times = frame_times(result, (count, window))
+    times = frame_times(result, Frames(count, window))
     assert len(times) == count and (np.diff(times) > 0.0).all()
     shown = [result.displacement(b, times=list(times)).values for b in result.blocks]
     assert max(float(np.linalg.norm(one, axis=2).max()) for one in shown) == largest
@@ -227,7 +227,7 @@ def test_frames_show_the_largest_displacement(result, count, window, monkeypatch
 
 def test_window_without_times_is_refused(result):
     with pytest.raises(ResultError, match=r"no written time lies between 5 and 6 s, the result has 0 to 2 s"):
-        frame_times(result, (4, (5.0, 6.0)))
+        frame_times(result, Frames(4, (5.0, 6.0)))
 
 
 def test_maxima_are_those_of_the_dataset(result, tmp_path):

@@ -169,23 +169,26 @@ def _move(
     limits: Limits,
     solver: FrictionalState,
     forces: tuple[Floats, Floats, Floats],
-    so_far: tuple[int, float],
-    control: tuple[float, NDArray[np.bool_]],
+    done: int,
+    change: float,
+    goal: float,
+    kept: NDArray[np.bool_],
 ) -> tuple[int, float, int]:
     """Move the force by sweeps from one whose response is known, as far as single precision goes.
 
     Parameters
     ----------
     forces : the force, changed in place; the same before, and its response
-    so_far : sweeps done, and the last one's change
-    control : (change that counts as converged; (n,) gaps closed before, where a step that opens or closes one
-        is to be given up, else empty)
+    done : sweeps done so far
+    change : the last sweep's change, relative to the largest force
+    goal : change that counts as converged
+    kept : (n,) gaps closed before, where a step that opens or closes a gap is to be given up, else empty
 
     Returns
     -------
     (fate, change, sweeps) : SPENT, CONVERGED, SLOW or CHANGED; the last sweep's change; sweeps done
     """
-    (done, change), (goal, kept), (p, start, y) = so_far, control, forces
+    p, start, y = forces
     sweeps, sticking = solver.sweeps, solver.sticking
     count, rest = _gather(W, limits, solver, p, y), sweeps.scratch[PUT_BACK]
     order, x = sweeps.order[:count], sweeps.scratch[SWEPT, : 3 * count]
@@ -261,7 +264,8 @@ def _sweeps(
     memory: GapMemory,
     y_free: Floats,
     y: Floats,
-    control: tuple[float, NDArray[np.bool_]],
+    tolerance: float,
+    kept: NDArray[np.bool_],
 ) -> float:
     """Sweep until the force converges, on gaps that are added as they close; natural residual of the forces.
 
@@ -270,9 +274,10 @@ def _sweeps(
     Parameters
     ----------
     y : response of the force at hand, changed in place [m]
-    control : as in `_move`
+    tolerance : allowed natural residual, relative to the largest force
+    kept : as in `_move`
     """
-    (tolerance, kept), p, solver = control, memory.force, memory.solver
+    p, solver = memory.force, memory.solver
     sweeps, sticking = solver.sweeps, solver.sticking
     goal, start, counts, few = (
         _TIGHTER * tolerance,
@@ -284,7 +289,7 @@ def _sweeps(
     while done < _SWEEPS:
         copy(p, start)
         condensed, last = sticking.counts.number, residual
-        fate, change, done = _move(W, limits, solver, (p, start, y), (done, change), (goal, kept))
+        fate, change, done = _move(W, limits, solver, (p, start, y), done, change, goal, kept)
         if fate == _CHANGED:
             return np.inf
         if fate == _SPENT and done < _SWEEPS and condensed == 0 and counts.gathered < few:
@@ -309,7 +314,8 @@ def solve_frictional(
     closed: NDArray[np.bool_],
     y_free: Floats,
     y: Floats,
-    control: tuple[float, bool],
+    tolerance: float,
+    steady: bool,
 ) -> float:
     """Solve for the joint force; p goes to memory.force and W p + y_free to y.
 
@@ -319,15 +325,14 @@ def solve_frictional(
     closed : (n,) gaps closed at the step's start
     y_free : (3 n,) [m]
     y : (3 n,) result [m]
-    control : (allowed change of a force by its natural map, relative to the largest force; whether a step
-        that opens or closes a gap is to be given up)
+    tolerance : allowed change of a force by its natural map, relative to the largest force
+    steady : whether a step that opens or closes a gap is to be given up
 
     Returns
     -------
     float, the relative residual reached; above the tolerance means no convergence, inf a step given up
     """
     W, limits, p, solver = problem.W, memory.limits, memory.force, memory.solver
-    tolerance, steady = control
     kept = closed if steady else closed[:0]
     for i in range(len(limits.mu)):
         if not _wanted(limits, p, y_free, i):
@@ -335,7 +340,7 @@ def solve_frictional(
     if solver.sticking.counts.number > 0:
         release_sliding(limits, solver, p)
     _first_response(W, solver.sweeps, p, y_free, y)
-    residual = _sweeps(W, limits, memory, y_free, y, (tolerance, kept))
+    residual = _sweeps(W, limits, memory, y_free, y, tolerance, kept)
     if len(kept) and not residual <= tolerance:
         return np.inf
     if not residual <= tolerance:

@@ -260,10 +260,16 @@ def _slave(limits: Limits, p: Floats, heading: Floats, free: Bools) -> None:
 
 @njit(cache=True)
 def _update(
-    W: Floats, limits: Limits, state: tuple[Floats, Bools, int], p: Floats, y_free: Floats, y: Floats
+    W: Floats,
+    limits: Limits,
+    heading: Floats,
+    free: Bools,
+    unknowns: int,
+    p: Floats,
+    y_free: Floats,
+    y: Floats,
 ) -> bool:
-    """One Newton step for the states at hand; p is replaced; False where the step is not finite."""
-    heading, free, unknowns = state
+    """One Newton step for the states of `_classify`; p is replaced; False where the step is not finite."""
     columns, rows = np.zeros((unknowns, 3)), np.zeros((unknowns, 3))
     index = np.empty(unknowns, dtype=np.int64)
     _directions(limits, heading, free, columns, rows, index)
@@ -305,7 +311,7 @@ def newton(
     residual = natural_residual(W, limits, p, y)
     for iteration in range(_ITERATIONS):
         unknowns = _classify(W, limits, p, y, heading, free)
-        good = _update(W, limits, (heading, free, unknowns), p, y_free, y)
+        good = _update(W, limits, heading, free, unknowns, p, y_free, y)
         counts.iterations += 1
         counts.most_iterations = max(counts.most_iterations, iteration + 1)
         response(W, p, y_free, y)

@@ -206,21 +206,22 @@ def _change(W: Floats, set_: PivotingState, k: int) -> None:
 
 @njit(cache=True)
 def _change_until_feasible(
-    W: Floats, set_: PivotingState, y_free: Floats, out: Floats, control: tuple[int, float]
+    W: Floats, set_: PivotingState, y_free: Floats, out: Floats, most: int, share: float
 ) -> tuple[int, float]:
     """Change sides until no gap is infeasible.
 
     Parameters
     ----------
-    control : (most changes, share of the largest free opening that is round-off of an opening, or of what one
-        gap's force moves, where that is more than usual)
+    most : most changes
+    share : share of the largest free opening that is round-off of an opening, or of what one gap's force
+        moves, where that is more than usual
 
     Returns
     -------
     (changes, residual) : made, or -1 where more than `most` would be needed; the largest residual of a closed
         gap relative to the largest |y_free|
     """
-    active, wanted, size, (most, share) = set_.active, set_.wanted, 0.0, control
+    active, wanted, size = set_.active, set_.wanted, 0.0
     for i in range(len(y_free)):
         size = max(size, abs(y_free[i]))
     slack = (max(_NO_FORCE, share) * size / set_.counts.largest, max(_NO_OPENING, share) * size)
@@ -248,30 +249,35 @@ def _change_until_feasible(
 
 @njit(cache=True)
 def solve_unilateral(
-    matrices: tuple[Floats, Floats],
-    solved: tuple[Floats, Record, PivotingState],
+    W: Floats,
+    Z: Floats,
+    force: Floats,
+    failure: Record,
+    solver: PivotingState,
     closed: NDArray[np.bool_],
     y_free: Floats,
     y: Floats,
-    control: tuple[float, bool],
+    tolerance: float,
+    steady: bool,
 ) -> float:
     """Solve for the joint force p, and W p + y_free.
 
     Parameters
     ----------
-    matrices : W and Z of `romdam.contact.problem.GapProblem`
-    solved : p (n,) that is found [N]; failure and solver of `romdam.contact.problem.GapMemory`
+    W, Z : of `romdam.contact.problem.GapProblem` [m/N], [N/m]
+    force : (n,) receives p [N]
+    failure, solver : of `romdam.contact.problem.GapMemory`, changed in place
     closed : (n,) closed gaps to start from
     y_free : (n,) [m]
     y : (n,) result [m]
-    control : (allowed relative residual on the active gaps, whether to give up at the first change)
+    tolerance : allowed relative residual on the active gaps
+    steady : whether to give up at the first change
 
     Returns
     -------
     float, the relative residual reached; above the tolerance (or inf) means no convergence
     """
-    (W, Z), (force, failure, solver) = matrices, solved
-    n, size, (tolerance, steady) = len(closed), 0, control
+    n, size = len(closed), 0
     for i in range(n):
         size += closed[i]
     dual = 2 * size > n and len(Z) > 0
@@ -286,15 +292,15 @@ def solve_unilateral(
         set_.wanted[i] = closed[i] != dual
     _adopt(A, set_)
     out, most = set_.scratch[SOLUTION], 0 if steady else _MOST_CHANGES_PER_GAP * n
-    changes, residual = _change_until_feasible(A, set_, known, out, (most, 0.0))
+    changes, residual = _change_until_feasible(A, set_, known, out, most, 0.0)
     if steady and changes < 0:
         return np.inf
     if changes < 0 or residual > _LOST * tolerance or set_.counts.updates > _REFRESH:
         copy(set_.active, set_.wanted)
         _rebuild(A, set_)
-        changes, residual = _change_until_feasible(A, set_, known, out, (most, 0.0))
+        changes, residual = _change_until_feasible(A, set_, known, out, most, 0.0)
     if changes < 0:  # forces of gaps that determine each other lose more digits: all are within the tolerance
-        changes, residual = _change_until_feasible(A, set_, known, out, (most, tolerance / n))
+        changes, residual = _change_until_feasible(A, set_, known, out, most, tolerance / n)
     if not residual <= tolerance:
         failure.gap = out.argmin()
         return residual

@@ -135,11 +135,9 @@ def _row(A: Floats, r: int, p: Floats, b: Floats) -> float:
 
 @njit(cache=True)
 def _combination(
-    A: Floats, b: Floats, limits: tuple[Floats, Floats], states: tuple[bool, int, int], p: Floats
+    A: Floats, b: Floats, cohesion: Floats, mu: Floats, closed: bool, moves: tuple[int, int], p: Floats
 ) -> bool:
     """Solve for one combination of states: closed or open, each shear stuck (0) or sliding (its sign)."""
-    (cohesion, mu), (closed, move_j, move_k) = limits, states
-    moves = (move_j, move_k)
     J, right = np.zeros((3, 3)), np.zeros(3)
     for r in range(3):
         J[r, r] = 1.0
@@ -178,10 +176,10 @@ def solve_gap(A: Floats, b: Floats, cohesion: Floats, mu: Floats, p: Floats) -> 
     cohesion, mu : (2,) shear limit c + mu p_n along j and k, on the resultant where both are equal [N]
     p : (3,) receives normal force and shear [N]
     """
-    limits, stuck = (cohesion, mu), np.empty(3)
+    stuck = np.empty(3)
     if cohesion[ALONG_J] == cohesion[ALONG_K] and mu[ALONG_J] == mu[ALONG_K]:
         for closed in (False, True):
-            good = _combination(A, b, limits, (closed, 0, 0), stuck)
+            good = _combination(A, b, cohesion, mu, closed, (0, 0), stuck)
             limit = shear_limit(cohesion[ALONG_J], mu[ALONG_J], stuck[NORMAL])
             if good and math.hypot(stuck[SHEAR_J], stuck[SHEAR_K]) <= limit:
                 copy(stuck, p)
@@ -190,6 +188,6 @@ def solve_gap(A: Floats, b: Floats, cohesion: Floats, mu: Floats, p: Floats) -> 
     for closed in (False, True):
         for j in (0, 1, -1):
             for k in (0, 1, -1):
-                if _combination(A, b, limits, (closed, j, k), p):
+                if _combination(A, b, cohesion, mu, closed, (j, k), p):
                     return True
     return False

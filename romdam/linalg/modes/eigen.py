@@ -116,7 +116,8 @@ def _large_modes(
 def span_of_modes(
     K: spmatrix | Symmetric,
     M: spmatrix,
-    which: tuple[int | None, float | None],
+    count: int | None,
+    cutoff: float | None,
     solver: Solver,
     shift: float,
     beyond: float = 1.0,
@@ -128,7 +129,8 @@ def span_of_modes(
 
     Parameters
     ----------
-    which : so many, or all below a frequency [Hz]
+    count : so many modes; None for all below the cutoff
+    cutoff : frequency [Hz]
     beyond : up to so many times the highest frequency more vectors are made, of modes or near them
     further : and at least so many, where a gap in the spectrum is there too
 
@@ -137,7 +139,6 @@ def span_of_modes(
     counts : how many modes, and how many vectors with those beyond
     make : make(first, last) gives that many, (n, last - first)
     """
-    count, cutoff = which
     large = K.shape[0] > SMALL and not isinstance(solver, Multigrid)
     if large and (count is None or count < _DENSE_SHARE * K.shape[0]):
         wanted = Wanted(count, np.inf if cutoff is None else (2.0 * np.pi * cutoff) ** 2)

@@ -122,7 +122,7 @@ def krylov_modes(
         return (few, min(few + further, every)), make
     width, limit = WIDTH, 1.0 / (wanted.limit - D.shift)
     while width <= _WIDEST:
-        count, ritz = _searched(D, elastic, limit, (width, RESIDUAL))
+        count, ritz = _searched(D, elastic, limit, width, RESIDUAL)
         highest = limit if wanted.count is None else float(ritz.mu[count - 1])
         more = max(int((ritz.mu >= highest / beyond**2).sum()), min(count + further, len(ritz.mu)))
         X, mu = ritz.first(more), ritz.mu[:more]
@@ -152,7 +152,7 @@ def narrow_modes(D: Flexibility, count: int) -> tuple[Floats, Floats]:
     elastic = count - rigid.shape[1]
     if not elastic:
         return np.zeros(count), rigid
-    _, ritz = _searched(D, Wanted(elastic), 0.0, (_NARROW, _NARROW_RESIDUAL))
+    _, ritz = _searched(D, Wanted(elastic), 0.0, _NARROW, _NARROW_RESIDUAL)
     mu, X = ritz.mu[:elastic], ritz.first(elastic)
     X = X if D.every else D.displacement((D.own @ X) / mu)
     return np.append(np.zeros(count - elastic), 1.0 / mu + D.shift), np.hstack([rigid, X])
@@ -165,7 +165,7 @@ def _columns(D: Flexibility, forces: Floats, first: int, last: int) -> Floats:
     return np.hstack([D.rigid[:, first:last], D.displacement(forces[:, own])])
 
 
-def _searched(D: Flexibility, wanted: Wanted, limit: float, how: tuple[int, float]) -> tuple[int, _Ritz]:
+def _searched(D: Flexibility, wanted: Wanted, limit: float, width: int, residual: float) -> tuple[int, _Ritz]:
     """The space in which the modes that are wanted were found, and their number.
 
     Between two looks at its content the space grows as the modes' errors fall, by an eighth at most.
@@ -173,9 +173,9 @@ def _searched(D: Flexibility, wanted: Wanted, limit: float, how: tuple[int, floa
     Parameters
     ----------
     limit : least 1 / (omega^2 - shift), where their number is not given
-    how : so many vectors at a time, up to such a residual
+    width : so many vectors at a time
+    residual : largest relative residual of a mode
     """
-    width, residual = how
     krylov, size, error = _Krylov(D, D.start(width, width)), 0, 0.0
     due = float(_FIRST_LOOK * (wanted.count or 0))
     while True:

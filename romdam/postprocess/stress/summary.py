@@ -211,7 +211,7 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
     """
     dt = float(time[1] - time[0]) if len(time) > 1 else 0.0
     parts = _parts(sites, len(time))
-    found = list(side_by_side(partial(_of_part, sites, history, part, dt) for part in parts))
+    found = list(side_by_side(partial(_of_part, sites, history, name, rows, dt) for name, rows in parts))
     joined = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
     counted = np.concatenate([nodes.counted for nodes in sites.blocks.values()])
     worst = {m: _worst_step(joined, m, counted) for m in MEASURES}
@@ -242,10 +242,9 @@ def _parts(sites: StressSites, samples: int) -> Iterator[tuple[str, slice]]:
 
 
 def _of_part(
-    sites: StressSites, history: StressHistory, part: tuple[str, slice], dt: float
+    sites: StressSites, history: StressHistory, name: str, rows: slice, dt: float
 ) -> dict[str, NDArray[np.generic]]:
-    """Summary of a few nodes' histories."""
-    name, rows = part
+    """Summary of the histories of a few nodes of a block."""
     stress, strength = history.at(name, rows), np.inf if sites.strength is None else sites.strength
     measures = _measures(stress, sites.blocks[name], rows, strength)
     found = _envelopes(measures)

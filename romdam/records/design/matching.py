@@ -96,7 +96,7 @@ def match_motion(
             if departure <= tolerance:
                 break
         if departure > tolerance:
-            raise RecordError(_unmatched(motion, axis, (acc[axis], departure, tolerance), target))
+            raise RecordError(_unmatched(motion, axis, acc[axis], departure, tolerance, target))
         account[AXES[axis]] = {
             "factor": own * factor,
             "rounds": rounds,
@@ -147,8 +147,9 @@ def _check_periods(motion: GroundMotion, target: Target) -> None:
         )
 
 
-def _unmatched(motion: GroundMotion, axis: int, reached: tuple[Array, float, float], target: Target) -> str:
-    acc, departure, tolerance = reached
+def _unmatched(
+    motion: GroundMotion, axis: int, acc: Array, departure: float, tolerance: float, target: Target
+) -> str:
     periods, ratio = _ratio(acc, motion.dt, target)
     at = int(np.argmax(np.abs(ratio - 1.0)))
     return (

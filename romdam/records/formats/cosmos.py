@@ -87,6 +87,22 @@ class _Header:
     comments: list[str]
 
 
+@dataclass(frozen=True)
+class _Announcement:
+    """What the line before the data says of their unit.
+
+    Attributes
+    ----------
+    unit : in words
+    code : of COSMOS table 2; None or empty where there is none
+    index : of the line
+    """
+
+    unit: str
+    code: str | None
+    index: int
+
+
 def _read_channel(text: TextFile, first: int) -> tuple[Channel | None, int]:
     if _FIRST.match(text.head(first).strip()) is None:
         raise text.fail(first, f"expected a COSMOS channel, got {text.head(first).strip()[:60]!r}")
@@ -107,7 +123,8 @@ def _read_channel(text: TextFile, first: int) -> tuple[Channel | None, int]:
         raise text.fail(index, f"{match[2]} announced, but {title[2]} in line {first + 1}")
     if kind != "acc":
         return None, end
-    return _channel(text, header, values, (match[3].strip(), match[4], index)), end
+    announced = _Announcement(match[3].strip(), match[4], index)
+    return _channel(text, header, values, announced), end
 
 
 def _count(text: TextFile, word: str, index: int) -> int:
@@ -170,10 +187,10 @@ def _end_of_data(text: TextFile, index: int) -> int:
 
 
 def _channel(
-    text: TextFile, header: _Header, values: NDArray[np.float64], announced: tuple[str, str | None, int]
+    text: TextFile, header: _Header, values: NDArray[np.float64], announced: _Announcement
 ) -> Channel:
     unit = _unit(text, header, announced)
-    dt = _dt(text, header, values.size, announced[2])
+    dt = _dt(text, header, values.size, announced.index)
     lines = [text.head(header.first + i) for i in range(TEXT_LINES)]
     where = _orientation(header)
     _check_azimuth(text, header, where)
@@ -233,9 +250,9 @@ def _corners(header: _Header) -> dict[str, object]:
     return {name: value for name, value in pairs.items() if value > 0.0}
 
 
-def _unit(text: TextFile, header: _Header, announced: tuple[str, str | None, int]) -> str:
+def _unit(text: TextFile, header: _Header, announced: _Announcement) -> str:
     """The unit that the announcement's word and code and the integer header agree on."""
-    word, code, index = announced
+    word, code, index = announced.unit, announced.code, announced.index
     codes = [int(code)] if code else []
     codes += [number] if (number := int(header.integers[2])) in (*UNITS, COUNTS) else []
     counts = [number == COUNTS for number in codes] + (["count" in word.lower()] if word else [])
@@ -269,9 +286,9 @@ def _dt(text: TextFile, header: _Header, count: int, index: int) -> float:
         )
     length = float(header.reals[62])
     if length > 0.0:
-        check_length(text, line, length, (count, dt), max(1.5 * dt, 0.01 * length))
+        check_length(text, line, length, count, dt, max(1.5 * dt, 0.01 * length))
     if approx := _APPROX.search(text.head(index)):
-        check_length(text, index, float(approx[1]), (count, dt), max(2.0, 0.02 * float(approx[1])))
+        check_length(text, index, float(approx[1]), count, dt, max(2.0, 0.02 * float(approx[1])))
     return dt
 
 

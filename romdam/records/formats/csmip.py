@@ -204,7 +204,7 @@ def _uncorrected(
         if (match := _COUNT.search(line)) and peak is None and int(match[1]) != values.size:
             raise text.fail(header + offset, f"{match[1]} points are stated, {values.size} follow")
         if (match := _COUNT.search(line)) and peak is None:
-            check_length(text, header + offset, float(match[2]), (values.size, dt), 1.5 * dt)
+            check_length(text, header + offset, float(match[2]), values.size, dt, 1.5 * dt)
     about = _about(lines)
     meta = {"format": "CSMIP", "level": "V1", "processed": False, **about.meta}
     return Channel(about.number, values, dt, unit, about.orientation, "", meta)

@@ -88,7 +88,7 @@ def read_esm(path: Path) -> list[Channel]:
     }
     start = _iso(header.get("DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS", ("", 0))[0])
     unit = _unit(text, header)
-    said = _check_data(text, header, (values, dt), unit)
+    said = _check_data(text, header, values, dt, unit)
     return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta, said)]
 
 
@@ -123,16 +123,17 @@ def _unit(text: TextFile, header: dict[str, tuple[str, int]]) -> str:
 def _check_data(
     text: TextFile,
     header: dict[str, tuple[str, int]],
-    samples: tuple[NDArray[np.float64], float],
+    values: NDArray[np.float64],
+    dt: float,
     unit: str,
 ) -> tuple[str, ...]:
     """Hold DURATION_S and PGA_CM/S^2 against the data; say where TIME_PGA_S is another."""
     from romdam.config.sections.motions.records import unit_in_si
 
-    (values, dt), cm = samples, unit_in_si(unit) / 0.01
+    cm = unit_in_si(unit) / 0.01
     word, index = header.get("DURATION_S", ("", 0))
     if word:
-        check_length(text, index, text.real(word, index, "DURATION_S"), (values.size, dt), 0.5 * dt)
+        check_length(text, index, text.real(word, index, "DURATION_S"), values.size, dt, 0.5 * dt)
     word, index = header.get("PGA_CM/S^2", ("", 0))
     found = cm * float(np.max(np.abs(values), initial=0.0))
     if word and np.isfinite(found):

@@ -81,7 +81,7 @@ def _component(text: TextFile, first: int) -> tuple[Channel, int]:
         word = stated[1] if stated else "none"
         raise text.fail(first + 10, f"an interval of {word} s is stated, {dt:g} s in the real header")
     slack = max(1.5 * dt, 0.01)  # lengths are printed to 0.01 s
-    check_length(text, first + TEXT_LINES + INTEGER_LINES + 2, float(reals[23]), (values.size, dt), slack)
+    check_length(text, first + TEXT_LINES + INTEGER_LINES + 2, float(reals[23]), values.size, dt, slack)
     number = next((match for line in lines if (match := _NUMBER.match(line.strip()))), None)
     if number is not None and int(number[1]) != values.size:
         raise text.fail(first + 9, f"{number[1]} points are stated, the integer header says {values.size}")

@@ -87,7 +87,7 @@ def read_knet(path: Path) -> list[Channel]:
     counts, _ = text.free(len(_LABELS))
     if counts.size == 0 or not np.all(np.isfinite(counts) & (counts == np.round(counts))):
         raise RecordError(f"{path}: line {len(_LABELS) + 1}: expected whole numbers after the header")
-    warnings = _checked(text, header, (counts, 1.0 / rate), gal)
+    warnings = _check_data(text, header, counts, 1.0 / rate, gal)
     direction = header[DIRECTION].replace("-", "")
     code = _KIKNET.get(direction, direction)
     meta: dict[str, object] = {
@@ -129,11 +129,10 @@ def _gal_per_count(text: TextFile, header: list[str]) -> float:
     return float(match[1]) / float(match[2])
 
 
-def _checked(
-    text: TextFile, header: list[str], samples: tuple[NDArray[np.float64], float], gal: float
+def _check_data(
+    text: TextFile, header: list[str], counts: NDArray[np.float64], dt: float, gal: float
 ) -> tuple[str, ...]:
     """Hold length and peak against the data; what is nearly right is said."""
-    counts, dt = samples
     duration = text.real(header[DURATION], DURATION, "Duration Time(s)")
     peak = text.real(header[PEAK], PEAK, "Max. Acc. (gal)")
     if round(duration / dt) != counts.size:  # the logger stores whole seconds

@@ -78,14 +78,14 @@ def read_smc(path: Path) -> list[Channel]:
         _check_uneven_peaks(text, points, reals)
         values, dt, said = even_series(times, points, UNEVEN_DIGIT, f"{path}: line {first + 1}")
     else:
-        said = _check_peaks(text, (values, dt), reals)
-    channel = _channel(text, kind, (values, dt), (integers, reals))
+        said = _check_peaks(text, values, dt, reals)
+    channel = _channel(text, kind, values, dt, integers, reals)
     return [replace(channel, warnings=(*behind, *said))]
 
 
-def _check_peaks(text: TextFile, samples: tuple[Array, float], reals: Array) -> tuple[str, ...]:
+def _check_peaks(text: TextFile, values: Array, dt: float, reals: Array) -> tuple[str, ...]:
     """Hold both extremes against the data; say where they stand at other times."""
-    (values, dt), said = samples, []
+    said = []
     for place, at in PEAKS.items():
         stated, time, found = float(reals[place]), float(reals[place - 1]), values[at(values)]
         if not 0.0 < abs(stated) < 0.9 * NULL_REAL or stated == reals[0] or not np.isfinite(found):
@@ -129,10 +129,7 @@ def _sizes(text: TextFile, integers: Array, reals: Array, uneven: bool) -> tuple
     return count, 1.0 / rate, comments
 
 
-def _channel(
-    text: TextFile, kind: str, samples: tuple[Array, float], headers: tuple[Array, Array]
-) -> Channel:
-    (values, dt), (integers, reals) = samples, headers
+def _channel(text: TextFile, kind: str, values: Array, dt: float, integers: Array, reals: Array) -> Channel:
     title = _TITLE.search(text.head(5))
     station, component = (title[1], title[2].strip()) if title else (text.head(5).strip(), "")
     orientation = _orientation(integers)

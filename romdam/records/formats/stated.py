@@ -52,13 +52,14 @@ def check_peak(text: TextFile, index: int, stated: float, found: float, digit: f
         )
 
 
-def check_length(text: TextFile, index: int, stated: float, samples: tuple[int, float], slack: float) -> None:
+def check_length(text: TextFile, index: int, stated: float, count: int, dt: float, slack: float) -> None:
     """Refuse data whose length is not the one that line `index` states.
 
     Parameters
     ----------
     stated : length [s]; agencies count n or n - 1 steps
-    samples : how many, and dt [s]
+    count : samples in the file
+    dt : [s]
     slack : what rounding explains [s]
 
     Raises
@@ -66,7 +67,6 @@ def check_length(text: TextFile, index: int, stated: float, samples: tuple[int, 
     RecordError
         naming both.
     """
-    count, dt = samples
     if not (count - 1) * dt - slack <= stated <= count * dt + slack:
         raise text.fail(
             index,

@@ -249,10 +249,10 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         residual=modes.residual,
     )
     interior = Interior(solver, modes.forces, Psi.shape[1])
-    sub, interior = _with_residual_vectors(block, sub, interior, (choice.residual_vectors, 0.0, None))
+    sub, interior = _with_residual_vectors(block, sub, interior, choice.residual_vectors, 0.0, None)
     sub = sub.formed()
     yield replace(sub, omega2=without_roundoff(sub.omega2))
-    finer, _ = _with_residual_vectors(block, sub, interior, (FINER_VECTORS, ROUND_OFF, block.wet))
+    finer, _ = _with_residual_vectors(block, sub, interior, FINER_VECTORS, ROUND_OFF, block.wet)
     yield replace(finer, omega2=without_roundoff(finer.omega2))
 
 
@@ -394,21 +394,23 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
 
 
 def _with_residual_vectors(
-    block: FreeBlock, sub: Substructure, interior: Interior, which: tuple[int, float, WetMass | None]
+    block: FreeBlock, sub: Substructure, interior: Interior, count: int, least: float, wet: WetMass | None
 ) -> tuple[Substructure, Interior]:
     """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced.
 
     Parameters
     ----------
     interior : for vectors in terms of the substructure's basis
-    which : of how many modes, the least size of an answer, and the water that the modes move
+    count : of how many modes
+    least : size of an answer, below which it is left out; see `larger`
+    wet : added mass of the water that the modes move
 
     Returns
     -------
     made : its basis is the one given, with residual vectors beside it
     interior : for vectors in terms of what is made's modes
     """
-    (count, least, wet), K, M, retained = which, block.K, block.M, block.retained
+    K, M, retained = block.K, block.M, block.retained
     T, V = sub.basis, sub.mix
     count = min(count, len(T) - V.shape[1])
     if not count:

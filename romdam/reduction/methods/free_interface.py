@@ -57,7 +57,7 @@ from romdam.reduction.methods.craig_bampton import (
 from romdam.reduction.methods.merged_part import MergedPart, merged_part
 from romdam.reduction.methods.residual_vectors import FINER_VECTORS
 from romdam.reduction.storage.keys import part_keys
-from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.storage.model_file import BlockStore, Contained
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.scene.ties import Part
 
@@ -95,7 +95,7 @@ def merged_bases(
     kept = _kept(store, keys)
     if len(kept) == len(keys):
         return kept
-    merged = merged_part(part, scene, (operator, static, wet), gather(part, acting.carried))
+    merged = merged_part(part, scene, operator, static, wet, gather(part, acting.carried))
     return _reduced(merged, scene, choices[0], store, keys)
 
 
@@ -155,7 +155,7 @@ def _reduced(
     made: list[dict[str, BlockBasis]] = []
     for level, own in zip(levels, keys, strict=True):
         report = _report(merged, level, residual) | choice.report()  # the finer basis has the same modes
-        made.append(_stored(merged, scene, level, (store, own, report), made[0] if made else None))
+        made.append(_stored(merged, scene, level, store, own, report, made[0] if made else None))
     T.remove()
     return made
 
@@ -178,18 +178,23 @@ def _stored(
     merged: MergedPart,
     scene: Scene,
     level: _Level,
-    to: tuple[BlockStore, dict[str, str], dict[str, object]],
+    store: BlockStore,
+    keys: dict[str, str],
+    report: dict[str, object],
     inner: dict[str, BlockBasis] | None = None,
 ) -> dict[str, BlockBasis]:
     """Keep the blocks' rows of a basis under their keys, of one beside an inner one what it has besides."""
-    (T, modes, omega2, V), (store, keys, report) = level, to
+    T, modes, omega2, V = level
     log.info("%s: %d modes, %d attachment modes", merged.place, modes, len(omega2) - modes)
 
     def keep(name: str, ends: list[int]) -> BlockBasis:
-        over = None if inner is None else (inner[name], V)
-        rows = T.times(V, ends) if over is None else T.pieces(ends, T.shape[1] - len(V) + len(over[0].omega2))
-        asked = omega2, rows, merged.inertia[name], report
-        return store.write_streamed(keys[name], scene.blocks[name], *asked, over)
+        contained = None if inner is None else Contained(inner[name], V)
+        if contained is None:
+            rows = T.times(V, ends)
+        else:
+            rows = T.pieces(ends, T.shape[1] - len(V) + len(contained.basis.omega2))
+        block, inertia = scene.blocks[name], merged.inertia[name]
+        return store.write_streamed(keys[name], block, omega2, rows, inertia, report, contained)
 
     tasks = (partial(keep, name, ends) for name, ends in _rows(scene, list(keys)).items())
     return dict(zip(keys, T.each(tasks), strict=True))
@@ -220,7 +225,7 @@ def _ritz_levels(
     T = OutOfCoreMatrix(path, key, (len(merged.row), right.shape[1]))
     width = solver.width if isinstance(solver, CondensedSingle | Multifrontal) else WIDTH
     K = merged.K if merged.K.shape[0] > SMALL else merged.K.whole()
-    which, static = (choice.count, choice.cutoff), T.shape[1]
+    static = T.shape[1]
 
     def fill_static() -> None:
         T.fill(
@@ -231,7 +236,7 @@ def _ritz_levels(
     # other solvers' factors serve one thread
     unknowns = K.shape[0] if isinstance(solver, Multifrontal) else 0
     more = (BEYOND, FURTHER) if finer else (1.0, 0)
-    find_modes = partial(span_of_modes, K, merged.M, which, solver, merged.shift, *more)
+    find_modes = partial(span_of_modes, K, merged.M, choice.count, choice.cutoff, solver, merged.shift, *more)
     _, ((modes, every), make) = at_once(fill_static, find_modes, unknowns)
     T.widen(every)
     for count in (modes, every):

@@ -93,7 +93,7 @@ def massless_bases(
     free = ~part.fixed(scene.fixed).ravel()
     dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
     row = np.where(free, np.cumsum(free) - 1, -1)[np.concatenate(dofs)]
-    T, flexibility = _answers(part, scene, acting, choice, (store, fingerprint(keys), row))
+    T, flexibility = _answers(part, scene, acting, choice, store, fingerprint(keys), row)
     mix, found, first = _combined(flexibility), dict[str, BlockBasis](), 0
     report = {"retained_dofs": T.shape[1], "fixed_interface_modes": 0, "part": part.name}
     for name, key in keys.items():
@@ -112,16 +112,17 @@ def _answers(
     scene: Scene,
     acting: Acting,
     choice: ModeChoice,
-    to: tuple[BlockStore, str, Ints],
+    store: BlockStore,
+    key: str,
+    row: Ints,
 ) -> tuple[OutOfCoreMatrix, Floats]:
     """K^-1 R over the DOFs of every block, and R^T K^-1 R, for unit forces in gaps and static loads R.
 
     Parameters
     ----------
-    to : where the answers go: the store, their key, and the number of every DOF of every block among the free
-        ones, -1 where held
+    store, key : where the answers go, and what they are stored under
+    row : the number of every DOF of every block among the free ones, -1 where held
     """
-    store, key, row = to
     free, place = ~part.fixed(scene.fixed).ravel(), f"part {part.name}, which has no mass"
     K = csr_matrix(part_matrices(part, scene.blocks)[0][free][:, free])
     static = gather(part, acting.forces)[free, None]

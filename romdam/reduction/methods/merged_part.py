@@ -80,16 +80,17 @@ class MergedPart:
 
 
 def merged_part(
-    part: Part, scene: Scene, on: tuple[csr_matrix, Floats, WetMass | None], carried: Floats
+    part: Part, scene: Scene, operator: csr_matrix, static: Floats, wet: WetMass | None, carried: Floats
 ) -> MergedPart:
     """The matrices of a part, and the loads that its basis is to answer statically right.
 
     Parameters
     ----------
-    on : its gap operator, its static forces (3 nodes, l), and the added mass of its water
+    operator : gap operator of the part
+    static : (3 nodes, l) static forces on it
+    wet : added mass of its water
     carried : inertia of supports that move on their own, over the part's nodes
     """
-    operator, static, wet = on
     fixed = part.fixed(scene.fixed)
     free = ~fixed.ravel()
     K, M, inertia = part_matrices(part, scene.blocks)

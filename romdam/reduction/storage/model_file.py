@@ -26,6 +26,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import h5py
 import numpy as np
@@ -160,6 +161,19 @@ def _vectors(data: h5py.Dataset) -> Dense:
     return Mapped.of(data.file.filename, offset, shape)
 
 
+class Contained(NamedTuple):
+    """The basis that a finer one contains.
+
+    Attributes
+    ----------
+    basis : the basis that is contained, of k vectors
+    mix : (k + r, m) the finer basis in terms of those and of r vectors beside them
+    """
+
+    basis: BlockBasis
+    mix: Floats
+
+
 class BlockStore:
     """A folder of reduced blocks.
 
@@ -245,7 +259,7 @@ class BlockStore:
         rows: Iterator[Floats],
         inertia: Floats,
         report: dict[str, object],
-        over: tuple[BlockBasis, Floats] | None = None,
+        contained: Contained | None = None,
     ) -> BlockBasis:
         """Keep a block whose basis comes some rows at a time, and map it.
 
@@ -254,14 +268,15 @@ class BlockStore:
         rows : the basis (3 nodes, m) from the first node to the last; of one that contains another what it
             has besides
         inertia : M r (3 n, 3) for unit translations r
-        over : the basis that it contains, and the mix of both; None where it contains none
+        contained : the basis that it contains; None where it contains none
 
         Raises
         ------
         ResultError
             where the folder or the disk refuses it.
         """
-        size = (len(block.points), 3, len(omega2) if over is None else len(over[1]) - len(over[0].omega2))
+        columns = len(omega2) if contained is None else len(contained.mix) - len(contained.basis.omega2)
+        size = (len(block.points), 3, columns)
         participation, first = np.zeros((size[2], 3)), 0
         with creating(self.path(key), 8 * int(np.prod(size))) as file:
             data = file.create_dataset("basis", shape=size, dtype="f8")
@@ -270,15 +285,18 @@ class BlockStore:
                 data[first:last] = piece.reshape(last - first, 3, size[2])
                 participation += piece.T @ inertia[3 * first : 3 * last]
                 first = last
-            if over is not None:
-                _write_mix(file, *over)
-                participation = over[1].T @ np.vstack([over[0].participation, participation])
+            if contained is not None:
+                _write_mix(file, contained.basis, contained.mix)
+                inner = contained.basis.participation
+                participation = contained.mix.T @ np.vstack([inner, participation])
             none = Dense(np.zeros((0, 0)))
             basis = BlockBasis(none, slice(0, len(omega2)), omega2, participation, report)
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             _write_beside(file, block, basis)
-        own = self._written(key)
-        return replace(basis, vectors=own if over is None else Augmented(over[0], own.array, over[1]))
+        written = self._written(key)
+        if contained is None:
+            return replace(basis, vectors=written)
+        return replace(basis, vectors=Augmented(contained.basis, written.array, contained.mix))
 
     def _written(self, key: str) -> Dense:
         """The basis in a file that this store has just written."""

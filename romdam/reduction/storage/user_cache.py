@@ -21,7 +21,7 @@ from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
 from romdam.core.files import hold
 from romdam.core.scene import Block
-from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.storage.model_file import BlockStore, Contained
 
 log = logging.getLogger(__name__)
 
@@ -101,10 +101,10 @@ class UserCache(BlockStore):
         rows: Iterator[Floats],
         inertia: Floats,
         report: dict[str, object],
-        over: tuple[BlockBasis, Floats] | None = None,
+        contained: Contained | None = None,
     ) -> BlockBasis:
         """As `BlockStore`."""
-        basis = super().write_streamed(key, block, omega2, rows, inertia, report, over)
+        basis = super().write_streamed(key, block, omega2, rows, inertia, report, contained)
         self._use(key)
         return basis
 

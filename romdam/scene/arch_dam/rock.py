@@ -108,7 +108,7 @@ def ground_grid(config: ArchDamConfig, dam: Floats, place: str) -> Ground | None
     share = graded(config.divisions.rock, config.divisions.growth)[1:]
     layers += [layers[count] + s * (outer - layers[count]) for s in share]
     points, under = _rows(config, config.rock, np.stack(layers, axis=2))
-    return _zoned(config, config.rock, (points, under, count, contact), place)
+    return _zoned(config, config.rock, points, under, count, contact, place)
 
 
 def _rays(inner: Floats, crest: float) -> Floats:
@@ -192,9 +192,14 @@ def _rows(config: ArchDamConfig, rock: RockConfig, points: Floats) -> tuple[Floa
 
 
 def _zoned(
-    config: ArchDamConfig, rock: RockConfig, grid: tuple[Floats, tuple[int, int], int, Ints], place: str
+    config: ArchDamConfig,
+    rock: RockConfig,
+    points: Floats,
+    under: tuple[int, int],
+    layers: int,
+    contact: Ints,
+    place: str,
 ) -> Ground:
-    points, under, layers, contact = grid
     shape = tuple(n - 1 for n in points.shape[:3])
     perimeter = np.zeros(shape, dtype=bool)
     perimeter[:, under[0] : under[1], :layers] = True

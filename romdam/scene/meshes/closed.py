@@ -182,13 +182,12 @@ def _any_cell_has(block: Block, points: Floats) -> Bools:
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
     for element, _, cells in kinds_of(block.element, block.cells):
-        _find_inside(points, near, _geometry(block.points[cells], element), found)
+        _find_inside(points, near, *_geometry(block.points[cells], element), found)
     return found
 
 
-def _find_inside(points: Floats, near: Ints, cells: tuple[Floats, Element], found: Bools) -> None:
+def _find_inside(points: Floats, near: Ints, nodes: Floats, element: Element, found: Bools) -> None:
     """Mark those of the points `near` that are inside an element of one kind."""
-    nodes, element = cells
     lowest, highest = nodes.min(axis=1), nodes.max(axis=1)
     slack = 0.25 * (highest - lowest) if element.quadratic else 0.0  # curved edges bulge
     lowest, highest = lowest - slack, highest + slack

@@ -89,7 +89,7 @@ class MeshFiles:
         members = _members(file, config.group, path, place)
         for used, own in zip(self._used[path], members, strict=True):
             used[own] = True
-        return _block(name, file, members, (scale, material), (path, place))
+        return _block(name, file, members, scale, material, path, place)
 
     def numbered(self, config: MeshFileConfig) -> tuple[Ints, Floats]:
         """Numbers of the nodes in the file of a block that has been made, and their positions (n, 3) [m]."""
@@ -202,9 +202,14 @@ def _on_faces(file: MeshFile, corners: Ints) -> Bools:
 
 
 def _block(
-    name: str, file: MeshFile, members: list[Ints], how: tuple[float, Material], where: tuple[Path, str]
+    name: str,
+    file: MeshFile,
+    members: list[Ints],
+    scale: float,
+    material: Material,
+    path: Path,
+    place: str,
 ) -> Block:
-    (scale, material), (path, place) = how, where
     element, cells = _cells(file, members, path, place)
     used, local = np.unique(cells, return_inverse=True)
     points = file.points[used] * scale

@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,7 +38,15 @@ _BEAMS = {11, 21, 22, 23, 24}  # whose nodes have a line of orientation before t
 _NODE, _ELEMENT = 7, 8  # codes of what a group has
 _OLD_ELEMENTS = {"71", "780"}
 
-Lines = list[tuple[int, str]]  # with their numbers
+
+class _Line(NamedTuple):
+    """A line and its number in the file, from 1."""
+
+    number: int
+    text: str
+
+
+Lines = list[_Line]
 
 
 @dataclass
@@ -97,16 +106,16 @@ def _datasets(lines: list[str]) -> Iterator[tuple[str, Lines]]:
         if last < first + 2:
             raise ValueError(f"line {first + 1}: an empty dataset")
         name = lines[first + 1].split()
-        yield name[0] if name else "", [(k + 1, lines[k]) for k in range(first + 2, last)]
+        yield name[0] if name else "", [_Line(k + 1, lines[k]) for k in range(first + 2, last)]
 
 
-def _whole(line: tuple[int, str], least: int) -> list[int]:
+def _whole(line: _Line, least: int) -> list[int]:
     """Whole numbers of ten columns each."""
-    where, text = line
+    number, text = line
     words = [text[k : k + 10].strip() for k in range(0, len(text.rstrip()), 10)]
     words = words if all(map(_is_whole, words)) else text.split()
     if len(words) < least or not all(map(_is_whole, words)):
-        raise ValueError(f"line {where}: {shown(text.strip())} is not {least} whole numbers or more")
+        raise ValueError(f"line {number}: {shown(text.strip())} is not {least} whole numbers or more")
     return [int(word) for word in words]
 
 
@@ -116,24 +125,25 @@ def _is_whole(word: str) -> bool:
 
 def _record(lines: Lines, first: int, count: int) -> Lines:
     if first + count > len(lines):
-        raise ValueError(f"line {lines[-1][0]}: its dataset ends amid a record")
+        raise ValueError(f"line {lines[-1].number}: its dataset ends amid a record")
     return lines[first : first + count]
 
 
 def _read_nodes(found: _Found, lines: Lines) -> None:
     for k in range(0, len(lines), 2):
-        head, at = _record(lines, k, 2)
-        _add_node(found, _whole(head, 4)[:2], at, at[1].split())
+        head, coordinates = _record(lines, k, 2)
+        _add_node(found, _whole(head, 4)[:2], coordinates, coordinates.text.split())
 
 
 def _read_old_nodes(found: _Found, lines: Lines) -> None:
-    for where, text in lines:
-        _add_node(found, _whole((where, text[:40]), 4)[:2], (where, text), text[40:].split())
+    for line in lines:
+        head = _whole(line._replace(text=line.text[:40]), 4)[:2]
+        _add_node(found, head, line, line.text[40:].split())
 
 
-def _add_node(found: _Found, head: list[int], line: tuple[int, str], words: list[str]) -> None:
+def _add_node(found: _Found, head: list[int], line: _Line, words: list[str]) -> None:
     if len(words) != 3:
-        raise ValueError(f"line {line[0]}: {shown(line[1].strip())} is not three coordinates")
+        raise ValueError(f"line {line.number}: {shown(line.text.strip())} is not three coordinates")
     if head[1] > 1:
         found.others[f"nodes in coordinate system {head[1]}, read as if it were the first,"] += 1
     found.tags.append(head[0])
@@ -148,7 +158,9 @@ def _read_elements(found: _Found, lines: Lines) -> None:
         taken = _record(lines, k + skipped, -(-max(count, 1) // 8))
         nodes = [node for line in taken for node in _whole(line, 1)]
         if len(nodes) != count:
-            raise ValueError(f"line {lines[k][0]}: element {number} has {len(nodes)} nodes, and says {count}")
+            raise ValueError(
+                f"line {lines[k].number}: element {number} has {len(nodes)} nodes, and says {count}"
+            )
         cell = _CELLS.get(kind)
         if cell is None or cell.nodes != count:
             found.others[f"elements of type {kind} with {count} nodes"] += 1
@@ -167,9 +179,9 @@ def _read_groups(found: _Found, lines: Lines, width: int) -> None:
         words = [word for line in taken for word in _whole(line, width)]
         if len(words) != count * width:
             raise ValueError(
-                f"line {lines[k][0]}: the group says {count} members, and has {len(words) // width}"
+                f"line {lines[k].number}: the group says {count} members, and has {len(words) // width}"
             )
-        own = found.groups.setdefault(name[1].strip(), {})
+        own = found.groups.setdefault(name.text.strip(), {})
         for code, number in zip(words[::width], words[1::width], strict=True):
             if code in (_NODE, _ELEMENT):
                 own.setdefault(code, []).append(number)
