@@ -26,6 +26,7 @@ from romdam.contact.solvers.pivoting import solve_unilateral
 from romdam.contact.solvers.state import FrictionalState, PivotingState
 from romdam.core.arrays import PLACE, Floats
 from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit
+from romdam.core.recorded import GapArrays
 from romdam.core.system import OPEN, SLIP, STICK
 
 _MOST_LIMITS = 120  # solutions of a step whose limits follow it
@@ -158,12 +159,7 @@ def _energies(problem: GapProblem, dashpot_share: Floats, jump: Floats, force: F
 
 @njit(**VIEWS, forceinline=True)
 def commit_gaps(
-    problem: GapProblem,
-    memory: GapMemory,
-    y: Floats,
-    jump: Floats,
-    force: Floats,
-    state: NDArray[np.uint8],
+    problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays
 ) -> tuple[float, float, float]:
     """Accept a step: jumps, whole joint forces and states at its end from the solution; the slip is added up.
 
@@ -173,26 +169,19 @@ def commit_gaps(
 
     Parameters
     ----------
-    jump : (n, d) receives opening (with the initial gap) and slip [m]
-    force : (n, d) receives compression and shear on side J at the step's end [N]
-    state : (n,) receives OPEN, STICK or SLIP
+    gaps : moved to the step's end, but for `mean_traction`
 
     Returns
     -------
-    (stored, lost, water) : energy stored in the gaps now, and taken in the step by sliding; in gaps that lost
-        strength or have a dashpot, all that their force did not do as work; work in the step of the water
-        that laws put into gaps [J]
+    (stored, lost, water) : energy stored in the gaps now, and dissipated in the step by all of them; work in
+        the step of the water that laws put into gaps [J]
     """
-    return _commit(problem.laws, problem, memory, y, (jump, force, state))
+    return _commit(problem.laws, problem, memory, y, gaps)
 
 
 @njit(cache=True, forceinline=True)
 def _commit(
-    laws: Laws | None,
-    problem: GapProblem,
-    memory: GapMemory,
-    y: Floats,
-    gaps: tuple[Floats, Floats, NDArray[np.uint8]],
+    laws: Laws | None, problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays
 ) -> tuple[float, float, float]:
     if laws is not None:
         return _commit_with_laws(laws, problem, memory, y, gaps)
@@ -202,13 +191,9 @@ def _commit(
 
 @njit(**ARRAYS)
 def _commit_with_laws(
-    laws: Laws,
-    problem: GapProblem,
-    memory: GapMemory,
-    y: Floats,
-    gaps: tuple[Floats, Floats, NDArray[np.uint8]],
+    laws: Laws, problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays
 ) -> tuple[float, float, float]:
-    jump, force, state = gaps
+    jump, force, state = gaps.jump, gaps.traction, gaps.state
     n = len(problem.gap)
     before, old = _energies(problem, laws.dashpot_share, jump, force), jump.copy()
     for i in range(n):
@@ -223,18 +208,17 @@ def _commit_with_laws(
         if (
             commit_laws(laws, memory, i, jump[i, NORMAL], state[i], force[i, NORMAL])
             or laws.dashpot_share[i] > 0.0
-        ):
+        ):  # all that the gap's force did not do as work is dissipated
             lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
+        gaps.water[i] = memory.water[i]
         fed += memory.water[i] * (jump[i, NORMAL] - old[i, NORMAL])
     return after.sum(), lost, fed
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def _move(
-    problem: GapProblem, memory: GapMemory, y: Floats, gaps: tuple[Floats, Floats, NDArray[np.uint8]]
-) -> tuple[float, float]:
+def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) -> tuple[float, float]:
     """Jumps, forces, states, springs and slip; energy in the springs, and taken by sliding."""
-    (jump, force, state), n = gaps, len(problem.gap)
+    jump, force, state, n = gaps.jump, gaps.traction, gaps.state, len(problem.gap)
     d = len(y) // max(n, 1)
     stored, lost = 0.0, 0.0
     for i in range(n):

@@ -50,13 +50,39 @@ def stacked(members: Sequence[T]) -> T:
     return made
 
 
-def at(many: T, index: int | tuple[int, ...]) -> T:
-    """Views of one of many: every array of a NamedTuple, and of those within it, at an index.
+def at(many: T, index: int | tuple[int, ...] | slice) -> T:
+    """Views of one of many, or of some: every array of a NamedTuple, and of those within it, at an index.
 
-    Compiled functions may call it (`romdam.core.jit`).
+    Compiled functions may call it (`romdam.core.jit`), with numbers.
     """
     one: Any = many[index] if isinstance(many, np.ndarray) else many
     if hasattr(one, "_fields"):
         one = type(one)(*(at(values, index) for values in one))
     made: T = one
+    return made
+
+
+def put(many: T, index: int | Ints, one: T) -> None:
+    """Write into one of many, or the same into some: the reverse of `at`.
+
+    Compiled functions may call it (`romdam.core.jit`), with a number and arrays in C order.
+    """
+    target: Any = many
+    source: Any = one
+    if hasattr(target, "_fields"):
+        for rows, values in zip(target, source, strict=True):
+            put(rows, index, values)
+    else:
+        target[index] = source
+
+
+def rows_like(one: T, count: int) -> T:
+    """Zeros for many like one: every array of a NamedTuple, and of those within it, with a leading axis."""
+    source: Any = one
+    if hasattr(source, "_fields"):
+        many: Any = type(source)(*(rows_like(values, count) for values in source))
+    else:
+        values = np.asarray(source)
+        many = np.zeros((count, *values.shape), values.dtype)
+    made: T = many
     return made

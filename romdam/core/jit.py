@@ -28,6 +28,7 @@ from typing import Any
 
 import numba
 from numba import types
+from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
@@ -36,9 +37,10 @@ from numba.core.imputils import impl_ret_borrowed
 from numba.core.untyped_passes import IRProcessing
 from numba.extending import lower_builtin, type_callable
 from numba.misc.appdirs import AppDirs
+from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
-from romdam.core.arrays import at
+from romdam.core.arrays import at, put
 from romdam.core.files import hold, lock_folder
 from romdam.core.fingerprint import files_digest
 
@@ -302,7 +304,7 @@ def _code_of(folder: Path) -> str:
     """SHA-256 of what compiled functions of a folder may call: its files, and all of _KERNELS."""
     package = Path(__file__).parents[1]
     kernels = {path for room in _KERNELS for path in (package / room).rglob("*.py")}
-    kernels |= {Path(__file__), Path(__file__).with_name("arrays.py")}
+    kernels |= {Path(__file__), *(Path(__file__).with_name(name) for name in ("arrays.py", "recorded.py"))}
     return files_digest(sorted({*folder.glob("*.py"), *kernels}))
 
 
@@ -402,3 +404,44 @@ def _lower_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return impl_ret_borrowed(context, builder, kind, value)
 
     return view(signature.args[0], args[0])
+
+
+def _can_put(many: Any, index: Any, one: Any) -> bool:
+    if hasattr(many, "instance_class"):
+        return len(many) == len(one) and all(
+            _can_put(rows, index, values) for rows, values in zip(many, one, strict=True)
+        )
+    if isinstance(one, types.Array):
+        whole, like = many.layout == one.layout == "C", many.dtype == one.dtype
+        return bool(whole and like and many.ndim == one.ndim + 1)
+    return isinstance(many, types.Array) and bool(many.ndim == 1)
+
+
+@type_callable(put)
+def _type_put(context: Any) -> Callable[[Any, Any, Any], Any]:
+    """Type of `put` in compiled functions."""
+    return lambda many, index, one: types.none if _can_put(many, index, one) else None
+
+
+@lower_builtin(put, types.Any, types.Any, types.Any)  # type: ignore[untyped-decorator]
+def _lower_put(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    """Code of `put`: arrays are copied whole, of the size that the source has."""
+    (_, index, _), typing = signature.args, context.typing_context
+
+    def write(many_kind: Any, many: Any, one_kind: Any, one: Any) -> None:
+        if hasattr(many_kind, "instance_class"):
+            for i, kinds in enumerate(zip(many_kind, one_kind, strict=True)):
+                rows, values = builder.extract_value(many, i), builder.extract_value(one, i)
+                write(kinds[0], rows, kinds[1], values)
+        elif isinstance(one_kind, types.Array):
+            call = _element(typing, many_kind, index)
+            row = context.get_function(operator.getitem, call)(builder, (many, args[1]))
+            target = make_array(call.return_type)(context, builder, row)
+            source = make_array(one_kind)(context, builder, one)
+            cgutils.raw_memcpy(builder, target.data, source.data, source.nitems, source.itemsize)
+        else:
+            call = typing.resolve_function_type(operator.setitem, (many_kind, index, one_kind), {})
+            context.get_function(operator.setitem, call)(builder, (many, args[1], one))
+
+    write(signature.args[0], args[0], signature.args[2], args[2])
+    return context.get_dummy_value()

@@ -15,10 +15,21 @@ from scipy.sparse import csr_matrix, diags_array, hstack, issparse
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.motion import Motion, SupportMotion, ground_rows
+from romdam.core.recorded import GapQuantities
 
 OPEN, STICK, SLIP = 0, 1, 2  # `History.state`
 STATES = {"open": OPEN, "stick": STICK, "slip": SLIP}
-ENERGY_TERMS = ("input", "kinetic", "strain", "joint_stored", "damping", "friction", "contact", "residual")
+# of the ledger, see `romdam.timestepping.energy`: what each is
+ENERGY_TERMS = {
+    "input": "work of inertia forces, static loads, moving supports and water that enters gaps",
+    "kinetic": "kinetic energy relative to the base and what moving supports carry",
+    "strain": "strain energy of the blocks",
+    "joint_stored": "energy stored in the joints' springs",
+    "damping": "energy dissipated by damping",
+    "friction": "energy dissipated by sliding",
+    "contact": "energy taken away numerically at closing and opening",
+    "residual": "imbalance of the energy ledger, round-off when exact",
+}
 
 
 @dataclass(frozen=True)
@@ -384,17 +395,12 @@ class Coordinates:
 
 
 @dataclass(frozen=True)
-class History:
-    """Result of an integration, at the times that were asked for; d is `GapLaw.directions`.
+class History(GapQuantities):
+    """Result of an integration, at the times that were asked for: what is recorded of the gaps, and the rest.
 
     Attributes
     ----------
     time : (nt,) [s]
-    jump : (nt, ng, d) opening (with the initial gap) and slip of every gap, at its very position [m]
-    traction : (nt, ng, d) joint force on side J, compression positive, shear along j and k [N]
-    mean_traction : (nt, ng, d) its mean, with that of `water`, over the interval that ends at each time;
-        zero at the first [N]
-    state : (nt, ng) OPEN, STICK or SLIP (a frictionless closed gap is STICK)
     disp, vel, acc : (nt, 3 * number of probes) relative to the base [m], [m/s], [m/s2]
     coordinates : of a reduced system; None at full order
     supports : (nt, m) displacement of supports of their own motion, see `PseudoStatic`; empty without any [m]
@@ -403,20 +409,12 @@ class History:
         jumps that differ from those that joint forces see, of written rows and what these reach between them
     stats : counts and CPU seconds of the run
     integrator : key of `romdam.core.integrators.INTEGRATORS`
-    water : (nt, ng) force of the water that entered gaps as they opened; empty without such laws [N]
-    strength : (nt, ng, 2) shear along j and k that the laws let the gaps carry now, inf where nothing bounds
-        it [N]; empty without shear
-    bonded : (nt, ng) whether a gap has any of it without compression; empty without shear
     gap : (ng,) initial gaps that it began with, after grouting [m]
     ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
     warnings : what a careful reader should know and no number says, one sentence each
     """
 
     time: Floats
-    jump: Floats
-    traction: Floats
-    mean_traction: Floats
-    state: NDArray[np.uint8]
     disp: Floats
     vel: Floats
     acc: Floats
@@ -425,9 +423,6 @@ class History:
     peaks: dict[str, Floats]
     stats: dict[str, float]
     integrator: str
-    water: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-    strength: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
-    bonded: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
     ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))

@@ -1,4 +1,6 @@
-"""Every variable of a result file, in one dict; to add one, add one entry.
+"""Every variable of a result file, in one dict; to add one, add one entry, or declare a quantity.
+
+What a run records of every gap is declared in `romdam.core.recorded`, with the variables that hold it.
 
 SI units; displacement, velocity and acceleration are relative to the base; opening is positive, and
 compression is negative.
@@ -7,10 +9,12 @@ compression is negative.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from romdam.core.system import STATES
+from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity, Written
+from romdam.core.system import ENERGY_TERMS, STATES
 from romdam.results.case import Array, Attributes, Case, Variable
 from romdam.results.sliding import SLIDING_VARIABLES
 from romdam.results.stress.variables import STRESS_COORDINATES, STRESS_VARIABLES
@@ -88,6 +92,35 @@ _FLAGS: Attributes = {
     "flag_values": np.array(list(STATES.values()), dtype=np.int8),
     "flag_meanings": " ".join(STATES),
 }
+_PARTS: dict[str, Any] = {"": ..., "normal": (..., 0), "tangential": (..., slice(1, None))}
+
+
+def _recorded(name: str, of: Quantity, written: Written) -> Variable:
+    """Make the variable of a quantity that a history has of every gap."""
+    part, when = _PARTS[written.part], written.when
+
+    def get(case: Case) -> Array:
+        values: Array = getattr(case.history, name)[part]
+        values = values.astype(np.int8) if of.dtype is np.uint8 else values
+        return values if written.sign > 0 else -values
+
+    dims = ("time", "gap", "tangent") if written.part == "tangential" else ("time", "gap")
+    exists = _frictional if written.part == "tangential" else _has_joints
+    has = exists if when is None else lambda case: _has_joints(case) and when(case.history)
+    flags = _FLAGS if of.dtype is np.uint8 else {}
+    return Variable(dims, of.unit, written.long_name, get, has, flags)
+
+
+def _peak(name: str, of: Quantity, written: Written) -> Variable:
+    """Make the variable of a peak of every gap over all steps."""
+    return Variable(
+        ("gap",),
+        of.unit,
+        written.long_name,
+        lambda case: written.sign * case.history.peaks[name],
+        _has_joints,
+    )
+
 
 COORDINATES: dict[str, Variable] = {
     "time": Variable(("time",), "s", "time since the start of the record", lambda c: c.history.time),
@@ -175,45 +208,11 @@ COORDINATES: dict[str, Variable] = {
 }
 
 VARIABLES: dict[str, Variable] = {
-    "opening": Variable(
-        ("time", "gap"), "m", "joint opening, open positive", lambda c: c.history.jump[:, :, 0], _has_joints
-    ),
-    "slip": Variable(
-        ("time", "gap", "tangent"),
-        "m",
-        "tangential displacement of block J relative to block I",
-        lambda c: c.history.jump[:, :, 1:],
-        _frictional,
-    ),
-    "normal_force": Variable(
-        ("time", "gap"),
-        "N",
-        "normal force of the gap, compression negative; the effective one where there is water",
-        lambda c: -c.history.traction[:, :, 0],
-        _has_joints,
-    ),
-    "shear_force": Variable(
-        ("time", "gap", "tangent"),
-        "N",
-        "shear force of the gap on block J",
-        lambda c: c.history.traction[:, :, 1:],
-        _frictional,
-    ),
-    "mean_normal_force": Variable(
-        ("time", "gap"),
-        "N",
-        "mean normal force, with crack_water_force, over the writing interval that ends at the time, "
-        "compression negative",
-        lambda c: -c.history.mean_traction[:, :, 0],
-        _has_joints,
-    ),
-    "mean_shear_force": Variable(
-        ("time", "gap", "tangent"),
-        "N",
-        "mean shear force on block J over the writing interval that ends at the time",
-        lambda c: c.history.mean_traction[:, :, 1:],
-        _frictional,
-    ),
+    **{
+        written.name: _recorded(name, of, written)
+        for name, of in GAP_QUANTITIES.items()
+        for written in of.written
+    },
     "water_pressure": Variable(
         ("gap",),
         "Pa",
@@ -227,21 +226,6 @@ VARIABLES: dict[str, Variable] = {
         "resultant of the water in the joint on block J; block I has the opposite",
         lambda c: np.array([joint.water_resultant for joint in c.joints]),
         _has_water,
-    ),
-    "crack_water_force": Variable(
-        ("time", "gap"),
-        "N",
-        "force of the water that entered the gap as it opened, besides that of water_pressure",
-        lambda c: c.history.water,
-        lambda c: bool(c.history.water.any()),
-    ),
-    "joint_state": Variable(
-        ("time", "gap"),
-        "1",
-        "state of the gap (closed without friction is stick)",
-        lambda c: c.history.state.astype(np.int8),
-        _has_joints,
-        _FLAGS,
     ),
     "displacement": Variable(
         ("time", "node", "component"),
@@ -277,17 +261,7 @@ VARIABLES: dict[str, Variable] = {
         lambda c: c.history.supports.reshape(len(c.history.time), -1, 3),
         _has_moving_supports,
     ),
-    "energy_input": _energy(
-        "input", "work of inertia forces, static loads, moving supports and water that enters gaps"
-    ),
-    "energy_kinetic": _energy(
-        "kinetic", "kinetic energy relative to the base and what moving supports carry"
-    ),
-    "energy_strain": _energy("strain", "strain energy of the blocks"),
-    "energy_joint_stored": _energy("joint_stored", "energy stored in the joints' springs"),
-    "energy_damping": _energy("damping", "energy dissipated by damping"),
-    "energy_friction": _energy("friction", "energy dissipated by sliding"),
-    "energy_contact": _energy("contact", "energy taken away numerically at closing and opening"),
+    **{f"energy_{term}": _energy(term, long_name) for term, long_name in ENERGY_TERMS.items()},
     "energy_numerical": Variable(
         ("time",),
         "J",
@@ -295,7 +269,6 @@ VARIABLES: dict[str, Variable] = {
         lambda c: c.history.energy["numerical"],
         lambda c: "numerical" in c.history.energy,
     ),
-    "energy_residual": _energy("residual", "imbalance of the energy ledger, round-off when exact"),
     "reduced_coordinates": Variable(
         ("time", "mode"),
         "m",
@@ -342,20 +315,11 @@ VARIABLES: dict[str, Variable] = {
         lambda c: c.per_joint(c.history.peaks["slip"], np.max),
         _frictional,
     ),
-    "gap_peak_opening": Variable(
-        ("gap",),
-        "m",
-        "largest opening of the gap over all steps",
-        lambda c: c.history.peaks["opening"],
-        _has_joints,
-    ),
-    "gap_peak_compression": Variable(
-        ("gap",),
-        "N",
-        "largest compressive force of the gap over all steps, compression negative",
-        lambda c: -c.history.peaks["compression"],
-        _has_joints,
-    ),
+    **{
+        written.name: _peak(name, of, written)
+        for name, of in PEAK_QUANTITIES.items()
+        for written in of.written
+    },
     **SLIDING_VARIABLES,
     **STRESS_VARIABLES,
 }

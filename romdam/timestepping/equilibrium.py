@@ -31,6 +31,7 @@ from romdam.contact.solvers.state import forget_product, make_hasty, solver_stat
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.recorded import GapArrays, new_gap_arrays
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.limit_analysis import find_collapse
@@ -78,6 +79,13 @@ class GapState:
     def acting(self) -> Floats:
         """(n, d) force on side J of contact and of that water [N]."""
         return with_water(self.force, self.water)
+
+    def recorded(self) -> GapArrays:
+        """What a run that starts here records of the gaps at its start."""
+        arrays = new_gap_arrays(*self.jump.shape)
+        arrays.jump[:], arrays.traction[:], arrays.state[:] = self.jump, self.force, self.state
+        arrays.water[: len(self.water)] = self.water
+        return arrays
 
 
 def with_water(force: Floats, water: Floats) -> Floats:
@@ -375,8 +383,8 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tupl
             f"above {tolerance:.2g}; lower the friction, give rigid joints a stiffness, "
             "or set loads.initial_state: undeformed"
         )
-    jump, force, state = np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8)
-    stored = commit_gaps(problem, memory, y, jump, force, state)[0]
+    ends = new_gap_arrays(n, d)
+    stored = commit_gaps(problem, memory, y, ends)[0]
     refuse_failed_law(problem, memory)
     p_c, slip, history = memory.force.copy(), memory.accumulated_slip.copy(), memory.history.copy()
-    return GapState(jump, force, state, p_c, slip, stored, history, memory.water.copy())
+    return GapState(ends.jump, ends.traction, ends.state, p_c, slip, stored, history, memory.water.copy())

@@ -10,6 +10,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS
+from romdam.core.recorded import GAP_QUANTITIES
 from romdam.core.system import History
 from romdam.timestepping.energy import imbalance
 from romdam.timestepping.integrators.protocol import Integrator, Outcome, Progress
@@ -87,9 +88,9 @@ def history_of(outcome: Outcome) -> History:
 
 def _finite(history: History, of: Simulation) -> Outcome:
     """The history, or the error that it is none: numbers that are not finite pass every comparison."""
+    of_gaps = {of.title: getattr(history, name) for name, of in GAP_QUANTITIES.items() if of.moved}
     series = {
-        "jump": history.jump,
-        "joint force": history.traction,
+        **of_gaps,
         "displacement": history.disp,
         "velocity": history.vel,
         "acceleration": history.acc,
@@ -99,7 +100,7 @@ def _finite(history: History, of: Simulation) -> Outcome:
         finite = np.isfinite(values)
         if not finite.all():
             row, *where = np.argwhere(~finite)[0]
-            at = f" at {of.prepared.system.law.place(int(where[0]))}" if values.ndim == 3 else ""
+            at = f" at {of.prepared.system.law.place(int(where[0]))}" if name in of_gaps else ""
             return ConvergenceError(
                 f"t = {history.time[row]:.6g} s: the {name}{at} is {values[(row, *where)]}, which is no "
                 "number, though its step had passed for converged; look for stiffnesses, densities and units "

@@ -12,6 +12,7 @@ from point_law import Gap, Past, strong
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
+from romdam.core.recorded import new_gap_arrays
 from romdam.core.system import GapLaw
 
 TOLERANCE = 1e-8
@@ -110,9 +111,9 @@ def solve(
     n, N = len(case.gap), len(case.w_free)
     y, residual = solve_step(problem, memory, case.w_free)
     assert residual <= TOLERANCE, f"not converged: {residual:.3g}"
-    jump, force, state = np.empty((n, N // n)), np.empty((n, N // n)), np.empty(n, dtype=np.uint8)
-    stored, friction, _ = commit_gaps(problem, memory, y, jump, force, state)
-    return jump, force, state, memory, stored, friction
+    gaps = new_gap_arrays(n, N // n)
+    stored, friction, _ = commit_gaps(problem, memory, y, gaps)
+    return gaps.jump, gaps.traction, gaps.state, memory, stored, friction
 
 
 def check(

@@ -8,6 +8,7 @@ from romdam.contact.problem import gap_memory
 from romdam.contact.solvers.condensation import note_sticking, release, release_sliding
 from romdam.contact.solvers.state import forget_product
 from romdam.contact.step import commit_gaps
+from romdam.core.recorded import new_gap_arrays
 
 
 def _pressed(n, seed, steps):
@@ -26,15 +27,15 @@ def _steps(case, jumps, condense):
     """(forces and condensed contacts at every step, solver state); else no contact has stuck for long."""
     problem, n = case.problem, len(case.gap)
     memory = gap_memory(problem)
-    jump, force, state = np.empty((n, 3)), np.empty((n, 3)), np.empty(n, dtype=np.uint8)
+    gaps = new_gap_arrays(n, 3)
     forces, condensed = [], []
     for w_free in jumps:
         if not condense:
             memory.solver.sticking.wait[:] = 10**9
         y, residual = solve_step(problem, memory, w_free)
         assert residual <= TOLERANCE
-        commit_gaps(problem, memory, y, jump, force, state)
-        forces.append(force.copy())
+        commit_gaps(problem, memory, y, gaps)
+        forces.append(gaps.traction.copy())
         condensed.append(int(memory.solver.sticking.counts.number))
     return np.array(forces), np.array(condensed), memory.solver
 

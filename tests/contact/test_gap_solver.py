@@ -17,6 +17,7 @@ from romdam.contact.solvers import gauss_seidel as frictional
 from romdam.contact.solvers.single_contact import solve_gap
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.errors import ConfigError
+from romdam.core.recorded import new_gap_arrays
 from romdam.core.system import OPEN, SLIP, STICK, GapLaw
 
 _SEED, _GAPS = st.integers(0, 2**31), st.integers(1, 60)
@@ -122,11 +123,13 @@ def test_within_the_step_no_gap_gives_more_than_it_took(K_n, mu):
         memory, d = gap_memory(problem), len(case.w_free) // 6
         old, before = np.zeros((6, d)), 0.0
         old[:, 0] = gap
-        jump, force, state = old.copy(), np.zeros((6, d)), np.zeros(6, dtype=np.uint8)
+        gaps = new_gap_arrays(6, d)
+        gaps.jump[:] = old
+        jump, force = gaps.jump, gaps.traction
         for _ in range(30):
             y, residual = solve_step(problem, memory, 1e-3 * rng.standard_normal(6 * d))
             assert residual <= TOLERANCE
-            stored, slid, _ = commit_gaps(problem, memory, y, jump, force, state)
+            stored, slid, _ = commit_gaps(problem, memory, y, gaps)
             taken = -(memory.force * (jump - old).ravel()).sum()
             size = np.abs(memory.force).max() * np.abs(jump - old).max() + stored
             assert slid >= -1e-7 * size
@@ -541,10 +544,7 @@ def test_no_gaps(d):
     memory = gap_memory(problem)
     y, residual = solve_step(problem, memory, np.zeros(0))
     assert residual <= TOLERANCE
-    energies = commit_gaps(
-        problem, memory, y, np.zeros((0, d)), np.zeros((0, d)), np.zeros(0, dtype=np.uint8)
-    )
-    assert energies == (0.0, 0.0, 0.0)
+    assert commit_gaps(problem, memory, y, new_gap_arrays(0, d)) == (0.0, 0.0, 0.0)
 
 
 def test_all_gaps_open_after_all_were_closed():

@@ -33,6 +33,7 @@ from romdam.contact.laws.catalogue import source_of
 from romdam.contact.problem import gap_memory, gap_problem, law_memory
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
+from romdam.core.recorded import new_gap_arrays
 from romdam.core.system import OPEN, SLIP, STICK, GapLaw, LawRows
 
 EXACT = 1e-13  # the solver's tolerance here
@@ -49,9 +50,9 @@ class OneGap:
         d = self.law.directions
         self.problem = gap_problem(self.flexibility * np.eye(d), self.law, (STEP, False))
         self.memory = gap_memory(self.problem)
-        self.jump, self.force = np.zeros((2, 1, d))
+        self.gaps = new_gap_arrays(1, d)
+        self.jump, self.force, self.state = self.gaps.jump, self.gaps.traction, self.gaps.state
         self.jump[0, 0] = self.law.gap[0]
-        self.state = np.zeros(1, dtype=np.uint8)
         self.stored = 0.0
 
     def solved(self, *free):
@@ -63,8 +64,7 @@ class OneGap:
 
     def step(self, *free):
         """(force, state) of an accepted step; force is (p_n, t_j, t_k) or (p_n,)."""
-        gaps = self.jump, self.force, self.state
-        self.stored, self.taken, _ = commit_gaps(self.problem, self.memory, self.solved(*free), *gaps)
+        self.stored, self.taken, _ = commit_gaps(self.problem, self.memory, self.solved(*free), self.gaps)
         return tuple(self.force[0]), int(self.state[0])
 
 

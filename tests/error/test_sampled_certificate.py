@@ -89,7 +89,9 @@ def test_the_windows_are_the_peak_s_and_always_the_same_other_one():
     time = np.arange(4001) * 0.01
     jump = np.zeros((4001, 2, 1))
     jump[2000, 1] = 1.0
-    history = History(time, jump, *[np.zeros(0)] * 8, {}, {}, {}, "adaptive")
+    none = np.zeros(0)
+    gaps = {"jump": jump, "traction": none, "mean_traction": none, "state": none}
+    history = History(time, none, none, none, None, {}, {}, {}, "adaptive", **gaps)
     first, other = sample_windows(history)
     assert (first.stop - first.start, other.stop - other.start) == (601, 601)
     assert first.start == 2050 - 600 and (other.stop - 1 <= first.start or other.start >= first.stop - 1)

@@ -75,8 +75,8 @@ class CentralDifferences:
         time = np.arange(len(rows)) * settings.steps.interval
         stats = {"steps": float(len(u) - 1), "finest_step": dt, "loop_cpu_seconds": 0.0}
         return History(
-            time, none, none, none, none[..., 0], disp, 0.0 * disp, 0.0 * disp,
-            Coordinates.of(rows, rows), rest, {}, stats, self.name,
+            time, disp, 0.0 * disp, 0.0 * disp, Coordinates.of(rows, rows), rest, {}, stats, self.name,
+            jump=none, traction=none, mean_traction=none, state=none[..., 0],
         )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import romdam
 from romdam.core.arrays import Floats
 from romdam.core.fingerprint import code_digest
+from romdam.core.recorded import GAP_QUANTITIES
 from romdam.core.system import ENERGY_TERMS, OPEN, SLIP, History
 from romdam.postprocess.sliding import REST, row_seconds
 from romdam.postprocess.stress.faces import HEADLINE
@@ -21,6 +22,7 @@ from romdam.results.variables import VARIABLES
 
 Place = tuple[int, int, int]  # numbers of record, scale and sample
 
+_JOINT = ("joint",)
 AT_THE_END = ", at the end"  # of the long names of what is the last of a variable over time
 _HALF = 0.5  # of a joint's area
 DONE, FAILED = 0, 1
@@ -125,13 +127,23 @@ def _at_the_end(name: str) -> Variable:
     )
 
 
+def _total(name: str) -> Variable:
+    """The sum of a variable over the gaps of each joint, at the end of the run."""
+    whole = VARIABLES[name]
+    return replace(
+        whole,
+        dims=_JOINT,
+        long_name=f"{whole.long_name}, sum over the joint{AT_THE_END}",
+        get=lambda case: case.per_joint(whole.get(case)[-1], np.sum),
+    )
+
+
 def _stat(name: str, units: str, long_name: str) -> Variable:
     return Variable(
         (), units, long_name, lambda c: np.asarray(c.history.stats[name]), lambda c: name in c.history.stats
     )
 
 
-_JOINT = ("joint",)
 _WITH_JOINTS, _WITH_SHEAR = VARIABLES["opening"].when, VARIABLES["slip"].when
 _PEAKS = (
     "peak_opening", "peak_slip", "peak_mean_compressive_stress", "peak_compression",
@@ -196,6 +208,12 @@ ROWS: dict[str, Variable] = {
         headline_stress,
         of_faces,
     ),
+    **{
+        written.name: _total(written.name)
+        for of in GAP_QUANTITIES.values()
+        for written in of.written
+        if written.total
+    },
     **{f"energy_{term}": _at_the_end(f"energy_{term}") for term in ENERGY_TERMS},
     "ledger_imbalance": _stat(
         "ledger_imbalance", "1", "largest imbalance of the energy ledger over the largest energy exchanged"

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
@@ -28,9 +28,10 @@ from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import iterations
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
-from romdam.core.arrays import Floats, record
+from romdam.core.arrays import Floats, Record, put, record, rows_like
 from romdam.core.errors import ConvergenceError
 from romdam.core.motion import Motion
+from romdam.core.recorded import GAP_QUANTITIES, GapArrays, gap_fields, new_gap_arrays
 from romdam.core.system import Complex, Coordinates, History, Rates, System
 from romdam.core.threads import cpu_time
 from romdam.linalg.factor import Factor
@@ -103,9 +104,7 @@ class _State:
     def __init__(self, system: System, q: Floats, gaps: GapState, motion: Floats) -> None:
         self.u = q
         self.v = np.zeros_like(q)
-        self.jump, self.force, self.state = gaps.jump.copy(), gaps.force.copy(), gaps.state.copy()
-        self.water = gaps.water.copy()
-        self.energies, self.impulse = record(ENERGIES), np.zeros_like(gaps.force)
+        self.gaps, self.energies = gaps.recorded(), record(ENERGIES)
         self.energies.stored = gaps.stored
         self.numerical, self.carried = 0.0, Carried.at_rest(system)
         rest = system.force - system.load @ motion + system.B.T @ gaps.acting.ravel() - system.K @ q
@@ -114,9 +113,12 @@ class _State:
         self.inertia = system.M @ self.a
 
     def begin(self) -> None:
-        """Count works and impulses from here on."""
+        """Count works and means from here on."""
         self.energies.input = self.energies.damping = self.energies.joint_work = self.energies.friction = 0.0
-        self.impulse[:], self.numerical = 0.0, 0.0
+        self.numerical = 0.0
+        for name, of in GAP_QUANTITIES.items():
+            if of.adds_up:
+                getattr(self.gaps, name)[:] = 0.0
 
 
 def _compile(problem: GapProblem) -> None:
@@ -124,7 +126,7 @@ def _compile(problem: GapProblem) -> None:
     memory, n, N = gap_memory(problem), len(problem.gap), len(problem.W)
     y, d = np.zeros(N), N // max(n, 1)
     solve_gaps(problem, memory, np.zeros(n, dtype=np.bool_), np.zeros(N), y, (1.0, False))
-    commit_gaps(problem, memory, y, np.zeros((n, d)), np.zeros((n, d)), np.zeros(n, dtype=np.uint8))
+    commit_gaps(problem, memory, y, new_gap_arrays(n, d))
 
 
 def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
@@ -139,7 +141,13 @@ def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
 
 
 def _step(
-    stepper: _Stepper, memory: GapMemory, state: _State, motion: Floats, carried: Carried, tolerance: float
+    stepper: _Stepper,
+    memory: GapMemory,
+    state: _State,
+    motion: Floats,
+    carried: Carried,
+    tolerance: float,
+    interval: float,
 ) -> float:
     """Advance one step in place; the relative residual of the gap-space problem.
 
@@ -147,6 +155,7 @@ def _step(
     ----------
     motion : (k, 2) what the columns of the load follow, at both ends of the step
     carried : jumps that moving supports make at its end
+    interval : of the written rows [s]
     """
     s, dt, system = stepper.scheme, stepper.dt, stepper.system
     u_old, v_old, inertia_old = state.u, state.v, state.inertia
@@ -159,19 +168,17 @@ def _step(
     right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
     w_free = stepper.operator @ u_star + s.beta * dt**2 * (stepper.X.T @ right) + carried.jump
     y = np.empty(len(w_free))
-    residual = float(solve_gaps(stepper.problem, memory, state.state > 0, w_free, y, (tolerance, False)))
+    residual = float(solve_gaps(stepper.problem, memory, state.gaps.state > 0, w_free, y, (tolerance, False)))
     if not residual <= tolerance:
         return residual
-    jump_old = state.jump.copy()
-    energies = state.energies
-    gaps = state.jump, state.force, state.state
-    energies.stored, friction, fed = commit_gaps(stepper.problem, memory, y, *gaps)
-    state.water = memory.water.copy()
-    acting = with_water(memory.force.reshape(state.force.shape), state.water)
-    acting[:, NORMAL] -= stepper.problem.tension * state.jump[:, NORMAL]
+    gaps, energies = state.gaps, state.energies
+    jump_old = gaps.jump.copy()
+    energies.stored, friction, fed = commit_gaps(stepper.problem, memory, y, gaps)
+    acting = with_water(memory.force.reshape(gaps.jump.shape), memory.water)
+    acting[:, NORMAL] -= stepper.problem.tension * gaps.jump[:, NORMAL]
     right += stepper.operator.T @ acting.ravel()
     state.a = stepper.factor.solve(right)
-    state.impulse += dt * acting
+    gaps.mean_traction[:] += dt / interval * acting
     state.u = u_star + s.beta * dt**2 * state.a
     state.v = v_star + s.gamma * dt * state.a
     state.inertia = system.M @ state.a
@@ -179,7 +186,7 @@ def _step(
     damping = system.damping_force(rate)
     energies.input += float((system.force - system.load @ motion.mean(axis=1)) @ moved) + fed
     energies.damping += dt * float(rate @ damping)
-    energies.joint_work += float((acting * (state.jump - jump_old)).sum()) - fed
+    energies.joint_work += float((acting * (gaps.jump - jump_old)).sum()) - fed
     energies.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
     state.carried = carried
     energies.friction += friction
@@ -207,6 +214,32 @@ def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, motion: 
     return float(taken)
 
 
+class _Recorded(NamedTuple):
+    """What a row of the histories holds.
+
+    Attributes
+    ----------
+    gaps : of the gaps, the jumps at their positions
+    memory : (L, n, s) what the gaps' further laws keep
+    disp, vel, acc : (3 * number of probes,)
+    u, v : (n,) unknowns and their rates; empty at full order
+    energies : `romdam.timestepping.energy.ENERGIES` [J]
+    kinetic, strain, numerical : energies of the blocks, and taken by the scheme since the start [J]
+    """
+
+    gaps: GapArrays
+    memory: Floats
+    disp: Floats
+    vel: Floats
+    acc: Floats
+    u: Floats
+    v: Floats
+    energies: Record
+    kinetic: Floats
+    strain: Floats
+    numerical: Floats
+
+
 class _Rows:
     """Histories at the written steps, and peaks over all steps."""
 
@@ -214,70 +247,62 @@ class _Rows:
         self, system: System, state: _State, steps: Steps, samples: int, gaps: tuple[GapProblem, GapMemory]
     ) -> None:
         self.system, self.steps, (self.problem, self.gap_memory) = system, steps, gaps
-        rows, probes = (samples - 1) // steps.stride + 1, system.observe.shape[0]
-        self.jump = np.zeros((rows, *state.jump.shape))
-        self.force = np.zeros((rows, *state.force.shape))
-        self.water = np.zeros((rows, len(state.water)))
-        self.memory = np.zeros((rows, *self.gap_memory.history.shape))
-        self.gap_state = np.zeros((rows, len(state.state)), dtype=np.uint8)
-        self.impulse = np.zeros_like(self.force)
-        self.disp, self.vel, self.acc = np.zeros((3, rows, probes))
-        self.energies = np.zeros(rows, ENERGIES)
-        self.unknowns = np.zeros((2, rows, system.size)) if system.reduced else None
-        self.kinetic, self.strain, self.numerical = np.zeros((3, rows))
-        self.peaks = first_peaks(self._at_points(state), state.force)
+        self.rows = rows_like(self._recorded(state), (samples - 1) // steps.stride + 1)
+        self.peaks = first_peaks(self._at_points(state), state.gaps.traction)
         self._write(state, 0)
 
     def keep(self, state: _State, step: int) -> None:
         """Update the peaks, and write the row if the step has one."""
-        raise_peaks(self.peaks, first_peaks(self._at_points(state), state.force), step * self.steps.base)
+        now = first_peaks(self._at_points(state), state.gaps.traction)
+        raise_peaks(self.peaks, now, step * self.steps.base)
         if step % self.steps.stride == 0:
             self._write(state, step // self.steps.stride)
 
     def _at_points(self, state: _State) -> Floats:
         """Jumps at the gaps' very positions (ng, d)."""
-        more = self.system.at_point
-        if more is None:
-            return state.jump
-        return state.jump + (more @ state.u + state.carried.more).reshape(state.jump.shape)
+        more, jump = self.system.at_point, state.gaps.jump
+        return jump if more is None else jump + (more @ state.u + state.carried.more).reshape(jump.shape)
+
+    def _recorded(self, state: _State) -> _Recorded:
+        system = self.system
+        unknowns = slice(None) if system.reduced else slice(0)
+        return _Recorded(
+            gaps=GapArrays(**gap_fields(state.gaps) | {"jump": self._at_points(state)}),
+            memory=self.gap_memory.history,
+            disp=system.observe @ state.u,
+            vel=system.observe @ state.v,
+            acc=system.observe @ state.a,
+            u=state.u[unknowns],
+            v=state.v[unknowns],
+            energies=state.energies,
+            kinetic=0.5 * (state.v @ (system.M @ state.v)),
+            strain=0.5 * (state.u @ (system.K @ state.u)),
+            numerical=np.array(state.numerical),
+        )
 
     def _write(self, state: _State, row: int) -> None:
-        system = self.system
-        self.jump[row], self.force[row] = self._at_points(state), state.force
-        self.gap_state[row], self.water[row] = state.state, state.water
-        self.memory[row] = self.gap_memory.history
-        self.impulse[row], state.impulse = state.impulse, np.zeros_like(state.impulse)
-        for kept, field in zip((self.disp, self.vel, self.acc), (state.u, state.v, state.a), strict=True):
-            kept[row] = system.observe @ field
-        self.energies[row] = state.energies
-        if self.unknowns is not None:
-            self.unknowns[:, row] = state.u, state.v
-        self.kinetic[row] = 0.5 * float(state.v @ (system.M @ state.v))
-        self.strain[row] = 0.5 * float(state.u @ (system.K @ state.u))
-        self.numerical[row] = state.numerical
+        put(self.rows, row, self._recorded(state))
+        state.gaps.mean_traction[:] = 0.0
 
     def history(self, stats: dict[str, float]) -> History:
         """The finished history."""
+        rows, gaps = self.rows, self.rows.gaps
         strength, bonded = shear_strength(
-            self.system.law.mu, self.problem.laws, self.memory, self.jump[..., NORMAL], self.force
+            self.system.law.mu, self.problem.laws, rows.memory, gaps.jump[..., NORMAL], gaps.traction
         )
         return History(
-            time=np.arange(len(self.jump), dtype=np.float64) * self.steps.interval,
-            jump=self.jump,
-            traction=self.force,
-            water=self.water,
-            mean_traction=self.impulse / self.steps.interval,
-            state=self.gap_state,
-            disp=self.disp,
-            vel=self.vel,
-            acc=self.acc,
-            coordinates=None if self.unknowns is None else Coordinates.of(*self.unknowns),
-            energy=ledger(self.energies, self.kinetic, self.strain, self.numerical),
+            **gap_fields(gaps),
+            strength=strength,
+            bonded=bonded,
+            time=np.arange(len(gaps.jump), dtype=np.float64) * self.steps.interval,
+            disp=rows.disp,
+            vel=rows.vel,
+            acc=rows.acc,
+            coordinates=Coordinates.of(rows.u, rows.v) if self.system.reduced else None,
+            energy=ledger(rows.energies, rows.kinetic, rows.strain, rows.numerical),
             peaks=named_peaks(self.peaks),
             stats=stats,
             integrator=GeneralizedAlpha.name,
-            strength=strength,
-            bonded=bonded,
         )
 
 
@@ -347,8 +372,8 @@ class GeneralizedAlpha:
         def advance(n: int) -> float:
             end = None if added is None else added[max(n + 1, 0)]
             carried = state.carried.after(supports[:, lead + n + 1], end)
-            ends = motion[:, lead + n : lead + n + 2]
-            residual = _step(stepper, memory, state, ends, carried, tolerance)
+            ends, interval = motion[:, lead + n : lead + n + 2], settings.steps.interval
+            residual = _step(stepper, memory, state, ends, carried, tolerance, interval)
             place = system.law.place(int(memory.failure.gap))
             if failed := failed_law(stepper.problem.laws, memory, place):
                 raise ConvergenceError(failed)

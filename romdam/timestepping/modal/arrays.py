@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.solvers.state import SolverState
 from romdam.core.arrays import Floats, Ints, Record, record_type
+from romdam.core.recorded import GapArrays
 from romdam.timestepping.modal.propagator import Propagator
 
 BASE = 0  # the level of the base step
@@ -107,42 +108,50 @@ class Batch(NamedTuple):
     solver: SolverState
 
 
+class Recorded(NamedTuple):
+    """What a row of the histories holds; every array of it is copied into the row.
+
+    Attributes
+    ----------
+    q, v : (m,) modal displacement and velocity
+    s : (N,) relaxed joint force, or empty [N]
+    gaps : of the gaps; `mean_traction` is the mean so far over the writing interval, of which what is still
+        to come counts as zero
+    memory : (L, n, s) what the gaps' further laws keep, the `history` of `GapMemory` itself
+    energies : `romdam.timestepping.energy.ENERGIES` [J]
+    """
+
+    q: Floats
+    v: Floats
+    s: Floats
+    gaps: GapArrays
+    memory: Floats
+    energies: Record
+
+
 class ModalState(NamedTuple):
     """State at the last accepted step; changed in place. The leading axis of runs is left out below.
 
     Attributes
     ----------
-    q, v : (m,) modal displacement and velocity
+    recorded : what is written
     f : (m,) external modal force
-    s, u_r : (N,) relaxed joint force and the jump it makes, R s [N], [m]
-    jump, force : (n, d) of the gaps
-    water : (n,) force of the water that laws put into the gaps; empty without further laws [N]
+    u_r : (N,) jump that the relaxed joint force makes, R s [m]
     mean : (N,) joint force that acted over the last step [N]
     w : (N,) jump of the states, G q (conserving only) [m]
-    state : (n,) of the gaps
     closed : (n,) closed gaps
     slip_rate : (n, 2) mean over the last step along j and k; empty without shear [m/s]
-    impulse : (n, d) time integral of the joint force since the last row [N s]
-    energies : `romdam.timestepping.energy.ENERGIES` [J]
     tries : `TRIES`: steps accepted and refused, largest relative residual of the gap-space problem
     peaks : (n,) `romdam.timestepping.peaks.PEAKS`, over every step
     """
 
-    q: Floats
-    v: Floats
+    recorded: Recorded
     f: Floats
-    s: Floats
     u_r: Floats
-    jump: Floats
-    force: Floats
-    water: Floats
     mean: Floats
     w: Floats
-    state: NDArray[np.uint8]
     closed: NDArray[np.bool_]
     slip_rate: Floats
-    impulse: Floats
-    energies: Record
     tries: Record
     peaks: Record
 
@@ -180,31 +189,16 @@ class Work(NamedTuple):
 
 
 class HistoryBuffer(NamedTuple):
-    """Rows of the histories: one per written base step, the runs one after another.
+    """The histories' rows.
 
     Attributes
     ----------
     stride : base steps per row
-    q, v : (rows, m)
-    s : (rows, N)
-    jump, force, impulse : (rows, n, d)
-    water : (rows, n) or (rows, 0)
-    state : (rows, n)
-    memory : (rows, L, n, s) what the gaps' further laws keep
-    energies : (rows,) `romdam.timestepping.energy.ENERGIES` [J]
+    rows : one per written base step, the runs one after another
     """
 
     stride: int
-    q: Floats
-    v: Floats
-    s: Floats
-    jump: Floats
-    force: Floats
-    water: Floats
-    impulse: Floats
-    state: NDArray[np.uint8]
-    memory: Floats
-    energies: Record
+    rows: Recorded
 
 
 class Arrays(NamedTuple):
@@ -220,7 +214,7 @@ class Arrays(NamedTuple):
 
 def new_work(states: ModalState, shifted: bool) -> Work:
     """Make the vectors of the loop; `shifted` where jumps are added."""
-    (runs, m), N = states.q.shape, states.mean.shape[1]
+    (runs, m), N = states.f.shape, states.mean.shape[1]
     f_0, f_end, f_1, q_free, r = np.zeros((5, runs, m))
     w, y, old_force, moved = np.zeros((4, runs, N))
     return Work(

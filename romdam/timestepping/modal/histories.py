@@ -8,28 +8,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Floats, at
+from romdam.core.recorded import gap_fields
 from romdam.core.system import Coordinates, History, System
 from romdam.timestepping.energy import ledger
 from romdam.timestepping.equilibrium import with_water
-from romdam.timestepping.modal.arrays import HistoryBuffer, ModalModel
+from romdam.timestepping.modal.arrays import ModalModel, Recorded
 from romdam.timestepping.modal.mode_split import ModeSplit
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 
 _DENSE = 0.1  # share of entries from which on a dense product is quicker: 15 times with all, 7 with a third
-ROWS = tuple(name for name in HistoryBuffer._fields if name != "stride")
-
-
-def some_rows(buffer: HistoryBuffer, rows: slice) -> HistoryBuffer:
-    """Views of some rows."""
-    return buffer._replace(**{name: getattr(buffer, name)[rows] for name in ROWS})
 
 
 def history_of_rows(
     prepared: Prepared,
     arrays: tuple[ModalModel, ModeSplit],
-    buffer: HistoryBuffer,
+    rows: Recorded,
     acc: Floats,
     settings: Settings,
 ) -> History:
@@ -37,32 +32,28 @@ def history_of_rows(
 
     Parameters
     ----------
-    buffer : its rows
+    rows : its own
     acc : (loads, nt) what shakes the model in them
     """
     (_, split), system = arrays, prepared.system
     coordinates, energy = None, dict[str, Floats]()
-    time = np.arange(len(buffer.q), dtype=np.float64) * settings.steps.interval
+    time = np.arange(len(rows.q), dtype=np.float64) * settings.steps.interval
     follows = acc.T.copy()
     follows[:1] = 0.0  # the first row is the state that the run begins in
-    jump = _at_points(prepared, split, buffer, follows)
+    jump = _at_points(prepared, split, rows, follows)
     if settings.only_jumps:
-        buffer, acc, follows = some_rows(buffer, slice(0)), acc[:, :0], follows[:0]
+        rows, acc, follows = at(rows, slice(0)), acc[:, :0], follows[:0]
     else:
-        coordinates = Coordinates(partial(_whole_motion, system, split, buffer, follows))
-        kinetic = 0.5 * (buffer.v**2).sum(axis=1)
-        energy = ledger(buffer.energies, kinetic, _strain(system, arrays, buffer))
+        coordinates = Coordinates(partial(_whole_motion, system, split, rows, follows))
+        kinetic = 0.5 * (rows.v**2).sum(axis=1)
+        energy = ledger(rows.energies, kinetic, _strain(system, arrays, rows))
     seen = _observed(prepared, split, "observe")
     return History(
+        **gap_fields(rows.gaps) | {"jump": jump},
         time=time,
-        jump=jump,
-        traction=buffer.force,
-        water=buffer.water,
-        mean_traction=buffer.impulse / settings.steps.interval,
-        state=buffer.state,
-        disp=seen.displacement(buffer, follows),
-        vel=buffer.v @ seen.states.T,
-        acc=_observed_acceleration(system, arrays, buffer, acc),
+        disp=seen.displacement(rows, follows),
+        vel=rows.v @ seen.states.T,
+        acc=_observed_acceleration(system, arrays, rows, acc),
         coordinates=coordinates,
         energy=energy,
         peaks={},
@@ -87,11 +78,11 @@ class _Observed(NamedTuple):
     rest: Floats
     ground: Floats
 
-    def displacement(self, buffer: HistoryBuffer, acc: Floats) -> Floats:
+    def displacement(self, rows: Recorded, acc: Floats) -> Floats:
         """(nt, r) in the rows, the ground's acceleration in them (nt, loads)."""
-        disp = buffer.q @ self.states.T + self.rest
+        disp = rows.q @ self.states.T + self.rest
         if self.forces.any():
-            disp += buffer.s @ self.forces
+            disp += rows.s @ self.forces
         if self.ground.any():
             disp += acc @ self.ground
         return np.asarray(disp)
@@ -119,56 +110,56 @@ def _make_observed(system: System, split: ModeSplit, name: str) -> _Observed:
     return _Observed(states, forces, system.force[split.quasi_static] @ flexible, ground)
 
 
-def _at_points(prepared: Prepared, split: ModeSplit, buffer: HistoryBuffer, acc: Floats) -> Floats:
+def _at_points(prepared: Prepared, split: ModeSplit, rows: Recorded, acc: Floats) -> Floats:
     """Jumps at the gaps' very positions."""
     if prepared.system.at_point is None:
-        return buffer.jump
-    more = _observed(prepared, split, "at_point").displacement(buffer, acc)
-    return buffer.jump + more.reshape(buffer.jump.shape)
+        return rows.gaps.jump
+    more = _observed(prepared, split, "at_point").displacement(rows, acc)
+    return rows.gaps.jump + more.reshape(rows.gaps.jump.shape)
 
 
 def _whole_motion(
-    system: System, split: ModeSplit, buffer: HistoryBuffer, acc: Floats, rows: slice
+    system: System, split: ModeSplit, every: Recorded, acc: Floats, chosen: slice
 ) -> tuple[Floats, Floats]:
     """All modes' displacements and velocities; quasi-static ones answer joint forces and the ground.
 
     Parameters
     ----------
-    acc : (nt, loads) ground acceleration in the rows of the buffer
+    acc : (nt, loads) ground acceleration in every row
     """
-    buffer = some_rows(buffer, rows)
-    q, v = np.zeros((len(buffer.q), system.size)), np.zeros((len(buffer.q), system.size))
-    q[:, split.dynamic], v[:, split.dynamic] = buffer.q * split.taper, buffer.v * split.taper
+    rows = at(every, chosen)
+    q, v = np.zeros((len(rows.q), system.size)), np.zeros((len(rows.q), system.size))
+    q[:, split.dynamic], v[:, split.dynamic] = rows.q * split.taper, rows.v * split.taper
     tapered = np.flatnonzero(split.taper < 1.0)
     if len(tapered):
         k = system.K.diagonal()[split.dynamic[tapered]]
         left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k
-        q[:, split.dynamic[tapered]] += buffer.s @ (split.G[:, tapered] * left)
+        q[:, split.dynamic[tapered]] += rows.s @ (split.G[:, tapered] * left)
     if len(split.quasi_static):
         k = system.K.diagonal()[split.quasi_static]
-        q[:, split.quasi_static] = (buffer.s @ split.G_quasi + system.force[split.quasi_static]) / k
-        q[:, split.quasi_static] += acc[rows] @ split.ground_answer(system).T
+        q[:, split.quasi_static] = (rows.s @ split.G_quasi + system.force[split.quasi_static]) / k
+        q[:, split.quasi_static] += acc[chosen] @ split.ground_answer(system).T
     return q, v
 
 
 def _observed_acceleration(
-    system: System, arrays: tuple[ModalModel, ModeSplit], buffer: HistoryBuffer, acc: Floats
+    system: System, arrays: tuple[ModalModel, ModeSplit], rows: Recorded, acc: Floats
 ) -> Floats:
     """(nt, r) of the dynamic modes alone, from their equations of motion."""
     model, split = arrays
     k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
     seen = system.observe.toarray().T[split.dynamic]
     rate = model.static @ seen - acc.T @ (system.load[split.dynamic].T @ seen)
-    force = with_water(buffer.force, buffer.water)
+    force = with_water(rows.gaps.traction, rows.gaps.water)
     rate += force.reshape(len(force), len(split.G)) @ (split.G @ seen)
-    rate -= buffer.v @ (c[:, None] * seen) + buffer.q @ (k[:, None] * seen)
+    rate -= rows.v @ (c[:, None] * seen) + rows.q @ (k[:, None] * seen)
     return np.asarray(rate)
 
 
-def _strain(system: System, arrays: tuple[ModalModel, ModeSplit], buffer: HistoryBuffer) -> Floats:
+def _strain(system: System, arrays: tuple[ModalModel, ModeSplit], rows: Recorded) -> Floats:
     """(nt,) strain energy of the states and of the relaxed flexibility [J]."""
     model, split = arrays
-    strain = 0.5 * (buffer.q**2) @ system.K.diagonal()[split.dynamic]
+    strain = 0.5 * (rows.q**2) @ system.K.diagonal()[split.dynamic]
     if len(model.R):
-        strain += 0.5 * np.einsum("ti,ti->t", buffer.s @ model.R, buffer.s)
+        strain += 0.5 * np.einsum("ti,ti->t", rows.s @ model.R, rows.s)
     return np.asarray(strain)

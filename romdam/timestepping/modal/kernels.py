@@ -204,13 +204,9 @@ def add_carried(
 @njit(cache=True, **_SUMS, forceinline=True)
 def free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats) -> None:
     """Displacement at the step's end without joint force."""
+    q, v = state.recorded.q, state.recorded.v
     for j in range(len(q_free)):
-        q_free[j] = (
-            step.q_q[j] * state.q[j]
-            + step.q_v[j] * state.v[j]
-            + step.q_0[j] * state.f[j]
-            + step.q_1[j] * f_1[j]
-        )
+        q_free[j] = step.q_q[j] * q[j] + step.q_v[j] * v[j] + step.q_0[j] * state.f[j] + step.q_1[j] * f_1[j]
 
 
 @njit(cache=True, **_SUMS, forceinline=True)
@@ -228,7 +224,7 @@ def advance(
     q_free : (m,) displacement at the step's end without joint force
     """
     (f_1, r), m = force, len(q_free)
-    q, v, f = state.q, state.v, state.f
+    q, v, f = state.recorded.q, state.recorded.v, state.f
     work, joint, loss = 0.0, 0.0, 0.0
     rate, A, D, q_p = 1.0 / step.dt, step.moment, step.loss, step.q_p
     for j in range(m):
@@ -259,9 +255,9 @@ def relax(model: ModalModel, state: ModalState, decay: float, goal: Floats) -> t
     decay : exp(-step / tau)
     goal : (N,) R p, p the joint force of the step
     """
-    s, u_r, N = state.s, state.u_r, len(goal)
+    s, u_r, N = state.recorded.s, state.u_r, len(goal)
     conserving = model.conserving is not None
-    p = state.force.ravel() if conserving else state.mean
+    p = state.recorded.gaps.traction.ravel() if conserving else state.mean
     work, loss = 0.0, 0.0
     for i in range(N):
         new = decay * u_r[i] + (1.0 - decay) * goal[i]

@@ -27,8 +27,9 @@ from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import shear_limits, slides
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import commit_gaps, solve_gaps
-from romdam.core.arrays import PLACE, Floats, at
+from romdam.core.arrays import PLACE, Floats, Record, at, put
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
+from romdam.core.recorded import GapArrays
 from romdam.core.system import STICK
 from romdam.timestepping.modal.arrays import (
     BASE,
@@ -84,32 +85,16 @@ def _gaps_of(levels: StepHierarchy, runs: Batch, run: int) -> tuple[GapProblem, 
 
 
 @njit(cache=True)
-def _raise_peaks(state: ModalState, time: float) -> None:
-    for i in range(len(state.jump)):
-        peak = state.peaks[i]
-        if state.jump[i, NORMAL] > peak.opening:
-            peak.opening = state.jump[i, NORMAL]
+def _raise_peaks(peaks: Record, gaps: GapArrays, time: float) -> None:
+    for i in range(len(peaks)):
+        peak, opening = peaks[i], gaps.jump[i, NORMAL]
+        if opening > peak.opening:
+            peak.opening = opening
             peak.opening_time = time
-        peak.compression = max(peak.compression, state.force[i, NORMAL])
-        if state.jump.shape[1] == 3:
-            slip = np.sqrt(state.jump[i, SHEAR_J] ** 2 + state.jump[i, SHEAR_K] ** 2)
+        peak.compression = max(peak.compression, gaps.traction[i, NORMAL])
+        if gaps.jump.shape[1] == 3:
+            slip = np.sqrt(gaps.jump[i, SHEAR_J] ** 2 + gaps.jump[i, SHEAR_K] ** 2)
             peak.slip = max(peak.slip, slip)
-
-
-@njit(**ARRAYS)
-def _record(buffer: HistoryBuffer, state: ModalState, memory: Floats, row: int) -> None:
-    """Copy the state into a row of the history, and begin a new impulse."""
-    copy(state.q, buffer.q[row])
-    copy(state.v, buffer.v[row])
-    copy(state.s, buffer.s[row])
-    copy(state.jump.ravel(), buffer.jump[row].ravel())
-    copy(state.force.ravel(), buffer.force[row].ravel())
-    copy(state.water, buffer.water[row])
-    copy(state.state, buffer.state[row])
-    copy(state.impulse.ravel(), buffer.impulse[row].ravel())
-    copy(memory.ravel(), buffer.memory[row].ravel())
-    buffer.energies[row] = state.energies
-    state.impulse[:] = 0.0
 
 
 @njit(cache=True, inline="always")
@@ -188,7 +173,7 @@ def _shears_steadily(
         return True
     for i in range(n):
         counts = state.closed[i] and memory.force[3 * i + NORMAL] > -memory.limits.tension[i]
-        if counts and problem.compliance[3 * i + SHEAR_J] == 0.0 and state.state[i] == STICK:
+        if counts and problem.compliance[3 * i + SHEAR_J] == 0.0 and state.recorded.gaps.state[i] == STICK:
             counts = _slides(memory, i)
         change[3 * i + NORMAL] = 0.0
         for b in range(3 * i + SHEAR_J, 3 * i + SHEAR_K + 1):
@@ -292,8 +277,9 @@ def _accept(
 ) -> None:
     """Commit the gaps of a solved step."""
     problem, memory = _gaps_of(levels, runs, run)
-    stored, friction, fed = commit_gaps(problem, memory, work.y[run], state.jump, state.force, state.state)
-    changed, d = False, state.force.shape[1]
+    gaps, energies = state.recorded.gaps, state.recorded.energies
+    stored, friction, fed = commit_gaps(problem, memory, work.y[run], gaps)
+    changed, d = False, gaps.jump.shape[1]
     for i in range(len(state.closed)):
         closed = memory.force[PLACE(d * i)] > -memory.limits.tension[i]
         changed = changed or closed != state.closed[i]
@@ -313,15 +299,14 @@ def _accept(
         for b in range(len(state.mean)):
             state.mean[b] = memory.force[b]
         for i in range(len(problem.tension) if len(problem.tension_transform) else 0):
-            state.mean[PLACE(d * i)] -= problem.tension[i] * state.jump[i, NORMAL]
+            state.mean[PLACE(d * i)] -= problem.tension[i] * gaps.jump[i, NORMAL]
     for i in range(len(memory.water)):
-        state.water[i] = memory.water[i]
         state.mean[d * i] += memory.water[i]
     runs.clock[run].calm_steps = 0 if changed else runs.clock[run].calm_steps + 1
-    state.energies.friction += friction
-    state.energies.stored = stored
-    state.energies.input += fed
-    state.energies.joint_work -= fed
+    energies.friction += friction
+    energies.stored = stored
+    energies.input += fed
+    energies.joint_work -= fed
 
 
 @njit(cache=True, inline="always")
@@ -337,9 +322,15 @@ def _refuse(runs: Batch, state: ModalState, run: int, finest: int, residual: flo
 
 @njit(cache=True, inline="always")
 def _move(
-    model: ModalModel, levels: StepHierarchy, runs: Batch, state: ModalState, work: Work, run: int
+    model: ModalModel,
+    levels: StepHierarchy,
+    runs: Batch,
+    state: ModalState,
+    work: Work,
+    stride: int,
+    run: int,
 ) -> None:
-    """Modes, residual flexibility, works and peaks of a run at the end of its accepted step."""
+    """Modes, residual flexibility, works, mean forces and peaks of a run at the end of its accepted step."""
     step, l, variant = _step_of(levels, runs, run), runs.clock[run].level, runs.variant[run].step
     dt = step.dt
     input_, joint, loss = advance(step, state, (work.f_1[run], work.r[run]), work.q_free[run])
@@ -347,7 +338,7 @@ def _move(
         joint_r, loss_r = relax(model, state, levels.decay[variant, l], work.w[run])
         joint += joint_r
         loss += loss_r
-    energies = state.energies
+    gaps, energies = state.recorded.gaps, state.recorded.energies
     shift, last = work.shift[run], work.last_shift[run]
     for i in range(len(shift)):  # the ground does what work the joint force does on what it moves alone
         carried = state.mean[i] * (shift[i] - last[i])
@@ -357,11 +348,12 @@ def _move(
     energies.input += input_
     energies.damping += loss
     energies.joint_work += joint
-    impulse = state.impulse.reshape(state.impulse.size)
-    for b in range(len(impulse)):
-        impulse[b] += dt * state.mean[b]
+    share = dt / (stride * levels.step.dt[variant, BASE])  # of the writing interval
+    mean = gaps.mean_traction.reshape(gaps.mean_traction.size)
+    for b in range(len(mean)):
+        mean[b] += share * state.mean[b]
     base_steps = runs.clock[run].base_steps + _reach(levels, runs, run)
-    _raise_peaks(state, levels.step.dt[variant, BASE] * base_steps)
+    _raise_peaks(state.peaks, gaps, levels.step.dt[variant, BASE] * base_steps)
 
 
 @njit(cache=True, inline="always")
@@ -386,7 +378,8 @@ def _advance_clock(
     clock.base_steps += 1
     if clock.base_steps % buffer.stride == 0:
         row = runs.rows[run] + clock.base_steps // buffer.stride
-        _record(buffer, state, runs.memory.history[run], row)
+        put(buffer.rows, row, state.recorded)
+        state.recorded.gaps.mean_traction[:] = 0.0
     if clock.base_steps < runs.last[run]:
         _open_base_step(model, runs, work, run)
 
@@ -431,11 +424,12 @@ def _step_all_runs(
     moved = work.accepted[:accepted]
     modal_forces(model.tiles, model.values, moved, states.mean, work.r)
     if len(model.R):
-        acted = states.force.reshape(states.mean.shape) if model.conserving is not None else states.mean
+        ends = states.recorded.gaps.traction.reshape(states.mean.shape)
+        acted = ends if model.conserving is not None else states.mean
         residual_jumps(model.R, moved, acted, work.w)
     for a in range(accepted):
         state = at(states, moved[a])
-        _move(model, levels, runs, state, work, moved[a])
+        _move(model, levels, runs, state, work, buffer.stride, moved[a])
         _advance_clock(model, levels, runs, state, work, buffer, moved[a])
 
 

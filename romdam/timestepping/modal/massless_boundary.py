@@ -93,8 +93,9 @@ def try_conserving(
     if conserving is None:
         return np.inf
     (problem, memory), (w_free, shift, y), (tolerance, _) = gaps, jumps, control
-    p_0 = state.force.ravel()
-    before = _elastic(model, problem, memory.force, p_0, state.jump.ravel())
+    ends = state.recorded.gaps
+    p_0 = ends.traction.ravel()
+    before = _elastic(model, problem, memory.force, p_0, ends.jump.ravel())
     correction, p_1, g_1 = np.zeros_like(p_0), np.zeros_like(p_0), np.zeros_like(p_0)
     old_force = memory.force.copy()
     residual, w_1 = 0.0, w_free.copy()

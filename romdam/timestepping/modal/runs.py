@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory
 from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
 from romdam.contact.strength import shear_strength
-from romdam.core.arrays import Floats, Ints, Record, at
+from romdam.core.arrays import Floats, Ints, Record, at, put, rows_like, stacked
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import System
 from romdam.core.threads import cpu_time
@@ -32,10 +31,11 @@ from romdam.timestepping.modal.arrays import (
     HistoryBuffer,
     ModalModel,
     ModalState,
+    Recorded,
     StepHierarchy,
     new_work,
 )
-from romdam.timestepping.modal.histories import ROWS, history_of_rows, some_rows
+from romdam.timestepping.modal.histories import history_of_rows
 from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
     ModeSplit,
@@ -140,9 +140,10 @@ def _arrays(
     states = _states((model, split), starts, runs)
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
-    buffer = _history_buffer(states, settings.steps.stride, runs)
+    stride = settings.steps.stride
+    rows = rows_like(at(states.recorded, 0), int(sum(runs.last // stride + 1)))
     added = len(model.shift) > 0 or len(model.ground_jump) > 0 or model.carried is not None
-    arrays = Arrays(model, levels, runs, states, new_work(states, added), buffer)
+    arrays = Arrays(model, levels, runs, states, new_work(states, added), HistoryBuffer(stride, rows))
     _begin(arrays)
     return arrays
 
@@ -169,9 +170,7 @@ def _constant(
 def _begin(arrays: Arrays) -> None:
     """Write the first row of every run, and bring the external force at both ends of its first base step."""
     model, runs, states, work = arrays.model, arrays.runs, arrays.states, arrays.work
-    now = states._asdict() | {"memory": runs.memory.history}
-    for name in ROWS:
-        getattr(arrays.buffer, name)[runs.rows] = now[name]
+    put(arrays.buffer.rows, runs.rows, states.recorded)
     work.f_0[:] = states.f
     work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
     for jumps, sample in ((work.start_shift, 0 * runs.last), (work.end_shift, np.minimum(runs.last, 1))):
@@ -242,52 +241,30 @@ def _peak_velocity(of: Simulation, step: float) -> float:
 def _states(arrays: tuple[ModalModel, ModeSplit], starts: Sequence[Initial], runs: Batch) -> ModalState:
     model, split = arrays
     q = np.stack([start.q[split.dynamic] for start in starts])
-    gaps = [start.gaps for start in starts]
-    jump, force = np.stack([gap.jump for gap in gaps]), np.stack([gap.force for gap in gaps])
-    state = np.stack([gap.state for gap in gaps])
-    p = np.stack([gap.acting for gap in gaps]).reshape(len(gaps), -1)
+    gaps = stacked([start.gaps.recorded() for start in starts])
+    p = np.stack([start.gaps.acting for start in starts]).reshape(len(starts), -1)
     relaxed = len(model.R) > 0
-    energies = np.zeros(len(gaps), ENERGIES)
-    energies["stored"] = [gap.stored for gap in gaps]
-    return ModalState(
+    energies = np.zeros(len(starts), ENERGIES)
+    energies["stored"] = [start.gaps.stored for start in starts]
+    _, n, d = gaps.jump.shape
+    recorded = Recorded(
         q=q,
         v=np.stack([start.v[split.dynamic] for start in starts]),
-        f=_external_force(model, runs.acc[:, runs.samples]),
         s=p.copy() if relaxed else p[:, :0].copy(),
+        gaps=gaps,
+        memory=runs.memory.history,
+        energies=energies,
+    )
+    return ModalState(
+        recorded=recorded,
+        f=_external_force(model, runs.acc[:, runs.samples]),
         u_r=p @ model.R if relaxed else p[:, :0].copy(),
-        jump=jump,
-        force=force,
-        water=np.stack([gap.water for gap in gaps]),
         mean=p.copy(),
         w=q @ split.G.T,
-        state=state,
-        closed=state > 0,
-        slip_rate=np.zeros((len(gaps), jump.shape[1] if jump.shape[2] > 1 else 0, 2)),
-        impulse=np.zeros_like(force),
-        energies=energies,
-        tries=np.zeros(len(gaps), TRIES),
-        peaks=np.stack([first_peaks(gap.jump, gap.force) for gap in gaps]),
-    )
-
-
-def _history_buffer(states: ModalState, stride: int, runs: Batch) -> HistoryBuffer:
-    rows = int(sum(runs.last // stride + 1))
-
-    def kept(values: NDArray[Any]) -> NDArray[Any]:
-        return np.zeros((rows, *values.shape[1:]), dtype=values.dtype)
-
-    return HistoryBuffer(
-        stride=stride,
-        q=kept(states.q),
-        v=kept(states.v),
-        s=kept(states.s),
-        jump=kept(states.jump),
-        force=kept(states.force),
-        water=kept(states.water),
-        impulse=kept(states.impulse),
-        state=kept(states.state),
-        memory=kept(runs.memory.history),
-        energies=kept(states.energies),
+        closed=gaps.state > 0,
+        slip_rate=np.zeros((len(starts), n if d > 1 else 0, 2)),
+        tries=np.zeros(len(starts), TRIES),
+        peaks=np.stack([first_peaks(start.gaps.jump, start.gaps.force) for start in starts]),
     )
 
 
@@ -327,10 +304,10 @@ def _outcomes(
         }
         acc = prepared.system.inertial(ground)[:, : runs.last[run] + 1 : buffer.stride]
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
-        written = some_rows(buffer, rows)
+        written = at(buffer.rows, rows)
         history = history_of_rows(prepared, (model, split), written, acc, settings)
         history = with_carried_points(history, prepared.system, ground, buffer.stride)
-        peaks = peaks_at_points(named_peaks(states.peaks[run]), written.jump, history.jump, history.time)
+        peaks = peaks_at_points(named_peaks(states.peaks[run]), written.gaps.jump, history.jump, history.time)
         force = history.traction
         memory = written.memory[: len(force)]
         strength, bonded = shear_strength(

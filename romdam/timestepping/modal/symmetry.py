@@ -26,12 +26,15 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
+from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity
 from romdam.core.system import Coordinates, GapLaw, History, System
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Start
@@ -151,21 +154,32 @@ def _jumps(system: System, active: Ints, forces: Floats, s: float) -> Floats:
 
 def expand(history: History, symmetry: Symmetry) -> History:
     """Give the history of all gaps and modes."""
-    gaps, merged = symmetry.gaps, history.coordinates
-    share = symmetry.signs / symmetry.count[gaps, None]
-    peaks = {name: values[gaps] for name, values in history.peaks.items()}
-    peaks["compression"] = peaks["compression"] * share[:, NORMAL]
-    return replace(
-        history,
-        jump=_times(history.jump.take(gaps, axis=1), symmetry.signs),
-        traction=_times(history.traction.take(gaps, axis=1), share),
-        mean_traction=_times(history.mean_traction.take(gaps, axis=1), share),
-        state=history.state[:, gaps],
-        strength=history.strength[:, gaps] / symmetry.count[gaps, None],
-        bonded=history.bonded[:, gaps],
-        peaks=peaks,
-        coordinates=None if merged is None else Coordinates(partial(_expanded, symmetry.modes, merged)),
-    )
+    merged = history.coordinates
+    recorded: dict[str, Any] = {
+        name: _expanded_quantity(getattr(history, name), of, symmetry, 1)
+        for name, of in GAP_QUANTITIES.items()
+    }
+    peaks = {
+        name: _expanded_quantity(values, PEAK_QUANTITIES[name], symmetry, 0)
+        for name, values in history.peaks.items()
+    }
+    modes = None if merged is None else Coordinates(partial(_expanded, symmetry.modes, merged))
+    return replace(history, **recorded, peaks=peaks, coordinates=modes)
+
+
+def _expanded_quantity(values: NDArray[Any], of: Quantity, symmetry: Symmetry, axis: int) -> NDArray[Any]:
+    """A quantity of all gaps, which stand along an axis, from that of the merged ones."""
+    if values.size == 0:
+        return values
+    values = values.take(symmetry.gaps, axis=axis)
+    count, signs = symmetry.count[symmetry.gaps].astype(float), symmetry.signs
+    if of.expansion == "jump":
+        values *= signs  # in place: new memory takes eight times as long
+    elif of.expansion == "force":
+        values *= signs / count[:, None]
+    elif of.expansion == "share":
+        values /= count[:, None] if of.axis else count
+    return values
 
 
 def merged_start(start: Start, prepared: Prepared) -> Start | None:
@@ -192,12 +206,6 @@ def merged_start(start: Start, prepared: Prepared) -> Start | None:
         if np.linalg.norm(values - same) > _MIRRORED * np.linalg.norm(values):
             return None
     return Start(q, v, jump.reshape(-1, d), traction.reshape(-1, d))
-
-
-def _times(values: Floats, factors: Floats) -> Floats:
-    """Their products, in place of the values: new memory takes eight times as long."""
-    values *= factors
-    return values
 
 
 def _expanded(modes: csr_matrix, merged: Coordinates, rows: slice) -> tuple[Floats, Floats]:
