@@ -169,7 +169,8 @@ def commit_gaps(
 
     Parameters
     ----------
-    gaps : moved to the step's end, but for `mean_traction`
+    gaps : moved to the step's end, but for `mean_traction`; what a gap dissipates in the step is added to its
+        `dissipated_energy`
 
     Returns
     -------
@@ -209,7 +210,9 @@ def _commit_with_laws(
             commit_laws(laws, memory, i, jump[i, NORMAL], state[i], force[i, NORMAL])
             or laws.dashpot_share[i] > 0.0
         ):  # all that the gap's force did not do as work is dissipated
-            lost += before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
+            more = before[i] - after[i] - slid - (force[i] * (jump[i] - old[i])).sum()
+            lost += more
+            gaps.dissipated_energy[i] += more
         gaps.water[i] = memory.water[i]
         fed += memory.water[i] * (jump[i, NORMAL] - old[i, NORMAL])
     return after.sum(), lost, fed
@@ -240,6 +243,7 @@ def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) ->
             held, slid = _shear(problem, memory, (y, jump, force), (limit_j, limit_k), i)
             stored += held
             lost += slid
+            gaps.dissipated_energy[i] += slid
             if p > 0.0 and slides(limit_j, limit_k, force[i, SHEAR_J], force[i, SHEAR_K]):
                 state[i] = SLIP
     return stored, lost

@@ -72,6 +72,11 @@ class Quantity:
     adds_up: bool = False
 
 
+def _dissipates(history: Any) -> bool:
+    energy = history.dissipated_energy
+    return energy.size > 0 and bool(energy.any() or history.jump.shape[-1] > 1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class GapQuantities:
     """Every quantity that is recorded of the gaps, (nt, ng, ...); empty where an integrator has it not.
@@ -84,6 +89,8 @@ class GapQuantities:
         zero at the first [N]
     water : (nt, ng) force of the water that entered gaps as they opened [N]
     state : (nt, ng) OPEN, STICK or SLIP of `romdam.core.system` (a frictionless closed gap is STICK)
+    dissipated_energy : (nt, ng) energy that the gap has taken since the start: work of friction, and all that
+        the force of a gap with a dashpot, or of one that loses strength, does not give back [J]
     strength : (nt, ng, 2) shear along j and k that the laws let the gaps carry now, inf where nothing bounds
         it [N]; empty without shear
     bonded : (nt, ng) whether a gap has any of it without compression; empty without shear
@@ -169,6 +176,23 @@ class GapQuantities:
             dtype=np.uint8,
         ),
     ]
+    dissipated_energy: Annotated[
+        Floats,
+        Quantity(
+            "dissipated energy",
+            "J",
+            "share",
+            written=(
+                Written(
+                    "dissipated_energy",
+                    "energy dissipated in the gap since the start: by sliding, dashpots and lost strength",
+                    when=_dissipates,
+                    total=True,
+                ),
+            ),
+            adds_up=True,
+        ),
+    ] = field(default_factory=lambda: np.zeros((0, 0)))
     strength: Annotated[Floats, Quantity("shear strength", "N", "share", "tangent", moved=False)] = field(
         default_factory=lambda: np.zeros((0, 0, 2))
     )

@@ -90,6 +90,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         water=traction[:, :, 0], coordinates=coordinates, energy=energy, peaks=peaks, stats=stats,
         integrator="modal", strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
         supports=1e-3 * rng.normal(size=(STEPS, 3)), ground=rng.normal(size=(STEPS, 3)),
+        dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
     )  # fmt: skip
 
 
