@@ -1,16 +1,22 @@
-"""Further laws of the gaps within a step: what bounds their force, what they lose, what they keep.
+"""Further joint laws within a step: the limits of the gap forces, the loss of strength, the memory.
 
-The limits of what is left are solved as if they were ductile; a gap that reaches a limit it cannot hold (a
-bond opens or slides, static friction is overcome, a key's depth is exceeded) gives it up and the step is
-solved again, until none gives up any more. What was lost is committed once per accepted step.
+**Loss of strength.** A step is solved with the present limits as if they were ductile. A gap that has
+exceeded a strength (a bond opens or slides, static friction is overcome, the opening exceeds the depth of a
+key) loses it (`release`), and the step is solved again until no gap loses any more. The loss enters the
+history of the gap when the step is accepted (`commit_laws`).
 
-Limits may follow the slip, the rate of slip, the normal force and the opening of the step itself. Then it is
-solved with limits that are held, and with new ones until they agree with the solution (`follow_step`). Newton
-finds the shear of all sliding gaps together: with normal forces and directions held, a change of the shears
-T moves the slips by -A T, A being W along the directions of sliding, and T + dT = L + L' (-A dT), L the limit
-and L' its slope with the slip. Where limits fall faster than the gaps can follow, the step has more than one
-solution and Newton's may be the unstable one; there the slope is left out, and limit after limit leads to
-the next stable one.
+**Limits that depend on the step.** A limit may depend on slip, slip rate, normal force and opening of the
+step itself. The step is solved with fixed limits, which are then corrected until they agree with the solution
+(`follow_step`). Newton corrects the shears T of all sliding gaps together. For fixed normal forces and
+directions of slip a change dT changes the slips by -A dT, with A the part of W along these directions:
+
+    T + dT = L - L' A dT,
+
+where L is the limit at the present slip, and L' its slope with the slip. If a limit falls faster with the
+slip than the gaps can unload, the step has several solutions, and Newton might find an unstable one. There L'
+is set to zero: this fixed-point iteration converges to the next stable solution.
+
+The functions take p_c, the unilateral part of the normal force, see `romdam.contact.problem`.
 """
 
 from __future__ import annotations
@@ -46,13 +52,18 @@ from romdam.core.errors import ConvergenceError
 from romdam.core.jit import ARRAYS, copy, njit
 from romdam.core.system import SLIP
 
-_NEARBY = 1e-4  # of the slip to come: how far from it the slope of a limit is taken
-_STEEPEST = 0.5  # fall of a limit per fall of the shears that brings it about, above which it is not Newton's
+_NEARBY = 1e-4  # of the expected slip: distance of the finite difference for the slope of a limit
+_STEEPEST = 0.5  # fall of a limit per fall of the shears that causes it, above which its slope is left out
 
 
 @njit(cache=True)
 def begin_step(laws: Laws | None, memory: GapMemory, w_free: Floats) -> None:
-    """Start from what the gaps keep; a dashpot acts from where the gap was."""
+    """Begin the trial memory of a step from the history, and apply the dashpots to the free jumps.
+
+    Parameters
+    ----------
+    w_free : (N,) jumps without joint force, changed in place; a dashpot acts from the last overlap on [m]
+    """
     if laws is None:
         return
     copy(memory.history.reshape(memory.history.size), memory.trial.reshape(memory.trial.size))
@@ -66,8 +77,17 @@ def begin_step(laws: Laws | None, memory: GapMemory, w_free: Floats) -> None:
 
 @njit(cache=True, inline="always")
 def put_limit(laws: Laws, history: Floats, i: int, step: Floats, limit: Floats) -> int:
-    """Put what bounds the force of gap i, which keeps `history` and is as `step` has it; the number of a law
-    that fails, from 1.
+    """Evaluate the limit of the force of gap i by all its laws.
+
+    Parameters
+    ----------
+    history : (L, n, s) memory of the gaps
+    step : (8,) state of the gap in the step, see `romdam.contact.laws.law`
+    limit : (6,) receives the entries TENSION to WATER
+
+    Returns
+    -------
+    int, the number from 1 of a law that fails; 0 if none does
     """
     for entry in range(len(limit)):
         limit[entry] = 0.0
@@ -84,8 +104,11 @@ def _call_limit(laws: Laws, k: int, i: int, history: Floats, step: Floats, limit
 
 @njit(cache=True)
 def _set_limits_of(laws: Laws, whole: Floats, memory: GapMemory, i: int, step: Floats) -> bool:
-    """Put what bounds the force of gap i where it is as `step` has it, in terms of p_c; False where a law
-    fails.
+    """Set the limits of gap i for its state `step`, in terms of p_c; False if a law fails.
+
+    Parameters
+    ----------
+    whole : (n,) normal force per p_c of a closed gap
     """
     limit, limits = memory.limit, memory.limits
     failed = put_limit(laws, memory.trial, i, step, limit)
@@ -101,7 +124,10 @@ def _set_limits_of(laws: Laws, whole: Floats, memory: GapMemory, i: int, step: F
 
 @njit(cache=True)
 def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
-    """Put what bounds the gaps' force now, in terms of p_c."""
+    """Set the limits of all gaps for their present state `memory.step`, in terms of p_c.
+
+    If a law fails, `memory.failure` names it.
+    """
     if laws is None:
         return
     for i in range(len(whole)):
@@ -110,12 +136,12 @@ def set_limits(laws: Laws | None, whole: Floats, memory: GapMemory) -> None:
 
 
 def put_limits(problem: GapProblem, memory: GapMemory) -> None:
-    """`set_limits` from Python: nothing is compiled where there are no further laws.
+    """Call `set_limits` from Python, unless the problem has no further laws: then nothing is compiled.
 
     Raises
     ------
     ConvergenceError
-        where a law fails.
+        if a law fails.
     """
     if problem.laws is not None:
         set_limits(problem.laws, problem.whole, memory)
@@ -123,39 +149,39 @@ def put_limits(problem: GapProblem, memory: GapMemory) -> None:
 
 
 def refuse_failed_law(problem: GapProblem, memory: GapMemory) -> None:
-    """Raise where a law has failed.
+    """Raise an error if a law has failed in the initial state.
 
     Raises
     ------
     ConvergenceError
-        naming it.
+        names the law, the gap and the reason.
     """
     if failed := failed_law(problem.laws, memory, f"gap {int(memory.failure.gap)}"):
         raise ConvergenceError(f"initial state: {failed}")
 
 
 def failed_law(laws: Laws | None, memory: GapMemory, place: str) -> str:
-    """Say which law failed, where and why; empty where none did.
+    """Write the message about a law that failed: which law, where and why; empty if none failed.
 
     Parameters
     ----------
-    place : the gap of `memory.failure`, for the message
+    place : the gap of `memory.failure`, as the message is to name it
     """
     failure = memory.failure
     if laws is None or failure.law == 0:
         return ""
     k, i = int(failure.law) - 1, int(failure.gap)
     law, name = laws.functions.limit[k].law, ("limit", "release", "commit")[int(failure.function)]
-    row, kept = laws.parameters[k, i], memory.trial[k, i].copy()
+    parameters, trial = laws.parameters[k, i], memory.trial[k, i].copy()
     reason = "raises an exception, or gives NaN,"
-    try:
+    try:  # compiled functions lose the exception: call the function of the law again, in Python
         if name == "limit":
-            law.limit(row, kept, memory.step[i].copy(), np.zeros(ENTRIES))
+            law.limit(parameters, trial, memory.step[i].copy(), np.zeros(ENTRIES))
     except Exception as error:  # whatever a user's function raises
         reason = f"raises {type(error).__name__} ({error})"
     return (
-        f"{name} of law {source_of(law).name} {reason} at {place}, with parameters {row.tolist()} and memory "
-        f"{kept.tolist()}; its functions must answer for every state of a gap"
+        f"{name} of law {source_of(law).name} {reason} at {place}, with parameters {parameters.tolist()} and "
+        f"memory {trial.tolist()}; its functions must answer for every state of a gap"
     )
 
 
@@ -163,7 +189,15 @@ def failed_law(laws: Laws | None, memory: GapMemory, place: str) -> str:
 def bond_forces(
     laws: Laws | None, problem: GapProblem, memory: GapMemory, y_free: Floats, sign: float
 ) -> None:
-    """Count the force from the bonds' tension on, with the water's jumps (sign 1), or undo it (-1)."""
+    """Shift the problem so that bonds with tensile strength become unilateral (sign 1), or undo it (-1).
+
+    A bond lets p_c fall to -tension. With p_c + tension as the unknown force the limit is zero again, and W
+    times the tension is subtracted from the free jumps. Water adds the jumps that its force causes.
+
+    Parameters
+    ----------
+    y_free : (N,) free jumps, changed in place [m]
+    """
     if laws is None:
         return
     for i in range(len(problem.gap)):
@@ -173,14 +207,19 @@ def bond_forces(
             memory.force[b] = max(memory.force[b], 0.0)
         if tension > 0.0:
             add_row(problem.W[b], -sign * tension, y_free)
-        if memory.water[i] != 0.0:  # moves the gap, but is not in its spring
+        if memory.water[i] != 0.0:  # moves the gap, but does not act on its spring: without compliance
             add_row(problem.W[b], sign * memory.water[i], y_free)
             y_free[b] -= sign * problem.compliance[b] * memory.water[i]
 
 
 @njit(cache=True)
 def observe_step(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: Floats) -> None:
-    """Note every gap as it is in this solution, for its laws (memory.force is p_c)."""
+    """Write the state of every gap in the present solution to `memory.step`, which the laws read.
+
+    Parameters
+    ----------
+    y : (N,) residual displacements of the solution [m]; its force is `memory.force`
+    """
     if laws is None:
         return
     d = len(y) // max(len(problem.gap), 1)
@@ -204,25 +243,30 @@ def observe_step(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: F
 
 @njit(cache=True)
 def release(laws: Laws | None, memory: GapMemory) -> int:
-    """Let the gaps give up what they cannot hold in the solution that `memory.step` notes; how many do."""
+    """Remove the strength that gaps have exceeded in the solution of `memory.step`.
+
+    Returns
+    -------
+    int, the number of gaps that lose strength
+    """
     if laws is None:
         return 0
-    given_up = 0
+    count = 0
     for i in range(len(memory.step)):
-        gives_up = False
+        loses = False
         for k in range(len(laws.on)):
             if laws.on[k, i]:
-                came = laws.functions.release[k](laws.parameters[k, i], memory.trial[k, i], memory.step[i])
-                gives_up = gives_up or came == GAVE_UP
-                if came == FAILED:
+                outcome = laws.functions.release[k](laws.parameters[k, i], memory.trial[k, i], memory.step[i])
+                loses = loses or outcome == GAVE_UP
+                if outcome == FAILED:
                     memory.failure.law, memory.failure.function, memory.failure.gap = k + 1, RELEASE, i
-        given_up += int(gives_up)
-    return given_up
+        count += int(loses)
+    return count
 
 
 @njit(cache=True, inline="always")
 def _bounds(memory: GapMemory, i: int, p: float) -> tuple[float, float]:
-    """Limits of the shear of gap i along j and k; 0 where it is open."""
+    """Compute the limits of the shear of gap i along j and k, 0 if it is open [N]."""
     return shear_limits(memory.limits, i, p) if p > 0.0 else (0.0, 0.0)
 
 
@@ -230,12 +274,15 @@ def _bounds(memory: GapMemory, i: int, p: float) -> tuple[float, float]:
 def follow_step(
     laws: Laws | None, problem: GapProblem, memory: GapMemory, tolerance: float, share: float
 ) -> float:
-    """Put the limits of the solution that `memory.step` notes, or Newton's where it was solved with others.
+    """Correct the limits that depend on the step, from the solution in `memory.step`.
+
+    If the limits of that solution differ from those with which it was computed by more than the tolerance,
+    Newton's limits are set, see the module. Otherwise those of the solution are.
 
     Parameters
     ----------
-    tolerance : of the change of a limit, below which it was not solved with another
-    share : of the change that is put; below 1 it leads out of a cycle
+    tolerance : change of a limit, relative to the largest force, that counts as none
+    share : fraction of Newton's correction that is applied; below 1 it ends cycles
 
     Returns
     -------
@@ -245,8 +292,8 @@ def follow_step(
         return 0.0
     n, limits, force = len(problem.gap), memory.limits, memory.force
     d = len(force) // max(n, 1)
-    moving, shear = np.empty(n, dtype=np.int64), np.empty(n)
-    missing, slope = np.empty(n), np.empty(n)
+    sliding, shear = np.empty(n, dtype=np.int64), np.empty(n)  # gaps that Newton corrects, and their |T|
+    missing, slope = np.empty(n), np.empty(n)  # L - |T|, and L'
     count, worst, largest, nearby = 0, 0.0, 1e-300, np.empty(STEP_ENTRIES)
     for i in range(n):
         b, follows = d * i, False
@@ -269,8 +316,8 @@ def follow_step(
         slip = math.hypot(memory.step[i, SLIP_J], memory.step[i, SLIP_K])
         disc = on_resultant(limits, i)
         if p <= 0.0 or not math.isfinite(bound) or T == 0.0 or (slip == 0.0 and bound >= T):
-            continue  # open, held, or it sticks with the old limit and with the new one
-        if not disc:  # along j and k each: the new limits are taken as they are
+            continue  # open, unlimited, or stuck with the old limit and with the new one
+        if not disc:  # a limit for each direction: the new ones are taken without Newton
             for new, used in ((bound_j, used_j), (bound_k, used_k)):
                 if math.isfinite(new) or math.isfinite(used):
                     worst = max(worst, abs(new - used))
@@ -284,10 +331,9 @@ def follow_step(
         nearby[RATE] = (slip + move) * laws.per_second.item()
         if not _set_limits_of(laws, problem.whole, memory, i, nearby):
             return 0.0
-        rise = (min(_bounds(memory, i, p)) - bound) / move if move > 0.0 else 0.0
+        slope[count] = (min(_bounds(memory, i, p)) - bound) / move if move > 0.0 else 0.0
         _set_limits_of(laws, problem.whole, memory, i, memory.step[i])
-        moving[count], shear[count], missing[count] = i, T, bound - T
-        slope[count] = rise
+        sliding[count], shear[count], missing[count] = i, T, bound - T
         count += 1
     if worst <= tolerance * largest:
         return worst / largest
@@ -295,12 +341,12 @@ def follow_step(
     for a in range(count):
         row = np.empty(count)
         for c in range(count):
-            row[c] = slope[a] * _along(problem.W, force, moving[a], moving[c], shear[a], shear[c])
+            row[c] = slope[a] * _along(problem.W, force, sliding[a], sliding[c], shear[a], shear[c])
         if slope[a] >= 0.0 or np.abs(row).sum() <= _STEEPEST:
             system[a] += row
     change = np.linalg.solve(system, missing[:count])
     for a in range(count):
-        i = moving[a]
+        i = sliding[a]
         p = force[3 * i] + limits.tension[i]
         bound = max(shear[a] + share * change[a], 0.0)
         for b in range(2):
@@ -309,35 +355,46 @@ def follow_step(
 
 
 @njit(cache=True, inline="always")
-def _along(W: Floats, force: Floats, i: int, k: int, of_i: float, of_k: float) -> float:
-    """Slip of gap i against its shear per shear of gap k against its own, which are of_i and of_k [m/N]."""
+def _along(W: Floats, force: Floats, i: int, k: int, shear_i: float, shear_k: float) -> float:
+    """Compute an entry of A: displacement of gap i along its shear per shear of gap k [m/N].
+
+    Parameters
+    ----------
+    shear_i, shear_k : |T| of both gaps, which divide the vectors `force` to directions [N]
+    """
     total = 0.0
     for a in (SHEAR_J, SHEAR_K):
         for c in (SHEAR_J, SHEAR_K):
             total += force[3 * i + a] * W[3 * i + a, 3 * k + c] * force[3 * k + c]
-    return total / (of_i * of_k)
+    return total / (shear_i * shear_k)
 
 
 @njit(cache=True)
 def commit_laws(laws: Laws, memory: GapMemory, i: int, opening: float, state: int, force: float) -> bool:
-    """Move what gap i keeps, in an accepted step; whether it gave something up in it.
+    """Move the history of gap i at the end of an accepted step.
 
     Parameters
     ----------
-    opening, state, force : at the step's end: opening [m], OPEN, STICK or SLIP, normal force [N]
+    opening : at the end of the step [m]
+    state : OPEN, STICK or SLIP
+    force : normal force, positive in compression [N]
+
+    Returns
+    -------
+    bool, whether the gap has lost strength in the step
     """
-    given_up, step = False, memory.last_step[i]
+    has_lost, step = False, memory.last_step[i]
     copy(memory.step[i], step)
     step[OPENING], step[NORMAL_FORCE], step[SLIDING] = opening, force, 1.0 if state == SLIP else 0.0
     if state != SLIP:
         step[SLIP_J], step[SLIP_K], step[RATE] = 0.0, 0.0, 0.0
     for k in range(len(laws.on)):
-        kept, trial = memory.history[k, i], memory.trial[k, i]
-        for entry in range(len(kept)):
-            given_up = given_up or (laws.strength[k] and kept[entry] != trial[entry])
-            kept[entry] = trial[entry]
+        history, trial = memory.history[k, i], memory.trial[k, i]
+        for entry in range(len(history)):
+            has_lost = has_lost or (laws.strength[k] and history[entry] != trial[entry])
+            history[entry] = trial[entry]
         if laws.on[k, i]:
-            came = laws.functions.commit[k](laws.parameters[k, i], kept, step)
-            if came == FAILED:
+            outcome = laws.functions.commit[k](laws.parameters[k, i], history, step)
+            if outcome == FAILED:
                 memory.failure.law, memory.failure.function, memory.failure.gap = k + 1, COMMIT, i
-    return given_up
+    return has_lost
