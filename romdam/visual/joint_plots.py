@@ -102,3 +102,20 @@ def sliding_histories(dataset: xr.Dataset) -> Figure | None:
     axes[1].set_ylabel(f"slip along the joint\n[{unit}]")
     legend_below(figure, axes)
     return finish(figure, axes, dataset, "Sliding")
+
+
+def dissipated_energies(dataset: xr.Dataset) -> Figure | None:
+    """Energy that the gaps of each joint have dissipated since the start, the largest at the end first."""
+    if "dissipated_energy" not in dataset or not float(dataset.dissipated_energy[-1].max()) > 0.0:
+        return None
+    gaps, joints = dataset.dissipated_energy, dataset.gap_joint.values
+    totals = xr.concat([gaps[:, joints == name].sum("gap") for name in dataset.joint.values], "joint")
+    values, _, unit = scaled(totals.assign_attrs(gaps.attrs), "J")
+    figure, axes = new_figure(rows=1, height=2.6)
+    for rank, k in enumerate(np.argsort(-values[:, -1].values, kind="stable")):
+        colour, ls = COLOURS[rank % len(COLOURS)], LINES[rank // len(COLOURS) % len(LINES)]
+        label = f"{dataset.joint.values[k]}, {float(values[k, -1]):.3g} {unit}"
+        axes[0].plot(dataset.time, values[k], color=colour, ls=ls, lw=0.9, label=label)
+    axes[0].set_ylabel(f"dissipated energy\n[{unit}]")
+    legend_below(figure, axes)
+    return finish(figure, axes, dataset, "Energy dissipated in the joints, sum over the gaps of each")

@@ -20,7 +20,13 @@ from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
 from romdam.postprocess.maxima import peak_opening_time
-from romdam.visual.joint_plots import component_panels, joint_displacements, joint_slip, sliding_histories
+from romdam.visual.joint_plots import (
+    component_panels,
+    dissipated_energies,
+    joint_displacements,
+    joint_slip,
+    sliding_histories,
+)
 from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
 from romdam.visual.style import (
     COLOURS,
@@ -159,6 +165,7 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "joint_slip": joint_slip,
     "sliding": sliding_histories,
     "energy": energy_ledger,
+    "dissipated_energy": dissipated_energies,
     "stress": stress_histories,
     "stress_damage": stress_damage,
     "stress_sections": stress_sections,

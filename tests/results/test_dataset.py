@@ -26,6 +26,7 @@ def test_signs_follow_the_conventions(case, job, timing):
     np.testing.assert_array_equal(ds.shear_force, history.traction[:, :, 1:])
     np.testing.assert_array_equal(ds.mean_normal_force, -history.mean_traction[:, :, 0])
     np.testing.assert_array_equal(ds.mean_shear_force, history.mean_traction[:, :, 1:])
+    np.testing.assert_array_equal(ds.dissipated_energy, history.dissipated_energy)
     assert ds.normal_force.max() <= 0.0, "compression is negative"
 
 

@@ -35,7 +35,8 @@ def test_figures_are_written_for_what_there_is(kind, job, timing, tmp_path):
     ds = build_dataset(make_case(**CASES[kind]), job, timing, None)
     paths = write_plots(ds, tmp_path, "quake")
     shear = {"joint_displacement", "joint_slip", "sliding"}
-    without = {"no joints": {"joint_opening", "opening_envelope", *shear}, "frictionless": shear}
+    joints = {"joint_opening", "opening_envelope", "dissipated_energy"}
+    without = {"no joints": {*joints, *shear}, "frictionless": shear}
     assert {p.name for p in paths} == {f"quake-{n}.png" for n in FIGURES if n not in without.get(kind, set())}
     for path in paths:
         pixels = np.asarray(Image.open(path).convert("L"))
@@ -231,6 +232,20 @@ def test_slip_is_drawn_of_joints_that_slide(case, job, timing):
     slip = 1e3 * np.hypot(ds.slip[:, 2:, 0], ds.slip[:, 2:, 1]).max("gap")
     np.testing.assert_allclose(labelled(axes[0])["largest slip"], slip, rtol=1e-12)
     assert FIGURES["joint_slip"](ds.assign(joint_state=0 * state)) is None, "sticking is no slip"
+
+
+def test_dissipated_energy_is_drawn_as_each_joint_s_sum(case, job, timing):
+    """The joint that dissipates most comes first; J1 has two gaps, J2 three."""
+    ds = build_dataset(case, job, timing, None)
+    ds["dissipated_energy"] = ds.dissipated_energy * np.array([1e3, 1e3, 1e4, 1e4, 1e4])
+    lines = FIGURES["dissipated_energy"](ds).axes[0].lines
+    energy, unit = ds.dissipated_energy.values, FIGURES["dissipated_energy"](ds).axes[0].get_ylabel()
+    assert "[kJ]" in unit or "[MJ]" in unit
+    factor = 1e-3 if "[kJ]" in unit else 1e-6
+    for line, gaps in zip(lines, (slice(2, 5), slice(0, 2)), strict=True):
+        np.testing.assert_allclose(line.get_ydata(), factor * energy[:, gaps].sum(axis=1), rtol=1e-12)
+    assert lines[0].get_label().startswith("J2, ")
+    assert FIGURES["dissipated_energy"](ds.assign(dissipated_energy=0.0 * ds.dissipated_energy)) is None
 
 
 @pytest.mark.parametrize("name", FIGURES)

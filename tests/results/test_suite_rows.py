@@ -69,3 +69,11 @@ def test_measures_are_of_what_was_analysed(duration, pga):
     assert found["duration"] == pytest.approx(duration or 4.0)
     energy = 2.0 if duration == 2.0 else 2.0 + 2.0 * 9.0
     assert found["arias"] == pytest.approx(np.pi / 2 / 9.80665 * energy, rel=0.02)
+
+
+def test_energy_that_a_joint_dissipates_is_the_sum_over_its_gaps_at_the_end():
+    case = make_case()
+    row, energy = ROWS["dissipated_energy"], case.history.dissipated_energy
+    assert row.dims == ("joint",) and row.units == "J"
+    np.testing.assert_allclose(row.get(case), [energy[-1, :2].sum(), energy[-1, 2:].sum()], rtol=1e-14)
+    assert row.when(case) and not row.when(make_case(joints=False))

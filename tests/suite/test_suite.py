@@ -100,6 +100,11 @@ def test_a_run_of_a_suite_has_the_bits_of_a_single_one(tmp_path, friction):
             assert np.array_equal(row.peak_opening, single.peak_opening)
             assert np.array_equal(row.peak_displacement, np.abs(single.displacement).max("time"))
             assert float(row.energy_damping) == float(single.energy_damping[-1])
+            assert ("dissipated_energy" in found) == ("dissipated_energy" in single) == (friction > 0.0)
+            if friction:
+                dissipated = single.dissipated_energy[-1].values
+                assert float(row.dissipated_energy[0]) == dissipated.sum() > 0.0
+                assert dissipated.sum() == pytest.approx(float(single.energy_friction[-1]), rel=1e-12)
 
 
 def test_frictionless_samples_have_no_slip_and_rough_ones_have(whole):
