@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from romdam.pipelines.check import check
     from romdam.pipelines.error.certify import certify
     from romdam.pipelines.error.comparison import compare
+    from romdam.pipelines.error.mesh import verify_mesh
     from romdam.pipelines.error.study import study
     from romdam.pipelines.error.two_results import compare_results
     from romdam.pipelines.error.verify import verify
@@ -45,7 +46,7 @@ __all__ = [
     "Outcome", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError", "SuiteOptions",
     "SuiteOutcome", "WorkerError", "WriteError", "__version__", "cache_folder", "certify", "check", "compare",
     "compare_results", "load_config", "modes", "open_result", "open_suite", "read_motions", "run",
-    "run_suite", "study", "verify",
+    "run_suite", "study", "verify", "verify_mesh",
 ]  # fmt: skip
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
@@ -62,6 +63,7 @@ _LAZY = {
         "romdam.pipelines.check": ("check",),
         "romdam.pipelines.error.certify": ("certify",),
         "romdam.pipelines.error.comparison": ("compare",),
+        "romdam.pipelines.error.mesh": ("verify_mesh",),
         "romdam.pipelines.error.study": ("study",),
         "romdam.pipelines.error.two_results": ("compare_results",),
         "romdam.pipelines.error.verify": ("verify",),

@@ -89,7 +89,7 @@ def verify(
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
-    first, motion, whole = 0.0, _as_run(job, motions[0], duration), motions[0]
+    first, motion, whole = 0.0, as_run(job, motions[0], duration), motions[0]
     refuse_drifting(job, motions[:1])
     tell_doubts(job, motions[:1])
     moving = any(support.motion is not None for support in job.config.supports)  # they begin at rest
@@ -118,7 +118,7 @@ def verify(
     return Verified(statement, write_verification(folder, statement), figure)
 
 
-def _as_run(job: Job, motion: GroundMotion, asked: float | None) -> GroundMotion:
+def as_run(job: Job, motion: GroundMotion, asked: float | None) -> GroundMotion:
     """The part of a motion that the job runs, up to its `duration`; all where some seconds are asked for."""
     seconds = job.config.transient.duration
     if seconds is None or seconds >= motion.duration or (asked is not None and math.isfinite(asked)):

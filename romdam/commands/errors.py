@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,13 @@ import typer
 
 import romdam
 from romdam.commands.options import FAILED, Config, Json, Out, Quiet, ResultFile, Verbose, named_folder
+
+
+class Sibling(StrEnum):
+    """A mesh to compare with."""
+
+    finer = "finer"
+    coarser = "coarser"
 
 
 def verify(
@@ -23,15 +31,28 @@ def verify(
     reference: Annotated[
         Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with as well.")
     ] = None,
+    mesh: Annotated[
+        Sibling | None,
+        typer.Option(
+            help="State the mesh's own error instead, from elements of half (finer) or twice (coarser) the "
+            "size, over all that CONFIG runs of the record."
+        ),
+    ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Measure the reduced model's error against the unreduced mesh, on the first record of CONFIG."""
+    """Measure the error of the reduced model, or of the mesh, on the first record of CONFIG."""
     from romdam.config.quantities import to_si
+    from romdam.pipelines.error.mesh import verify_mesh
     from romdam.pipelines.error.verify import verify as verify_job
     from romdam.terminal import open_terminal
-    from romdam.terminal.lines import verification_lines
+    from romdam.terminal.lines import mesh_lines, verification_lines
 
+    if mesh is not None and (full or reference is not None):
+        name = "--full" if full else "--reference"
+        raise typer.BadParameter(
+            "goes without this, which is of the reduction", param_hint=f"--mesh and {name}"
+        )
     if duration is not None and full:
         raise typer.BadParameter("is the whole record; give one of the two", param_hint="--full")
     try:
@@ -41,6 +62,11 @@ def verify(
     if seconds is not None and seconds <= 0.0:
         raise typer.BadParameter(f"must be longer than 0 s, got {duration}", param_hint="--duration")
     stages, say = open_terminal(quiet, verbose)
+    if mesh is not None:
+        job = romdam.load_config(config)
+        made = verify_mesh(job, out, seconds, finer=mesh is Sibling.finer, show=stages)
+        say(*mesh_lines(made.statement.document), f"written: {made.path}", f"written: {made.figure}")
+        return
     found = verify_job(romdam.load_config(config), out, math.inf if full else seconds, reference, stages, say)
     say(*verification_lines(found.statement.document), f"written: {found.path}", f"written: {found.figure}")
 

@@ -1,11 +1,13 @@
 """A statement of error, and the one place where it is written and read: result files, JSON, terminal.
 
-Three kinds state how far a reduced run is from the mesh it was reduced from. They share their words and their
-measures (`romdam.error.metrics`) and differ in what they compare with:
+Three kinds state how far a reduced run is from the mesh it was reduced from, the fourth how far that mesh is
+from finer ones. They share their words and their measures (`romdam.error.metrics`) and differ in what they
+compare with:
 
     estimate      a slightly finer reduced model, in the seconds in which joints move; made with every run
     certificate   the run corrected by the full order's own answer to its joint forces; `romdam certify`
     verification  a run of the full order; `romdam verify`
+    discretisation  a run on a mesh of half, or twice, the size of the elements; `romdam verify --mesh`
 """
 
 from __future__ import annotations
@@ -32,10 +34,10 @@ if TYPE_CHECKING:  # workers write no file
 
 log = logging.getLogger(__name__)
 
-Kind = Literal["estimate", "certificate", "verification"]
+Kind = Literal["estimate", "certificate", "verification", "discretisation"]
 
 _RELATIVE = f"relative to the joint's own history, or to {FLOOR:.0%} of that of all joints where it is less"
-VERIFICATION_FILE = "verification.json"
+FILES: dict[Kind, str] = {"verification": "verification.json", "discretisation": "discretisation.json"}
 _SELF = "content_sha256"  # of everything else in that file
 _OF_WHAT = ("configuration_sha256", "scene_sha256", "record", "record_sha256")  # attributes of a result
 _MOST = 4e9  # bytes of a file that is read whole
@@ -53,6 +55,7 @@ _NAMES: dict[Kind, _Names] = {
     "verification": _Names("error_statement", "verification", "verification"),
     "certificate": _Names("certificate_statement", "certificate", "certificate"),
     "estimate": _Names("error_estimate", "error_estimate", None),
+    "discretisation": _Names("discretisation_statement", "discretisation", "discretisation"),
 }
 
 
@@ -132,7 +135,7 @@ def write_certificate(path: Path, statement: ErrorStatement) -> Path:
 
 
 def write_verification(folder: Path, statement: ErrorStatement) -> Path:
-    """Write verification.json, and put the statement into every result there that it is true of.
+    """Write the file of a statement of its kind, and put that into every result there that it is true of.
 
     That is of the same configuration and the same scene, and if of the same record, then of the same samples.
 
@@ -141,7 +144,7 @@ def write_verification(folder: Path, statement: ErrorStatement) -> Path:
     ResultError
         where the folder or the disk refuses it.
     """
-    path, document = folder / VERIFICATION_FILE, statement.document
+    path, document = folder / FILES[statement.kind], statement.document
     _write_json(path, document | {_SELF: fingerprint(json.dumps(document))})
     for result in sorted(folder.glob("*.nc")):
         labels = _labels(result)
@@ -153,7 +156,7 @@ def write_verification(folder: Path, statement: ErrorStatement) -> Path:
 
 
 def read_verification(folder: Path, labels: Mapping[str, object]) -> dict[str, object]:
-    """Attributes for a result from a verification made earlier, where that is true of it; else none.
+    """Attributes for a result from what was stated earlier, where that is true of it; else none.
 
     Parameters
     ----------
@@ -161,7 +164,14 @@ def read_verification(folder: Path, labels: Mapping[str, object]) -> dict[str, o
 
     Warns where the configuration is the same and what it is of is not.
     """
-    path = folder / VERIFICATION_FILE
+    found: dict[str, object] = {}
+    for kind, name in FILES.items():
+        found |= _read_statement(kind, folder / name, labels)
+    return found
+
+
+def _read_statement(kind: Kind, path: Path, labels: Mapping[str, object]) -> dict[str, object]:
+    """Attributes of one kind of statement, see `read_verification`."""
     if not path.exists():
         return {}
     try:
@@ -182,7 +192,7 @@ def read_verification(folder: Path, labels: Mapping[str, object]) -> dict[str, o
             path, labels["record"], other,
         )  # fmt: skip
         return {}
-    return _attributes("verification", document)
+    return _attributes(kind, document)
 
 
 def _other(document: Mapping[str, object], labels: Mapping[str, object]) -> str:

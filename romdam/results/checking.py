@@ -25,7 +25,7 @@ _TEXTS = (
 _NUMBERS = ("record_dt", "record_peak_acceleration", "solver_finest_step")
 _OPTIONAL_TEXTS = (
     "model_file", "stress_file", "stress_statement", "error_statement", "error_estimate",
-    "certificate_statement", "code_sha256", "scene_sha256", "record_sha256",
+    "certificate_statement", "discretisation_statement", "code_sha256", "scene_sha256", "record_sha256",
 )  # fmt: skip
 _TIMINGS = ("analysed_", "solver_", "wall_seconds_", "cpu_seconds_")
 _WHOLE = ("gap", "joint_state", "stress_node_number", "stress_ring", "acceptance", "status", "sample")

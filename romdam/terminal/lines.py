@@ -103,13 +103,34 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
     from romdam.error.statement import sentences
 
     stated = dict(sentences(attrs))
-    measured = stated.pop("verification", "")
+    measured, mesh = stated.pop("verification", ""), stated.pop("discretisation", "")
     if not measured and attrs["model_order"] == "full":
         measured = "none of a reduction, this is the mesh itself"
     if not measured:
         below = f", {' and '.join(_DONE[kind] for kind in stated)} below" if stated else ""
         measured = f"not measured against the mesh{below}; `romdam verify CONFIG --out DIR` measures it"
-    return [f"error          {measured}", *(f"{kind:<15}{sentence}" for kind, sentence in stated.items())]
+    lines = [f"error          {measured}", *(f"{kind:<15}{sentence}" for kind, sentence in stated.items())]
+    if not mesh:
+        mesh = "its error, often the largest, is not known; `romdam verify CONFIG --mesh finer` states it"
+        return [*lines, f"mesh           {mesh}"]
+    return [*lines, f"mesh           {mesh}", f"total          {_total_error(attrs)}"]
+
+
+def _total_error(attrs: Mapping[str, object]) -> str:
+    """Sum the errors of the openings in L2 that are known: mesh, modes, steps."""
+    modes = ("verification", "certificate", "error_estimate")
+    known = {
+        "mesh": "discretisation_opening_l2",
+        "modes": next((f"{kind}_opening_l2" for kind in modes if f"{kind}_opening_l2" in attrs), ""),
+        "steps": "solver_estimated_time_error",
+    }
+    parts = {name: float(str(attrs[key])) for name, key in known.items() if key in attrs}
+    if attrs["model_order"] == "full":
+        parts["modes"] = 0.0
+    unknown = [name for name in known if name not in parts]
+    total = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
+    more = f"; of {' and '.join(unknown)} unknown" if unknown else ""
+    return f"about {100 * sum(parts.values()):.2g} % of the openings in L2 at most: {total}{more}"
 
 
 def _time_error(attrs: Mapping[str, object]) -> str:
@@ -185,6 +206,21 @@ def _water_lines(dataset: xr.Dataset) -> list[str]:
             f"water          {joint}: ({x:.4g}, {y:.4g}, {z:.4g}) MN on {block}; "
             f"effective normal force at the start {carried:.4g} MN"
         )
+    return lines
+
+
+def mesh_lines(statement: Mapping[str, object]) -> list[str]:
+    """The error of the mesh, quantity by quantity."""
+    lines, errors, lost = [str(statement["statement"])], statement["error"], statement["not_resolved"]
+    assert isinstance(errors, dict) and isinstance(lost, list)
+    lines.append(f"{'':<19}{'L2':>9}{'peak':>9}   worst joint")
+    for name, error in errors.items():
+        joints = error.get("joints", {})
+        worst = max(joints, key=lambda joint: float(joints[joint]["l2"])) if len(joints) > 1 else ""
+        own = f"   {worst}, {100 * joints[worst]['l2']:.2g} %" if worst else ""
+        numbers = "".join(f"{100 * error[measure]:>7.2g} %" for measure in ("l2", "peak"))
+        own = "   not resolved by either mesh" if name in lost else own
+        lines.append(f"{name.replace('_', ' '):<19}{numbers}{own}")
     return lines
 
 

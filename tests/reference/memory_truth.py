@@ -99,7 +99,7 @@ def make_job(scene: str, record: str, **transient: Any) -> Job:
     raw = {"loads": {"initial_state": "undeformed"}} | SCENES[scene] | {
         "materials": {"concrete": {"E": 28e9, "nu": 0.2, "rho": 2400.0}},
         "damping": {"rayleigh": {"frequencies": [2.5, 25.0], "ratio": 0.05}},
-        "records": [_record(record)],
+        "records": [record_entry(record)],
         "model": {"order": "reduced", "modes": 40, "residual_vectors": 10},
         "transient": {"duration": SECONDS} | transient,
         "outputs": {"output_interval": 0.01, "plots": False},
@@ -108,7 +108,7 @@ def make_job(scene: str, record: str, **transient: Any) -> Job:
     return Job(parse_config(raw, name), Path(name))
 
 
-def _record(name: str) -> dict[str, Any]:
+def record_entry(name: str) -> dict[str, Any]:
     """Entry of a record with two horizontal components."""
     source = RECORDS[name]
     if source is None:

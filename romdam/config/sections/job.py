@@ -110,6 +110,8 @@ class BlockConfig(Model):
             raise ValueError(
                 "`mass: false` is for blocks that are assembled, and `matrices` has a mass; leave it out"
             )
+        if self.matrices is not None and self.mesh is not None and self.mesh.refine:
+            raise ValueError("`mesh.refine` is for blocks that are assembled, and `matrices` has its nodes")
         return self
 
 

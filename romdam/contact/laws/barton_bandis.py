@@ -14,7 +14,7 @@ _STEEPEST = 70.0  # degrees: largest angle of friction, at low stress
 
 
 class BartonBandis(Law):
-    """t = p tan(phi_b + JRC log10(JCS / p)) on the resultant, in place of `friction`.
+    """mu = tan(phi_b + JRC log10(JCS / p)) on the resultant, in place of `friction`.
 
     The angle is phi_b = atan(mu_b) where the normal stress p exceeds JCS, and at most 70 degrees.
 

@@ -80,6 +80,7 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
     MeshError
         for elements turned inside out.
     """
+    config = config.model_copy(update={"divisions": config.divisions.refined})
     shape = ArchShape(config, place)
     dam = _dam_points(shape)
     ground = ground_grid(config, dam, place)

@@ -104,7 +104,7 @@ def _lines(config: GravityDamConfig, place: str) -> _Lines:
     y += [a[:, None] + s * (b - a)[:, None] for a, b, s in zip(walls.T, walls.T[1:], shares, strict=False)]
     before, after = np.zeros((len(z), 0)), np.zeros((len(z), 0))
     if config.rock is not None:
-        d, (heel, toe) = config.divisions, (walls[0, 0], walls[0, -1])
+        d, (heel, toe) = config.divisions.refined, (walls[0, 0], walls[0, -1])
         up, down = graded(d.upstream, d.growth)[:0:-1], graded(d.downstream, d.growth)[1:]
         before = walls[:, :1] + up * (heel - config.rock.upstream - walls[:, :1])
         after = walls[:, -1:] + down * (toe + config.rock.downstream - walls[:, -1:])
@@ -121,10 +121,12 @@ def _lines(config: GravityDamConfig, place: str) -> _Lines:
 
 def _rows(config: GravityDamConfig, place: str) -> Floats:
     """Elevations of the row lines."""
-    d, height = config.divisions, config.crest - config.lowest
+    divisions, height = config.divisions, config.crest - config.lowest
+    d = divisions.refined
     rows = [np.array([config.lowest])]
     for a, b in pairwise(config.levels):
-        rows.append(np.linspace(a, b, max(1, round(d.up * (b - a) / height)) + 1)[1:])
+        count = max(1, round(divisions.up * (b - a) / height)) * divisions.parts
+        rows.append(np.linspace(a, b, count + 1)[1:])
     if config.rock is not None:
         for count in (d.depth, d.upstream, d.downstream, d.banks):
             refuse_thin(count, d.growth, f"{place}.divisions")
@@ -134,15 +136,16 @@ def _rows(config: GravityDamConfig, place: str) -> Floats:
 
 def _columns(config: GravityDamConfig) -> list[int]:
     """Elements between the faces, or between these and the walls of a gallery."""
+    through, parts = config.divisions.through, config.divisions.parts
     if config.gallery is None:
-        return [config.divisions.through]
+        return [through * parts]
     width = np.diff(config.walls(config.gallery.floor))
-    return [max(1, round(config.divisions.through * share)) for share in width / width.sum()]
+    return [max(1, round(through * share)) * parts for share in width / width.sum()]
 
 
 def _along(config: GravityDamConfig) -> tuple[Floats, Ints]:
     """x of the lines and the slice of every cell between them."""
-    d, ends = config.divisions, np.concatenate([[0.0], np.cumsum(config.monoliths)])
+    d, ends = config.divisions.refined, np.concatenate([[0.0], np.cumsum(config.monoliths)])
     x, counts = [np.zeros(1)], []
     for a, b in pairwise(ends):
         x.append(np.linspace(a, b, d.along + 1)[1:])

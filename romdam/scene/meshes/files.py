@@ -28,6 +28,7 @@ from romdam.scene.meshes.formats.unv import read_unv
 from romdam.scene.meshes.formats.vtu import read_vtu
 from romdam.scene.meshes.kinds import facets_by_kind, mixed_cells
 from romdam.scene.meshes.quality import refuse_bad_cells
+from romdam.scene.meshes.refinement import refine
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +90,10 @@ class MeshFiles:
         members = _members(file, config.group, path, place)
         for used, own in zip(self._used[path], members, strict=True):
             used[own] = True
-        return _block(name, file, members, scale, material, path, place)
+        block = _block(name, file, members, scale, material, path, place)
+        for _ in range(config.refine):
+            block = refine(block, f"{place}.refine")
+        return block
 
     def numbered(self, config: MeshFileConfig) -> tuple[Ints, Floats]:
         """Numbers of the nodes in the file of a block that has been made, and their positions (n, 3) [m]."""

@@ -75,7 +75,8 @@ def _box_nodes(box: BoxConfig) -> float:
 
 def _arch_nodes(dam: ArchDamConfig) -> float:
     """Of the dam and, around the path of its contact, the ground."""
-    d, along = dam.divisions, dam.cantilevers * dam.divisions.along
+    d = dam.divisions.refined
+    along = dam.cantilevers * d.along
     nodes = _nodes([along, d.through, d.up], dam.element)
     layers = (d.perimeter if dam.perimeter else 0) + (d.rock if dam.rock else 0)
     rows = d.through + (d.upstream + d.downstream if dam.rock else 0)
@@ -84,7 +85,8 @@ def _arch_nodes(dam: ArchDamConfig) -> float:
 
 def _gravity_nodes(dam: GravityDamConfig) -> float:
     """Of the dam's grid and, as wide as the dam and its banks, of the rock's below."""
-    d, wide = dam.divisions, len(dam.monoliths) * dam.divisions.along
+    d = dam.divisions.refined
+    wide = len(dam.monoliths) * d.along
     nodes = _nodes([wide, d.through, d.up], dam.element)
     if dam.rock is None:
         return nodes

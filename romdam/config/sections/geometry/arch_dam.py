@@ -10,12 +10,12 @@ from pydantic import Field, Tag, model_validator
 from romdam.config.base import Model, by_shape
 from romdam.config.names import Name
 from romdam.config.quantities import Dimensionless, Length, Whole
+from romdam.config.sections.geometry.refinement import Count, Divisions
 from romdam.config.sections.joints import JointProperties
 from romdam.config.sections.places import GridElement
 
 Positive = Field(gt=0.0)
 Size = Annotated[Length, Positive]
-Count = Annotated[Whole, Field(ge=1, le=200)]
 Points = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=1)]
 Range = tuple[Length, Length]
 
@@ -134,7 +134,7 @@ class RockConfig(Model):
         return self
 
 
-class DivisionsConfig(Model):
+class DivisionsConfig(Divisions):
     """Elements (hexahedra before any split into tetrahedra): along a cantilever's arc, through the thickness,
     up its height; layers of the perimeter and of the rock; rows of rock up- and downstream.
 
@@ -155,8 +155,6 @@ class DivisionsConfig(Model):
     """Rows of rock upstream."""
     downstream: Count = 3
     """Rows of rock downstream."""
-    growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
-    """Ratio of neighbouring sizes in the rock."""
 
 
 class ArchDamConfig(Model):

@@ -9,14 +9,14 @@ import numpy as np
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Dimensionless, Length, Whole
+from romdam.config.quantities import Length
+from romdam.config.sections.geometry.refinement import Count, Divisions
 from romdam.config.sections.joints import JointConfig, JointProperties
 from romdam.config.sections.places import GridElement
 
 Positive = Field(gt=0.0)
 Size = Annotated[Length, Positive]
 Extent = Annotated[Length, Field(ge=0.0)]
-Count = Annotated[Whole, Field(ge=1, le=200)]
 Points = Annotated[tuple[tuple[Length, Length], ...], Field(min_length=2, max_length=50)]
 Bases = Annotated[
     Annotated[Length, Tag("number")]
@@ -91,7 +91,7 @@ class FoundationConfig(Model):
         return self
 
 
-class GravityDivisionsConfig(Model):
+class GravityDivisionsConfig(Divisions):
     """Elements (hexahedra before any split) along a monolith, through the dam, up from the lowest base.
 
     In the rock: layers below, rows up- and downstream, beside the dam; `growth` is the ratio of neighbours.
@@ -112,8 +112,6 @@ class GravityDivisionsConfig(Model):
     """Rows of rock downstream."""
     banks: Count = 3
     """Rows of rock to the left and to the right."""
-    growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
-    """Ratio of neighbouring sizes in the rock."""
 
 
 class GravityDamConfig(Model):

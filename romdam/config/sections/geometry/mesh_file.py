@@ -6,6 +6,7 @@ from pathlib import Path
 
 from romdam.config.base import Model
 from romdam.config.quantities import Whole
+from romdam.config.sections.geometry.refinement import Refinements
 from romdam.config.sections.places import LengthUnit
 
 
@@ -19,3 +20,5 @@ class MeshFileConfig(Model):
     """Group, set or component (or a number) of the cells; all of them where it is left out."""
     unit: LengthUnit = "m"
     """Unit of the coordinates."""
+    refine: Refinements = 0
+    """Number of times that every cell is cut into eight; edges of quadratic cells stay curved."""

@@ -1,0 +1,123 @@
+"""The error of the mesh: a job on its own mesh and on a sibling, in one go, on the same record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from romdam.config.load import Job, Source, load_config
+from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
+from romdam.core.errors import ConfigError, MeshError, ReductionError
+from romdam.core.files import prepare_folder
+from romdam.core.fingerprint import scene_digest
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.threads import one_thread
+from romdam.error.discretisation import MeshRun, discretisation, mesh_run
+from romdam.error.statement import ErrorStatement, write_verification
+from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
+from romdam.pipelines.error.verify import as_run
+from romdam.pipelines.moving_supports import refuse_drifting
+from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
+from romdam.pipelines.simulation import simulate_motion
+from romdam.pipelines.sizes import refuse_lengths
+from romdam.postprocess.node_spectra import node_spectra
+from romdam.records.record_set import load_motions
+
+
+@dataclass(frozen=True)
+class VerifiedMesh:
+    """The error of the mesh: `statement` as written to `path`, and a figure of both opening histories."""
+
+    statement: ErrorStatement
+    path: Path
+    figure: Path
+
+
+@one_thread()
+def verify_mesh(
+    job: Source,
+    out: str | Path,
+    duration: float | None = None,
+    *,
+    finer: bool = True,
+    show: Stage = silent,
+) -> VerifiedMesh:
+    """Run a job on its mesh and on a sibling, on the first record, and state what the mesh changes.
+
+    Parameters
+    ----------
+    job : a configuration, as `romdam.load_config` takes one
+    out : folder for discretisation.json and the figure; results there get the statement too
+    duration : seconds of the record from its start [s]; all that the job runs of it if None
+    finer : whether elements of the sibling have half the size, else twice
+    show : told of every stage and its progress
+
+    Raises
+    ------
+    RomdamError
+        for bad input, a scene without joints, a mesh without a sibling, and steps that do not converge.
+    """
+    job = load_config(job)
+    if not job.config.every_joint:
+        raise ConfigError(
+            f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
+        )
+    sibling = on_finer_mesh(job) if finer else on_coarser_mesh(job)
+    folder, clock = prepare_folder(Path(out)), Clock(show)
+    motions = load_motions(job.config.records, job.folder)[:1]
+    refuse_drifting(job, motions)
+    tell_doubts(job, motions)
+    whole, motion = motions[0], as_run(job, motions[0], duration)
+    seconds = motion.duration if duration is None else min(duration, motion.duration)
+    refuse_lengths(job, [motion], seconds)
+    if job.config.model.order != "full":
+        job, sibling = (with_modes_chosen(one, motions, clock) for one in (job, sibling))
+    run, scene = run_on_mesh(job, motion, seconds, clock, "run")
+    try:
+        other, _ = run_on_mesh(sibling, motion, seconds, clock, "sibling")
+    except (ConfigError, MeshError, ReductionError) as error:
+        instead = "coarser" if finer else "finer"
+        raise ConfigError(
+            f"on the {'finer' if finer else 'coarser'} mesh: {error}; or compare with `--mesh {instead}`"
+        ) from None
+    about: dict[str, object] = {
+        "record": motion.name,
+        "seconds": seconds,
+        "configuration_file": job.path.name,
+        "configuration_sha256": job.digest,
+        "scene_sha256": scene_digest(scene),
+        "record_sha256": whole.digest,
+    }
+    about |= {f"cpu_seconds_{name}": clock.cpu[name] for name in ("run", "sibling")}
+    statement = discretisation(run, other, finer=finer, about=about)
+    return VerifiedMesh(statement, write_verification(folder, statement), _draw(folder, motion, run, other))
+
+
+def run_on_mesh(
+    job: Job, motion: GroundMotion, seconds: float, clock: Clock, stage: str
+) -> tuple[MeshRun, Scene]:
+    """Build a job's model and run it.
+
+    Parameters
+    ----------
+    seconds : of the motion from its start [s]
+    stage : what the clock calls model and run together
+    """
+    with clock.stage(stage, f"{stage} on {job.path.name}") as progress:
+        model = build_model(job, Clock(silent))
+        telling_doubts_of(model.scene, job)
+        history = simulate_motion(job, model.prepared, motion, seconds, progress)
+    spectra = node_spectra(history.acc, history.ground, history.time)
+    return mesh_run(model.scene, history, model.system.law.joints, spectra), model.scene
+
+
+def _draw(folder: Path, motion: GroundMotion, run: MeshRun, sibling: MeshRun) -> Path:
+    from romdam.visual.plots import opening_comparison, save_figure
+
+    histories = {
+        f"{name}, {one.unknowns} unknowns": (one.history.time, one.history.jump[..., 0])
+        for name, one in (("mesh", run), ("sibling", sibling))
+    }
+    figure = opening_comparison(histories, f"The mesh and its sibling  ·  {motion.name}")
+    return save_figure(figure, folder / "discretisation.png")

@@ -1,0 +1,99 @@
+"""The same job on a mesh of half, or twice, the size of the elements."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+from romdam.config.load import Job
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
+from romdam.config.sections.geometry.refinement import Divisions
+from romdam.config.sections.job import BoxConfig
+from romdam.core.errors import ConfigError
+
+MeshT = TypeVar("MeshT", MeshFileConfig, Divisions)
+
+
+def on_finer_mesh(job: Job) -> Job:
+    """The job with elements of half the size: boxes, dams of a few keys, and mesh files.
+
+    Raises
+    ------
+    ConfigError
+        for a block whose stiffness and mass come from files.
+    """
+    for name, block in job.config.blocks.items():
+        if block.matrices is not None:
+            raise ConfigError(
+                f"{job.path}: blocks.{name}.matrices: stiffness and mass come from another program, so there "
+                "is no finer mesh, and what it would change is unknown; compare with matrices of a finer mesh"
+            )
+    return _on_other_mesh(job, finer=True)
+
+
+def on_coarser_mesh(job: Job) -> Job:
+    """The job with elements of twice the size.
+
+    Raises
+    ------
+    ConfigError
+        for mesh files that are not refined, and for numbers of elements that cannot be halved.
+    """
+    config = job.config
+    for name, block in config.blocks.items():
+        if block.box is not None:
+            for axis, count in zip("xyz", _counts(block.box), strict=True):
+                if round(count) % 2:
+                    why = f"has {count:g} elements along {axis}, which cannot be halved"
+                    _refuse_coarser(f"{job.path}: blocks.{name}.box", why)
+        elif block.mesh is None or not block.mesh.refine:
+            _refuse_coarser(f"{job.path}: blocks.{name}", "is of a file, which has no coarser mesh")
+    for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
+        if dam is not None and not dam.divisions.refine:
+            for name, count in dam.divisions.model_dump(exclude={"growth", "refine"}).items():
+                if count % 2:
+                    place = f"{job.path}: {key}.divisions.{name}"
+                    _refuse_coarser(place, f"is {count}, which cannot be halved")
+    return _on_other_mesh(job, finer=False)
+
+
+def _refuse_coarser(place: str, why: str) -> None:
+    raise ConfigError(f"{place}: {why}; compare with a finer mesh instead (`romdam verify --mesh finer`)")
+
+
+def _counts(box: BoxConfig) -> tuple[float, ...]:
+    """Elements along x, y and z."""
+    wanted = box.element_size
+    sizes = (wanted,) * 3 if isinstance(wanted, float) else wanted
+    return tuple(length / size for length, size in zip(box.size, sizes, strict=True))
+
+
+def _on_other_mesh(job: Job, *, finer: bool) -> Job:
+    config, blocks = job.config, dict(job.config.blocks)
+    for name, block in blocks.items():
+        if block.box is not None:
+            blocks[name] = block.model_copy(update={"box": _box(block.box, 0.5 if finer else 2.0)})
+        elif block.mesh is not None:
+            blocks[name] = block.model_copy(update={"mesh": _refined(block.mesh, finer=finer)})
+    changed: dict[str, object] = {"blocks": blocks}
+    for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
+        if dam is not None:
+            divisions: Divisions = dam.divisions
+            if finer or divisions.refine:
+                divisions = _refined(divisions, finer=finer)
+            else:
+                counts = divisions.model_dump(exclude={"growth", "refine"})
+                halved: dict[str, object] = {name: count // 2 for name, count in counts.items()}
+                divisions = divisions.model_copy(update=halved | {"growth": divisions.growth**2})
+            changed[key] = dam.model_copy(update={"divisions": divisions})
+    return replace(job, config=config.model_copy(update=changed))
+
+
+def _box(box: BoxConfig, factor: float) -> BoxConfig:
+    size = box.element_size
+    other = factor * size if isinstance(size, float) else tuple(factor * edge for edge in size)
+    return box.model_copy(update={"element_size": other})
+
+
+def _refined(mesh: MeshT, *, finer: bool) -> MeshT:
+    return mesh.model_copy(update={"refine": mesh.refine + (1 if finer else -1)})

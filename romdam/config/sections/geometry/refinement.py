@@ -1,0 +1,38 @@
+"""How often a mesh is refined, and what that makes of numbers of elements."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field
+
+from romdam.config.base import Model
+from romdam.config.quantities import Dimensionless, Whole
+
+Count = Annotated[Whole, Field(ge=1, le=200)]
+Refinements = Annotated[Whole, Field(ge=0, le=3)]
+
+
+class Divisions(Model):
+    """Numbers of elements of a dam, and the growth of layers in its rock."""
+
+    growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
+    """Ratio of neighbouring sizes in the rock."""
+    refine: Refinements = 0
+    """Number of times that all elements are halved along every edge."""
+
+    @property
+    def parts(self) -> int:
+        """Elements in the place of one, along an edge."""
+        return int(2**self.refine)
+
+    @property
+    def refined(self) -> Self:
+        """The same with all numbers as they are after refinement, which layers that grow follow too.
+
+        Layers in the ratio g become twice as many in the ratio of its root, every other at the same place.
+        """
+        counts = self.model_dump(exclude={"growth", "refine"})
+        changed: dict[str, object] = {name: count * self.parts for name, count in counts.items()}
+        changed |= {"growth": self.growth ** (1.0 / self.parts), "refine": 0}
+        return self.model_copy(update=changed)

@@ -1,0 +1,146 @@
+"""The statement of the mesh's error: numbers by hand, the command, and a truth."""
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from test_cli import SMALL, call
+
+from romdam.core.errors import ResultError
+from romdam.error.discretisation import MeshRun, discretisation
+
+sys.path.append(str(Path(__file__).parents[1] / "reference"))
+
+TIME = np.linspace(0.0, 4.0, 401)
+ABOUT = {"record": "pulse", "seconds": 4.0}
+
+
+def run_of(opening, slip=(0.0, 0.0, 0.0), force=(1.0, 1.0, 1.0), motion=1.0, every=1, spectrum=2.0):
+    """Three gaps, one in joint j and two in k; `every` further gaps lie between on a finer mesh."""
+    shape = np.sin(3.0 * TIME)[:, None]
+    jump = np.stack(
+        [shape * np.array(opening), np.ones_like(shape) * np.array(slip), 0.0 * shape * np.ones(3)], axis=2
+    )
+    force = np.stack([shape * np.array(force), *[0.0 * shape * np.ones(3)] * 2], axis=2)
+    position = np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 1.0], [5.0, 0.0, 2.0]])
+    if every > 1:  # a gap more in each joint, which the other mesh has not
+        jump, force = (np.insert(a, [1, 3], 7.0, axis=1) for a in (jump, 0.5 * force))
+        jump[:, [1, 4], 1:] = 0.0
+        position = np.insert(position, [1, 3], [[0.0, 0.0, 1.5], [5.0, 0.0, 1.5]], axis=0)
+        joints = {"j": slice(0, 2), "k": slice(2, 5)}
+        force[:, 1, 0] = force[:, 0, 0]
+        force[:, 4, 0] = force[:, 2, 0] + force[:, 3, 0]
+    else:
+        joints = {"j": slice(0, 1), "k": slice(1, 3)}
+    disp = motion * shape * np.array([1.0, 0.5, 0.0])
+    history = SimpleNamespace(time=TIME, jump=jump, mean_traction=force, disp=disp, acc=disp)
+    area = np.ones(len(position))
+    return MeshRun(history, position, area, joints, ("top",), spectrum * np.ones((3, 4)), 30 * every)
+
+
+def test_each_quantity_has_its_own_error_and_a_finer_mesh_one_and_a_half_times_the_difference():
+    """Openings 10 % off in j and 20 % in k, forces twice as large, motion 5 %, spectra 25 %."""
+    coarse = run_of([1.1, 1.2, 2.4], force=(2.0, 2.0, 4.0), motion=1.05, spectrum=2.5)
+    fine = run_of([1.0, 1.0, 2.0], force=(1.0, 1.0, 2.0), every=2)
+    stated = discretisation(coarse, fine, finer=True, about=ABOUT)
+    opening = stated.errors["opening"]
+    assert opening.joints["j"].l2 == pytest.approx(1.5 * 0.1)
+    assert opening.joints["k"].l2 == pytest.approx(1.5 * 0.2) == opening.joints["k"].peak
+    assert opening.l2 == pytest.approx(1.5 * np.sqrt((0.1**2 + 0.2**2 + 0.4**2) / 6.0))
+    assert opening.peak == pytest.approx(1.5 * 0.2)
+    force = stated.errors["joint_force"]
+    assert force.joints["j"].l2 == force.joints["k"].l2 == pytest.approx(1.5)
+    assert stated.errors["displacement"].l2 == pytest.approx(1.5 * 0.05)
+    assert stated.errors["response_spectrum"].peak == pytest.approx(1.5 * 0.25)
+    assert stated.details["nodes"]["top"]["displacement"]["peak"] == pytest.approx(1.5 * 0.05)
+    assert stated.details["gaps_compared"] == 3 and stated.details["gaps_sibling"] == 5
+    assert "; neither mesh resolves joint forces, response spectra: " in stated.sentence
+    assert "displacements by 7.5 %" in stated.sentence and "(60 unknowns for 30)" in stated.sentence
+
+
+def test_a_coarser_mesh_is_judged_by_the_own_one_and_half_of_the_difference_is_stated():
+    own, coarser = run_of([1.0, 1.0, 2.0], every=2), run_of([1.1, 1.2, 2.4])
+    stated = discretisation(own, coarser, finer=False, about=ABOUT)
+    assert stated.errors["opening"].joints["k"].l2 == pytest.approx(0.5 * 0.2)
+    assert "0.5 of the difference to elements of twice the size" in stated.sentence
+
+
+def test_residual_slips_are_means_of_joints():
+    """Slips left of 10 mm in j and of 20 and 40 mm in k are 8 mm, and 20 and 34 mm, on the finer mesh."""
+    coarse = run_of([1.0, 1.0, 2.0], slip=(0.010, 0.020, 0.040))
+    fine = run_of([1.0, 1.0, 2.0], slip=(0.008, 0.020, 0.034))
+    left = discretisation(coarse, fine, finer=True, about=ABOUT).errors["residual_slip"]
+    assert left.joints["j"].l2 == pytest.approx(1.5 * 0.25)
+    assert left.joints["k"].l2 == pytest.approx(1.5 * 3.0 / 27.0)
+    assert left.l2 == pytest.approx(1.5 * 3.0 / 27.0)
+
+
+def test_meshes_without_a_common_gap_are_refused():
+    own = run_of([1.0, 1.0, 2.0])
+    moved = MeshRun(own.history, own.position + 0.1, own.area, own.joints, own.nodes, own.spectra, 30)
+    with pytest.raises(ResultError, match="no gap of the one mesh is at a gap of the other within 1 mm"):
+        discretisation(own, moved, finer=True, about=ABOUT)
+
+
+def test_the_command_states_it_in_the_results_and_info_sums_all_errors(tmp_path):
+    time = np.arange(100) * 0.01
+    np.savetxt(tmp_path / "pulse.txt", 6.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-2 * time))
+    raw = yaml.safe_load(SMALL)
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
+    out = tmp_path / "out"
+    assert call("run", tmp_path / "small.yaml", "--out", out, "--quiet")[0] == 0
+    code, before, _ = call("info", out / "pulse.nc")
+    assert code == 0 and "mesh           its error, often the largest, is not known" in before
+    code, _, err = call("verify", tmp_path / "small.yaml", "--mesh", "finer", "--out", out, "--quiet")
+    assert code == 0, err
+    document = json.loads((out / "discretisation.json").read_text())
+    assert (out / "discretisation.png").exists() and document["sibling"] == "finer"
+    with xr.open_dataset(out / "pulse.nc", engine="h5netcdf") as dataset:
+        attrs = dict(dataset.attrs)
+    assert attrs["discretisation_opening_l2"] == document["error"]["opening"]["l2"] > 0.0
+    assert attrs["discretisation_statement"] == document["statement"]
+    parts = ("discretisation_opening_l2", "error_estimate_opening_l2", "solver_estimated_time_error")
+    total = 100.0 * sum(float(attrs[name]) for name in parts if name in attrs)
+    _, after, _ = call("info", out / "pulse.nc")
+    assert f"total          about {total:.2g} % of the openings in L2 at most: mesh " in after
+    assert call("run", tmp_path / "small.yaml", "--out", out, "--quiet")[0] == 0  # it finds it again
+    with xr.open_dataset(out / "pulse.nc", engine="h5netcdf") as dataset:
+        assert dataset.attrs["discretisation_statement"] == document["statement"]
+
+
+def test_matrices_of_other_programs_have_no_finer_mesh(tmp_path):
+    raw = yaml.safe_load(SMALL)
+    name = next(iter(raw["blocks"]))
+    raw["blocks"][name]["matrices"] = {"stiffness": "K.mtx", "mass": "M.mtx"}
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
+    code, _, err = call("verify", tmp_path / "small.yaml", "--mesh", "finer", "--out", tmp_path / "out")
+    assert code == 2 and f"blocks.{name}.matrices" in err and "Traceback" not in err
+
+
+def test_what_is_stated_is_within_a_factor_of_two_of_the_truth():
+    """Two cantilevers of hex8, 5 m, against hex20 of 2.5 m: openings, displacements, joint by joint."""
+    from mesh_truth import RECORDS, limit_of, make_job
+
+    from romdam.config.other_mesh import on_finer_mesh
+    from romdam.pipelines.error.mesh import run_on_mesh
+    from romdam.pipelines.run import Clock, silent
+    from romdam.records.record_set import load_motions
+
+    assert "northridge" in RECORDS
+    job = make_job("cantilevers hex8 5 m", "northridge", 4.0)
+    (motion,) = load_motions(job.config.records, job.folder)
+    own, finer, limit = (
+        run_on_mesh(one, motion, 4.0, Clock(silent), "run")[0]
+        for one in (job, on_finer_mesh(job), limit_of(job))
+    )
+    stated, true = (discretisation(own, one, finer=True, about=ABOUT).errors for one in (finer, limit))
+    for name in ("opening", "displacement"):
+        for measure in ("l2", "peak"):
+            truth = getattr(true[name], measure) / 1.5
+            assert truth > 0.02
+            assert 0.5 * truth <= getattr(stated[name], measure) <= 2.0 * truth
