@@ -9,7 +9,7 @@ from small_scenes import DAMPING, raw, scene
 from romdam.config.sections.job import ModelConfig
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble_mass
-from romdam.reduction.methods.residual_vectors import independent
+from romdam.linalg.dense import independent
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 
 

@@ -1,21 +1,19 @@
 """Craig-Bampton reduction of one block.
 
-u = Psi u_b + Phi q with the retained joint DOFs u_b, constraint modes Psi = -K_ii^-1 K_ib and the
-fixed-interface modes Phi below the cut-off. Where the retained DOFs and supports leave the interior
-free to move rigidly (normal gaps alone hold the block), K_ii is singular; K_ii + s M_ii with a small s
-takes its place, the constraint modes become those of a harmonic motion just below zero frequency, and
-the rigid motions appear among the Phi. Any such basis is a Ritz basis, and with all modes it is complete.
+The displacement is u = Psi u_b + Phi q with the retained joint DOFs u_b, the constraint modes
+Psi = -K_ii^-1 K_ib over the interior DOFs i, and the fixed-interface modes Phi below the cut-off. If retained
+DOFs and supports do not prevent rigid motions of the interior (normal gaps alone hold the block), K_ii is
+singular. Then K_ii - s M_ii with a small negative shift s replaces it, and the rigid motions are among Phi.
+The basis is still a Ritz basis, and complete with all modes. Without such motions s is zero.
 
-Static vectors: the interior's static answers K_ii^-1 f_i to the inertia of the ground's acceleration and to
-the loads f join the Phi. Together with Psi they hold K^-1 f, so that equilibrium under these loads is that of
-the mesh whatever the number of modes: section forces at rest have no truncation error. M-orthogonal to the
-Phi and diagonal in K, they are taken as further Phi, whose frequencies are no modes' (modal truncation
-augmentation).
+Static vectors: the static responses K_ii^-1 f_i of the interior to the inertia of the ground acceleration and
+to the loads f are added to Phi. Their span with Psi contains K^-1 f, so that the static response to these
+loads is that of the mesh for any number of modes. They are made M-orthogonal to the modes and diagonal in K,
+and are then treated like modes (modal truncation augmentation); their omega^2 are no natural frequencies.
 
-Residual vectors: of the lowest open-joint modes phi of that basis, the static answer of the interior to what
-they leave unbalanced, K_ii^-1 (K phi - omega^2 M phi), joins the basis. One solve each brings the modes that
-carry the response much nearer to the mesh's: on the two-cantilever model 20 modes and 10 residual vectors a
-block (260 unknowns) have 0.6 % reduction error where 20 modes alone have 6.4 %, and 60 modes 0.5 %.
+Residual vectors: the static responses of the interior, K_ii^-1 (K phi - omega^2 M phi)_i, to the unbalanced
+forces of the lowest open-joint modes phi of this basis. Each costs one solution, and reduces the error more
+than further fixed-interface modes do (docs/decisions.md, "Size of the basis").
 
 References
 ----------
@@ -49,19 +47,23 @@ from romdam.reduction.methods.residual_vectors import (
     lowest_with,
 )
 
-FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # [1/s2], 0.1 Hz: far below any block's elastic modes
+FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # -s [1/s2], 0.1 Hz: far below the elastic modes of any block
 _ALL = 2**62
-_SOME = 30  # modes below a frequency, before they are counted
+_SOME = 30  # number of modes below a cut-off frequency that is assumed before it is known
 
 
 @dataclass(frozen=True)
 class ModeChoice:
-    """Fixed-interface modes to keep: a count, or all below a frequency [Hz]; how many residual
-    vectors beside them.
+    """Size of a Craig-Bampton basis.
 
-    A capped count takes what there is in a block with fewer interior DOFs; another one is refused there.
-    `solving` says by which solver, and moves no digit that matters. A `finer` choice is the basis that the
-    estimate of the error compares with, made beside the other.
+    Attributes
+    ----------
+    count : number of fixed-interface modes; None if `cutoff` is given
+    cutoff : frequency below which all fixed-interface modes are kept [Hz]; None if `count` is given
+    residual_vectors : number of residual vectors
+    capped : whether a block with fewer than `count` interior DOFs takes all modes; otherwise it is refused
+    solving : choice of the solver; it affects results by round-off only
+    finer : whether the finer basis of the error estimate is made too
     """
 
     count: int | None = None
@@ -73,21 +75,21 @@ class ModeChoice:
 
     @property
     def keeps_all(self) -> bool:
-        """True where every mode is asked for."""
+        """Whether all modes are kept."""
         return self.count == _ALL
 
     @property
     def columns(self) -> int:
-        """About how many solves the modes and residual vectors take."""
+        """Estimated number of solutions that modes and residual vectors need."""
         return 4 * (_SOME if self.count is None else self.count) + self.residual_vectors
 
     def report(self) -> dict[str, object]:
-        """The choice as plain values."""
+        """Return what a report says of the choice, as plain values."""
         return {} if self.cutoff is None else {"cutoff_hz": self.cutoff}
 
     @property
     def stored(self) -> dict[str, object]:
-        """The choice without how it is computed, as the keys of stored bases take it."""
+        """What the basis depends on, for the keys of stored bases."""
         finer: dict[str, object] = {"finer": FINER_VECTORS} if self.finer else {}
         return finer | {
             "count": self.count,
@@ -102,19 +104,19 @@ ALL_MODES = ModeChoice(count=_ALL)
 
 @dataclass(frozen=True)
 class Substructure:
-    """A reduced block in its own open-joint modes, [basis, more] mix.
+    """A reduced block: its open-joint modes [basis, more] mix, which are M-orthonormal.
 
     Attributes
     ----------
-    omega2 : (m,) ascending [1/s2]
-    basis : (n, k) vectors over the free DOFs
-    more : (n, r) residual vectors beside them
-    mix : (k + r, m) what makes M-orthonormal modes of both
-    retained, fixed_interface, static, residual_vectors : how many retained DOFs, modes, static vectors and
-        residual vectors span it
-    highest : frequency of the highest fixed-interface mode kept [Hz], 0 if there is none
-    orthonormality : largest entry of Phi^T M Phi - I
-    residual : largest |K phi - omega^2 M phi| of the fixed-interface modes, relative to omega^2 |M phi|
+    omega2 : (m,) of the open-joint modes, ascending [1/s2]
+    basis : (n, k) basis vectors over the free DOFs
+    more : (n, r) residual vectors that are not in `basis`
+    mix : (k + r, m) coefficients of the modes in both
+    retained, fixed_interface, static, residual_vectors : numbers of retained DOFs, fixed-interface modes,
+        static vectors and residual vectors that span the basis
+    highest : frequency of the highest fixed-interface mode [Hz], 0 if there is none
+    orthonormality : largest entry of |Phi^T M Phi - I|
+    residual : largest |K phi - omega^2 M phi| / (omega^2 |M phi|) of the fixed-interface modes
     """
 
     omega2: Floats
@@ -130,14 +132,15 @@ class Substructure:
     residual_vectors: int = 0
 
     def formed(self) -> Substructure:
-        """The same with its modes for a basis."""
-        formed, known = self.basis @ self.mix[: self.basis.shape[1]], np.eye(len(self.omega2))
+        """Return the same block with the open-joint modes as its basis."""
+        k = self.basis.shape[1]
+        modes = self.basis @ self.mix[:k]
         if self.more.shape[1]:
-            formed += self.more @ self.mix[self.basis.shape[1] :]
-        return replace(self, basis=formed, more=np.zeros((len(formed), 0)), mix=known)
+            modes += self.more @ self.mix[k:]
+        return replace(self, basis=modes, more=np.zeros((len(modes), 0)), mix=np.eye(len(self.omega2)))
 
     def report(self) -> dict[str, object]:
-        """The numbers on the reduction, as plain values."""
+        """Return the numbers of the reduction as plain values."""
         return {
             "retained_dofs": self.retained,
             "fixed_interface_modes": self.fixed_interface,
@@ -152,17 +155,19 @@ class Substructure:
 
 @dataclass(frozen=True)
 class FreeBlock:
-    """A block over its free DOFs, in frames turned so that a lone jump direction is one DOF.
+    """A block over its free DOFs.
+
+    At a node with gaps in one direction only, the axes are rotated so that this direction is one DOF.
 
     Attributes
     ----------
-    K, M : (n, n) sparse
+    K, M : (n, n) sparse stiffness and mass
     retained : (n,) True for retained DOFs
-    loads : (n, l) forces that the basis is to answer statically right, of any size
-    held : whether supports and retained DOFs, if held, stop every rigid motion
-    motions : of the free DOFs
-    place : of the block in messages
-    wet : added mass of water, which its finer basis knows of; None without any
+    loads : (n, l) forces whose static response the basis contains exactly, of any magnitude
+    held : whether fixed supports and retained DOFs prevent every rigid motion
+    motions : nodes and rigid motions of the free DOFs, for multigrid
+    place : name of the block in messages
+    wet : added mass of water for the finer basis; None without any
     """
 
     K: csr_matrix
@@ -176,20 +181,20 @@ class FreeBlock:
 
     @property
     def shift(self) -> float:
-        """K_ii less it times M_ii is positive definite."""
+        """The shift s <= 0 with which K_ii - s M_ii is positive definite [1/s2]."""
         return 0.0 if self.held else -FREE_SHIFT
 
 
 class FixedInterfaceModes(NamedTuple):
-    """Fixed-interface modes and, after them, static vectors, all diagonal in K.
+    """Fixed-interface modes, followed by static vectors, all diagonal in K.
 
     Attributes
     ----------
-    modes : how many are modes
-    omega2 : (m,) Phi^T K Phi, of modes ascending [1/s2]
-    Phi : (n, m) over the interior
+    modes : number of modes; the other columns are static vectors
+    omega2 : (m,) diagonal of Phi^T K Phi, ascending for the modes [1/s2]
+    Phi : (n, m) modes and static vectors over the interior
     forces : (n, m) (K - s M) Phi
-    gram : (m, m) Phi^T M Phi, the identity but for round-off
+    gram : (m, m) Phi^T M Phi, the identity up to round-off
     residual : of the modes, see `Substructure`
     """
 
@@ -207,31 +212,44 @@ class FixedInterfaceModes(NamedTuple):
 
     @property
     def orthonormality(self) -> float:
-        """Largest entry of Phi^T M Phi - I."""
+        """Largest entry of |Phi^T M Phi - I|."""
         return float(np.abs(self.gram - np.eye(len(self.gram))).max(initial=0.0))
 
 
 def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
-    """Reduce a block and diagonalise it with its joints open; then a finer one from the same factors.
+    """Reduce a block and diagonalise it with its joints open; on request reduce it again, finer.
 
-    The finer one has residual vectors of the modes of the first, its water in place, beside the basis of the
-    first: it is not formed.
+    Yields
+    ------
+    Substructure
+        first the reduced block, with its open-joint modes as basis; then a finer one, for the error estimate.
+        It adds `FINER_VECTORS` residual vectors, of modes with the added mass of water, to the first basis,
+        and needs no new factors. If the first has all modes, it is yielded again.
 
     Raises
     ------
     ConfigError
         for more modes than the interior has DOFs.
     ReductionError
-        where a factorisation or an eigenproblem fails.
+        if a factorisation or an eigenproblem fails.
     """
     K, M, retained = block.K, block.M, block.retained
-    inner = int((~retained).sum())
-    choice = _within(choice, inner, block.place)
-    if choice.keeps_all or choice.count == inner:
+    interior_dofs = int((~retained).sum())
+    choice = _cap_count(choice, interior_dofs, block.place)
+    if choice.keeps_all or choice.count == interior_dofs:
         omega2, basis = dense_modes(K, M)
-        known = np.eye(len(omega2)), len(retained) - inner, inner, highest_hz(omega2)
-        none = np.zeros((len(basis), 0))
-        yield from repeat(Substructure(without_roundoff(omega2), basis, none, *known, 0.0, 0.0))
+        complete = Substructure(
+            omega2=without_roundoff(omega2),
+            basis=basis,
+            more=np.zeros((len(basis), 0)),
+            mix=np.eye(len(omega2)),
+            retained=len(retained) - interior_dofs,
+            fixed_interface=interior_dofs,
+            highest=highest_hz(omega2),
+            orthonormality=0.0,
+            residual=0.0,
+        )
+        yield from repeat(complete)  # without end: nothing is finer
     Psi, modes, solver = _ritz_vectors(block, choice)
     T = _assemble_basis(Psi, modes.Phi, retained)
     mass = _mass(block, T, modes.gram)
@@ -256,8 +274,14 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
     yield replace(finer, omega2=without_roundoff(finer.omega2))
 
 
-def _within(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
-    """The choice, capped at the interior DOFs that there are if it may be, or if there are none to choose."""
+def _cap_count(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
+    """Limit the number of modes to the number of interior DOFs, if the choice permits it or there are none.
+
+    Raises
+    ------
+    ConfigError
+        for more modes than the interior has DOFs.
+    """
     if (choice.capped or not interior) and choice.count is not None:
         choice = replace(choice, count=min(choice.count, interior))
     if not choice.keeps_all and choice.count is not None and choice.count > interior:
@@ -269,7 +293,7 @@ def _within(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
 
 
 def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedInterfaceModes, Solver]:
-    """Constraint modes, fixed-interface modes with static vectors, and the interior's solver."""
+    """Compute constraint modes, fixed-interface modes with static vectors, and the solver of the interior."""
     retained, shift = block.retained, block.shift
     K_i, M_i = block.K[~retained], block.M[~retained]
     K_ii, M_ii = csr_matrix(K_i[:, ~retained]), csr_matrix(M_i[:, ~retained])
@@ -284,19 +308,26 @@ def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedIn
 def fixed_interface_modes(
     K: csr_matrix, M: csr_matrix, loads: Floats, choice: ModeChoice, solver: Solver, shift: float
 ) -> FixedInterfaceModes:
-    """Lowest modes of the interior, and its static answers to loads (n, l); `solver` is of K - shift M."""
+    """Compute the lowest modes of the interior, and static vectors of loads.
+
+    Parameters
+    ----------
+    K, M : (n, n) of the interior
+    loads : (n, l) forces on the interior
+    solver : for K - shift M
+    """
     omega2, Phi = modes_below(K, M, choice.count, choice.cutoff, solver, shift)
     MPhi = M @ Phi
     residual = eigen_residual(K, MPhi, omega2, Phi)
     forces = MPhi * (omega2 - shift)
-    static2, A, forces_of_A = static_vectors(M, Phi, MPhi, forces, loads, solver)
-    every = np.hstack([Phi, A])
+    static_omega2, A, static_forces = static_vectors(M, Phi, MPhi, forces, loads, solver)
+    modes_and_static = np.hstack([Phi, A])
     return FixedInterfaceModes(
         modes=len(omega2),
-        omega2=np.append(omega2, static2 + shift),
-        Phi=every,
-        forces=np.hstack([forces, forces_of_A]),
-        gram=every.T @ np.hstack([MPhi, M @ A]),
+        omega2=np.append(omega2, static_omega2 + shift),
+        Phi=modes_and_static,
+        forces=np.hstack([forces, static_forces]),
+        gram=modes_and_static.T @ np.hstack([MPhi, M @ A]),
         residual=residual,
     )
 
@@ -304,18 +335,19 @@ def fixed_interface_modes(
 def static_vectors(
     M: csr_matrix, Phi: Floats, MPhi: Floats, forces: Floats, loads: Floats, solver: Solver
 ) -> tuple[Floats, Floats, Floats]:
-    """What modes lack of static answers to loads, made M-orthonormal and diagonal in K - s M.
+    """Compute the part of static responses to loads that is not in the span of the modes.
 
     Parameters
     ----------
     Phi, MPhi, forces : (n, m) modes, M times them and (K - s M) times them
-    loads : (n, l); those that are zero, or whose answer the modes know, give no vector
-    solver : of K - s M
+    loads : (n, l); a load that is zero, or whose response is in the span of the modes, gives no vector
+    solver : for K - s M
 
     Returns
     -------
-    omega2 : (k,) ascending, less s [1/s2]
-    vectors, forces : (n, k), and (K - s M) times them
+    omega2 : (k,) diagonal of K - s M in the vectors, ascending: omega^2 - s [1/s2]
+    vectors : (n, k) M-orthonormal, M-orthogonal to the modes and diagonal in K - s M
+    forces : (n, k) (K - s M) times the vectors
     """
     length = np.linalg.norm(loads, axis=0)
     F = loads[:, length > 0.0] / length[length > 0.0]
@@ -324,11 +356,11 @@ def static_vectors(
     A = solver.solve(F)
     size = np.sqrt((A * (M @ A)).sum(axis=0))
     A, F = A / size, F / size
-    for _ in range(2):  # the second time for the round-off of the first
-        known = MPhi.T @ A
-        A, F = A - Phi @ known, F - forces @ known
-    rest = (A * (M @ A)).sum(axis=0) > ROUND_OFF**2
-    A, F = A[:, rest], F[:, rest]
+    for _ in range(2):  # the second time removes the round-off of the first
+        in_modes = MPhi.T @ A
+        A, F = A - Phi @ in_modes, F - forces @ in_modes
+    remains = (A * (M @ A)).sum(axis=0) > ROUND_OFF**2
+    A, F = A[:, remains], F[:, remains]
     if not A.shape[1]:
         return np.zeros(0), A, F
     C = orthonormalising(A.T @ (M @ A), DEPENDENT)
@@ -338,12 +370,12 @@ def static_vectors(
 
 
 def highest_hz(omega2: Floats) -> float:
-    """The last of ascending frequencies [Hz], 0 if there is none."""
+    """Return the highest frequency [Hz] of ascending omega2 [1/s2], 0 if there is none."""
     return float(np.sqrt(max(omega2[-1], 0.0)) / (2.0 * np.pi)) if len(omega2) else 0.0
 
 
 def eigen_residual(K: csr_matrix | Symmetric, MPhi: Floats, omega2: Floats, Phi: Floats) -> float:
-    """Largest relative eigenvalue residual of the elastic modes."""
+    """Compute the largest |K phi - omega^2 M phi| / (omega^2 |M phi|) of the elastic modes."""
     inertia = MPhi * omega2
     size = np.linalg.norm(inertia, axis=0)
     elastic = omega2 > FREE_SHIFT
@@ -353,6 +385,7 @@ def eigen_residual(K: csr_matrix | Symmetric, MPhi: Floats, omega2: Floats, Phi:
 
 
 def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
+    """Assemble T = [Psi, Phi; I, 0] over the free DOFs, with the unit matrix at the retained ones."""
     boundary = Psi.shape[1]
     T = over_interior(retained, np.hstack([Psi, Phi]))
     T[retained, :boundary] = np.eye(boundary)
@@ -360,31 +393,41 @@ def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
 
 
 def _mass(block: FreeBlock, T: Floats, gram: Floats) -> Floats:
-    """T^T M T, of which the modes' part is known."""
+    """Compute T^T M T, in which the modes have the Gram matrix that is already known."""
     boundary = T.shape[1] - len(gram)
-    edge = T.T @ (block.M @ T[:, :boundary])
-    return np.block([[edge[:boundary], edge[boundary:].T], [edge[boundary:], gram]])
+    constraint = T.T @ (block.M @ T[:, :boundary])
+    return np.block([[constraint[:boundary], constraint[boundary:].T], [constraint[boundary:], gram]])
 
 
 def _stiffness(block: FreeBlock, T: Floats, omega2: Floats, mass: Floats) -> Floats:
-    """T^T K T from what constraint modes leave at the boundary; K - s M couples them with no mode."""
+    """Compute T^T K T = s T^T M T + T^T (K - s M) T.
+
+    The second term does not couple constraint modes and fixed-interface modes. Constraint modes have
+    (K - s M)-forces at the retained DOFs only.
+    """
     boundary, s = T.shape[1] - len(omega2), block.shift
-    on_boundary = block.K[block.retained] - s * block.M[block.retained]
+    at_retained = block.K[block.retained] - s * block.M[block.retained]
     stiffness = s * mass
-    stiffness[:boundary, :boundary] += on_boundary @ T[:, :boundary]
+    stiffness[:boundary, :boundary] += at_retained @ T[:, :boundary]
     stiffness[boundary:, boundary:] += np.diag(omega2 - s)
     return stiffness
 
 
 def over_interior(retained: Bools, inside: Floats) -> Floats:
-    """Vectors of the interior over the free DOFs, zero at retained ones."""
+    """Extend vectors over the interior to all free DOFs, with zeros at the retained ones."""
     T = np.zeros((len(retained), inside.shape[1]))
     T[~retained] = inside
     return T
 
 
 def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
-    """All modes of reduced matrices."""
+    """Compute all modes of reduced matrices: omega2 ascending [1/s2], and M-orthonormal vectors.
+
+    Raises
+    ------
+    ReductionError
+        if M is not positive definite.
+    """
     from scipy.linalg import LinAlgError
 
     try:
@@ -396,44 +439,46 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
 def _with_residual_vectors(
     block: FreeBlock, sub: Substructure, interior: Interior, count: int, least: float, wet: WetMass | None
 ) -> tuple[Substructure, Interior]:
-    """The substructure with the interior's answers to what its lowest open-joint modes leave unbalanced.
+    """Add residual vectors of the lowest open-joint modes to a substructure, and diagonalise it again.
 
     Parameters
     ----------
-    interior : for vectors in terms of the substructure's basis
-    count : of how many modes
-    least : size of an answer, below which it is left out; see `larger`
-    wet : added mass of the water that the modes move
+    interior : forces on the interior, for vectors in terms of the basis of `sub`
+    count : number of modes
+    least : M-norm of a residual vector below which it is left out; see `larger`
+    wet : added mass of the water in these modes; None without any
 
     Returns
     -------
-    made : its basis is the one given, with residual vectors beside it
-    interior : for vectors in terms of what is made's modes
+    extended : the basis of `sub`, with the residual vectors in `more`
+    interior : forces on the interior, for vectors in terms of the modes of `extended`
     """
     K, M, retained = block.K, block.M, block.retained
     T, V = sub.basis, sub.mix
     count = min(count, len(T) - V.shape[1])
     if not count:
         return sub, interior.after(V, np.zeros((int((~retained).sum()), 0)))
-    added = None if wet is None else wet.of(wet.operator @ T @ V)
-    lowest, some = lowest_with(added, sub.omega2, V, count)
-    low = T @ some
-    unbalanced = interior.forces(some) - (M @ (low * (lowest - block.shift)))[~retained]
+    added_mass = None if wet is None else wet.of(wet.operator @ T @ V)
+    lowest_omega2, coefficients = lowest_with(added_mass, sub.omega2, V, count)
+    lowest = T @ coefficients
+    inertia = M @ (lowest * (lowest_omega2 - block.shift))
+    unbalanced = interior.forces(coefficients) - inertia[~retained]
     if wet is not None:
-        unbalanced -= wet.inertia(low * lowest)[~retained]
+        unbalanced -= wet.inertia(lowest * lowest_omega2)[~retained]
     D = over_interior(retained, interior.solver.solve(unbalanced))
-    D = larger(D - T @ (V @ _onto(sub, M @ D)), M, lowest, least)
+    D = larger(D - T @ (V @ _modal_forces(sub, M @ D)), M, lowest_omega2, least)
     D = independent(D, M)
-    D = independent(D - T @ (V @ _onto(sub, M @ D)), M)  # what round-off left of the modes, and of the others
+    D = independent(D - T @ (V @ _modal_forces(sub, M @ D)), M)  # again, against round-off
     KD = K @ D
-    edge, own = _onto(sub, KD), D.T @ KD
-    omega2, C = eigh(np.block([[np.diag(sub.omega2), edge], [edge.T, 0.5 * (own + own.T)]]))
+    coupling, of_residual = _modal_forces(sub, KD), D.T @ KD
+    stiffness = np.block([[np.diag(sub.omega2), coupling], [coupling.T, 0.5 * (of_residual + of_residual.T)]])
+    omega2, C = eigh(stiffness)
     mix = np.vstack([V @ C[: V.shape[1]], C[V.shape[1] :]])
-    residual = sub.residual_vectors + D.shape[1]
-    made = replace(sub, omega2=omega2, more=D, mix=np.ascontiguousarray(mix), residual_vectors=residual)
-    return made, interior.after(mix, (KD - block.shift * (M @ D))[~retained])
+    number = sub.residual_vectors + D.shape[1]
+    extended = replace(sub, omega2=omega2, more=D, mix=np.ascontiguousarray(mix), residual_vectors=number)
+    return extended, interior.after(mix, (KD - block.shift * (M @ D))[~retained])
 
 
-def _onto(sub: Substructure, forces: Floats) -> Floats:
-    """Forces (n, k) on the modes (m, k)."""
+def _modal_forces(sub: Substructure, forces: Floats) -> Floats:
+    """Project forces (n, k) onto the modes, (m, k)."""
     return np.asarray(sub.mix.T @ (sub.basis.T @ forces))
