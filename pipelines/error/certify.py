@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from romdam.config.coupling import coupling
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, shown
@@ -33,13 +32,12 @@ from romdam.error.estimate import WINDOW
 from romdam.error.replay import Replayed, corrected_run, measure_defect
 from romdam.error.sampled import SHORTEST, Sampling, sampled_certificate
 from romdam.error.statement import ErrorStatement, write_certificate
-from romdam.fem.parts import basis_over_unknowns
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import load_motions
-from romdam.reduction.refinement import embedding, much_finer
+from romdam.reduction.refinement import embedding, mesh_basis, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
 from romdam.results.suite.design import parameter_places
@@ -76,7 +74,8 @@ def certify(
     config : its YAML file; the one that the result names if None
     passes : how often the defect of the whole record is fed back; the change in the last of several is stated
         too. If None, the mesh is solved in windows of the record and the error stated as an interval; once
-        throughout where the record is no longer than two windows, without damping, and where supports move
+        throughout where the record is no longer than two windows, without damping, and where supports move or
+        the integrator cannot go on from a row
     show : told of every stage and its progress
     tell : told what the mesh's solutions are going to cost, before they begin
 
@@ -87,7 +86,7 @@ def certify(
     """
     run = read_run(Path(result))
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
-    _refuse_coupled(job)
+    _refuse_without_added_jumps(job)
     motion = _motion(job, run)
     scene = _scene(job, run, clock)
     with clock.stage("model", "reducing the blocks"):
@@ -100,6 +99,7 @@ def certify(
     settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
     sampled = passes is None and damped and scene.moving is None and float(run.time[-1]) > SHORTEST
+    sampled = sampled and model.prepared.integrator.resumes
     with clock.stage("cost", "timing a solution"):
         tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
     if sampled:
@@ -169,21 +169,16 @@ def _sampled(
     ground = ground_at_steps(motion, settings.steps.base, end)
     with clock.stage("finer_run", "running the finer model") as progress:
         history = simulate_one(finer, ground, settings, progress)
-    basis = basis_over_unknowns(model.scene, fine.basis, fine.system.size)
+    basis = mesh_basis(model.scene, fine)
     forces = replay_forces(run, history.mean_traction, partial(ground_at_steps, motion, duration=end))
     sampling = Sampling(finer, history, full, basis, forces, ground, settings)
     with clock.stage("replay", "solving the mesh in windows") as progress:
         return sampled_certificate(run, sampling, model.system.law.joints, progress), history
 
 
-def _refuse_coupled(job: Job) -> None:
-    if own := coupling(job.config):
-        raise ConfigError(
-            f"{job.path}: {own.key}: a certificate corrects runs of modes that nothing couples, and {own.by} "
-            "couple them; take `romdam verify`, which runs the mesh itself"
-        )
+def _refuse_without_added_jumps(job: Job) -> None:
     named = job.config.transient.integrator
-    if named is not None and not integrator_class(named).resumes:
+    if named is not None and not integrator_class(named).shifts:
         raise ConfigError(
             f"{job.path}: transient.integrator: a certificate adds jumps to a run, and {named} cannot take "
             "them; leave the integrator out, or take `romdam verify`, which runs the mesh itself"
@@ -271,7 +266,7 @@ def _replayed(
 ) -> tuple[Replayed, Replayed, Replayed]:
     """The models that a run is replayed through, from its start."""
     assert model.reduced is not None
-    basis = basis_over_unknowns(model.scene, model.reduced.basis, model.system.size)
+    basis = mesh_basis(model.scene, model.reduced)
     embed = embedding(model.scene, model.reduced, fine)
     static = job.config.loads.initial_state == "static"
     mesh, coarse, finer = replayed_models(run, (full.system, model.system, fine.system), basis, embed, static)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from romdam.config.coupling import coupling
 from romdam.config.load import Job
 from romdam.core.errors import recoverable, told
 from romdam.core.motion import GroundMotion
@@ -17,7 +16,6 @@ from romdam.pipelines.simulation import Model, ground_at_steps, prepare, setting
 from romdam.reduction.refinement import embedding, parts_without_refinement
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
-from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.step_control import follows_base_step, hardly_cut
 
@@ -33,12 +31,7 @@ def _is_wanted(job: Job) -> bool:
 
 def obstacle(job: Job) -> str:
     """Say what keeps the reduction error of a job from being estimated; empty where nothing does."""
-    config, named = job.config, job.config.transient.integrator
-    if (coupled := coupling(config)) is not None:
-        return f"{coupled.by} ({coupled.key}) couple the modes, which no estimate is made for"
-    if named is not None and not integrator_class(named).resumes:
-        return f"transient.integrator {named} cannot go on from a row of the run"
-    if not config.damping.acts:
+    if not job.config.damping.acts:
         return "without damping histories part in time whatever the basis, and their peaks are what counts"
     return ""
 

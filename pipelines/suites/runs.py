@@ -45,17 +45,18 @@ def sample_model(suite: Suite, number: int) -> Model:
             f"on a worker; leave those in {job.folder} as they are, and run the same command again"
         )
     assert model.reduced is not None
-    system, finer = _with_sample(model.system, scene, varied), model.finer
+    system, finer = _with_sample(job, model.system, scene, varied), model.finer
     if finer is not None:
-        other = _with_sample(finer.prepared.system, scene, varied)
+        other = _with_sample(job, finer.prepared.system, scene, varied)
         finer = replace(finer, prepared=prepare(job, other, like=finer.prepared))
     reduced, prepared = replace(model.reduced, system=system), prepare(job, system, like=model.prepared)
     return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
 
 
-def _with_sample(system: System, scene: Scene, varied: Varied) -> System:
-    damping = modal_coefficients(varied.damping, system.K.diagonal())
-    return with_parameters(system, gap_law(scene), damping)
+def _with_sample(job: Job, system: System, scene: Scene, varied: Varied) -> System:
+    kept = varied.damping == job.config.damping
+    own = None if kept else modal_coefficients(varied.damping, system.K.diagonal()[: system.solids])
+    return with_parameters(system, gap_law(scene), own)
 
 
 @one_thread()

@@ -13,11 +13,15 @@ if TYPE_CHECKING:
 
 
 class Coupling(NamedTuple):
-    """A key that makes modes coupled, what couples them, and what to write in place of it."""
+    """A key that makes modes coupled, what couples them, what to write in place of it.
+
+    `of_solids` tells whether it is part of the damping of the solids.
+    """
 
     key: str
     by: str
     remedy: str
+    of_solids: bool = True
 
 
 def coupling(config: Config) -> Coupling | None:
@@ -27,7 +31,7 @@ def coupling(config: Config) -> Coupling | None:
         remedy = "hold the rock by supports (`boundary: fixed`) and give it `mass: false`"
         return Coupling(key, "dashpots of viscous faces", remedy)
     if config.water is not None and config.water.has_waves:
-        return Coupling("water.model", "compressible water", "set water.model: incompressible")
+        return Coupling("water.model", "compressible water", "set water.model: incompressible", False)
     for name, block in config.blocks.items():
         if block.matrices is not None and block.matrices.damping is not None:
             remedy = "leave it out: damping.rayleigh then damps this block too"
@@ -35,16 +39,13 @@ def coupling(config: Config) -> Coupling | None:
     return None
 
 
-def refuse_coupled(
-    own: Coupling | None, integrator: str | None, modes: object, varied: Collection[str]
-) -> None:
+def refuse_coupled(own: Coupling | None, integrator: str | None, varied: Collection[str]) -> None:
     """Refuse what needs modes that nothing couples.
 
     Parameters
     ----------
     integrator : that is asked for, if any
-    modes : `model.modes`
-    varied : parameters that samples of a suite vary
+    varied : paths of what samples of a suite vary
 
     Raises
     ------
@@ -53,15 +54,11 @@ def refuse_coupled(
     """
     if own is None:
         return
-    if varied:
+    ratios = [path for path in varied if path.startswith("damping.")]
+    if ratios and own.of_solids:
         raise ValueError(
-            f"suite.parameters: {len(varied)} varied, limit 0 with {own.by} ({own.key}): samples share modes "
-            f"that nothing couples; leave the parameters out, or {own.remedy}"
-        )
-    if modes == "auto":
-        raise ValueError(
-            f"model.modes: auto judges modes by an estimate; there is none with {own.by} ({own.key}): give a "
-            f"number, 60 is a good start, or {own.remedy}"
+            f"suite.parameters: {len(ratios)} of damping varied, limit 0 with {own.by} ({own.key}): they are "
+            f"in the modes' damping too; vary joints, or {own.remedy}"
         )
     if integrator is not None and INTEGRATORS[integrator].uncoupled:
         raise ValueError(

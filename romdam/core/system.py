@@ -292,6 +292,11 @@ class System:
         """Number of unknowns."""
         return self.M.shape[0]
 
+    @property
+    def solids(self) -> int:
+        """Number of unknowns of the solids, which those of water with waves stand behind."""
+        return self.parts["reservoir"].start if self.gyroscopic else self.size
+
     def damping_force(self, rate: Floats) -> Floats:
         """(C - D D^T) v for velocities v, (n,) or (n, k) [N]."""
         force = self.C @ rate
@@ -344,7 +349,7 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
 
     Parameters
     ----------
-    damping : (m,) modal coefficients c [1/s], or None to keep the system's own
+    damping : (m,) modal coefficients c [1/s] of the solids' modes, or None to keep the system's own
 
     Raises
     ------
@@ -363,7 +368,13 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
     if law.directions != reduced:
         B, more = csr_matrix(B[::reduced]), None if more is None else csr_matrix(more[::reduced])
         moving = None if moving is None else moving.normal(reduced)
-    C = system.C if damping is None else csr_matrix(diags_array(np.asarray(damping, dtype=float)))
+    C = system.C
+    if damping is not None and system.diagonal:
+        C = csr_matrix(diags_array(np.asarray(damping, dtype=float)))
+    elif damping is not None:  # beside water with waves
+        change = np.zeros(system.size)
+        change[: system.solids] = damping - C.diagonal()[: system.solids]
+        C = csr_matrix(C + diags_array(change))
     return replace(system, law=law, B=B, C=C, at_point=more, pseudo_static=moving)
 
 

@@ -281,7 +281,7 @@ def _diagonalised(
     ends = {name: (part.columns.start, part.columns.stop) for name, part in basis.items()}
     turns = {of: change.of(*of) for of in set(ends.values())}  # blocks of a part share one
     changed = {name: _changed(part, turns[ends[name]], omega2) for name, part in basis.items()}
-    return turned, ModalCoordinates(changed, coordinates.size)
+    return turned, replace(coordinates, basis=changed)
 
 
 def _wet_unknowns(system: System, B: Floats) -> NDArray[np.int64]:

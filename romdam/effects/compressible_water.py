@@ -42,7 +42,7 @@ from romdam.core.motion import Motion
 from romdam.core.scene import Ints, Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.channel import ChannelDrive, radiating_end
-from romdam.effects.effect import Coordinates
+from romdam.effects.effect import Coordinates, ModalCoordinates
 from romdam.effects.moving_supports import applied
 from romdam.fem.water.own_mesh import water_body
 from romdam.linalg.dense import eigh, independent
@@ -51,6 +51,7 @@ from romdam.linalg.modes.eigen import modes_below
 from romdam.scene.elements import Floats
 from romdam.scene.reservoir.own_mesh import PER_WAVE
 
+_FINER = 1.5  # times the cut-off, of a model that estimates compare with
 _OWN = 1e-6  # of a static answer, what is not in the modes: less is their round-off
 
 
@@ -103,9 +104,10 @@ class CompressibleWater:
         waves, B = self.waves, csr_matrix(coordinates.observe(self.waves.coupling))
         moving = system.pseudo_static
         carried = np.zeros((B.shape[0], 0)) if moving is None else applied(waves.coupling, moving.shapes)
-        if system.reduced:
-            reduced = reduced_waves(waves, self.cutoff)
+        if isinstance(coordinates, ModalCoordinates):
+            reduced = reduced_waves(waves, self.cutoff * (_FINER if coordinates.finer else 1.0))
             waves, rest = reduced.waves, B.T @ reduced.rest
+            coordinates = replace(coordinates, reservoir=reduced.basis)
             system = replace(system, M=csr_matrix(system.M + csr_matrix(rest @ B)))
             if moving is not None:
                 system = system.loaded({Motion.SUPPORTS: rest @ carried})
@@ -195,9 +197,17 @@ def _chosen(rows: Ints, size: int) -> csr_matrix:
 
 @dataclass(frozen=True)
 class ReducedWaves:
-    """A reservoir in its own coordinates, and the flexibility (r, r) of the dam's wet nodes without them."""
+    """A reservoir in its own coordinates.
+
+    Attributes
+    ----------
+    waves : the reservoir
+    basis : (n, m) its unknowns on the mesh
+    rest : (r, r) flexibility of the dam's wet nodes without them
+    """
 
     waves: Waves
+    basis: Floats
     rest: Floats
 
 
@@ -216,7 +226,7 @@ def reduced_waves(waves: Waves, cutoff: float) -> ReducedWaves:
         at_dam=csr_matrix(at_dam),
         load=X.T @ waves.load,
     )
-    return ReducedWaves(own, 0.5 * (rest + rest.T))
+    return ReducedWaves(own, X, 0.5 * (rest + rest.T))
 
 
 def _basis(waves: Waves, factor: Factor, cutoff: float) -> tuple[Floats, Floats]:

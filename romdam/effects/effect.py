@@ -62,10 +62,14 @@ class ModalCoordinates:
     ----------
     basis : of every block
     size : number of coordinates
+    finer : whether the basis is one that estimates compare with
+    reservoir : (n, m) basis of the unknowns that compressible water has on the mesh; None without
     """
 
     basis: dict[str, BlockBasis]
     size: int
+    finer: bool = False
+    reservoir: Floats | None = None
 
     def observe(self, operators: Mapping[str, csr_matrix]) -> Floats:
         """See `Coordinates`."""

@@ -73,7 +73,8 @@ def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Flo
     """
     interval = float(run.time[1] - run.time[0])
     substeps = replay_substeps(interval)
-    return Forces(ground_at(interval / substeps), mean.reshape(len(mean), -1), interval, substeps)
+    ground, first = ground_at(interval / substeps), run.traction[0].ravel()
+    return Forces(ground, mean.reshape(len(mean), -1), first, interval, substeps)
 
 
 def replayed_models(

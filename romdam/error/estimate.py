@@ -115,6 +115,7 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ha
         return relative_l2(opening, better) / _SEEN
     interval = halved.steps.interval
     rows = slice(0, len(history.time)) if law.laws else moving_rows(history, law.joints, interval)
+    rows = _rows_to_run(prepared, rows, len(history.time))
     finer = run_window(itself, history, ground, halved, rows).jump
     jump = continued(history.jump, finer, rows, max(1, round(_REST / interval)))
     return jump_difference(history.jump, jump) / _SEEN
@@ -126,13 +127,23 @@ def _openings(
     """Openings of a run and of a better one (nt, gaps) [m], and the rows in which that was integrated."""
     law, interval, opening = finer.prepared.system.law, settings.steps.interval, history.jump[..., 0]
     if law.directions == 1:
-        rows = moving_rows(history, {}, interval)
+        rows = _rows_to_run(finer.prepared, moving_rows(history, {}, interval), len(opening))
         return opening[rows], run_window(finer, history, ground, settings, rows).jump[..., 0], rows
-    rows = moving_rows(history, law.joints, interval)
+    rows = _rows_to_run(finer.prepared, moving_rows(history, law.joints, interval), len(opening))
     if law.laws:  # what they remember, such as which bonds are lost, no row tells: both begin at rest
         rows = slice(0, rows.stop)
     better = run_window(finer, history, ground, settings, rows).jump[..., 0]
     return opening, continued(opening, better, rows, max(1, round(_REST / interval))), rows
+
+
+def _rows_to_run(prepared: Prepared, rows: slice, count: int) -> slice:
+    """The rows, of `count`, to run for some of them: those before too where the integrator does not resume.
+
+    All where a part of the record does not tell what drives the system in it.
+    """
+    if prepared.system.needs_whole_record:
+        return slice(0, count)
+    return rows if prepared.integrator.resumes else slice(0, rows.stop)
 
 
 def run_window(

@@ -26,12 +26,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.sparse import csr_matrix, spmatrix
 
 from romdam.core.arrays import Floats
-from romdam.core.system import History, System
+from romdam.core.system import Complex, History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.equilibrium import rest_shift
 from romdam.timestepping.integrators.protocol import Progress
@@ -49,14 +50,16 @@ class Forces:
     Attributes
     ----------
     ground : (3, (nt - 1) * substeps + 1) ground acceleration at every substep, followed by what moving
-        supports do, see `romdam.core.system.PseudoStatic.motion` [m/s2]
+        supports do, see `romdam.core.motion.ground_rows` [m/s2]
     mean : (nt, N) joint force, its mean over the interval that ends at each row; row 0 is not used [N]
+    first : (N,) joint force in row 0 [N]
     interval : time between two rows [s]
     substeps : steps of the replay in one interval
     """
 
     ground: Floats
     mean: Floats
+    first: Floats
     interval: float
     substeps: int
 
@@ -97,16 +100,31 @@ def replay(model: Replayed, forces: Forces) -> Iterator[Floats]:
     system, h = model.system, forces.interval / forces.substeps
     factor = model.factor or step_factor(system, h)
     K, lift = csr_matrix(system.K), csr_matrix(system.B.T)
-    load, ground = np.ascontiguousarray(system.load), system.inertial(forces.ground)
+    load = system.load if isinstance(system.load, csr_matrix) else np.ascontiguousarray(system.load)
+    histories = system.histories(forces.ground, h, partial(_exact_rates, h))
+    motion, lead = system.followed(histories.rows), histories.lead
     u, v = model.start.astype(float), np.zeros(system.size) if model.rate is None else model.rate
+
+    def step(n: int, constant: Floats) -> tuple[Floats, Floats]:
+        a_0, a_1 = motion[:, lead + n], motion[:, lead + n + 1]
+        stages = (constant - load @ (a_0 + _GAMMA * (a_1 - a_0)), constant - load @ a_1)
+        return _two_stages(system, factor, K, (u, v), stages, h)
+
+    rest = system.force + lift @ forces.first
+    for n in range(-lead, 0):  # waves that are on their way before the record begins
+        u, v = step(n, rest)
     yield u
     for row in range(1, len(forces.mean)):
         constant = system.force + lift @ forces.mean[row]
         for n in range((row - 1) * forces.substeps, row * forces.substeps):
-            a_0, a_1 = ground[:, n], ground[:, n + 1]
-            stages = (constant - load @ (a_0 + _GAMMA * (a_1 - a_0)), constant - load @ a_1)
-            u, v = _two_stages(system, factor, K, (u, v), stages, h)
+            u, v = step(n, constant)
         yield u
+
+
+def _exact_rates(dt: float, angle: Floats) -> tuple[Complex, Complex]:
+    """Acceleration and velocity of a unit displacement that turns by angles a step."""
+    rate = np.asarray(1j * angle / dt, dtype=np.complex128)
+    return rate**2, rate
 
 
 def _two_stages(
@@ -179,7 +197,8 @@ def measure_defect(
     progress : called with (rows done, rows in all)
     """
     full, coarse, _ = models
-    rows, K = len(forces.mean), csr_matrix(full.system.K)
+    rows, n = len(forces.mean), full.system.solids
+    K = csr_matrix(full.system.K[:n, :n])
     jump, disp, energy = (
         _empty(3, rows, full.system.B),
         _empty(3, rows, full.system.observe),
@@ -193,7 +212,7 @@ def measure_defect(
             disp[k, row] = model.system.observe @ motion
         point[row] = _more_at_points(full.system, u) - _more_at_points(models[2].system, z)
         e = u - coarse.basis @ q
-        energy[0, row], energy[1, row] = 0.5 * u @ (K @ u), 0.5 * e @ (K @ e)
+        energy[0, row], energy[1, row] = 0.5 * u[:n] @ (K @ u[:n]), 0.5 * e[:n] @ (K @ e[:n])
         if progress is not None and (row % 50 == 0 or row + 1 == rows):
             progress(row + 1, rows)
     if full.system.pseudo_static is not None:  # exact in all of them

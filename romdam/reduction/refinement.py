@@ -15,6 +15,7 @@ from romdam.core.arrays import Floats
 from romdam.core.basis import Basis
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
+from romdam.fem.parts import basis_over_unknowns
 from romdam.reduction.basis import Augmented, Lazy, over_coordinates
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.methods.massless import has_no_mass
@@ -70,7 +71,21 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     if fine.water is not None:
         onto, of = (over_coordinates(fine.water.coupling, m.basis, m.system.size) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)
+    if fine.reservoir is not None and coarse.reservoir is not None:
+        rows, columns = (model.system.parts["reservoir"] for model in (fine, coarse))
+        matrix[rows, columns] = np.linalg.lstsq(fine.reservoir, coarse.reservoir, rcond=None)[0]
     return csr_matrix(matrix)
+
+
+def mesh_basis(scene: Scene, model: ReducedModel) -> Floats:
+    """The basis over the unknowns of the mesh, (unknowns, size): u = basis @ q, water with waves included."""
+    if model.reservoir is None:
+        return basis_over_unknowns(scene, model.basis, model.system.size)
+    own = model.system.parts["reservoir"]
+    solids = basis_over_unknowns(scene, model.basis, model.system.size)
+    water = np.zeros((len(model.reservoir), model.system.size))
+    water[:, own] = model.reservoir
+    return np.vstack([solids, water])
 
 
 def _within(fine: Basis, coarse: Basis) -> Floats | None:

@@ -48,12 +48,14 @@ class ReducedModel:
     basis : block name -> BlockBasis
     report : block name -> numbers on its reduction, and "cpu_seconds" of the whole
     water : the added mass that the system has, or None
+    reservoir : (n, m) basis of the unknowns that compressible water has on the mesh; None without
     """
 
     system: System
     basis: dict[str, BlockBasis]
     report: dict[str, object]
     water: AddedMass | None = None
+    reservoir: Floats | None = None
 
 
 def reduce_scene(
@@ -113,16 +115,16 @@ def _reduced_scene(
     for choice in choices:
         _refuse_large(scene, acting, choice, store)
     parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
-    for bases in zip(*parts, strict=True):
+    for choice, bases in zip(choices, zip(*parts, strict=True), strict=True):
         basis, columns = _side_by_side(scene, bases)
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
         system = _system(scene, basis, acting, law, columns)
-        coordinates: Coordinates = ModalCoordinates(basis, system.size)
+        coordinates: Coordinates = ModalCoordinates(basis, system.size, choice.finer)
         for effect in effects:
             system, coordinates = effect.add(system, coordinates)
         assert isinstance(coordinates, ModalCoordinates)
         report["cpu_seconds"] = time.process_time() - start
-        models.append(ReducedModel(system, coordinates.basis, report, acting.water))
+        models.append(ReducedModel(system, coordinates.basis, report, acting.water, coordinates.reservoir))
     return models
 
 

@@ -118,14 +118,14 @@ def _finite(history: History, of: Simulation) -> Outcome:
 
 def _refuse_ignored(integrator: Integrator, settings: Settings) -> None:
     """Refuse settings that the integrator would pass over without a word."""
-    given = [name for name in ("start", "shift") if getattr(settings, name) is not None]
-    if given and not integrator.resumes:
-        able = ", ".join(name for name in INTEGRATORS if integrator_class(name).resumes)
-        raise ConfigError(
-            f"transient.integrator: {integrator.name} cannot go on from a written row nor take added jumps, "
-            f"and Settings.{given[0]} is given, as statements of error need it; take one of {able}, or leave "
-            "it out"
-        )
+    for name, honoured in (("start", "resumes"), ("shift", "shifts")):
+        if getattr(settings, name) is not None and not getattr(integrator, honoured):
+            able = ", ".join(one for one in INTEGRATORS if getattr(integrator_class(one), honoured))
+            cannot = "go on from a written row" if name == "start" else "take added jumps"
+            raise ConfigError(
+                f"transient.integrator: {integrator.name} cannot {cannot}, and Settings.{name} is given, as "
+                f"statements of error need it; take one of {able}, or leave it out"
+            )
 
 
 def _finished(history: History, of: Simulation, stride: int) -> History:

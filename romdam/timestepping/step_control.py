@@ -154,7 +154,7 @@ def hardly_cut(history: History) -> bool:
     """Tell whether a run hardly cut its base step, though joints were closed meanwhile."""
     stats, force = history.stats, history.traction[..., NORMAL]
     closed = float((force != 0.0).any(axis=1).mean()) if force.size else 0.0
-    if "base_step" not in stats or closed == 0.0:
+    if "base_steps" not in stats or closed == 0.0:
         return False
     parts, more = stats["base_step"] / stats["finest_step"], stats["steps"] / stats["base_steps"] - 1.0
     return more <= min(_QUIET_RUN - 1.0, _CUT * closed * (parts - 1.0))

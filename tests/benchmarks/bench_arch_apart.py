@@ -59,7 +59,7 @@ def structured(seconds: float, through: int) -> dict[str, Any]:
     raw["outputs"].pop("stress")
     for entry in raw["records"][0]["components"].values():
         entry["file"] = str((CONFIG.parent / entry["file"]).resolve())
-    raw["water"]["model"] = "westergaard"  # incompressible water needs wet faces that meet node by node
+    raw["water"]["model"] = "westergaard"  # the figures in the manual are of it
     raw["model"] = {"order": "reduced", "cutoff": 25.0}
     raw["transient"] = {"finest_step": 0.0025, "duration": seconds}
     return raw

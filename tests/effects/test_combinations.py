@@ -58,7 +58,7 @@ KEYS = {
 
 
 def job(*effects):
-    """A block on rock with mass, and one beside it on a support, a joint with friction between them."""
+    """A block on rock with mass, one beside it on a support, a mortar joint with friction between them."""
     asked = {}
     for name in effects:
         for section, keys in KEYS[name].items():
@@ -76,7 +76,7 @@ def job(*effects):
         "blocks": {
             "rock": box([0, -2, -4], [4, 8, 4], [2, 4, 2], "rock"),
             "left": box([0, 0, 0], [4, 4, 8], [2, 4, 2]),
-            "right": box([4, 0, 0], [4, 4, 8], [2, 4, 2]),
+            "right": box([4, 0, 0], [4, 4, 8], [2, 4, 8 / 3]),
         },
         "ties": {"foot": {"between": ["left", "rock"], "discretization": "mortar"}},
         "supports": rests,

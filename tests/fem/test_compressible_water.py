@@ -233,11 +233,6 @@ def test_koyna_full_is_the_closed_form():
     ("change", "says"),
     [
         ({"transient": {"finest_step": 0.01, "integrator": "modal"}}, "integrator: modal needs modes"),
-        ({"model": {"modes": "auto"}, "transient": {"accuracy": 0.01}}, "model.modes: auto judges modes"),
-        (
-            {"suite": {"parameters": {"mu": {"path": "joints.a-b.friction", "values": [0.1, 0.5]}}}},
-            "limit 0 with compressible water",
-        ),
         ({"water.bottom_reflection": 1.2}, "water.bottom_reflection"),
         ({"water.sound_speed": 0}, "water.sound_speed"),
         ({"water.cutoff": -1}, "water.cutoff"),

@@ -335,14 +335,29 @@ def test_full_order_says_what_it_cannot_hold():
         added_mass_matrix(water, csr_matrix(water.on(maps)), 100)
 
 
-def test_incompressible_water_on_faces_that_do_not_meet_node_by_node_is_refused():
-    """It would be cut by a wall between the blocks; Westergaard's pressure knows no neighbours."""
-    boxes = {"a": ([0, 0, 0], [2, 2, 8], 1.0), "b": ([2, 0, 0], [3, 2, 8], [1.0, 1.0, 2.0 / 3.0])}
-    faces = [{"block": b, "face": "ymin"} for b in ("a", "b")]
-    water = {"level": 7.5, "faces": faces}
-    with pytest.raises(
-        ConfigError, match=r"water: the wet faces of 'a' and 'b' do not share their nodes along"
-    ):
-        job(water | {"model": "incompressible"}, boxes)
-    scene, _ = job(water | {"model": "westergaard"}, boxes)
-    assert scene.reservoir is not None
+@pytest.mark.parametrize("edges", [[2, 4, 4 / 3], [1, 4, 40 / 17], [2, 4, 1], [2, 4, 5]])
+@pytest.mark.parametrize("level", [40.0, 37.3])
+def test_water_passes_a_seam_of_faces_that_do_not_meet_node_by_node(edges, level):
+    """A wall of two blocks of other meshes: vertical motion exact, Westergaard's series as with one mesh."""
+    boxes = {"a": ([0, 0, 0], [2, 4, 40], [2, 4, 2]), "b": ([2, 0, 0], [2, 4, 40], edges)}
+    faces = [{"block": name, "face": "ymin"} for name in boxes]
+    scene, _ = job({"level": level, "faces": faces, "model": "incompressible"}, boxes)
+    mesh = wet_mesh(scene.blocks, scene.reservoir)
+    assert len(mesh.seams) and len(mesh.independent) < (~mesh.surface).sum()
+    mass, ground = rigid_mass(scene)
+    assert mass[1, 1] == pytest.approx(SERIES, rel=0.006 if edges[2] == 5 else 0.0025)
+    assert ground[1, 1] == pytest.approx(mass[1, 1], rel=1e-12)
+    assert -ground[1, 2] == pytest.approx(0.5, rel=1e-12)
+
+
+def test_seam_is_no_wall_between_unlike_motions():
+    """Only one block moves: the other is pressed as much as where both have the coarser mesh, within 2 %."""
+    pressed = []
+    for edges in ([2, 4, 2], [2, 4, 1], [1, 4, 40 / 17]):
+        boxes = {"a": ([0, 0, 0], [2, 4, 40], [2, 4, 2]), "b": ([2, 0, 0], [2, 4, 40], edges)}
+        faces = [{"block": name, "face": "ymin"} for name in boxes]
+        water = added_mass(job({"level": 40, "faces": faces, "model": "incompressible"}, boxes)[0])
+        along = {name: np.tile([0.0, 1.0, 0.0], B.shape[1] // 3) for name, B in water.coupling.items()}
+        pressed.append(water.coupling["b"] @ along["b"] @ water.times(water.coupling["a"] @ along["a"]))
+    assert min(pressed) > 0.0
+    np.testing.assert_allclose(pressed[1:], pressed[0], rtol=0.02)

@@ -39,7 +39,7 @@ def expansion(built, model):
 
 def forces(history, ground, interval):
     mean = history.mean_traction.reshape(len(history.time), -1)
-    return Forces(ground, mean, interval, (ground.shape[1] - 1) // (len(mean) - 1))
+    return Forces(ground, mean, mean[0], interval, (ground.shape[1] - 1) // (len(mean) - 1))
 
 
 def test_replay_is_of_second_order_and_repeats_the_exact_modes():
@@ -49,7 +49,7 @@ def test_replay_is_of_second_order_and_repeats_the_exact_modes():
     errors = []
     for substeps in (16, 32, 64):
         mean = np.zeros((201, system.B.shape[0]))
-        what = Forces(_smooth(0.01 / substeps), mean, 0.01, substeps)
+        what = Forces(_smooth(0.01 / substeps), mean, mean[0], 0.01, substeps)
         found = np.array(list(replay(Replayed(free, np.zeros(system.size)), what)))
         errors.append(relative_l2(found, exact))
     assert errors[-1] < 1e-3

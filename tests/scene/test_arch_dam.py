@@ -130,7 +130,7 @@ def test_viscous_boundary_takes_the_place_of_supports(make):
         make(arch_dam(rock=ROCK | {"boundary": "viscous", "zones": zones}))
 
 
-def test_samples_on_viscous_rock_are_refused():
+def test_samples_of_damping_on_viscous_rock_are_refused():
     raw = arch_dam(rock=ROCK | {"boundary": "viscous"}) | {
         "records": [{"file": "none.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
         "model": {"cutoff": 10.0},
@@ -140,7 +140,8 @@ def test_samples_on_viscous_rock_are_refused():
         "damping": {"rayleigh": {"frequencies": [2, 15], "ratio": 0.05}},
     }
     with pytest.raises(
-        ConfigError, match=r"suite\.parameters: 1 varied, limit 0 with .* \(arch_dam.rock.boundary\)"
+        ConfigError,
+        match=r"parameters: 1 of damping varied, limit 0 with .* \(arch_dam.rock.boundary\)",
     ):
         parse_config(raw, "s.yaml")
 

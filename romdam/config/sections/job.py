@@ -290,10 +290,10 @@ class Config(Model):
         self._refuse_no_blocks()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
-        varied = self.suite.parameters if self.suite else {}
+        varied = [one.path for one in self.suite.parameters.values()] if self.suite else []
         refuse_excluded(self)
         refuse_wrong_ground(self.ground, self.arch_dam)
-        refuse_coupled(coupling(self), self.transient.integrator, self.model.modes, varied)
+        refuse_coupled(coupling(self), self.transient.integrator, varied)
         several = len(self.records) > 1 or self.pipeline == "suite"
         refuse_wrong_motions(self.supports, self.transient, several)
         for name, block in self.blocks.items():

@@ -38,6 +38,11 @@ class Section:
         H, G, floor = (csr_matrix(m[nodes][:, nodes]) for m in (self.H, self.G, self.floor))
         return Section(H, G, floor, self.rigid[nodes])
 
+    def following(self, T: csr_matrix) -> Section:
+        """Over other unknowns, which give the pressure at the nodes by a (k, m) matrix."""
+        H, G, floor = (csr_matrix(T.T @ m @ T) for m in (self.H, self.G, self.floor))
+        return Section(H, G, floor, T.T @ self.rigid)
+
 
 @dataclass(frozen=True)
 class WaterBody:

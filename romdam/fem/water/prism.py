@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import block_diag, csr_matrix
 
 from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.water.body import Section, WaterBody, scattered, section_of, vector_operator
 from romdam.scene.elements import ELEMENTS, Floats
+from romdam.scene.facets import row_numbers
 from romdam.scene.reservoir.own_mesh import UPRIGHT
 from romdam.scene.reservoir.wet_mesh import WetMesh, WetPieces, wet_mesh
 
@@ -37,11 +38,6 @@ class Prism:
     points: Floats
     layers: int
     upstream: Floats
-
-    @property
-    def under_water(self) -> Ints:
-        """Nodes below the surface, layer by layer."""
-        return np.flatnonzero(np.tile(~self.mesh.surface, self.layers))
 
     def cells(self) -> Iterator[tuple[WetPieces, Ints, Floats, Floats]]:
         """Pieces of the wet mesh with the cells (n, 2c) over them, gradients and volumes."""
@@ -68,17 +64,20 @@ def prism(water: Reservoir, mesh: WetMesh, longest: float = np.inf) -> Prism:
 def prism_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.inf) -> WaterBody:
     """Integrate over a prismatic reservoir, whose layers are up to `longest` thick [m]."""
     mesh = wet_mesh(blocks, water)
-    channel, under = prism(water, mesh, longest), np.flatnonzero(~mesh.surface)
-    free, (H, G, rigid) = channel.under_water, _volumes(channel)
+    channel = prism(water, mesh, longest)
+    T = csr_matrix(mesh.follow[:, mesh.independent])
+    over, count = csr_matrix(block_diag([T] * channel.layers)), T.shape[1]
+    H, G, rigid = _volumes(channel)
+    section = _far_section(channel)
     return WaterBody(
-        H=H[free][:, free],
-        G=G[free][:, free],
-        floor=_floor(channel)[free][:, free],
-        rigid=rigid[free],
-        wet=np.arange(len(under)),  # the first layer
-        coupling={name: Q[under] for name, Q in _wet_coupling(blocks, mesh).items()},
-        end=np.arange(len(free) - len(under), len(free)),
-        section=_far_section(channel).of(under),
+        H=csr_matrix(over.T @ H @ over),
+        G=csr_matrix(over.T @ G @ over),
+        floor=csr_matrix(over.T @ _floor(channel) @ over),
+        rigid=over.T @ rigid,
+        wet=np.arange(count),  # the first layer
+        coupling={name: csr_matrix(T.T @ Q) for name, Q in _wet_coupling(blocks, mesh).items()},
+        end=np.arange(over.shape[1] - count, over.shape[1]),
+        section=section.following(T),
     )
 
 
@@ -122,13 +121,11 @@ def _far_section(reservoir: Prism) -> Section:
 
 
 def _floor_edges(reservoir: Prism) -> Ints:
-    """Edges (n, 2) of the wet mesh's rim below the surface that sweep a wall which is not upright."""
+    """Edges (n, 2) of the wet mesh's rim, without seams, that sweep a wall which is not upright."""
     mesh = reservoir.mesh
-    pairs = np.concatenate(
-        [np.stack([p.nodes, np.roll(p.nodes, -1, axis=1)], axis=2).reshape(-1, 2) for p in mesh.pieces]
-    )
-    edges, count = np.unique(np.sort(pairs, axis=1), axis=0, return_counts=True)
-    edges = edges[(count == 1) & ~mesh.surface[edges].all(axis=1)]
+    edges = mesh.rim
+    seams = row_numbers(np.concatenate([edges, mesh.seams]))
+    edges = edges[~np.isin(seams[: len(edges)], seams[len(edges) :])]
     normal = np.cross(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], reservoir.upstream)
     return np.asarray(edges[np.abs(normal[:, 2]) > UPRIGHT * np.linalg.norm(normal, axis=1)])
 

@@ -9,13 +9,11 @@ import numpy as np
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Joint, Reservoir, Sound, Tie, WetFace
-from romdam.scene.elements import Floats, facet_element
+from romdam.scene.elements import Floats
 from romdam.scene.facets import area_vectors, facet_normals
 from romdam.scene.meshes.files import MeshFiles
-from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
-from romdam.scene.nearest import tree
 from romdam.scene.reservoir.own_mesh import reservoir_mesh
 from romdam.scene.select import refuse_selected_twice, select_facets
 
@@ -23,7 +21,6 @@ _LEAST_DEPTHS = 0.05  # of the depth, below which water upstream is a slit
 _MOST_WAVES = 2e4  # modes of the water below the cutoff
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
-_BESIDE = 0.05  # of an edge, how far beside another it may be to lie on it
 _LEVEL = 1e-6  # horizontal part of the mean normal below which it gives no direction
 
 
@@ -72,7 +69,6 @@ def build_reservoir(
     upstream = _upstream(config, blocks, faces, place)
     if config.model != "westergaard" and config.mesh is None:
         _refuse_behind(upstream, blocks, faces, place)
-        _refuse_cracks(blocks, faces, place)
     water = Reservoir(
         faces=tuple(faces),
         level=config.level,
@@ -177,41 +173,6 @@ def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Bl
     area = np.where(np.abs(between.distance) <= _TOUCH, between.area, 0.0)
     covered = np.bincount(between.slave, area, len(face.facets))
     return np.asarray(covered > 0.5 * own.areas)
-
-
-def _refuse_cracks(blocks: dict[str, Block], faces: list[WetFace], place: str) -> None:
-    """Refuse wet faces that do not meet node by node: the water, extruded from them, would have a wall."""
-    owner, ends = _open_edges(blocks, faces)
-    middle, length = ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    for i, near in enumerate(tree(middle).query_ball_point(middle, 0.5 * (length + length.max()))):
-        others = np.array([j for j in near if owner[j] != owner[i]], dtype=np.int64)
-        start, along = ends[others, 0], ends[others, 1] - ends[others, 0]
-        share = np.einsum("nk,nk->n", middle[i] - start, along) / np.maximum(length[others] ** 2, 1e-300)
-        apart = np.linalg.norm(start + np.clip(share, 0.0, 1.0)[:, None] * along - middle[i], axis=1)
-        beside = others[(apart < _BESIDE * length[i]) & (share > 0.0) & (share < 1.0)]
-        if len(beside):
-            at = ", ".join(f"{x:.6g}" for x in middle[i])
-            raise ConfigError(
-                f"{place}: the wet faces of {owner[i]!r} and {owner[beside[0]]!r} do not share their nodes "
-                f"along their common edge, at ({at}) for one: the reservoir would be cut there by a "
-                "wall; mesh both alike there, or set water.model: westergaard"
-            )
-
-
-def _open_edges(blocks: dict[str, Block], faces: list[WetFace]) -> tuple[list[str], Floats]:
-    """Edges (n, 2, 3) that one wet facet alone has, and the block of each."""
-    owner, corners = [], []
-    for face in faces:
-        for _, facets, _ in facets_by_kind(face.facets):
-            rings = blocks[face.block].points[facets[:, : facet_element(facets).corners]]
-            pairs = np.stack([rings, np.roll(rings, -1, axis=1)], axis=2).reshape(-1, 2, 3)
-            corners.append(pairs)
-            owner += [face.block] * len(pairs)
-    ends = np.concatenate(corners)
-    short = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
-    groups = tree(ends.mean(axis=1)).query_ball_point(ends.mean(axis=1), min(_TOUCH, _TOUCH * short))
-    alone = np.array([len(group) == 1 for group in groups])
-    return [name for name, one in zip(owner, alone, strict=True) if one], ends[alone]
 
 
 def _refuse_held(face: WetFace, fixed: Bools, place: str) -> None:

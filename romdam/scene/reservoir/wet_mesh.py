@@ -1,19 +1,24 @@
-"""The wetted part of a dam's faces as triangles and quadrilaterals cut off at the water level."""
+"""The wetted part of a dam's faces as triangles and quadrilaterals cut off at the water level.
+
+Where wet faces of two blocks meet and do not share their nodes, along a seam, the pressure is that of the
+side with fewer nodes: nodes of the other one follow the edges that they lie on.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_matrix, diags_array
 from scipy.sparse.csgraph import connected_components
 
-from romdam.core.scene import Block, Ints, Reservoir
+from romdam.core.scene import Block, Bools, Ints, Reservoir
 from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element
 from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.nearest import tree
 
 _SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
+_BESIDE = 0.05  # of an edge, how far beside another it may be to lie on it
 _LEVEL = 1e-9  # of the depth: nodes so near to the level are on it
 
 
@@ -67,11 +72,26 @@ class WetMesh:
     points : (k, 3) [m]
     surface : (k,) True on the water's surface
     pieces : of every face
+    seams : (n, 2) edges along which faces meet without sharing their nodes
+    follow : (k, k) pressure at all nodes from that at those which do not follow others; the identity
+        without seams
     """
 
     points: Floats
     surface: np.ndarray
     pieces: tuple[WetPieces, ...]
+    seams: Ints
+    follow: csr_matrix
+
+    @property
+    def independent(self) -> Ints:
+        """Nodes below the surface whose pressure is an unknown."""
+        return np.flatnonzero(~self.surface & (np.diff(self.follow.tocsc().indptr) > 0))
+
+    @property
+    def rim(self) -> Ints:
+        """(n, 2) edges, below the surface, that one piece alone has."""
+        return _rim(self.pieces, self.surface)[0]
 
 
 def wet_mesh(blocks: dict[str, Block], reservoir: Reservoir) -> WetMesh:
@@ -90,7 +110,63 @@ def wet_mesh(blocks: dict[str, Block], reservoir: Reservoir) -> WetMesh:
         WetPieces(block, facets, xi, nodes.reshape(xi.shape[:2]))
         for (block, facets, xi, _), nodes in zip(raw, np.split(number, ends), strict=True)
     )
-    return WetMesh(points, points[:, 2] >= reservoir.level - _LEVEL * reservoir.depth, pieces)
+    surface = points[:, 2] >= reservoir.level - _LEVEL * reservoir.depth
+    return WetMesh(points, surface, pieces, *_seams(points, surface, pieces))
+
+
+def _rim(pieces: tuple[WetPieces, ...], surface: Bools) -> tuple[Ints, Ints]:
+    """Edges (n, 2), below the surface, that one piece alone has, and the number of the piece."""
+    pairs = [np.stack([p.nodes, np.roll(p.nodes, -1, axis=1)], axis=2).reshape(-1, 2) for p in pieces]
+    owner = np.repeat(np.arange(len(pieces)), [len(own) for own in pairs])
+    edges, first, count = np.unique(
+        np.sort(np.concatenate(pairs), axis=1), axis=0, return_index=True, return_counts=True
+    )
+    alone = (count == 1) & ~surface[edges].all(axis=1)
+    return edges[alone], owner[first[alone]]
+
+
+def _seams(points: Floats, surface: Bools, pieces: tuple[WetPieces, ...]) -> tuple[Ints, csr_matrix]:
+    """Edges on seams, and what follows what, see `WetMesh`."""
+    edges, piece = _rim(pieces, surface)
+    block = np.array([one.block for one in pieces])[piece]
+    opposite = _opposite(points, edges, block)  # pairs of edges (i, j), the middle of i on j
+    seams, follow = np.unique(opposite), diags_array(np.ones(len(points))).tolil()
+    nodes = {(a, b): set(edges[opposite[(block[opposite] == (a, b)).all(axis=1)][:, 0]].ravel().tolist())
+             for a, b in {tuple(pair) for pair in block[opposite].tolist()}}  # fmt: skip
+    for (own, other), candidates in nodes.items():
+        fewer = nodes.get((other, own), set())
+        if (len(candidates), own) <= (len(fewer), other):  # of as many, one of the two
+            continue
+        masters = edges[np.unique(opposite[(block[opposite] == (own, other)).all(axis=1)][:, 1])]
+        free = [node for node in candidates - set(masters.ravel().tolist()) if not surface[node]]
+        for node in free:
+            start, along = points[masters[:, 0]], points[masters[:, 1]] - points[masters[:, 0]]
+            share = np.clip(((points[node] - start) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+            nearest = int(np.linalg.norm(start + share[:, None] * along - points[node], axis=1).argmin())
+            follow[node, node] = 0.0
+            follow[node, masters[nearest, 0]] = 1.0 - share[nearest]
+            follow[node, masters[nearest, 1]] += share[nearest]
+    whole = csr_matrix(follow)
+    for _ in range(len(nodes)):  # where seams meet, a node may follow one that follows
+        whole = csr_matrix(whole @ csr_matrix(follow))
+    whole.eliminate_zeros()
+    return edges[seams], whole
+
+
+def _opposite(points: Floats, edges: Ints, block: np.ndarray) -> Ints:
+    """Pairs (n, 2) of edges of two blocks, the middle of the first on the second."""
+    ends = points[edges]
+    middle, length = ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    reach = 0.5 * (length + length.max(initial=0.0))
+    for i, near in enumerate(tree(middle).query_ball_point(middle, reach) if len(edges) else ()):
+        others = np.array([j for j in near if block[j] != block[i]], dtype=np.int64)
+        start, along = ends[others, 0], ends[others, 1] - ends[others, 0]
+        share = np.einsum("nk,nk->n", middle[i] - start, along) / np.maximum(length[others] ** 2, 1e-300)
+        apart = np.linalg.norm(start + np.clip(share, 0.0, 1.0)[:, None] * along - middle[i], axis=1)
+        beside = others[(apart < _BESIDE * length[i]) & (share > 0.0) & (share < 1.0)]
+        found.append(np.stack([np.full(len(beside), i), beside], axis=1))
+    return np.concatenate(found)
 
 
 def _merged(points: Floats, tolerance: float) -> tuple[Ints, Floats]:

@@ -317,6 +317,7 @@ class GeneralizedAlpha:
     """
 
     name: ClassVar[str] = "generalized_alpha"
+    shifts: ClassVar[bool] = True
     resumes: ClassVar[bool] = False  # a row does not hold the acceleration that the scheme goes on from
     rho_inf: float = 0.9
     midpoint: bool = True
@@ -392,6 +393,7 @@ class GeneralizedAlpha:
         iterations_made, most_iterations = iterations(memory.solver)
         stats = {
             "steps": float(total),
+            "base_step": dt,
             "finest_step": dt,
             "solver_iterations": iterations_made,
             "largest_iterations": most_iterations,

@@ -25,13 +25,15 @@ class Integrator(Protocol):
     Attributes
     ----------
     name : its key in `romdam.core.integrators.INTEGRATORS`
-    resumes : whether it honours `start` and `shift` of the settings, on which statements of error rest: from
-        a row that a run has written it gives the run's own rows, to round-off, where nothing that it takes
-        from the whole record differs; without it `simulate` refuses both. `only_jumps` is leave to
+    shifts : whether it honours `shift` of the settings, on which certificates rest
+    resumes : whether it honours `start`, without which estimates begin where the record does: from a row that
+        a run has written it gives the run's own rows, to round-off, where nothing that it takes from the
+        whole record differs. `simulate` refuses what an integrator does not honour. `only_jumps` is leave to
         write less, which any integrator may pass over
     """
 
     name: ClassVar[str]
+    shifts: ClassVar[bool]
     resumes: ClassVar[bool]
 
     @classmethod

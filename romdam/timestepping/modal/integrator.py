@@ -37,6 +37,7 @@ class ModalIntegrator:
     """
 
     name: ClassVar[str]
+    shifts: ClassVar[bool] = True
     resumes: ClassVar[bool] = True
     midpoint: bool = False
     force_change: float = math.inf
