@@ -91,7 +91,9 @@ def verify_mesh(
     }
     about |= {f"cpu_seconds_{name}": clock.cpu[name] for name in ("run", "sibling")}
     statement = discretisation(run, other, finer=finer, about=about)
-    return VerifiedMesh(statement, write_verification(folder, statement), _draw(folder, motion, run, other))
+    return VerifiedMesh(
+        statement, write_verification(folder, statement), _draw(folder, motion, run, other, finer=finer)
+    )
 
 
 def run_on_mesh(
@@ -112,12 +114,14 @@ def run_on_mesh(
     return mesh_run(model.scene, history, model.system.law.joints, spectra), model.scene
 
 
-def _draw(folder: Path, motion: GroundMotion, run: MeshRun, sibling: MeshRun) -> Path:
+def _draw(folder: Path, motion: GroundMotion, run: MeshRun, sibling: MeshRun, *, finer: bool) -> Path:
     from romdam.visual.plots import opening_comparison, save_figure
 
     histories = {
         f"{name}, {one.unknowns} unknowns": (one.history.time, one.history.jump[..., 0])
-        for name, one in (("mesh", run), ("sibling", sibling))
+        for name, one in (("mesh", run), (f"{'finer' if finer else 'coarser'} mesh", sibling))
     }
-    figure = opening_comparison(histories, f"The mesh and its sibling  ·  {motion.name}")
+    figure = opening_comparison(
+        histories, f"The mesh and elements of {'half' if finer else 'twice'} the size  ·  {motion.name}"
+    )
     return save_figure(figure, folder / "discretisation.png")

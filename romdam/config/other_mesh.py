@@ -11,6 +11,7 @@ from romdam.config.sections.geometry.refinement import Divisions
 from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ConfigError
 
+_OF_DAM = ("along", "through", "up")  # divisions of the dam itself, whose nodes hold the gaps
 MeshT = TypeVar("MeshT", MeshFileConfig, Divisions)
 
 
@@ -32,12 +33,12 @@ def on_finer_mesh(job: Job) -> Job:
 
 
 def on_coarser_mesh(job: Job) -> Job:
-    """The job with elements of twice the size.
+    """The job with elements of twice the size; odd numbers of layers of rock are rounded up.
 
     Raises
     ------
     ConfigError
-        for mesh files that are not refined, and for numbers of elements that cannot be halved.
+        for mesh files that are not refined, and for odd numbers of elements in boxes and dams.
     """
     config = job.config
     for name, block in config.blocks.items():
@@ -50,8 +51,8 @@ def on_coarser_mesh(job: Job) -> Job:
             _refuse_coarser(f"{job.path}: blocks.{name}", "is of a file, which has no coarser mesh")
     for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
         if dam is not None and not dam.divisions.refine:
-            for name, count in dam.divisions.model_dump(exclude={"growth", "refine"}).items():
-                if count % 2:
+            for name in _OF_DAM:
+                if (count := getattr(dam.divisions, name)) % 2:
                     place = f"{job.path}: {key}.divisions.{name}"
                     _refuse_coarser(place, f"is {count}, which cannot be halved")
     return _on_other_mesh(job, finer=False)
@@ -83,7 +84,7 @@ def _on_other_mesh(job: Job, *, finer: bool) -> Job:
                 divisions = _refined(divisions, finer=finer)
             else:
                 counts = divisions.model_dump(exclude={"growth", "refine"})
-                halved: dict[str, object] = {name: count // 2 for name, count in counts.items()}
+                halved: dict[str, object] = {name: (count + 1) // 2 for name, count in counts.items()}
                 divisions = divisions.model_copy(update=halved | {"growth": divisions.growth**2})
             changed[key] = dam.model_copy(update={"divisions": divisions})
     return replace(job, config=config.model_copy(update=changed))
