@@ -13,6 +13,8 @@ run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
 	@echo "How far is that from the unreduced mesh? Running both on the first 10 s (about a minute) ..."
 	@$(BIN)/romdam verify $(CONFIG) --duration "10 s" --out $(OUT)
+	@echo "And how far is the mesh from a finer one?"
+	-@$(BIN)/romdam verify $(CONFIG) --mesh finer --duration "10 s" --out $(OUT)
 	@echo "Results, figures and the error statement are in $(OUT)/ ; read $(OUT)/*.nc with xarray."
 
 test: $(VENV)/.installed-dev
