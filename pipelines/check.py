@@ -16,9 +16,9 @@ from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes
 from romdam.pipelines.cost import COSTS, run_costs
-from romdam.pipelines.doubts import doubts_of, with_doubts_of
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
+from romdam.pipelines.job_warnings import job_warnings, with_scene_warnings
 from romdam.pipelines.run import Clock, Stage, build_model, reduced_model, silent, usable_motions
 from romdam.pipelines.simulation import Model, refuse_large, settings_for
 from romdam.pipelines.sizes import run_bytes
@@ -146,7 +146,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             refuse_summary(job, None)
         usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
         model = build_model(job, clock, store, estimated=True)
-        job = with_doubts_of(model.scene, job)
+        job = with_scene_warnings(model.scene, job)
     settings = settings_for(job, model.prepared, motions[0])
     steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
     for motion in motions:
@@ -170,7 +170,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         costs=costs,
         memory=_memory(model, max(steps.values()), settings.steps.stride),
         file_size=_row_bytes(model) * (total // settings.steps.stride + 1),
-        warnings=doubts_of(job, motions),
+        warnings=job_warnings(job, motions),
         closed_frequencies=closed,
         ties=_ties(model.scene),
         solvers=tuple(filter(None, _solvers(job, model))),

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from romdam.config.load import Job
-from romdam.core.errors import recoverable, told
+from romdam.core.errors import describe_error, recoverable
 from romdam.core.motion import GroundMotion
 from romdam.core.system import GapLaw
 from romdam.core.threads import cpu_time
@@ -58,7 +58,9 @@ def run_costs(job: Job, model: Model, motions: Sequence[GroundMotion], runs: int
             if share < 1.0:
                 costs["estimate"] *= estimated_share(model.system.law, strongest, whole)
     except recoverable() as error:  # no reason to refuse the job: only these parts begin from rest
-        log.info("the time of a run is unknown: a short part of %s: %s", strongest.name, told(error))
+        log.info(
+            "the time of a run is unknown: a short part of %s: %s", strongest.name, describe_error(error)
+        )
         return {}
     every = runs * sum(run_seconds(job, motion) for motion in motions) / whole
     costs = {name: every * seconds for name, seconds in costs.items()}

@@ -18,7 +18,7 @@ from romdam.export.build import build_deck
 from romdam.export.codes import CODES
 from romdam.export.deck import Deck, Motion
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.given import records_of, usable
+from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import ground_at_steps

@@ -17,7 +17,7 @@ from romdam.config.quantities import to_si
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.pipelines.given import records_of, usable
+from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.plan import read_records
 from romdam.postprocess.record_measures import analysed

@@ -16,26 +16,26 @@ from typing import NamedTuple
 import xarray as xr
 
 from romdam.config.load import Job, Source
-from romdam.core.errors import ConfigError, ResultError, placed, recoverable, told
+from romdam.core.errors import ConfigError, ResultError, describe_error, placed, recoverable
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
-from romdam.core.threads import beside, cpu_time, one_thread
+from romdam.core.threads import cpu_time, in_background, one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.error.statement import ErrorStatement, read_verification
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_modes import choose_modes
-from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
-from romdam.pipelines.given import Read, job_and_motions, records_of, usable
+from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
+from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import Model, prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.summary import (
-    Made,
+    FinishedRun,
     records_summary,
     refuse_summary,
     refuse_unmeasured,
@@ -206,12 +206,12 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     if summarised:
         refuse_summary(job, goal.folder)
     motions = usable_motions(job, read, summarised=summarised)
-    tell_doubts(job, motions)
+    log_warnings(job, motions)
     store = open_store(cache)
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
-    job = telling_doubts_of(model.scene, job)
-    with beside(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
+    job = log_scene_warnings(model.scene, job)
+    with in_background(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
         rows, last, undrawn = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
     failures = {name: one for name, one in read.items() if isinstance(one, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message} | undrawn
@@ -249,7 +249,7 @@ def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMoti
 
 def _run_all(
     job: Job, model: Model, motions: Sequence[GroundMotion], target: Target, clock: Clock, *, lone: bool
-) -> tuple[dict[str, Row], Made | None, dict[str, str]]:
+) -> tuple[dict[str, Row], FinishedRun | None, dict[str, str]]:
     """Run the records of a job, the figures of each drawn before the next or beside it; a failure is a row.
 
     Returns
@@ -264,7 +264,7 @@ def _run_all(
     rows, last, unseen = dict[str, Row](), None, replace(clock, show=silent)
     undrawn = dict[str, str]()
     for motion in motions:
-        with beside(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
+        with in_background(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
             try:
                 last = run_motion(job, model, motion, target, clock)
                 rows[motion.name] = Row("", kept=last.kept) if lone else last.row(job)
@@ -272,12 +272,12 @@ def _run_all(
                 target[1]()  # an error of its own is one of all records
                 if lone:
                     raise
-                last, rows[motion.name] = None, Row("", told(error))
+                last, rows[motion.name] = None, Row("", describe_error(error))
             undrawn |= drawn()
     return rows, last, undrawn | _drawn(last, target[0], clock, lone=lone)
 
 
-def _drawn(made: Made | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, str]:
+def _drawn(made: FinishedRun | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, str]:
     """Draw the figures of a run, if it is to have some; of several records, its name -> why that failed."""
     if made is None or not goal.figures:
         return {}
@@ -287,7 +287,7 @@ def _drawn(made: Made | None, goal: Goal, clock: Clock, *, lone: bool = False) -
     except recoverable() as error:
         if lone:
             raise
-        return {made.path.stem: told(error)}
+        return {made.path.stem: describe_error(error)}
     return {}
 
 
@@ -359,7 +359,7 @@ def run_motion(
     motion: GroundMotion,
     target: Target,
     clock: Clock,
-) -> Made:
+) -> FinishedRun:
     """Integrate one ground motion and write its result; `target` is where, and what gives `_shared`."""
     (folder, _, _), shared = target
     wall, cpu = time.perf_counter(), cpu_time()
@@ -382,7 +382,7 @@ def run_motion(
         write_dataset(dataset, path)
     for concern in json.loads(dataset.attrs["run_warnings"]):
         log.warning("%s: %s", motion.name, concern)
-    return Made(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
+    return FinishedRun(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
 
 
 def _estimated(

@@ -14,7 +14,7 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.error.statement import ErrorStatement
-from romdam.pipelines.given import Read
+from romdam.pipelines.input_motions import Read
 from romdam.records.components import check_components
 from romdam.results.dataset import run_identity
 from romdam.results.suite.design import design_dataset
@@ -25,7 +25,7 @@ from romdam.results.variables import Case
 
 
 @dataclass(frozen=True)
-class Made:
+class FinishedRun:
     """A run that is done: its file and what stands in it, of what, its wall and CPU time but for figures."""
 
     path: Path

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from romdam.pipelines.error.study import study
     from romdam.pipelines.error.two_results import compare_results
     from romdam.pipelines.error.verify import verify
-    from romdam.pipelines.given import read_motions
+    from romdam.pipelines.input_motions import read_motions
     from romdam.pipelines.modes import ModesOptions, modes
     from romdam.pipelines.run import Outcome, run
     from romdam.pipelines.suites.run import SuiteOptions, SuiteOutcome, run_suite
@@ -67,7 +67,7 @@ _LAZY = {
         "romdam.pipelines.error.study": ("study",),
         "romdam.pipelines.error.two_results": ("compare_results",),
         "romdam.pipelines.error.verify": ("verify",),
-        "romdam.pipelines.given": ("read_motions",),
+        "romdam.pipelines.input_motions": ("read_motions",),
         "romdam.pipelines.modes": ("ModesOptions", "modes"),
         "romdam.pipelines.run": ("Outcome", "run"),
         "romdam.pipelines.suites.run": ("SuiteOptions", "SuiteOutcome", "run_suite"),

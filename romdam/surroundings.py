@@ -10,7 +10,7 @@ import sys
 import threading
 from typing import Any
 
-from romdam.core.errors import ConfigError, OutputError, shown
+from romdam.core.errors import ConfigError, OutputError, quote
 from romdam.core.threads import VARIABLES
 
 _LOADED = 500_000  # objects before the first search for cycles: what a run loads makes 400,000, and they stay
@@ -86,7 +86,7 @@ def check_surroundings() -> None:
         if not (value.isascii() and value.isdigit() and int(value) > 0):
             raise ConfigError(
                 f"{name}: this environment variable must be a whole number above 0, "
-                f"got {shown(value)}; unset it"
+                f"got {quote(value)}; unset it"
             )
 
 

@@ -11,7 +11,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
 from romdam.pipelines.automatic_modes import FIRST, choose_modes
-from romdam.pipelines.given import records_of, usable
+from romdam.pipelines.input_motions import records_of, usable
 from romdam.scene.build import build_scene
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "two_cantilevers.yaml"

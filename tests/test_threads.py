@@ -25,9 +25,9 @@ from romdam.core.threads import (
     BESIDE,
     DENSE_EIGENPROBLEM,
     at_once,
-    beside,
     cpu_time,
     helpers,
+    in_background,
     one_thread,
     side_by_side,
     threads_for,
@@ -187,13 +187,13 @@ def test_a_task_beside_the_body_goes_on_with_it_and_ends_before():
         return "made"
 
     with one_thread():
-        with beside(task, BESIDE) as made:
+        with in_background(task, BESIDE) as made:
             body.set()
             assert made() == made() == "made"
-        with pytest.raises(KeyError), beside(partial(ended.append, 2), BESIDE):
+        with pytest.raises(KeyError), in_background(partial(ended.append, 2), BESIDE):
             raise KeyError
         assert ended == [1, 2]
-        with beside(partial(divmod, 1, 0), BESIDE) as failing:
+        with in_background(partial(divmod, 1, 0), BESIDE) as failing:
             for _ in range(2):
                 with pytest.raises(ZeroDivisionError):
                     failing()
@@ -227,7 +227,7 @@ def test_two_tasks_are_worked_on_at_once_and_the_first_error_waits_for_the_other
 def test_one_thread_that_the_user_allows_does_everything_itself():
     with threadpool_limits(1, user_api="blas"), one_thread():
         assert set(side_by_side([threading.get_ident] * 4)) == {threading.get_ident()}
-        with beside(threading.get_ident, BESIDE) as made:
+        with in_background(threading.get_ident, BESIDE) as made:
             assert made() == threading.get_ident()
 
 
@@ -236,9 +236,9 @@ def test_tasks_of_a_small_model_are_done_first():
         own = threading.get_ident()
         assert at_once(threading.get_ident, threading.get_ident, BESIDE - 1) == (own, own)
         assert at_once(threading.get_ident, threading.get_ident, BESIDE) != (own, own)
-        with beside(threading.get_ident, BESIDE - 1) as made:
+        with in_background(threading.get_ident, BESIDE - 1) as made:
             assert made() == threading.get_ident()
-        with beside(threading.get_ident, BESIDE) as made:
+        with in_background(threading.get_ident, BESIDE) as made:
             assert made() != threading.get_ident()
 
 
@@ -256,7 +256,7 @@ def test_cpu_of_what_worked_for_a_thread_is_its_own():
         at_once(task, task, BESIDE)
         assert cpu_time() - start >= 0.1
         start = cpu_time()
-        with beside(task, BESIDE):
+        with in_background(task, BESIDE):
             pass
         assert cpu_time() - start < 0.05, "what goes on beside it has a clock of its own"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
-from romdam.core.errors import ConfigError, ResultError, shown
+from romdam.core.errors import ConfigError, ResultError, quote
 from romdam.core.fingerprint import code_digest, scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
@@ -205,7 +205,7 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
     if _of_this_code(run) and job.digest != run.attributes["configuration_sha256"]:
         raise ResultError(
             f"{run.path}: its attribute configuration is not the one of SHA-256 "
-            f"{shown(run.attributes['configuration_sha256'])} that it states; run it again"
+            f"{quote(run.attributes['configuration_sha256'])} that it states; run it again"
         )  # by other code: keys may have come since
     if config is None:
         return job

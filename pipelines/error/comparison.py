@@ -15,7 +15,7 @@ from romdam.config.variants import comparison_of, variant_jobs
 from romdam.core.errors import ConfigError, ResultError, RomdamError, listed
 from romdam.core.files import prepare_folder, replacing
 from romdam.error.variants import comparison_dataset
-from romdam.pipelines.given import records_of
+from romdam.pipelines.input_motions import records_of
 from romdam.pipelines.run import Clock, Stage, run, silent
 from romdam.postprocess.variant_tables import Table, markdown, variant_tables
 from romdam.results.dataset import write_dataset

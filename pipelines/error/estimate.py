@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from romdam.config.load import Job
-from romdam.core.errors import recoverable, told
+from romdam.core.errors import describe_error, recoverable
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
@@ -93,8 +93,8 @@ def with_estimates(
     try:
         statement, more = at_once(of_modes, of_steps, model.mesh_unknowns)
     except recoverable() as error:
-        why = f"its error is not estimated: {told(error)}"
-        unknown = None if finer is None else unknown_estimate(told(error))
+        why = f"its error is not estimated: {describe_error(error)}"
+        unknown = None if finer is None else unknown_estimate(describe_error(error))
         return replace(history, warnings=(*history.warnings, why)), unknown
     return replace(history, stats=history.stats | more), statement
 

@@ -20,7 +20,7 @@ from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.error.comparison import Openings, compare_openings, read_reference
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
-from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
+from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
@@ -92,9 +92,9 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     motion = load_motions(job.config.records, job.folder)[0]
     refuse_lengths(job, [motion])
     refuse_drifting(job, [motion])
-    tell_doubts(job, [motion])
+    log_warnings(job, [motion])
     scene = scene_of(job)
-    job = telling_doubts_of(scene, job)
+    job = log_scene_warnings(scene, job)
     steps = job.config.study.finest_steps or tuple(motion.dt / part for part in PARTS)
     setup = _Setup(job, scene, motion, steps, job.config.outputs.output_interval or motion.dt)
     if stored is None:

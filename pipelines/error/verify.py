@@ -22,7 +22,7 @@ from romdam.error.statement import ErrorStatement, write_verification
 from romdam.error.verification import VerifiedRun, against_reference, full_order_step, verification
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.check import full_order_seconds
-from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
+from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, simulate_motion
@@ -91,7 +91,7 @@ def verify(
     motions = load_motions(job.config.records, job.folder)
     first, motion, whole = 0.0, as_run(job, motions[0], duration), motions[0]
     refuse_drifting(job, motions[:1])
-    tell_doubts(job, motions[:1])
+    log_warnings(job, motions[:1])
     moving = any(support.motion is not None for support in job.config.supports)  # they begin at rest
     if duration is None and stored is None and not moving:
         first, motion = strongest_part(motion, WINDOW)
@@ -99,7 +99,7 @@ def verify(
     refuse_lengths(job, [motion], seconds)
     job = with_modes_chosen(job, motions, clock)
     model = build_model(job, clock)
-    job = telling_doubts_of(model.scene, job)
+    job = log_scene_warnings(model.scene, job)
     reduced = _reduced(job, model, motion, seconds, clock)
     full = _full(job, model, motion, seconds, reduced, clock, tell)
     about: dict[str, object] = {

@@ -18,7 +18,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol
 
-from romdam.core.errors import ConfigError, ResultError, WorkerError, shown
+from romdam.core.errors import ConfigError, ResultError, WorkerError, quote
 from romdam.core.threads import cores
 from romdam.pipelines.suites import admission
 from romdam.pipelines.suites.workers import LocalPool, prepare
@@ -267,7 +267,7 @@ def _client(scheduler: str) -> Client:
         raise ConfigError(
             "--scheduler: needs dask.distributed; install romdam with the extra `cluster`, or use --workers"
         ) from None
-    place = f"--scheduler {shown(scheduler)}"
+    place = f"--scheduler {quote(scheduler)}"
     try:
         kind = _asked(scheduler)
         if kind == "Scheduler":

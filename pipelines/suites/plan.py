@@ -22,7 +22,7 @@ from romdam.core.fingerprint import code_digest, fingerprint, scene_content
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
+from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, with_modes_chosen
 from romdam.pipelines.sizes import refuse_lengths
@@ -98,7 +98,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
         records = read_records(job, considered.append)
     _refuse_many(job, len(records), design.sizes["sample"])
     motions = [record.motion for record in records if record.motion is not None]
-    tell_doubts(job, ())  # of the records there may be hundreds
+    log_warnings(job, ())  # of the records there may be hundreds
     job = with_modes_chosen(job, motions, clock)
     columns = {name: design[PARAMETER + name].values for name in places}
     samples = Samples(
@@ -107,7 +107,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     )
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
-        job = telling_doubts_of(scene, job)
+        job = log_scene_warnings(scene, job)
         scene, contents = _sampled(job, scene, samples)
     samples = replace(samples, contents=tuple(contents))
     runs = _runs(records, _model_key(job, scene), contents)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from romdam.config.load import Job
 from romdam.config.parameters import Varied
-from romdam.core.errors import ConfigError, ResultError, recoverable, told
+from romdam.core.errors import ConfigError, ResultError, describe_error, recoverable
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System, with_parameters
@@ -92,7 +92,7 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
 def _failed(run: Run, error: Exception) -> Row:
     """The row of a run that failed, which is that of any run of the same content, whatever its name."""
     lasts = not isinstance(error, MemoryError)
-    return Row(run.key, told(error).replace(f"record {run.name}", "its record"), lasts=lasts)
+    return Row(run.key, describe_error(error).replace(f"record {run.name}", "its record"), lasts=lasts)
 
 
 def integrate_runs(

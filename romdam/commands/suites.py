@@ -34,7 +34,7 @@ def run_suite(
     import romdam.pipelines.report  # it is wanted at the end
     from romdam.pipelines.suites.run import SuiteOptions
     from romdam.terminal import complain
-    from romdam.terminal.lines import concern_lines, failure_lines
+    from romdam.terminal.lines import failure_lines, suite_warning_lines
     from romdam.terminal.tables import suite_table
 
     search_what_comes()
@@ -45,7 +45,7 @@ def run_suite(
         complain("romdam: stopped; what is finished is kept, and goes on when run again")
         raise typer.Exit(STOPPED) from None
     say(suite_table(outcome.summary))
-    complain(*concern_lines(outcome.summary, job.config.transient.accuracy))
+    complain(*suite_warning_lines(outcome.summary, job.config.transient.accuracy))
     say(*write_page(job, out, stages))
     return failure_lines(outcome)
 

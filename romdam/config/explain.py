@@ -8,7 +8,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 
 Location = tuple[int | str, ...]
 
@@ -125,9 +125,9 @@ def _message(item: Mapping[str, Any]) -> str:
 def _got(item: Mapping[str, Any]) -> str:
     """The value given, unless the message quotes it or it is a whole section of the file."""
     value = item["input"]
-    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and shown(value) in item["msg"]):
+    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and quote(value) in item["msg"]):
         return ""
-    got = f", got {shown(value)}"
+    got = f", got {quote(value)}"
     return "" if item["msg"].endswith(got) else got
 
 
@@ -140,7 +140,7 @@ def _cut(name: str) -> str:
     """A key as messages name it: on one line, and not all of a long one."""
     if name.isprintable() and 0 < len(name) <= _LONGEST:
         return name
-    return shown(name)
+    return quote(name)
 
 
 def _closest(name: str, owner: type[BaseModel] | None) -> str:

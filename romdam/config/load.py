@@ -17,7 +17,7 @@ from romdam.config.explain import Location, explain
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
 from romdam.config.yaml_text import line_of, plain, read_yaml, write_yaml
-from romdam.core.errors import ConfigError, RecordError, shown
+from romdam.core.errors import ConfigError, RecordError, quote
 from romdam.core.html.card import card
 
 MADE = "the configuration"  # names in messages what comes from no file
@@ -42,7 +42,7 @@ class Job:
     renamed : a warning for each key or word that stands in it by a name of before
     given : the mapping that it was made of; None where `path` is a file
     base : folder that relative paths start from, where it is not that of `path`
-    doubts : what its scene, once that is built, may hardly be meant to have
+    scene_warnings : what its scene, once that is built, may hardly be meant to have
     start : the current folder when the job was made; paths stay as they were typed while it is that
     """
 
@@ -51,7 +51,7 @@ class Job:
     renamed: tuple[str, ...] = ()
     given: Mapping[str, Any] | None = field(default=None, repr=False)
     base: Path | None = None
-    doubts: tuple[str, ...] = ()
+    scene_warnings: tuple[str, ...] = ()
     start: Path = field(default_factory=_here, repr=False)
 
     @property
@@ -144,7 +144,7 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
     if isinstance(source, Job):
         return source
     if not isinstance(source, str | Path):
-        raise ConfigError(f"a job is a path, a mapping of keys, a Config or a Job, got {shown(source)}")
+        raise ConfigError(f"a job is a path, a mapping of keys, a Config or a Job, got {quote(source)}")
     path = Path(source)
     raw, renamed = with_present_names(read_yaml(path), str(path))
     return Job(parse_config(raw, str(path), partial(line_of, path)), path, renamed)

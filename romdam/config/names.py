@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 
 LONGEST = 100  # bytes; a file's name has at most 255, and figures and runs add to it
 _FORBIDDEN = '/\\:*?"<>|'  # of file names on one system or another; of groups in HDF5; "*" is every joint
@@ -50,13 +50,13 @@ def misnamed_file(name: str) -> str:
 
 def _name(value: str) -> str:
     if wrong := misnamed(value):
-        raise ValueError(f"the name {shown(value)} {wrong}")
+        raise ValueError(f"the name {quote(value)} {wrong}")
     return value
 
 
 def _file_name(value: str) -> str:
     if wrong := misnamed_file(value):
-        raise ValueError(f"the name {shown(value)} {wrong}")
+        raise ValueError(f"the name {quote(value)} {wrong}")
     return value
 
 

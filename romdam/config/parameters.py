@@ -18,7 +18,7 @@ from romdam.config.sections.joints import JointConfig
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import law_order
 from romdam.contact.laws.law import Law, Parameter
-from romdam.core.errors import ConfigError, listed, shown
+from romdam.core.errors import ConfigError, listed, quote
 
 Section = TypeVar("Section", bound=Model)
 
@@ -93,14 +93,14 @@ def find_place(config: Config, path: str, name: str, source: str) -> Place:
     if root == "joints" and field in known:
         named = tuple(every) if joint == "*" else (joint,)
         if not set(named) <= set(every):
-            raise ConfigError(f"{where}: no joint {shown(joint)} is defined; defined are {listed(every)}")
+            raise ConfigError(f"{where}: no joint {quote(joint)} is defined; defined are {listed(every)}")
         unit = known[field].unit
         return Place(path, named, tuple(field.split(".")), _UDUNITS.get(unit, unit), known[field])
     if root in ("joints", "damping"):
         keys = [f"joints.<name>.{key}" for key in known] if root == "joints" else [*_DAMPING]
-        raise ConfigError(f"{where}: {shown(path)} cannot be varied; in {root} can {', '.join(keys)}")
+        raise ConfigError(f"{where}: {quote(path)} cannot be varied; in {root} can {', '.join(keys)}")
     raise ConfigError(
-        f"{where}: {shown(path)} is not of the joints or the damping: it would change the reduced basis "
+        f"{where}: {quote(path)} is not of the joints or the damping: it would change the reduced basis "
         "or the loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run "
         "one suite for each value of the rest"
     )
@@ -121,7 +121,7 @@ def si_value(place: Place, value: float | str, name: str, source: str) -> float:
     except ValidationError as error:
         message = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise ConfigError(
-            f"{source}: suite.parameters.{name}: {place.path}: {message}, got {shown(value)}"
+            f"{source}: suite.parameters.{name}: {place.path}: {message}, got {quote(value)}"
         ) from None
     return float(found[0] if isinstance(found, tuple) else found)
 

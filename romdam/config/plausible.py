@@ -112,7 +112,7 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
 }
 
 
-def doubts(config: Config) -> tuple[str, ...]:
+def check_assumptions(config: Config) -> tuple[str, ...]:
     """Tell what is unusual in a configuration, a line for each with key, value and what is usual."""
     return (*_unusual(config, ""), *_gravity(config), *_units(config), *_water(config), *_unused(config))
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator, PlainSerializer, ValidationInfo
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 
 if TYPE_CHECKING:
     import pint
@@ -110,18 +110,18 @@ def to_si(value: float | str, unit: str) -> float:
         beyond anything that a dam can have.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"expected a number{_in(unit)} or text with a unit, got {shown(value)}")
+        raise ValueError(f"expected a number{_in(unit)} or text with a unit, got {quote(value)}")
     try:
         number = _parse(value, unit) if isinstance(value, str) else float(value)
     except OverflowError:  # an integer of more than 308 digits
         number = math.inf
     if not math.isfinite(number):
-        raise ValueError(f"expected a finite number{_in(unit)}, got {shown(value)}")
+        raise ValueError(f"expected a finite number{_in(unit)}, got {quote(value)}")
     most = _MOST.get(unit, math.inf)
     if abs(number) > most or 0.0 < abs(number) < _LEAST:
         limit = f"at most {most:g}" if abs(number) > most else f"0 or at least {_LEAST:g}"
         raise ValueError(
-            f"{shown(value)} is beyond what a dam can have, the magnitude must be {limit}{_in(unit)}; is the "
+            f"{quote(value)} is beyond what a dam can have, the magnitude must be {limit}{_in(unit)}; is the "
             "unit right?"
         )
     return number
@@ -166,7 +166,7 @@ def _parse(text: str, unit: str) -> float:
     remedy = f'write an SI number or text with a unit, for example "{example}"'
     match = _NUMBER_AND_UNIT.match(text) if len(text) <= _LONGEST else None
     if match is None or (match[2] and _UNIT.match(match[2]) is None):
-        raise ValueError(f"cannot read {shown(text)} as a quantity{_in(unit)}; {remedy}")
+        raise ValueError(f"cannot read {quote(text)} as a quantity{_in(unit)}; {remedy}")
     if not match[2]:
         return float(match[1])
     unit_text = _DEGREES.sub(r"delta_deg\1", _BARE_EXPONENT.sub(r"^\1", match[2]))
@@ -176,10 +176,10 @@ def _parse(text: str, unit: str) -> float:
         registry = _registry_of(unit_text)
         given = _roots(registry, unit_text)
     except Exception as error:  # what pint raises for units that it does not know: half a dozen kinds
-        raise ValueError(f"unknown unit in {shown(text)} (units are case-sensitive); {remedy}") from error
+        raise ValueError(f"unknown unit in {quote(text)} (units are case-sensitive); {remedy}") from error
     if given != _roots(registry, unit):
         what = f"a quantity in {unit}" if unit else "a number or a part of one"
-        raise ValueError(f"{shown(text)} is not {what}; {remedy}{_angular(given)}")
+        raise ValueError(f"{quote(text)} is not {what}; {remedy}{_angular(given)}")
     return float(registry.Quantity(float(match[1]), unit_text).to(unit).magnitude)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from romdam.core.errors import ConfigError, shown
+from romdam.core.errors import ConfigError, quote
 
 # path -> the key's name now; "*" stands for any name in a mapping and any entry of a list
 KEYS = {
@@ -57,7 +57,7 @@ def _renaming(old: str, new: str, source: str, told: list[str]) -> Callable[[Any
         if new in section:
             raise ConfigError(
                 f"{source}: {place}{old} is the name that {place}{new} had before, and both are given "
-                f"({shown(section[old])} and {shown(section[new])}); remove {place}{old}"
+                f"({quote(section[old])} and {quote(section[new])}); remove {place}{old}"
             )
         told.append(f"{place}{old} is called {place}{new} now; the old name is read in this release only")
         return {new if key == old else key: value for key, value in section.items()}

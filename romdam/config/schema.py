@@ -19,7 +19,7 @@ from romdam.config.quantities import needs_unit, spelt, unit_of
 from romdam.config.sections.job import Config
 from romdam.config.sections.joint_laws import both
 from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
-from romdam.config.texts import meaning, own_doc
+from romdam.config.texts import meaning, model_docstring
 
 _WITH_UNIT = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*(1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*$"
 _QUANTITY = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*)?$"
@@ -50,7 +50,7 @@ class _Generator(GenerateJsonSchema):
         made, model = super().model_schema(schema), schema["cls"]
         if not issubclass(model, Model):
             return made
-        made["description"] = own_doc(model)
+        made["description"] = model_docstring(model)
         for name, key in made.get("properties", {}).items():
             key.pop("title", None)
             if (empty := model.model_fields[name].default_factory) in (dict, list):

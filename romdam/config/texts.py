@@ -51,7 +51,7 @@ def _texts_in_source(model: type[BaseModel]) -> dict[str, str]:
     }
 
 
-def own_doc(model: type[BaseModel]) -> str:
+def model_docstring(model: type[BaseModel]) -> str:
     """The docstring, with those it inherits from other models."""
     docs = [one.__doc__ or "" for one in model.__mro__ if issubclass(one, BaseModel) and one is not BaseModel]
     return " ".join(inspect.cleandoc(doc) for doc in docs if doc and "part of a configuration" not in doc)

@@ -11,7 +11,7 @@ from romdam.config.load import Job, parse_config
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.yaml_text import read_yaml
-from romdam.core.errors import ConfigError, shown
+from romdam.core.errors import ConfigError, quote
 
 
 def comparison_of(job: Job) -> ComparisonConfig:
@@ -45,7 +45,7 @@ def variant_jobs(job: Job) -> dict[str, Job]:
         changed = _changed(whole, changes, source)
         given = None if job.given is None else changed
         config = parse_config(changed, source, folder=job.folder)
-        jobs[name] = replace(job, config=config, renamed=(), given=given, doubts=())
+        jobs[name] = replace(job, config=config, renamed=(), given=given, scene_warnings=())
     return jobs
 
 
@@ -73,5 +73,5 @@ def _entry(target: Any, key: str, path: str, source: str) -> Any:
     size = len(target) if isinstance(target, list) else 0
     if not (key.isdecimal() and int(key) < size):
         what = f"a list of {size}, counted from 0" if isinstance(target, list) else "no section"
-        raise ConfigError(f"{source}.{path}: {shown(key)} leads nowhere, it would stand in {what}")
+        raise ConfigError(f"{source}.{path}: {quote(key)} leads nowhere, it would stand in {what}")
     return target[int(key)]

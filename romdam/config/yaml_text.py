@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from romdam.core.errors import ConfigError, shown
+from romdam.core.errors import ConfigError, quote
 from romdam.core.files import check_file
 
 MOST_BYTES = 1e6
@@ -126,7 +126,7 @@ def plain(value: Any, source: str, levels: int = MOST_LEVELS) -> object:
     if isinstance(value, Mapping):
         wrong = next((key for key in value if not isinstance(key, str)), None)
         if wrong is not None:
-            raise ConfigError(f"{source}: a key must be text, got {shown(wrong)}; put it in quotes")
+            raise ConfigError(f"{source}: a key must be text, got {quote(wrong)}; put it in quotes")
         return {key: plain(part, source, levels - 1) for key, part in value.items()}
     if isinstance(value, list | tuple):
         return [plain(part, source, levels - 1) for part in value]
@@ -195,7 +195,7 @@ def _hidden(character: str) -> bool:
 def _refuse(node: yaml.Node, source: str) -> None:
     """Refuse tags, characters that nobody sees, and keys that are no text or given twice."""
     if node.tag not in _TAGS:
-        tag = shown(node.tag.replace(_TAG, "!!"))
+        tag = quote(node.tag.replace(_TAG, "!!"))
         raise _wrong(node.start_mark, f"the tag {tag} means nothing here; leave it out", source)
     text = node.value if isinstance(node, yaml.ScalarNode) else ""
     if hidden := next(filter(_hidden, text), ""):
@@ -203,8 +203,8 @@ def _refuse(node: yaml.Node, source: str) -> None:
     keys = set[str]()
     for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
         if key.tag not in _OF_TEXT or not isinstance(key, yaml.ScalarNode):
-            got = shown(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
+            got = quote(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
             raise _wrong(key.start_mark, f"a key must be text, got {got}; put it in quotes", source)
         if key.value in keys:
-            raise _wrong(key.start_mark, f"key {shown(key.value)} is given twice; remove one", source)
+            raise _wrong(key.start_mark, f"key {quote(key.value)} is given twice; remove one", source)
         keys.add(key.value)

@@ -69,7 +69,7 @@ def recoverable() -> tuple[type[Exception], ...]:
     return (RomdamError, ArithmeticError, LinAlgError, MemoryError)
 
 
-def told(error: Exception) -> str:
+def describe_error(error: Exception) -> str:
     """An error as one sentence; what is none of romdam's own with its kind."""
     return str(error) if isinstance(error, RomdamError) else f"{type(error).__name__}: {error}"
 
@@ -92,7 +92,7 @@ def listed(names: Collection[str], most: int = 20) -> str:
     return f"{', '.join(some)}{more}" or "none"
 
 
-def shown(value: object) -> str:
+def quote(value: object) -> str:
     """A value as messages quote it: its repr cut to a part of a line.
 
     However deep its parts are, or often repeated (a YAML file's anchors make billions of a few), only a

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from romdam.core.errors import ResultError, RomdamError, WriteError, shown
+from romdam.core.errors import ResultError, RomdamError, WriteError, quote
 
 try:
     import fcntl
@@ -45,7 +45,7 @@ def replacing(path: Path, size: int = 0) -> Iterator[Path]:
     if size:
         _refuse_full_disk(path, size + _SPARE)
     try:
-        with own_folder(path.parent) as own:
+        with private_folder(path.parent) as own:
             part = own / path.name
             yield part
             _sync(part)
@@ -70,7 +70,7 @@ class Unkept:
 
 
 @contextmanager
-def own_folder(beside: Path) -> Iterator[Path]:
+def private_folder(beside: Path) -> Iterator[Path]:
     """A folder that only this writer knows, locked while it lives; removed at the end."""
     own, lock = locked_folder(beside)
     try:
@@ -173,7 +173,7 @@ def prepare_folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         sweep_parts(folder)
-        with own_folder(folder):
+        with private_folder(folder):
             pass
     except OSError as error:
         kind = WriteError if error.errno in (errno.ENOSPC, errno.EDQUOT) else ResultError
@@ -223,7 +223,7 @@ def check_file(path: Path, most: float, error: type[RomdamError]) -> None:
     except FileNotFoundError:
         raise error(f"{path}: no such file") from None
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
-        raise error(f"{shown(str(path))}: cannot be read ({problem})") from None
+        raise error(f"{quote(str(path))}: cannot be read ({problem})") from None
     if not stat.S_ISREG(about.st_mode):
         kind = "a folder" if stat.S_ISDIR(about.st_mode) else "a device, pipe or socket"
         raise error(f"{path}: is {kind}; give a file")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from romdam.core.arrays import Floats, Ints
-from romdam.core.errors import RecordError, shown
+from romdam.core.errors import RecordError, quote
 from romdam.core.fingerprint import fingerprint
 from romdam.core.html.card import card
 
@@ -81,7 +81,7 @@ class GroundMotion:
             is not above zero.
         """
         if not isinstance(name, str) or not name:
-            raise RecordError(f"{place}: a motion's name is text, got {shown(name)}")
+            raise RecordError(f"{place}: a motion's name is text, got {quote(name)}")
         where = f"{place}, {name}"
         values = _components(acc, where) if isinstance(acc, Mapping) else _numbers(acc, where)
         if values.ndim != 2 or len(values) != len(AXES):
@@ -93,7 +93,7 @@ class GroundMotion:
         if not 2 <= count <= MOST_SAMPLES:
             raise RecordError(f"{where}: has {count} samples, must have 2 to {MOST_SAMPLES}")
         if step.ndim or not step > 0.0 or not np.isfinite(step):
-            raise RecordError(f"{where}: dt must be a time above 0 in seconds, got {shown(dt)}")
+            raise RecordError(f"{where}: dt must be a time above 0 in seconds, got {quote(dt)}")
         if not np.all(np.isfinite(values)):
             axis, sample = np.argwhere(~np.isfinite(values))[0]
             raise RecordError(
@@ -171,12 +171,12 @@ def _components(acc: Mapping[str, ArrayLike], where: str) -> Floats:
     """(3, nt) of components by name."""
     wrong = [name for name in acc if name not in AXES]
     if wrong or not acc:
-        raise RecordError(f"{where}: acc has components {shown(list(acc))}, known are x, y and z")
+        raise RecordError(f"{where}: acc has components {quote(list(acc))}, known are x, y and z")
     given = {name: _numbers(one, f"{where}, component {name}") for name, one in acc.items()}
     shapes = {name: one.shape for name, one in given.items()}
     first = next(iter(shapes.values()))
     if len(first) != 1 or any(shape != first for shape in shapes.values()):
-        raise RecordError(f"{where}: components must be (nt,) and equally long, got {shown(shapes)}")
+        raise RecordError(f"{where}: components must be (nt,) and equally long, got {quote(shapes)}")
     return np.array([given.get(axis, np.zeros(first)) for axis in AXES])
 
 
@@ -187,7 +187,7 @@ def _numbers(values: ArrayLike, where: str) -> Floats:
         if plain.dtype.kind not in "fiu":
             raise TypeError
     except (TypeError, ValueError):
-        raise RecordError(f"{where}: wanted real numbers, got {shown(values)}") from None
+        raise RecordError(f"{where}: wanted real numbers, got {quote(values)}") from None
     if masked := int(np.count_nonzero(np.ma.getmask(np.ma.asanyarray(values)))):
         raise RecordError(
             f"{where}: {masked} of {plain.size} samples are masked, limit 0; fill them, or cut them off"

@@ -130,7 +130,7 @@ def side_by_side(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
 
 
 @contextmanager
-def beside(task: Callable[[], T], unknowns: int) -> Iterator[Callable[[], T]]:
+def in_background(task: Callable[[], T], unknowns: int) -> Iterator[Callable[[], T]]:
     """Give the body what waits for a task's result, or raises its error; another thread works on it.
 
     The task has ended when the body has. Without a second thread it is done first.

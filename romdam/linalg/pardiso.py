@@ -64,7 +64,7 @@ class PardisoFactor:
 
     def negative(self) -> int:
         """Number of negative eigenvalues, from the inertia of D."""
-        return self._factors.told(_NEGATIVE)
+        return self._factors.statistic(_NEGATIVE)
 
 
 class PardisoSingle:
@@ -214,7 +214,9 @@ class _Factors:
         nothing = np.zeros((1, 1), dtype=real)
         weakref.finalize(self, self._held.call, _RELEASE, (nothing,) * 3, nothing, nothing)
         self._run(_ANALYSE, nothing, nothing)
-        self.memory = 1024.0 * max(self.told(_PEAK), self.told(_PERMANENT) + self.told(_FACTORS))
+        self.memory = 1024.0 * max(
+            self.statistic(_PEAK), self.statistic(_PERMANENT) + self.statistic(_FACTORS)
+        )
         if memory is not None and self.memory > memory:
             raise ReductionError(
                 f"pardiso: the factors of {size} unknowns need {self.memory / 1e9:.1f} GB, "
@@ -222,7 +224,7 @@ class _Factors:
             )
         self.schur = np.zeros((1 if apart is None else int(apart.sum()),) * 2, dtype=real)
         self._run(_FACTOR, nothing, self.schur)
-        if kind == _POSITIVE_DEFINITE or not self.told(_PERTURBED):  # no solve looks at the matrix again
+        if kind == _POSITIVE_DEFINITE or not self.statistic(_PERTURBED):  # no solve looks at the matrix again
             self._matrix = (nothing,) * 3
 
     def solve(self, right: Floats) -> Floats:
@@ -243,7 +245,7 @@ class _Factors:
         self._run(phase, columns, answer)
         return answer
 
-    def told(self, key: int) -> int:
+    def statistic(self, key: int) -> int:
         """A number that the library has put into iparm."""
         return int(self._held.iparm[key - 1])
 

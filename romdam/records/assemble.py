@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from romdam.config.sections.motions.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.motions.target import NAMED
-from romdam.core.errors import RecordError, shown
+from romdam.core.errors import RecordError, quote
 from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation, check_channel, missing, one_record
 from romdam.records.components import AXES, peak, spectrum
@@ -43,35 +43,35 @@ def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     RecordError
         naming record and channel.
     """
-    with one_record(source.place), np.errstate(over="ignore", invalid="ignore"):
+    with one_record(source.location), np.errstate(over="ignore", invalid="ignore"):
         return _build(source, axes)
 
 
 def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
-    config, place = source.config, source.place
+    config, location = source.config, source.location
     chosen, left_out = (list(axes.values()), ()) if axes else _pointed(source)
-    channels = [_filled(one, config, place) for one in chosen]
+    channels = [_filled(channel, config, location) for channel in chosen]
     for channel in channels:
-        check_channel(channel, place)
-        _check_dt(channel, config, place)
-    factors = np.array([_factor(channel, config, place) for channel in channels])
-    recorded = align(channels, config.align, place) * factors[:, None]
-    doubts = _doubts_of_recorded(channels, axes, recorded, source)
+        check_channel(channel, location)
+        _check_dt(channel, config, location)
+    factors = np.array([_factor(channel, config, location) for channel in channels])
+    recorded = align(channels, config.align, location) * factors[:, None]
+    remarks = _recorded_warnings(channels, axes, recorded, source)
     offset = find_offset(recorded, channels[0].dt)
     recorded = recorded - offset[:, None]
-    signal = _corrected(recorded, channels, config, place)
-    matrix = _matrix(axes, channels, config, place)
+    signal = _corrected(recorded, channels, config, location)
+    matrix = _matrix(axes, channels, config, location)
     acc = matrix @ signal.acc
     kept = moving_samples(acc, signal.dt, signal.before, signal.after)
     pads = max(0, signal.before - kept.start), max(0, kept.stop - acc.shape[1] + signal.after)
     acc = acc[:, kept]
     drifts = doubt_drift(acc, signal.dt)
     if drifts and (config.scale_to_measure or config.keep):
-        raise RecordError(f"{place}: {drifts}")
-    scale, scaled_to = _scale(acc, signal.dt, config.scale, place)
+        raise RecordError(f"{location}: {drifts}")
+    scale, scaled_to = _scale(acc, signal.dt, config.scale, location)
     if not np.all(np.isfinite(scale * acc)):
-        raise RecordError(f"{place}: correction and scale make values that are not finite; change them")
-    warnings = (*left_out, *doubts, *_subtracted(channels, offset, recorded))
+        raise RecordError(f"{location}: correction and scale make values that are not finite; change them")
+    warnings = (*left_out, *remarks, *_subtracted(channels, offset, recorded))
     warnings += (*_below_usable(channels, signal), *signal.warnings, *([drifts] if drifts else []))
     if costs := doubt_pads(acc.shape[1], *pads, signal.dt):
         warnings += (costs,)
@@ -80,10 +80,10 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     else:
         warnings += check_processed(recorded, signal.dt)
     warnings += _vertical_rules(scale * acc, config.scale)
-    account = _account(source, channels, factors, matrix, offset) | _done(signal, pads, config)
+    provenance = _provenance(source, channels, factors, matrix, offset) | _done(signal, pads, config)
     factor = scale.item(0) if np.all(scale == scale[0]) else scale.ravel().tolist()
-    account |= {"scale": factor, "scaled_to": scaled_to}
-    return GroundMotion(source.name, scale * acc, signal.dt, account, warnings)
+    provenance |= {"scale": factor, "scaled_to": scaled_to}
+    return GroundMotion(source.name, scale * acc, signal.dt, provenance, warnings)
 
 
 def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
@@ -94,13 +94,13 @@ def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
     RecordError
         for an azimuth of a channel that is not there, or whose file says another.
     """
-    declared, place = source.config.azimuths, source.place
+    declared, location = source.config.azimuths, source.location
     if not declared:
         return source.channels, ()
     codes = [channel.code for channel in source.channels]
     if unknown := [code for code in declared if codes.count(code) != 1]:
         raise RecordError(
-            f"{place}: `azimuths` names {unknown[0]}, the channels are {', '.join(codes)}", "azimuths"
+            f"{location}: `azimuths` names {unknown[0]}, the channels are {', '.join(codes)}", "azimuths"
         )
     channels, left_out = [], []
     for channel in source.channels:
@@ -113,7 +113,8 @@ def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
             where = Orientation(float(word) % 360.0) if upright is None else Orientation(None, upright)
             if stated is not None and stated != where:
                 raise RecordError(
-                    f"{place}, channel {channel.code}: the file says {stated}, `azimuths` {where}; remove it "
+                    f"{location}, channel {channel.code}: the file says {stated}, `azimuths` {where}; "
+                    "remove it "
                     "from `azimuths`",
                     "azimuths",
                 )
@@ -122,7 +123,7 @@ def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
     return channels, tuple(left_out)
 
 
-def _doubts_of_recorded(
+def _recorded_warnings(
     channels: list[Channel], axes: dict[str, Channel], recorded: NDArray[np.float64], source: Recorded
 ) -> tuple[str, ...]:
     """Warnings about a record before anything is done to it, (k, nt) [m/s2]."""
@@ -133,23 +134,23 @@ def _doubts_of_recorded(
         *said_of_starts(channels),
         *_cut(channels, recorded, source.config),
         *_overridden(channels, source.config),
-        *too_strong(recorded, source.place),
+        *too_strong(recorded, source.location),
     )
 
 
 def _corrected(
-    recorded: NDArray[np.float64], channels: list[Channel], config: RecordConfig, place: str
+    recorded: NDArray[np.float64], channels: list[Channel], config: RecordConfig, location: str
 ) -> Signal:
     dt = channels[0].dt
     magnitudes = (channel.meta.get("magnitude") for channel in channels)
-    magnitude = next((one for one in magnitudes if isinstance(one, float) and one > 0.0), None)
+    magnitude = next((value for value in magnitudes if isinstance(value, float) and value > 0.0), None)
     try:
         signal = correct(recorded, dt, config.correction, magnitude)
         if config.correction:
             names = [f"channel {channel.code}" for channel in channels]
             refuse_lost_motion(recorded, signal.acc, dt, names)
     except RecordError as error:
-        raise RecordError(f"{place}: {error}") from None
+        raise RecordError(f"{location}: {error}") from None
     return signal
 
 
@@ -166,7 +167,7 @@ def _subtracted(
     )
 
 
-def _filled(channel: Channel, config: RecordConfig, place: str) -> Channel:
+def _filled(channel: Channel, config: RecordConfig, location: str) -> Channel:
     """Fill missing samples as `gaps` says; without a policy `check_channel` refuses them."""
     gone = missing(channel.data)
     if config.gaps == "error" or not gone.any() or gone.all():
@@ -181,20 +182,20 @@ def _filled(channel: Channel, config: RecordConfig, place: str) -> Channel:
     )
 
 
-def _check_dt(channel: Channel, config: RecordConfig, place: str) -> None:
+def _check_dt(channel: Channel, config: RecordConfig, location: str) -> None:
     if config.dt is not None and abs(channel.dt - config.dt) > 1e-6 * config.dt:
         raise RecordError(
-            f"{place}, channel {channel.code}: the file says dt = {channel.dt:g} s, `dt` {config.dt:g} s; "
+            f"{location}, channel {channel.code}: the file says dt = {channel.dt:g} s, `dt` {config.dt:g} s; "
             "remove `dt`",
             "dt",
         )
 
 
-def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
+def _factor(channel: Channel, config: RecordConfig, location: str) -> float:
     """One recorded unit in m/s2."""
     if not channel.unit and config.unit is None:
         raise RecordError(
-            f"{place}, channel {channel.code}: the file does not say its unit; "
+            f"{location}, channel {channel.code}: the file does not say its unit; "
             'give `unit`, for example "g", "cm/s2" or "9.81 m/s2"',
             "unit",
         )
@@ -202,7 +203,8 @@ def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
         stated = unit_in_si(channel.unit) if channel.unit else None
     except ValueError:
         raise RecordError(
-            f"{place}, channel {channel.code}: the file says {shown(channel.unit)}, no unit of acceleration; "
+            f"{location}, channel {channel.code}: the file says {quote(channel.unit)}, no unit of "
+            "acceleration; "
             "take the acceleration"
         ) from None
     if config.unit is None:
@@ -211,7 +213,7 @@ def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
     declared = unit_in_si(config.unit)
     if stated is not None and abs(stated - declared) > 0.005 * declared:
         raise RecordError(
-            f"{place}, channel {channel.code}: the file says {channel.unit}, `unit` {config.unit}; "
+            f"{location}, channel {channel.code}: the file says {channel.unit}, `unit` {config.unit}; "
             "remove `unit`",
             "unit",
         )
@@ -219,12 +221,12 @@ def _factor(channel: Channel, config: RecordConfig, place: str) -> float:
 
 
 def _matrix(
-    axes: dict[str, Channel], channels: list[Channel], config: RecordConfig, place: str
+    axes: dict[str, Channel], channels: list[Channel], config: RecordConfig, location: str
 ) -> NDArray[np.float64]:
     """(3, k) from channels to x, y, z."""
     if not axes:
-        where = [_known(channel, place) for channel in channels]
-        return rotation(where, float(config.x_azimuth or 0.0), place)
+        where = [_known(channel, location) for channel in channels]
+        return rotation(where, float(config.x_azimuth or 0.0), location)
     matrix = np.zeros((3, len(channels)))
     for column, axis in enumerate(axes):
         component = config.components.get(axis)  # type: ignore[call-overload]
@@ -233,37 +235,37 @@ def _matrix(
     return matrix
 
 
-def _known(channel: Channel, place: str) -> Orientation:
+def _known(channel: Channel, location: str) -> Orientation:
     if channel.orientation is None:
         raise RecordError(
-            f"{place}, channel {channel.code}: the file does not say its azimuth; "
+            f"{location}, channel {channel.code}: the file does not say its azimuth; "
             f"give it, `azimuths: {{{channel.code}: 90 deg, ...}}`, or name the axes under `components`"
         )
     return channel.orientation
 
 
 def _scale(
-    acc: NDArray[np.float64], dt: float, scale: ScaleConfig | None, place: str
+    acc: NDArray[np.float64], dt: float, scale: ScaleConfig | None, location: str
 ) -> tuple[NDArray[np.float64], str]:
     """Factors of the components, (3, 1), and what they bring the record to."""
     if scale is None:
         return np.ones((3, 1)), ""
-    own = np.array([[scale.x], [scale.y], [scale.z]])
+    factors = np.array([[scale.x], [scale.y], [scale.z]])
     if scale.pga is None and scale.sa is None:
-        return own * (scale.factor or 1.0), ""
+        return factors * (scale.factor or 1.0), ""
     try:
         if scale.pga is not None:
-            name, wanted, has = "PGA", scale.pga, peak(own * acc, scale.of)
+            name, wanted, has = "PGA", scale.pga, peak(factors * acc, scale.of)
         else:
             periods = np.array([scale.period or 0.0])
             name = f"PSa at {scale.period:g} s, {100.0 * scale.damping:g} % damping,"
             wanted = scale.sa or 0.0
-            has = float(spectrum(own * acc, dt, periods, scale.damping, scale.of)[0])
+            has = float(spectrum(factors * acc, dt, periods, scale.damping, scale.of)[0])
     except RecordError as error:
-        raise RecordError(f"{place}: scale: {error}") from None
+        raise RecordError(f"{location}: scale: {error}") from None
     if has <= 0.0:
-        raise RecordError(f"{place}: cannot be scaled to {wanted:g} m/s2, it does not move")
-    return own * (wanted / has), f"{name} of the {NAMED[scale.of]} is {wanted:g} m/s2"
+        raise RecordError(f"{location}: cannot be scaled to {wanted:g} m/s2, it does not move")
+    return factors * (wanted / has), f"{name} of the {NAMED[scale.of]} is {wanted:g} m/s2"
 
 
 def _vertical_rules(acc: NDArray[np.float64], scale: ScaleConfig | None) -> tuple[str, ...]:
@@ -314,7 +316,7 @@ def _lowest_usable(channel: Channel) -> float | None:
     return PEER_USABLE * corner if isinstance(corner, float) and corner > 0.0 else None
 
 
-def _account(
+def _provenance(
     source: Recorded,
     channels: list[Channel],
     factors: NDArray[np.float64],
@@ -323,7 +325,7 @@ def _account(
 ) -> dict[str, object]:
     """Account for the source of the motion."""
     return {
-        "place": source.place,
+        "place": source.location,
         "files": dict(source.files),
         **{key: value for key, value in source.about.items() if key != "sha256"},
         "channels": [

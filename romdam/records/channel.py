@@ -136,15 +136,15 @@ def check_channel(channel: Channel, where: str) -> None:
     RecordError
         for a dt that is not positive, fewer than three samples, NaN or infinity.
     """
-    place = f"{where}, channel {channel.code}"
+    location = f"{where}, channel {channel.code}"
     if not SHORTEST_DT <= channel.dt <= LONGEST_DT:
         raise RecordError(
-            f"{place}: dt must lie in [{SHORTEST_DT:g}, {LONGEST_DT:g}] s, got {channel.dt:g} s; is it in "
+            f"{location}: dt must lie in [{SHORTEST_DT:g}, {LONGEST_DT:g}] s, got {channel.dt:g} s; is it in "
             "milliseconds, or the file damaged?"
         )
     if channel.data.size < MIN_SAMPLES:
         raise RecordError(
-            f"{place}: {channel.data.size} samples, at least {MIN_SAMPLES} (two steps) are needed; "
+            f"{location}: {channel.data.size} samples, at least {MIN_SAMPLES} (two steps) are needed; "
             "the file is empty or cut short"
         )
     bad = np.flatnonzero(missing(channel.data))
@@ -152,24 +152,24 @@ def check_channel(channel: Channel, where: str) -> None:
         value = channel.data[bad[0]]
         what = f"{value:g}, as where a value is missing" if np.isfinite(value) else "not finite"
         raise RecordError(
-            f"{place}: {bad.size} of {channel.data.size} samples are {what}, the first at "
+            f"{location}: {bad.size} of {channel.data.size} samples are {what}, the first at "
             f"t = {bad[0] * channel.dt:g} s; mend the record or set `gaps: linear` or `gaps: zero`"
         )
 
 
 def missing(data: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Find samples that are NaN, infinite, or a mark of no value (-999, 9999.999) far above all others."""
-    found = ~np.isfinite(data)
-    marks = np.isin(np.abs(data), SENTINELS) | (np.abs(np.where(found, 0.0, data)) >= 1e20)
+    mask = ~np.isfinite(data)
+    marks = np.isin(np.abs(data), SENTINELS) | (np.abs(np.where(mask, 0.0, data)) >= 1e20)
     if marks.any():
-        rest = np.abs(data[~found & ~marks])
+        rest = np.abs(data[~mask & ~marks])
         if rest.size == 0 or np.max(rest) < 0.5 * np.min(np.abs(data[marks])):
-            found |= marks
-    return found
+            mask |= marks
+    return mask
 
 
 @contextmanager
-def one_record(place: str) -> Iterator[None]:
+def one_record(location: str) -> Iterator[None]:
     """Make what damaged data raise anywhere within an error of this record.
 
     Raises
@@ -181,5 +181,5 @@ def one_record(place: str) -> Iterator[None]:
     except BREAKING as error:
         reason = " ".join(str(error).split())[:200]
         raise RecordError(
-            f"{place}: cannot be used ({type(error).__name__}: {reason}); the file is damaged"
+            f"{location}: cannot be used ({type(error).__name__}: {reason}); the file is damaged"
         ) from error

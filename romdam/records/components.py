@@ -84,7 +84,7 @@ def _combined(acc: Array, of: str, values: Callable[[Array], Array]) -> Array:
         return np.asarray(np.percentile(turned, _PERCENTILE[of], axis=0))
     rows = acc[_ROWS.get(of, [0, 1])]
     if of == "geometric_mean":
-        found = values(rows)
-        return np.sqrt(found[0] * found[1])
+        combined = values(rows)
+        return np.sqrt(combined[0] * combined[1])
     moves = np.any(rows != 0.0, axis=-1)
     return np.max(values(rows[moves] if moves.any() else rows[:1]), axis=0)

@@ -15,7 +15,7 @@ from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
 from romdam.records.components import measures
-from romdam.records.design.aim import Aimed
+from romdam.records.design.selection import Candidate
 from romdam.records.formats.columns import first_row, is_columns
 from romdam.records.formats.knet import is_component
 from romdam.records.formats.registry import HEAD
@@ -51,7 +51,7 @@ class Listed:
     motion : as the structure will feel it; None where it could not be read
     recorded : before it was matched, or corrected where it was not, scaled alike; None where neither is done
     of : what of the components its scale or target is of; "" where there is none
-    aimed : how it stands to its target; None where there is none
+    candidate : how it stands to its target; None where there is none
     error : why it could not be read
     no_source : whether what was asked for is no source of records at all
     """
@@ -60,7 +60,7 @@ class Listed:
     motion: GroundMotion | None = None
     recorded: GroundMotion | None = None
     of: str = ""
-    aimed: Aimed | None = None
+    candidate: Candidate | None = None
     error: str = ""
     no_source: bool = False
 
@@ -143,7 +143,7 @@ def _entries(
     if source in SETS:
         yield read_entry(settings | {"suite": source}, source), Path()
     elif path.suffix.lower() not in (".yaml", ".yml", ".csv") or _is_plain_record(path):
-        is_file = any(one.exists() for one in files_of_record(path)[1]) and not path.is_dir()
+        is_file = any(file.exists() for file in files_of_record(path)[1]) and not path.is_dir()
         if not is_file and not matching_files(path):
             raise RecordError(f"{source}: no such file, folder, pattern or P-695 set ({', '.join(SETS)})")
         key = "file" if is_file else "files"
@@ -172,14 +172,16 @@ def _is_plain_record(path: Path) -> bool:
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
     raw = _before(entry, folder)
     every: list[Loaded] = []
-    passing = load_records([entry], folder, lambda one: None if one.passes else every.append(one), "")
+    passing = load_records(
+        [entry], folder, lambda record: None if record.passes else every.append(record), ""
+    )
     every += passing
     of = _named_measure(entry)
-    for one in every:
-        recorded = raw.get(one.name)
-        if recorded is not None and one.aimed is not None:
-            recorded = replace(recorded, acc=one.aimed.factor * recorded.acc)
-        yield Listed(one.name, one.motion, recorded, of, one.aimed, str(one.error or ""))
+    for record in every:
+        recorded = raw.get(record.name)
+        if recorded is not None and record.candidate is not None:
+            recorded = replace(recorded, acc=record.candidate.factor * recorded.acc)
+        yield Listed(record.name, record.motion, recorded, of, record.candidate, str(record.error or ""))
 
 
 def _before(entry: RecordConfig, folder: Path) -> dict[str, GroundMotion | None]:
@@ -189,7 +191,7 @@ def _before(entry: RecordConfig, folder: Path) -> dict[str, GroundMotion | None]
     undone: dict[str, object] = {"keep": {}, "target": None, "select": None, "match": None}
     undone |= {} if entry.match else {"correction": ()}
     undone |= {"scale": None} if entry.target else {}
-    return {one.name: one.motion for one in load_records([entry.model_copy(update=undone)], folder)}
+    return {record.name: record.motion for record in load_records([entry.model_copy(update=undone)], folder)}
 
 
 def _named_measure(entry: RecordConfig) -> str:
@@ -203,26 +205,35 @@ def format_table(listed: Sequence[Listed]) -> str:
 
     What failed is counted; `failures` has the messages.
     """
-    read = [one for one in listed if one.motion is not None]
+    read = [record for record in listed if record.motion is not None]
     passed, failed = _passed_over(listed), failures(listed)
-    lines = _aligned([HEADINGS, *(row for one in read for row in _rows(one))], (0, 1, 2))
-    if any(one.aimed for one in listed):
-        lines += ["", *_aligned([TARGET_HEADINGS, *map(_aim_row, (*read, *passed))], (0, 3))]
+    lines = _aligned([HEADINGS, *(row for record in read for row in _rows(record))], (0, 1, 2))
+    if any(record.candidate for record in listed):
+        lines += ["", *_aligned([TARGET_HEADINGS, *map(_candidate_row, (*read, *passed))], (0, 3))]
     counted = f"{len(read)} record{'s' * (len(read) != 1)}"
     lines += ["", counted + (f", {len(failed)} failed" if failed else "")]
     lines += [f"scaled: {text}" for text in dict.fromkeys(map(_scaled_to, read)) if text]
-    lines += [f"warning: {one.name}: {text}" for one in read if one.motion for text in one.motion.warnings]
+    lines += [
+        f"warning: {record.name}: {text}"
+        for record in read
+        if record.motion
+        for text in record.motion.warnings
+    ]
     return "\n".join(lines)
 
 
 def _passed_over(listed: Sequence[Listed]) -> list[Listed]:
-    return [one for one in listed if one.motion is None and one.aimed is not None and one.aimed.why]
+    return [
+        record
+        for record in listed
+        if record.motion is None and record.candidate is not None and record.candidate.why
+    ]
 
 
 def failures(listed: Sequence[Listed]) -> dict[str, str]:
     """Name -> why it could not be read."""
     passed = _passed_over(listed)
-    return {one.name: one.error for one in listed if one.motion is None and one not in passed}
+    return {record.name: record.error for record in listed if record.motion is None and record not in passed}
 
 
 TARGET_HEADINGS = ("record", "scale factor", "misfit [ln]", "target")
@@ -231,8 +242,8 @@ TARGET_HEADINGS = ("record", "scale factor", "misfit [ln]", "target")
 def as_document(listed: Sequence[Listed]) -> dict[str, object]:
     """The list as plain values, whose keys have units."""
     return {
-        "records": [_plain(one) for one in listed if one.motion is not None],
-        "passed_over": [_plain_aim(one) | {"name": one.name} for one in _passed_over(listed)],
+        "records": [_plain(record) for record in listed if record.motion is not None],
+        "passed_over": [_plain_candidate(record) | {"name": record.name} for record in _passed_over(listed)],
         "failed": failures(listed),
     }
 
@@ -251,15 +262,20 @@ def _plain(listed: Listed) -> dict[str, object]:
         },
         "scale_factor": motion.provenance.get("scale"),
         "scaled_to": _scaled_to(listed) or None,
-        "target": _plain_aim(listed) if listed.aimed else None,
+        "target": _plain_candidate(listed) if listed.candidate else None,
         "warnings": list(motion.warnings),
     }
 
 
-def _plain_aim(listed: Listed) -> dict[str, object]:
-    one = listed.aimed
-    assert one is not None
-    return {"factor": one.factor, "misfit_ln": one.misfit, "of": listed.of, "passed_over": one.why or None}
+def _plain_candidate(listed: Listed) -> dict[str, object]:
+    candidate = listed.candidate
+    assert candidate is not None
+    return {
+        "factor": candidate.factor,
+        "misfit_ln": candidate.misfit,
+        "of": listed.of,
+        "passed_over": candidate.why or None,
+    }
 
 
 def _aligned(rows: Sequence[tuple[str, ...]], texts: tuple[int, ...]) -> list[str]:
@@ -330,15 +346,17 @@ def _channel(motion: GroundMotion, axis: str) -> str:
     if axis not in AXES or not isinstance(matrix, list) or not isinstance(channels, list):
         return ""
     row = matrix[AXES.index(axis)]
-    return "+".join(one["code"] for one, share in zip(channels, row, strict=True) if abs(share) > 1e-9)
+    return "+".join(
+        channel["code"] for channel, share in zip(channels, row, strict=True) if abs(share) > 1e-9
+    )
 
 
-def _aim_row(listed: Listed) -> tuple[str, ...]:
-    one = listed.aimed
-    if one is None:
+def _candidate_row(listed: Listed) -> tuple[str, ...]:
+    candidate = listed.candidate
+    if candidate is None:
         return (listed.name, "", "", "")
-    about = one.why or f"of {NAMED[listed.of]}"
-    return (listed.name, f"{one.factor:.3f}", f"{one.misfit:.3f}", about)
+    about = candidate.why or f"of {NAMED[listed.of]}"
+    return (listed.name, f"{candidate.factor:.3f}", f"{candidate.misfit:.3f}", about)
 
 
 def _scaled_to(listed: Listed) -> str:

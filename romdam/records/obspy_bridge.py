@@ -108,10 +108,10 @@ def _merge(stream: Stream, path: Path) -> list[str]:
         joined = np.full(length, np.nan)
         differ = np.zeros(length, dtype=bool)
         for x, trace in zip(exact, traces, strict=True):
-            part = slice(round(x), round(x) + trace.stats.npts)
+            samples = slice(round(x), round(x) + trace.stats.npts)
             data = np.ma.filled(np.ma.asarray(trace.data, dtype=np.float64), np.nan)
-            differ[part] |= ~np.isnan(joined[part]) & (joined[part] != data)
-            joined[part] = data
+            differ[samples] |= ~np.isnan(joined[samples]) & (joined[samples] != data)
+            joined[samples] = data
         joined[differ] = np.nan
         gaps = int(np.count_nonzero(np.isnan(joined) & ~differ))
         said.append(
@@ -230,24 +230,24 @@ def _remove_response(stream: Stream, path: Path, response: Path) -> None:
 def _check_sac(trace: Trace, path: Path, in_si: bool) -> None:
     """Hold what a SAC header says against the data: times, extremes, and what the values are."""
     header, count, dt = trace.stats.sac, trace.stats.npts, float(trace.stats.delta)
-    place = f"{path}, channel {trace.stats.channel or '1'}"
+    location = f"{path}, channel {trace.stats.channel or '1'}"
     if header.get("idep") in SAC_KINDS and not in_si:
-        raise RecordError(f"{place}: the header says {SAC_KINDS[header['idep']]}; take the acceleration")
+        raise RecordError(f"{location}: the header says {SAC_KINDS[header['idep']]}; take the acceleration")
     if "b" in header and "e" in header:
         length = float(header["e"]) - float(header["b"])
         if abs(length - (count - 1) * dt) > 0.5 * dt + 1e-6 * abs(float(header["e"])):
             raise RecordError(
-                f"{place}: the header's times span {length:g} s, {count} samples at dt = {dt:g} s "
+                f"{location}: the header's times span {length:g} s, {count} samples at dt = {dt:g} s "
                 f"{(count - 1) * dt:g} s; the file is cut short or altered"
             )
     if in_si or count == 0:
         return
     peak = float(np.max(np.abs(trace.data)))
-    for key, found in (("depmin", np.min(trace.data)), ("depmax", np.max(trace.data))):
-        stated = float(header.get(key, found))
-        if abs(stated - float(found)) > 1e-3 * peak:
+    for key, value in (("depmin", np.min(trace.data)), ("depmax", np.max(trace.data))):
+        stated = float(header.get(key, value))
+        if abs(stated - float(value)) > 1e-3 * peak:
             raise RecordError(
-                f"{place}: {key} is {stated:g}, the data's {float(found):g}; the file is altered"
+                f"{location}: {key} is {stated:g}, the data's {float(value):g}; the file is altered"
             )
 
 

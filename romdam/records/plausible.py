@@ -26,15 +26,15 @@ SQUARE = 5.0  # degrees that horizontal components may miss 90 by
 
 def said_of_channels(channels: list[Channel]) -> tuple[str, ...]:
     """Doubts of the samples."""
-    found = []
+    remarks = []
     for channel in channels:
         for doubt in (_clipped, _still, _spike, _dropout, _odd_dt, _velocity):
             if text := doubt(channel):
-                found.append(f"channel {channel.code} {text}")
-    for one, other in itertools.combinations(channels, 2):
-        if one.data.shape == other.data.shape and np.array_equal(one.data, other.data):
-            found.append(f"channels {one.code} and {other.code} hold the same samples")
-    return tuple(found)
+                remarks.append(f"channel {channel.code} {text}")
+    for first, other in itertools.combinations(channels, 2):
+        if first.data.shape == other.data.shape and np.array_equal(first.data, other.data):
+            remarks.append(f"channels {first.code} and {other.code} hold the same samples")
+    return tuple(remarks)
 
 
 def _clipped(channel: Channel) -> str:
@@ -61,8 +61,8 @@ def _dropout(channel: Channel) -> str:
     strong = np.flatnonzero(around > STRONG * np.max(around))
     if strong.size == 0:
         return ""
-    part = channel.data[strong[0] : strong[-1] + 1]
-    run = 1 + longest_run(np.diff(part) == 0.0)
+    samples = channel.data[strong[0] : strong[-1] + 1]
+    run = 1 + longest_run(np.diff(samples) == 0.0)
     if run < DROPOUT:
         return ""
     return f"rests for {run} samples in a row amid strong shaking (limit {DROPOUT - 1}); a gap?"
@@ -90,7 +90,7 @@ def said_of_axes(axes: dict[str, Channel], config: RecordConfig) -> tuple[str, .
         for axis, channel in axes.items()
         if channel.orientation and axis in config.components and config.components[axis].channel != "each"
     }
-    found = [
+    remarks = [
         f"axis {axis} is {'vertical' if axis == 'z' else 'horizontal'}, the file says that channel "
         f"{axes[axis].code} is {'horizontal' if axis == 'z' else 'vertical'}"
         for axis, known in where.items()
@@ -98,11 +98,11 @@ def said_of_axes(axes: dict[str, Channel], config: RecordConfig) -> tuple[str, .
     ]
     level = [known.azimuth for axis, known in where.items() if axis != "z" and known.azimuth is not None]
     if len(level) == 2 and abs((level[0] - level[1]) % 180.0 - 90.0) > SQUARE:
-        found.append(f"x and y are shaken by channels at {level[0]:g} and {level[1]:g} degrees, not square")
-    return tuple(found)
+        remarks.append(f"x and y are shaken by channels at {level[0]:g} and {level[1]:g} degrees, not square")
+    return tuple(remarks)
 
 
-def too_strong(recorded: NDArray[np.float64], place: str) -> tuple[str, ...]:
+def too_strong(recorded: NDArray[np.float64], location: str) -> tuple[str, ...]:
     """Doubt the unit of what no instrument has recorded.
 
     Raises
@@ -113,7 +113,7 @@ def too_strong(recorded: NDArray[np.float64], place: str) -> tuple[str, ...]:
     around = recorded - np.mean(recorded, axis=-1, keepdims=True)  # raw records carry offsets
     peak = float(np.max(np.abs(around))) / STANDARD_GRAVITY
     if not peak <= IMPOSSIBLE:
-        raise RecordError(f"{place}: the peak acceleration is {peak:.3g} g; {DOUBTED_UNIT}")
+        raise RecordError(f"{location}: the peak acceleration is {peak:.3g} g; {DOUBTED_UNIT}")
     if peak <= STRONGEST:
         return ()
     limit = f"more than any record (limit {STRONGEST:g} g)"

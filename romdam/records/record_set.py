@@ -9,12 +9,12 @@ from pathlib import Path
 
 from romdam.config.names import misnamed_file, same_file
 from romdam.config.sections.motions.records import MEASURES, RecordConfig
-from romdam.core.errors import ConfigError, RecordError, shown
+from romdam.core.errors import ConfigError, RecordError, quote
 from romdam.core.motion import GroundMotion
 from romdam.records.assemble import build_motion
 from romdam.records.channel import Channel
 from romdam.records.components import measures
-from romdam.records.design.aim import Aimed, aim
+from romdam.records.design.selection import Candidate, select_motions
 from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.processing.offset import COUNTED_AS_MOTION
 from romdam.records.sources import Recorded, Source, pick, sources_of
@@ -32,14 +32,14 @@ class Loaded:
     motion : read, corrected, oriented and scaled; None where it cannot be used
     error : why not; a RecordError's `key` says where its entry is to be mended, if it is
     passes : whether the entry's `keep` and `select` take it
-    aimed : how it stands to its entry's target; None where there is none
+    candidate : how it stands to its entry's target; None where there is none
     """
 
     name: str
     motion: GroundMotion | None = None
     error: RecordError | ConfigError | None = None
     passes: bool = True
-    aimed: Aimed | None = None
+    candidate: Candidate | None = None
 
 
 def load_records(
@@ -62,11 +62,11 @@ def load_records(
     In the order of the entries; those that an entry's `keep` or `select` leaves out are not among them.
     """
     for number, entry in enumerate(records):
-        for one in _of_entry(entry, folder, f"{section}[{number}]" if section else ""):
+        for record in _of_entry(entry, folder, f"{section}[{number}]" if section else ""):
             if entry.target is not None and tell is not None:
-                tell(one)
-            if one.passes:
-                yield one
+                tell(record)
+            if record.passes:
+                yield record
 
 
 def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMotion]:
@@ -80,10 +80,10 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
     motions: list[GroundMotion] = []
     for number, entry in enumerate(records):
         loaded = list(_of_entry(entry, folder, f"records[{number}]"))
-        for one in loaded:
-            if one.error is not None and one.passes:
-                raise one.error
-        passing = [one.motion for one in loaded if one.motion is not None and one.passes]
+        for record in loaded:
+            if record.error is not None and record.passes:
+                raise record.error
+        passing = [record.motion for record in loaded if record.motion is not None and record.passes]
         if not passing:
             raise RecordError(_none_passes(entry, len(loaded)))
         motions += passing
@@ -94,16 +94,16 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
 def _none_passes(entry: RecordConfig, count: int) -> str:
     limits = {name: limit.model_dump(exclude_none=True) for name, limit in entry.keep.items()}
     source = entry.file or entry.files or entry.manifest or entry.suite or "components"
-    return f"records: {source}: none of {count} records passes `keep` {shown(limits)}; widen its limits"
+    return f"records: {source}: none of {count} records passes `keep` {quote(limits)}; widen its limits"
 
 
 def _of_entry(entry: RecordConfig, folder: Path, key: str) -> Iterator[Loaded]:
     """The records of an entry, whose errors name the key where there is one to be mended."""
-    for one in _loaded(entry, folder):
-        below = getattr(one.error, "key", "")
+    for record in _loaded(entry, folder):
+        below = getattr(record.error, "key", "")
         if key and below:
-            one = replace(one, error=RecordError(f"{key}.{below}: {one.error}", f"{key}.{below}"))
-        yield one
+            record = replace(record, error=RecordError(f"{key}.{below}: {record.error}", f"{key}.{below}"))
+        yield record
 
 
 def _loaded(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
@@ -112,26 +112,35 @@ def _loaded(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
     except (RecordError, ConfigError) as error:
         yield Loaded(entry.name or str(entry.manifest or entry.files), error=error)
         return
-    loaded = (one for source in sources for one in _of_source(source))
-    yield from loaded if entry.target is None else _aimed(list(loaded), entry, folder)
+    loaded = (record for source in sources for record in _of_source(source))
+    yield from loaded if entry.target is None else _candidates(list(loaded), entry, folder)
 
 
-def _aimed(loaded: list[Loaded], entry: RecordConfig, folder: Path) -> list[Loaded]:
+def _candidates(loaded: list[Loaded], entry: RecordConfig, folder: Path) -> list[Loaded]:
     """The records of an entry with a target; those that cannot be read are passed over where it selects."""
-    unread = [replace(one, passes=entry.select is None) for one in loaded if one.motion is None]
-    motions = [one.motion for one in loaded if one.motion is not None and one.passes]
+    unread = [replace(record, passes=entry.select is None) for record in loaded if record.motion is None]
+    motions = [record.motion for record in loaded if record.motion is not None and record.passes]
     try:
-        aimed = (
-            aim(entry, folder, motions, [str(one.error) for one in unread if one.error]) if motions else []
+        candidates = (
+            select_motions(entry, folder, motions, [str(record.error) for record in unread if record.error])
+            if motions
+            else []
         )
     except (RecordError, ConfigError) as error:
         return [
             Loaded(entry.name or str(entry.files or entry.manifest or entry.suite or entry.file), error=error)
         ]
     if not motions and entry.select is not None:
-        return [replace(one, passes=True) for one in unread]
+        return [replace(record, passes=True) for record in unread]
     return [
-        Loaded(one.name, one.motion, one.error, one.error is not None or not one.why, one) for one in aimed
+        Loaded(
+            candidate.name,
+            candidate.motion,
+            candidate.error,
+            candidate.error is not None or not candidate.why,
+            candidate,
+        )
+        for candidate in candidates
     ] + unread
 
 
@@ -155,7 +164,7 @@ def _motions(recorded: Recorded) -> Iterator[GroundMotion]:
         yield build_motion(recorded, _axes(recorded))
         return
     if len(components) > 1:
-        text = f"{recorded.place}: `{EACH}` takes one axis, not {', '.join(components)}"
+        text = f"{recorded.location}: `{EACH}` takes one axis, not {', '.join(components)}"
         raise RecordError(text, "components")
     for channel in recorded.channels:
         suffix = re.sub(r"[^\w.+-]", "_", channel.code)  # the name becomes a file's
@@ -169,13 +178,13 @@ def _axes(recorded: Recorded) -> dict[str, Channel]:
         return recorded.picked
     if recorded.config.components:
         return {
-            axis: pick(recorded.channels, component.channel, recorded.place, axis)
+            axis: pick(recorded.channels, component.channel, recorded.location, axis)
             for axis, component in recorded.config.components.items()
         }
     if recorded.config.x_azimuth is None:
         codes = ", ".join(channel.code for channel in recorded.channels)
         raise RecordError(
-            f"{recorded.place}: which axis does it shake? Give `components` "
+            f"{recorded.location}: which axis does it shake? Give `components` "
             f"(for example {{y: {recorded.channels[0].code}}}) or `x_azimuth`; its channels are {codes}",
             "components",
         )
@@ -204,17 +213,17 @@ def check_names(motions: Sequence[GroundMotion]) -> None:
     """
     first: dict[str, GroundMotion] = {}
     for motion in motions:
-        place = str(motion.provenance.get("place", ""))
+        location = str(motion.provenance.get("place", ""))
         if wrong := misnamed_file(motion.name):
             raise RecordError(
-                f"{place}: the record's name {shown(motion.name)} {wrong}, or give the record a `name`"
+                f"{location}: the record's name {quote(motion.name)} {wrong}, or give the record a `name`"
             )
         other = first.setdefault(same_file(motion.name), motion)
         if other is not motion:
             alike = "" if other.name == motion.name else f" and {other.name!r}, one file's to some systems,"
             raise RecordError(
                 f"records: 2 records are named {motion.name!r}{alike} "
-                f"({other.provenance.get('place', '')}; {place}); give each its own `name`"
+                f"({other.provenance.get('place', '')}; {location}); give each its own `name`"
             )
 
 
@@ -228,34 +237,34 @@ def usable_apart(
     """
     loaded: list[Loaded] = []
     places: dict[str, str] = {}
-    for one in map(_refuse_doubted, load_records(records, folder, tell)):
-        name, where = re.sub(r"[^\w.+-]", "_", one.name), _where(one)
+    for record in map(_refuse_doubted, load_records(records, folder, tell)):
+        name, where = re.sub(r"[^\w.+-]", "_", record.name), _where(record)
         if wrong := misnamed_file(name):
-            name, why = "record", f"the record's name {shown(name)} {wrong}; give it a `name`"
+            name, why = "record", f"the record's name {quote(name)} {wrong}; give it a `name`"
         elif other := places.get(same_file(name)):
             why = f"a record named {name!r} is there already ({other}); give each its own `name`"
         else:
             why = ""
         if why:
-            one = Loaded(_free_name(name, places), error=RecordError(f"{where}: {one.error or why}"))
+            record = Loaded(_free_name(name, places), error=RecordError(f"{where}: {record.error or why}"))
         else:
-            one = replace(one, name=name)
-        loaded.append(one)
-        places[same_file(one.name)] = where
+            record = replace(record, name=name)
+        loaded.append(record)
+        places[same_file(record.name)] = where
     return loaded
 
 
-def _refuse_doubted(one: Loaded) -> Loaded:
-    doubts = (
-        [text for text in one.motion.warnings if DOUBTED_UNIT in text or COUNTED_AS_MOTION in text]
-        if one.motion
+def _refuse_doubted(record: Loaded) -> Loaded:
+    remarks = (
+        [text for text in record.motion.warnings if DOUBTED_UNIT in text or COUNTED_AS_MOTION in text]
+        if record.motion
         else []
     )
-    return Loaded(one.name, error=RecordError("; ".join(doubts))) if doubts else one
+    return Loaded(record.name, error=RecordError("; ".join(remarks))) if remarks else record
 
 
-def _where(one: Loaded) -> str:
-    return one.name if one.motion is None else str(one.motion.provenance.get("place", one.name))
+def _where(record: Loaded) -> str:
+    return record.name if record.motion is None else str(record.motion.provenance.get("place", record.name))
 
 
 def _free_name(name: str, taken: dict[str, str]) -> str:

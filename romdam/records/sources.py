@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from romdam.config.sections.motions.records import RecordConfig, manifest_rows, read_row
-from romdam.core.errors import RecordError, listed, shown
+from romdam.core.errors import RecordError, listed, quote
 from romdam.records.channel import Channel, NoAccelerationError, one_record
 from romdam.records.formats.columns import Layout
 from romdam.records.formats.knet import BOREHOLE, SURFACE, is_component, missing_files, of_one_record
@@ -36,7 +36,7 @@ class Recorded:
     Attributes
     ----------
     name : identifier, from the configuration or the file
-    place : how errors name the record: its file, or its suite and number
+    location : how errors name the record: its file, or its suite and number
     channels : what was recorded, in recorded units
     config : what is to be done with them
     files : name and SHA-256 of each file
@@ -45,7 +45,7 @@ class Recorded:
     """
 
     name: str
-    place: str
+    location: str
     channels: list[Channel]
     config: RecordConfig
     files: dict[str, str] = field(default_factory=dict)
@@ -106,7 +106,7 @@ def files_of_record(path: Path) -> tuple[str, list[Path]]:
     every: list[Path] = []
     with suppress(OSError, ValueError):  # the reader of the file says what is wrong with it
         every = [path] if path.exists() else []
-        every += sorted(one for one in path.parent.glob(f"{glob.escape(path.stem)}.*") if one != path)
+        every += sorted(file for file in path.parent.glob(f"{glob.escape(path.stem)}.*") if file != path)
     records = of_one_record(every)
     if path in every:
         return next(record for record in records if path in record[1])
@@ -122,8 +122,8 @@ def files_of_record(path: Path) -> tuple[str, list[Path]]:
 def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path) -> Recorded:
     """One record of one or several files, whose channels stand in their order."""
     first, *others = [_from_file(path, entry, folder) for path in paths]
-    channels = [channel for one in (first, *others) for channel in one.channels]
-    files = {key: value for one in (first, *others) for key, value in one.files.items()}
+    channels = [channel for recorded in (first, *others) for channel in recorded.channels]
+    files = {key: value for recorded in (first, *others) for key, value in recorded.files.items()}
     if len(paths) > 1:
         log.info("%s: read as one record with %s", paths[0], ", ".join(path.name for path in paths[1:]))
     if gone := missing_files(paths):
@@ -173,7 +173,7 @@ def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list
     return list(_by_station(every))
 
 
-def _without_companions(paths: list[Path], place: str) -> list[Path]:
+def _without_companions(paths: list[Path], location: str) -> list[Path]:
     """Leave out PEER's velocity and displacement of a record whose acceleration is there."""
     stems = {path.with_suffix("") for path in paths if path.suffix.upper() == ".AT2"}
     left = [
@@ -181,18 +181,20 @@ def _without_companions(paths: list[Path], place: str) -> list[Path]:
     ]
     if left:
         log.warning(
-            "%s: left out %s, velocity and displacement of .AT2 files", place, listed([p.name for p in left])
+            "%s: left out %s, velocity and displacement of .AT2 files",
+            location,
+            listed([p.name for p in left]),
         )
     return [path for path in paths if path not in left]
 
 
-def _tell_boreholes(records: list[str], place: str) -> None:
+def _tell_boreholes(records: list[str], location: str) -> None:
     """Say where records of boreholes lie among those of the surface: nothing tells them apart in a table."""
     holes = [name for name in records if name.endswith(BOREHOLE)]
     if holes and any(name.endswith(SURFACE) for name in records):
         log.warning(
             "%s: KiK-net records of boreholes (%s) and of the surface are each a record of its own; take one "
-            "kind by its suffix, such as files: '*.EW2'", place, ", ".join(holes[:5]),
+            "kind by its suffix, such as files: '*.EW2'", location, ", ".join(holes[:5]),
         )  # fmt: skip
 
 
@@ -243,12 +245,12 @@ def _from_component_files(config: RecordConfig, folder: Path) -> list[Recorded]:
         channels = _read(path, config, folder)
         picked[axis] = pick(channels, component.channel, str(path), axis)
         files |= _digest(path)
-    place = ", ".join(files)
+    location = ", ".join(files)
     name = config.name or Path(next(iter(files))).stem
-    return [Recorded(name, place, list(picked.values()), config, files, {}, picked)]
+    return [Recorded(name, location, list(picked.values()), config, files, {}, picked)]
 
 
-def pick(channels: list[Channel], wanted: int | str | None, place: str, axis: str) -> Channel:
+def pick(channels: list[Channel], wanted: int | str | None, location: str, axis: str) -> Channel:
     """Return the channel of an axis by code, or by number from 1; None is right only where there is one.
 
     Raises
@@ -272,7 +274,7 @@ def pick(channels: list[Channel], wanted: int | str | None, place: str, axis: st
         asked = f"channel {wanted} is the number of one and the azimuth of another"
     rises = [text for text in channels[0].warnings if text.startswith(f"column {wanted} ")]
     aside = f"; {rises[0]}" if rises else ""
-    text = f"{place}: {asked}; it has {', '.join(codes)}; name one under `components`{aside}"
+    text = f"{location}: {asked}; it has {', '.join(codes)}; name one under `components`{aside}"
     raise RecordError(text, f"components.{axis}.channel")
 
 
@@ -299,7 +301,7 @@ def matching_files(pattern: Path) -> list[Path]:
             every = (Path(match) for match in glob.iglob(str(pattern), recursive=True))
         paths = list(itertools.islice(every, MOST_FILES + 1))
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise RecordError(f"{shown(str(pattern))}: cannot be listed ({error})") from None
+        raise RecordError(f"{quote(str(pattern))}: cannot be listed ({error})") from None
     if len(paths) > MOST_FILES:
         raise RecordError(f"{pattern}: more than {MOST_FILES} files; name fewer of them")
     return sorted(path for path in paths if path.is_file() and not path.name.startswith("."))
@@ -312,19 +314,21 @@ def _is_remark(path: Path) -> bool:
 
 def _by_station(every: list[Recorded]) -> Iterator[Recorded]:
     groups: dict[tuple[str, str, str], list[Recorded]] = {}
-    for one in every:
-        for channel in one.channels:
+    for recorded in every:
+        for channel in recorded.channels:
             meta = channel.meta
             key = (str(meta.get("event", "")), str(meta.get("network", "")), str(meta.get("station", "")))
             if not key[2]:
-                raise RecordError(f"{one.place}: the file names no station to group it by; set `group: file`")
-            groups.setdefault(key, []).append(replace(one, channels=[channel]))
+                raise RecordError(
+                    f"{recorded.location}: the file names no station to group it by; set `group: file`"
+                )
+            groups.setdefault(key, []).append(replace(recorded, channels=[channel]))
     for key, parts in groups.items():
-        files = {name: digest for part in parts for name, digest in part.files.items()}
+        files = {name: digest for channel_record in parts for name, digest in channel_record.files.items()}
         name = ".".join(word.replace(" ", "_").replace("/", "-") for word in key[1:] if word)
         events = {k[0] for k in groups if k[1:] == key[1:]}
         suffix = f"_{sorted(events).index(key[0]) + 1}" if len(events) > 1 else ""
-        channels = [channel for part in parts for channel in part.channels]
+        channels = [channel for channel_record in parts for channel in channel_record.channels]
         yield Recorded(name + suffix, ", ".join(files), channels, parts[0].config, files)
 
 
@@ -335,24 +339,25 @@ def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> 
     stated = about.get("sha256")
     if stated and stated not in recorded.files.values():
         raise RecordError(
-            f"{recorded.place}: SHA-256 is {next(iter(recorded.files.values()))}, {manifest} says {stated}; "
+            f"{recorded.location}: SHA-256 is {next(iter(recorded.files.values()))}, {manifest} says "
+            f"{stated}; "
             "the file has changed"
         )
     for channel in recorded.channels:
-        _check_about(recorded.place, channel, about, manifest)
+        _check_about(recorded.location, channel, about, manifest)
     return [replace(recorded, about=about)]
 
 
-def _check_about(place: str, channel: Channel, about: dict[str, object], manifest: Path) -> None:
+def _check_about(location: str, channel: Channel, about: dict[str, object], manifest: Path) -> None:
     """Refuse a channel whose samples or azimuth are not those that the manifest states."""
     azimuth = None if channel.orientation is None else channel.orientation.azimuth
-    for key, found in (("samples", channel.data.size), ("azimuth", azimuth)):
+    for key, value in (("samples", channel.data.size), ("azimuth", azimuth)):
         stated = str(about.get(key, ""))
-        if found is None or NUMBER.fullmatch(stated) is None:
+        if value is None or NUMBER.fullmatch(stated) is None:
             continue
-        if (float(stated) - found) % (360.0 if key == "azimuth" else np.inf):
+        if (float(stated) - value) % (360.0 if key == "azimuth" else np.inf):
             raise RecordError(
-                f"{place}, channel {channel.code}: {key} {found:g}, {manifest} says {stated}; one is wrong"
+                f"{location}, channel {channel.code}: {key} {value:g}, {manifest} says {stated}; one is wrong"
             )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from romdam.core.errors import ResultError, shown
+from romdam.core.errors import ResultError, quote
 from romdam.core.sealed import Opened
 from romdam.results.sliding import UNDEFINED
 from romdam.results.stress.variables import STRESS_VARIABLES
@@ -133,7 +133,7 @@ def _attribute_flaws(attrs: dict[str, object]) -> Iterator[str]:
 
 
 def _got(attrs: dict[str, object], name: str) -> str:
-    return shown(attrs[name]) if name in attrs else "none"
+    return quote(attrs[name]) if name in attrs else "none"
 
 
 def _variable_flaws(name: str, dims: tuple[str, ...], units: str | None, found: xr.Variable) -> Iterator[str]:

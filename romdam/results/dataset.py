@@ -20,18 +20,18 @@ from xarray.backends import H5NetCDFStore
 
 import romdam
 from romdam.config.load import Job
-from romdam.config.plausible import doubts
+from romdam.config.plausible import check_assumptions
 from romdam.core.errors import ResultError
 from romdam.core.fingerprint import code_digest, scene_digest
 from romdam.core.motion import AXES, GroundMotion
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
-from romdam.postprocess.concerns import concerns, crack_concerns
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
+from romdam.postprocess.run_warnings import crack_warnings, run_warnings
 from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
-from romdam.results.sliding import sliding_concerns
+from romdam.results.sliding import sliding_warnings
 from romdam.results.stress.faces import of_faces, peak_shares
 from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
 
@@ -114,7 +114,7 @@ def job_labels(job: Job) -> dict[str, object]:
         "configuration_file": job.path.name,
         "configuration": json.dumps(job.config.model_dump(mode="json")),
         "configuration_sha256": job.digest,
-        "configuration_doubts": json.dumps([*doubts(job.config), *job.doubts]),
+        "configuration_doubts": json.dumps([*check_assumptions(job.config), *job.scene_warnings]),
     }
 
 
@@ -147,9 +147,9 @@ def _attributes(case: Case, job: Job) -> dict[str, object]:
             "scene_sha256": scene_digest(case.scene),
             "run_warnings": json.dumps(
                 [
-                    *concerns(case.history.stats),
-                    *crack_concerns(job.config.loads.joint_water, case.scene, case.history),
-                    *sliding_concerns(case),
+                    *run_warnings(case.history.stats),
+                    *crack_warnings(job.config.loads.joint_water, case.scene, case.history),
+                    *sliding_warnings(case),
                     *case.history.warnings,
                 ]
             ),

@@ -33,7 +33,7 @@ from romdam.core.scene import Block, Scene
 from romdam.postprocess.record_measures import peak_text, stated_warnings
 from romdam.postprocess.stress.summary import COMPONENTS
 from romdam.reduction.storage.model_file import rows_written
-from romdam.results.beside import in_order, open_beside, write_beside
+from romdam.results.companion import in_order, open_companion_file, write_companion_file
 from romdam.results.dataset import open_run
 from romdam.results.stress.file import read_stress
 
@@ -81,7 +81,9 @@ def write_model(
         )
 
     size = sum(each.vectors.nbytes for each in basis.values())
-    return write_beside(folder, ("model", FORMAT), write_blocks, size, _model_digest(scene, basis, carried))
+    return write_companion_file(
+        folder, ("model", FORMAT), write_blocks, size, _model_digest(scene, basis, carried)
+    )
 
 
 def _model_digest(scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None) -> str:
@@ -407,4 +409,4 @@ def _open_model(result: Path, name: str) -> h5py.File:
             f"{result}: a full-order result keeps displacements at its output nodes only; "
             "name more under outputs.nodes, or run with model.order: reduced"
         )
-    return open_beside(result, name, ("model", FORMAT), stored_digest)
+    return open_companion_file(result, name, ("model", FORMAT), stored_digest)

@@ -67,7 +67,7 @@ def _residual(case: Case) -> Array:
     return np.linalg.norm(_slip(case)[time >= time[-1] - REST].mean(axis=0), axis=1)
 
 
-def sliding_concerns(case: Case) -> list[str]:
+def sliding_warnings(case: Case) -> list[str]:
     """Write a sentence for each joint that still slides while its residual slip is averaged."""
     if not _carries_shear(case):
         return []

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from romdam.core.machine import shown_size
 from romdam.core.printable import one_line
-from romdam.postprocess.concerns import LEDGER_LIMIT
+from romdam.postprocess.run_warnings import LEDGER_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -76,7 +76,7 @@ def _date(seconds: float) -> str:
     return time.strftime("%Y-%m-%d %H:%M", time.localtime(seconds))
 
 
-def concern_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
+def suite_warning_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
     """Count the runs of a suite that have an open energy ledger, or missed the wanted accuracy in time."""
     limits = {
         "ledger_imbalance": (LEDGER_LIMIT, "do not close their energy ledger within"),

@@ -31,7 +31,7 @@ from romdam.core import threads
 from romdam.core.errors import ReductionError
 from romdam.linalg.pardiso import PardisoFactor
 from romdam.pipelines import run as pipeline
-from romdam.pipelines.given import records_of, usable
+from romdam.pipelines.input_motions import records_of, usable
 
 ROOT = Path(__file__).parents[2]
 SETTINGS: dict[str, tuple[str | None, str]] = {

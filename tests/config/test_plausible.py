@@ -6,7 +6,7 @@ import pytest
 from test_messages import example
 
 from romdam.config import load_config, parse_config
-from romdam.config.plausible import _USUAL, doubts
+from romdam.config.plausible import _USUAL, check_assumptions
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -40,7 +40,9 @@ def put(*changes):
     ],
 )
 def test_what_is_unusual_is_said(key, value, parts):
-    found = doubts(put((key, value), (("outputs", "output_interval"), None)))  # which would have to fit
+    found = check_assumptions(
+        put((key, value), (("outputs", "output_interval"), None))
+    )  # which would have to fit
     assert any(all(part in line for part in parts) for line in found), found
 
 
@@ -48,19 +50,19 @@ def test_what_is_unusual_is_said(key, value, parts):
 def test_friction_that_falls_with_the_speed_is_said_to_stick_and_slide(mu_s, mu_d, said):
     law = {"mu_s": mu_s, "mu_d": mu_d, "v_c": "0.1 m/s"}
     joint = ("joints", "contraction")
-    found = doubts(put(((*joint, "velocity_friction"), law), ((*joint, "shear_stiffness"), 8e9)))
+    found = check_assumptions(put(((*joint, "velocity_friction"), law), ((*joint, "shear_stiffness"), 8e9)))
     assert sum("stick and slide by turns" in line for line in found) == said
 
 
 def test_one_number_for_both_directions_is_told_once():
     joint = ("joints", "contraction")
-    found = doubts(put(((*joint, "friction"), 1.9), ((*joint, "shear_stiffness"), 8e9)))
+    found = check_assumptions(put(((*joint, "friction"), 1.9), ((*joint, "shear_stiffness"), 8e9)))
     assert [line.split(":")[0] for line in found] == ["joints.contraction.friction"]
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_the_shipped_jobs_are_usual(path):
-    assert doubts(load_config(path).config) == ()
+    assert check_assumptions(load_config(path).config) == ()
 
 
 def test_every_range_is_of_a_key_that_exists():

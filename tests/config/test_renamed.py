@@ -11,7 +11,7 @@ from romdam.config import renamed
 from romdam.config.load import parse_config
 from romdam.config.renamed import with_present_names
 from romdam.core.errors import ConfigError
-from romdam.pipelines.doubts import doubts_of
+from romdam.pipelines.job_warnings import job_warnings
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 BEFORE = {  # section -> what stood in it before, and what stands in it now
@@ -48,7 +48,7 @@ def test_both_spellings_are_one_configuration_with_one_digest(tmp_path):
         jobs.append(romdam.load_config(path))
     assert jobs[0].config == jobs[1].config
     assert jobs[0].digest == jobs[1].digest
-    told = doubts_of(jobs[0], [])
+    told = job_warnings(jobs[0], [])
     for line in TOLD:
         assert any(one.startswith(line) for one in told), line
     assert jobs[1].renamed == ()

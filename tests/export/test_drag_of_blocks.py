@@ -18,7 +18,7 @@ from romdam.effects.full_order import assemble_full
 from romdam.export.matrices import write
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import unknowns
-from romdam.pipelines.doubts import with_doubts_of
+from romdam.pipelines.job_warnings import with_scene_warnings
 from romdam.reduction.natural_modes import natural_modes
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
@@ -74,10 +74,10 @@ def test_a_matrix_that_a_block_brings_acts_as_it_is_and_is_told():
         system = assemble_full(brought, DAMPING)
         rows = system.parts["block"]
         assert np.abs(system.damping_force(np.eye(system.size))[rows, rows] - C).max() <= 1e-9 * abs(C).max()
-        told[name] = with_doubts_of(brought, job).doubts
+        told[name] = with_scene_warnings(brought, job).scene_warnings
     assert "blocks.block.matrices.damping: acts on rigid motion too, up to 1.64 1/s" in told["braked"][0]
     assert not told["free"]
-    assert "acts on what strains block" in with_doubts_of(plain, job).doubts[0]
+    assert "acts on what strains block" in with_scene_warnings(plain, job).scene_warnings[0]
 
 
 @pytest.mark.parametrize("bonded", [True, False])

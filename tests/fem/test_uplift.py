@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from romdam.config import parse_config
 from romdam.effects.full_order import assemble_full
-from romdam.postprocess.concerns import crack_concerns
+from romdam.postprocess.run_warnings import crack_warnings
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium
@@ -119,7 +119,7 @@ def test_the_cracked_base_of_a_rigid_section(crack):
         y = scene.joints["base"].position[:, 1]
         tip = 0.5 * (y[gaps.state == 0].max() + y[gaps.state > 0].min())
         off.append(abs(tip - length))
-        (said,) = crack_concerns(
+        (said,) = crack_warnings(
             config.loads.joint_water, scene, SimpleNamespace(state=gaps.state[None], jump=gaps.jump[None])
         )
         share = float(said.split("open over ")[1].split("%")[0]) / 100

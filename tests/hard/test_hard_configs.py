@@ -8,7 +8,7 @@ from soundness import assert_sound
 
 import romdam
 from romdam.core.errors import RomdamError
-from romdam.pipelines.given import records_of, usable
+from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.run import run
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.synthesis import reduce_scene

@@ -12,8 +12,8 @@ from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.motions.target import TargetConfig
 from romdam.core.errors import ConfigError, RecordError
 from romdam.records.components import measures, peak, spectrum
-from romdam.records.design.aim import least_squares_factor
 from romdam.records.design.matching import bell_width, departure_of, match_component, wavelets
+from romdam.records.design.selection import least_squares_factor
 from romdam.records.design.target import read_target
 from romdam.records.formats.registry import FORMATS
 from romdam.records.measures import measure
@@ -241,7 +241,7 @@ def test_selection_says_what_was_passed_over(tmp_path):
     (one,) = load_records([RecordConfig.model_validate(entry)], tmp_path, told.append)
     assert one.name == "r2" and one.motion.acc[1, 50] == pytest.approx(3 * plain.acc[1, 50], rel=1e-3)
     assert {t.name: t.passes for t in told} == {"r2": True, "r1": False, "r3": False, "bad": False}
-    assert "above that of the 1 nearest" in next(t.aimed.why for t in told if t.name == "r1")
+    assert "above that of the 1 nearest" in next(t.candidate.why for t in told if t.name == "r1")
     with pytest.raises(
         RecordError, match=r"select: 1 records are asked for, 0 can be used\n.*needs a factor"
     ):

@@ -9,49 +9,49 @@ import pytest
 import xarray as xr
 
 import romdam
-from romdam.postprocess.concerns import concerns
-from romdam.terminal.lines import concern_lines, info_lines
+from romdam.postprocess.run_warnings import run_warnings
+from romdam.terminal.lines import info_lines, suite_warning_lines
 from romdam.timestepping import step_control as accuracy
 
 GOOD = {"ledger_imbalance": 1e-12, "estimated_time_error": 0.008, "accuracy": 0.01, "finest_step": 1e-3}
 
 
 def test_a_run_within_its_limits_raises_no_concern():
-    assert concerns(GOOD) == [] and concerns({"finest_step": 1e-3}) == []
+    assert run_warnings(GOOD) == [] and run_warnings({"finest_step": 1e-3}) == []
 
 
 @pytest.mark.parametrize("imbalance", [2e-3, math.nan])
 def test_an_open_ledger_is_said(imbalance):
-    (text,) = concerns(GOOD | {"ledger_imbalance": imbalance})
+    (text,) = run_warnings(GOOD | {"ledger_imbalance": imbalance})
     assert text.startswith("the energy ledger is open by") and "limit 0.1 %" in text
 
 
 @pytest.mark.parametrize("error", [0.048, math.nan, math.inf])
 def test_a_missed_accuracy_is_said(error):
-    (text,) = concerns(GOOD | {"estimated_time_error": error})
+    (text,) = run_warnings(GOOD | {"estimated_time_error": error})
     assert "time-stepping error" in text and "wanted was 1 %" in text
 
 
 @pytest.mark.parametrize("error", [0.051, math.nan])
 def test_rough_steps_that_were_given_are_said(error):
     given = {"estimated_time_error": error, "finest_step": 2.5e-3}
-    (text,) = concerns(given)
+    (text,) = run_warnings(given)
     assert "half of them shows" in text and "than 0.0025 s" in text
-    assert concerns(given | {"estimated_time_error": 0.049}) == []
+    assert run_warnings(given | {"estimated_time_error": 0.049}) == []
 
 
 def test_modes_that_do_not_follow_the_ground_are_said():
     """A third of the mass, in the mode of a block that was made quasi-static, took 30 % off its peak."""
-    (text,) = concerns(GOOD | {"quasi_static_mass": 0.63})
+    (text,) = run_warnings(GOOD | {"quasi_static_mass": 0.63})
     assert "63% of the effective mass" in text and "below 0.001 s" in text
-    assert concerns(GOOD | {"quasi_static_mass": 0.09}) == []
+    assert run_warnings(GOOD | {"quasi_static_mass": 0.09}) == []
 
 
 def test_both_are_counted_in_a_suite():
     errors = (("record", "scale", "sample"), [[[0.008, 0.02]], [[0.011, 0.009]]])
     ledger = (("record", "scale", "sample"), [[[1e-12, 3e-3]], [[np.nan, 1e-12]]])
     found = xr.Dataset({"estimated_time_error": errors, "ledger_imbalance": ledger})
-    first, second = concern_lines(found, 0.01)
+    first, second = suite_warning_lines(found, 0.01)
     assert first.startswith("1 of 4 runs do not close their energy ledger within 0.1 %")
     assert second.startswith("2 of 4 runs did not reach")
 

@@ -8,7 +8,7 @@ import yaml
 from test_cli import SMALL
 
 from romdam.config import parse_config
-from romdam.config.plausible import doubts
+from romdam.config.plausible import check_assumptions
 from romdam.scene.build import build_scene
 
 
@@ -30,5 +30,5 @@ def test_water_weighs_with_the_vertical_part_of_gravity(gravity, weight):
     water, whole = (one.joints["gap"].water for one in (scene, reference))
     np.testing.assert_allclose(water, weight / 9.81 * whole, rtol=1e-14)
     assert whole.sum() > 0.0
-    said = [line for line in doubts(config) if "has no vertical part" in line]
+    said = [line for line in check_assumptions(config) if "has no vertical part" in line]
     assert len(said) == (gravity is not None and gravity[2] == 0)

@@ -10,15 +10,15 @@ from hand_systems import gap_law, ground, modal_twin, sparse_system
 from simulating import prepared_for, simulated
 
 from romdam.config.load import Job, load_config, parse_config
-from romdam.config.plausible import doubts
+from romdam.config.plausible import check_assumptions
 from romdam.core import integrators
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS, IntegratorEntry
 from romdam.core.motion import GroundMotion
 from romdam.core.system import Coordinates, History
 from romdam.error.estimate import start_at
-from romdam.pipelines.doubts import doubts_of
 from romdam.pipelines.error.estimate import can_estimate
+from romdam.pipelines.job_warnings import job_warnings
 from romdam.pipelines.simulation import prepare, settings_for, simulate_motion
 from romdam.records.processing.resampling import resample_motion
 from romdam.timestepping import simulate as at_steps
@@ -159,7 +159,7 @@ def test_the_scene_decides_where_no_integrator_is_named():
 def test_keys_of_another_integrator_are_told():
     raw = load_config(EXAMPLE).config.model_dump(mode="json", exclude_defaults=True)
     raw["transient"] = {"finest_step": 0.001, "integrator": "modal", "rho_inf": 0.8}
-    (line,) = doubts(parse_config(raw, "dam.yaml"))
+    (line,) = check_assumptions(parse_config(raw, "dam.yaml"))
     assert line.startswith("transient.rho_inf: does nothing with modal") and "generalized_alpha" in line
 
 
@@ -265,7 +265,7 @@ def test_a_written_interval_that_passes_by_the_samples_is_told(interval, told):
     outputs = job.config.outputs.model_copy(update={"output_interval": interval})
     job = replace(job, config=job.config.model_copy(update={"outputs": outputs}))
     zigzag = GroundMotion("m", np.tile((-1.0) ** np.arange(3001), (3, 1)), 0.01)
-    lines = [line for line in doubts_of(job, [zigzag]) if "pass by its samples" in line]
+    lines = [line for line in job_warnings(job, [zigzag]) if "pass by its samples" in line]
     assert len(lines) == told
     assert all("0.03 s loses nothing" in line and "0.089 of its acceleration in L2" in line for line in lines)
 

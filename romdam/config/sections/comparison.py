@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from romdam.config.base import Model
 from romdam.config.names import Name, OfFile, same_file
 from romdam.config.sections.places import Axis
-from romdam.core.errors import listed, shown
+from romdam.core.errors import listed, quote
 
 
 class ComparisonConfig(Model):
@@ -29,12 +29,12 @@ class ComparisonConfig(Model):
     def _consistent(self) -> Self:
         if self.reference is not None and self.reference not in self.variants:
             known = listed(self.variants)
-            raise ValueError(f"reference: no variant {shown(self.reference)} is defined; defined are {known}")
+            raise ValueError(f"reference: no variant {quote(self.reference)} is defined; defined are {known}")
         first: dict[str, str] = {}
         for name in self.variants:
             if first.setdefault(same_file(name), name) != name:
                 raise ValueError(
-                    f"variants: {shown(name)} and {shown(first[same_file(name)])} are one folder"
+                    f"variants: {quote(name)} and {quote(first[same_file(name)])} are one folder"
                 )
         return self
 

@@ -39,7 +39,7 @@ from romdam.config.sections.suite import KeepConfig, SuiteConfig
 from romdam.config.sections.supports import SupportConfig, refuse_wrong_motions
 from romdam.config.sections.transient import TransientConfig
 from romdam.config.sections.water import WaterConfig
-from romdam.core.errors import listed, shown
+from romdam.core.errors import listed, quote
 from romdam.core.integrators import INTEGRATORS
 
 NonNegative = Field(ge=0.0)
@@ -269,7 +269,7 @@ class Config(Model):
     @property
     def every_joint(self) -> dict[str, JointConfig]:
         """Every joint, those of a dam first, then those of cuts."""
-        made = self.gravity_dam.made_joints if self.gravity_dam else {}
+        made = self.gravity_dam.generated_joints if self.gravity_dam else {}
         for one in (*((self.arch_dam,) if self.arch_dam else ()), *self.cut.values()):
             if isinstance(one.joints, JointProperties):
                 own = one.joints
@@ -393,4 +393,4 @@ class Config(Model):
     @staticmethod
     def _known(key: str, name: str, among: Collection[str]) -> None:
         if name not in among:
-            raise ValueError(f"{key}: no {shown(name)} is defined; defined are {listed(among)}")
+            raise ValueError(f"{key}: no {quote(name)} is defined; defined are {listed(among)}")

@@ -14,7 +14,7 @@ from romdam.config.quantities import in_unit
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import find_law, loaded_law, try_law, user_law
 from romdam.contact.laws.law import Law, Parameter
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 from romdam.core.system import LawSource
 
 _STIFFNESS = "a stiffness per area such as 16 GPa/m{} {{per_gap: 1 GN/m}}{}"
@@ -168,7 +168,7 @@ def _file_of(asked: Any, folder: Path | None) -> tuple[str, Path]:
         or not all(part.isidentifier() for part in module.split("."))
     ):
         raise ValueError(
-            f"`law` must be module.Class, a class in module.py beside this file, got {shown(asked)}"
+            f"`law` must be module.Class, a class in module.py beside this file, got {quote(asked)}"
         )
     return asked, folder.joinpath(*module.split(".")).with_suffix(".py")
 

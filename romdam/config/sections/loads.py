@@ -10,7 +10,7 @@ from romdam.config.base import Model
 from romdam.config.quantities import Acceleration, Density, Force, Length, Pressure, TemperatureChange
 from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.config.sections.places import BlockFace, FaceRef, Tolerance, Vector
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 
 Positive = Field(gt=0.0)
 
@@ -84,7 +84,7 @@ class LoadsConfig(Model):
             for name in water.joints:
                 if seen.setdefault(name, k) != k or water.joints.count(name) > 1:
                     raise ValueError(
-                        f"joint_water[{k}].joints: joint {shown(name)} stands in joint_water[{seen[name]}] "
+                        f"joint_water[{k}].joints: joint {quote(name)} stands in joint_water[{seen[name]}] "
                         "already; name it once"
                     )
         return self

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, Tag
 
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Dimensionless, Length, to_si
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 
 Axis = Literal["x", "y", "z"]
 GridElement = Literal["hex8", "hex20", "hex27", "tet4", "tet10"]
@@ -20,7 +20,7 @@ Tolerance = Annotated[Length, Field(gt=0.0, le=10.0)]
 
 def _length_unit(value: str) -> str:
     if to_si(f"1 {value}", "m") <= 0.0:
-        raise ValueError(f"one unit must be more than 0 m, got {shown(value)}")
+        raise ValueError(f"one unit must be more than 0 m, got {quote(value)}")
     return value
 
 

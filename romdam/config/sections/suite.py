@@ -11,7 +11,7 @@ from pydantic import Field, Tag, model_validator
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Dimensionless, GroundAcceleration, NumberOrText, Time, Whole
 from romdam.config.sections.motions.target import Of
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 
 MOST_RUNS = 1_000_000
 Parameter = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=60)]
@@ -140,7 +140,7 @@ class SuiteConfig(Model):
         for name, one in self.parameters.items():
             if first.setdefault(one.path, name) != name:
                 raise ValueError(
-                    f"parameters.{name}.path: {shown(one.path)} is varied twice; remove one of the two"
+                    f"parameters.{name}.path: {quote(one.path)} is varied twice; remove one of the two"
                 )
             self._has_what_the_design_needs(name, one)
         if isinstance(self.design, DesignTableConfig) and not self.parameters:
@@ -151,7 +151,7 @@ class SuiteConfig(Model):
         for name, values in (("scales", self.scales), ("intensities.values", self._targets())):
             if len(set(values)) < len(values):
                 raise ValueError(
-                    f"{name}: a value is given twice, {shown(sorted(values))}; remove one of the two"
+                    f"{name}: a value is given twice, {quote(sorted(values))}; remove one of the two"
                 )
         return self
 

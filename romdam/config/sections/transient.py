@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from romdam.config.base import Model
 from romdam.config.quantities import Dimensionless, Time
-from romdam.core.errors import listed, shown
+from romdam.core.errors import listed, quote
 from romdam.core.integrators import INTEGRATORS
 
 Positive = Field(gt=0.0)
@@ -26,7 +26,7 @@ class _Named:
 
     def check(self, name: str) -> str:
         if name not in self.names():
-            raise ValueError(f"must be one of {listed(self.names())}, got {shown(name)}")
+            raise ValueError(f"must be one of {listed(self.names())}, got {quote(name)}")
         return name
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

@@ -17,7 +17,7 @@ from romdam.contact.laws import LAWS
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.contact.laws.law import AXES, COHESION_J, ENTRIES, MU_K, STEP_ENTRIES, Law, Parameter
 from romdam.contact.laws.shear_stiffness import ElasticShear
-from romdam.core.errors import ConfigError, listed, shown
+from romdam.core.errors import ConfigError, listed, quote
 from romdam.core.fingerprint import fingerprint
 from romdam.core.system import GapLaw, LawSource
 
@@ -76,7 +76,7 @@ def loaded_law(name: str, sha256: str) -> LawSource:
         if (source.name, source.sha256) == (name, sha256):
             return source
     raise ConfigError(
-        f"law {shown(name)}, SHA-256 {sha256[:12]}: its file, or what that takes from elsewhere, is not at "
+        f"law {quote(name)}, SHA-256 {sha256[:12]}: its file, or what that takes from elsewhere, is not at "
         "hand or has changed since"
     )
 
@@ -98,11 +98,11 @@ def user_law(name: str, file: Path) -> LawSource:
     try:
         content = file.read_bytes()
     except OSError as error:
-        raise ConfigError(f"law {shown(name)}: cannot read {file}: {error.strerror}") from None
+        raise ConfigError(f"law {quote(name)}: cannot read {file}: {error.strerror}") from None
     place = file.absolute()
     law = getattr(_module(place, content), name.rpartition(".")[2], None)
     if not (isinstance(law, type) and issubclass(law, Law) and law is not Law):
-        raise ConfigError(f"law {shown(name)}: {file} has no class of that name that is a romdam.contact.Law")
+        raise ConfigError(f"law {quote(name)}: {file} has no class of that name that is a romdam.contact.Law")
     _check(law, f"{file}: {law.__name__}")
     source = LawSource(name, str(place), _digest(law, str(place), content))
     _LOADED.setdefault(source, law)
@@ -177,14 +177,14 @@ def _check(law: type[Law], place: str) -> None:
         name for name in (*names, *law.key_names()) if not name.isidentifier() or keyword.iskeyword(name)
     ]
     if wrong:
-        raise ConfigError(f"{place}.parameters: {shown(wrong[0])} is no name; use letters, digits and _")
+        raise ConfigError(f"{place}.parameters: {quote(wrong[0])} is no name; use letters, digits and _")
     taken = sorted(own & set(law.key_names()))
     if taken:
         raise ConfigError(f"{place}: {listed(taken)} is a key of joints already; choose another name")
     units = sorted({parameter.unit for parameter in law.parameters} - set(_UNITS))
     if units:
         raise ConfigError(
-            f"{place}.parameters: unit {shown(units[0])} is not known; known are {listed(_UNITS[1:])}"
+            f"{place}.parameters: unit {quote(units[0])} is not known; known are {listed(_UNITS[1:])}"
         )
     if law.array:
         raise ConfigError(f"{place}.array: the gaps' own arrays are romdam's; leave it out")

@@ -24,7 +24,7 @@ import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from romdam.core.errors import ConfigError, shown
+from romdam.core.errors import ConfigError, quote
 
 # whose functions and constants are known by their names: versions of these are in every key of what is kept
 _KNOWN = frozenset(sys.stdlib_module_names) | {"numpy", "numba", "scipy", "romdam"}
@@ -151,7 +151,7 @@ class _Walk:
 
     def _refusal(self, name: str, what: str) -> ConfigError:
         return ConfigError(
-            f"{self.file}: {self.name} takes {shown(name)} from outside, {what}, and nobody can tell when it "
+            f"{self.file}: {self.name} takes {quote(name)} from outside, {what}, and nobody can tell when it "
             "changes; take numbers, texts, tuples, arrays, modules and functions that compile"
         )
 

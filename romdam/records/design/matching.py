@@ -82,11 +82,11 @@ def match_motion(
     longest = target.periods[-1:]  # may peak a period after the record, and its wavelet reaches on from there
     pad = int(np.ceil((REACH * bell_width(longest)[0] + longest[0]) / motion.dt))
     scaled = np.pad(factor * motion.acc, ((0, 0), (pad, pad)))
-    acc, account, finer = scaled.copy(), dict[str, object](), _with_midpoints(target)
+    acc, report, finer = scaled.copy(), dict[str, object](), _with_midpoints(target)
     for axis in _matched_axes(motion, target.of):
         alone = pseudo_acceleration(scaled[axis], motion.dt, target.periods, target.damping)[0]
-        own = float(np.exp(np.mean(np.log(target.sa / alone))))
-        acc[axis], rounds, departure = own * scaled[axis], 0, np.inf
+        first_factor = float(np.exp(np.mean(np.log(target.sa / alone))))
+        acc[axis], rounds, departure = first_factor * scaled[axis], 0, np.inf
         for near, periods in zip(NEAR, (target, finer, finer), strict=True):
             within = WITHIN * tolerance if periods is target else WITHIN_ALL * tolerance
             trial, more = match_component(acc[axis], motion.dt, periods, within, near)
@@ -97,8 +97,8 @@ def match_motion(
                 break
         if departure > tolerance:
             raise RecordError(_unmatched(motion, axis, acc[axis], departure, tolerance, target))
-        account[AXES[axis]] = {
-            "factor": own * factor,
+        report[AXES[axis]] = {
+            "factor": first_factor * factor,
             "rounds": rounds,
             "departure": departure,
             "before": _measures(scaled[axis], motion.dt),
@@ -107,7 +107,7 @@ def match_motion(
     moving = np.flatnonzero(np.any(acc != 0.0, axis=0))
     first = min(pad, max(0, int(moving[0]) - 1))  # a sample of rest stays at both ends
     last = max(acc.shape[1] - pad, min(acc.shape[1], int(moving[-1]) + 2))
-    return acc[:, first:last], (pad - first, last - acc.shape[1] + pad), account
+    return acc[:, first:last], (pad - first, last - acc.shape[1] + pad), report
 
 
 def departure_of(acc: Array, dt: float, target: Target) -> float:
@@ -160,8 +160,8 @@ def _unmatched(
 
 
 def _measures(acc: Array, dt: float) -> dict[str, float]:
-    found = measure(acc, dt)
-    return {f"{name} [{unit}]": float(found[name][0]) for name, unit in STATED.items()}
+    measured = measure(acc, dt)
+    return {f"{name} [{unit}]": float(measured[name][0]) for name, unit in STATED.items()}
 
 
 def match_component(
@@ -188,9 +188,9 @@ def match_component(
     return best, at
 
 
-def _size(found: Extremes) -> float:
+def _size(extremes: Extremes) -> float:
     """Of the departures; the fourth power, as the largest counts."""
-    return float(np.mean(found.departure**4))
+    return float(np.mean(extremes.departure**4))
 
 
 def find_extremes(acc: Array, dt: float, target: Target, near: float) -> Extremes:
@@ -220,18 +220,18 @@ def _answers(size: int, dt: float, target: Target, now: Extremes) -> tuple[Array
 
     There is a wavelet for every period, as high as the target there.
     """
-    own = np.flatnonzero(now.largest)
+    peaked = np.flatnonzero(now.largest)
     periods: Array = target.periods[now.which]
     sa: Array = target.sa[now.which]
     time: Array = np.arange(size, dtype=np.float64) * dt
-    peaks: Array = now.time[own]
-    waves: Array = wavelets(time, np.asarray(periods[own], float), target.damping, peaks)
-    waves = np.asarray(sa[own])[:, None] * waves
+    peaks: Array = now.time[peaked]
+    waves: Array = wavelets(time, np.asarray(periods[peaked], float), target.damping, peaks)
+    waves = np.asarray(sa[peaked])[:, None] * waves
     sign = np.sign(now.value) / sa
     rows = [
-        sign[part, None]
-        * (_impulse_answers(size, dt, periods[part], target.damping, now.time[part]) @ waves.T)
-        for part in np.array_split(np.arange(sa.size), 1 + sa.size // 64)
+        sign[rows, None]
+        * (_impulse_answers(size, dt, periods[rows], target.damping, now.time[rows]) @ waves.T)
+        for rows in np.array_split(np.arange(sa.size), 1 + sa.size // 64)
     ]
     return np.concatenate(rows), waves
 

@@ -102,19 +102,22 @@ def _asce7(code: Asce7Spectrum, periods: Array) -> Array:
 
 def _eurocode8(code: Eurocode8Spectrum, periods: Array, damping: float) -> Array:
     """Equations 3.2 to 3.6."""
-    own = (code.S, code.TB, code.TC, code.TD)
-    s, tb, tc, td = _EUROCODE8[code.type, code.ground] if code.type and code.ground else np.array(own, float)
+    parameters = (code.S, code.TB, code.TC, code.TD)
+    s, tb, tc, td = (
+        _EUROCODE8[code.type, code.ground] if code.type and code.ground else np.array(parameters, float)
+    )
     plateau = 2.5 * max(np.sqrt(10.0 / (5.0 + 100.0 * damping)), 0.55)
     shape = np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), plateau)
     shape = np.where(periods > tc, plateau * tc / periods, shape)
     return code.ag * s * np.where(periods > td, plateau * tc * td / periods**2, shape)
 
 
-def _between(points: Array, periods: Array, place: str) -> Array:
+def _between(points: Array, periods: Array, location: str) -> Array:
     first, last = points[0, 0], points[-1, 0]
     if periods[0] < first * (1.0 - 1e-9) or periods[-1] > last * (1.0 + 1e-9):
         raise ConfigError(
-            f"{place}: the spectrum goes from {first:g} to {last:g} s, target.periods from {periods[0]:g} to "
+            f"{location}: the spectrum goes from {first:g} to {last:g} s, target.periods from "
+            f"{periods[0]:g} to "
             f"{periods[-1]:g} s; narrow target.periods, or give more of the spectrum"
         )
     return np.exp(np.interp(np.log(periods), *np.log(points).T))

@@ -134,7 +134,7 @@ def _count_and_dt(text: TextFile, last: int) -> tuple[int, float]:
 
 def _title(line: str) -> tuple[str, str, str]:
     """Split "event, [date,] station, component"."""
-    parts = [part.strip() for part in line.split(",")]
+    parts = [word.strip() for word in line.split(",")]
     if len(parts) < 3:
         return line.strip(), "", ""
     event = ", ".join(parts[:2]) if len(parts) > 3 else parts[0]

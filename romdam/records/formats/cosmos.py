@@ -262,18 +262,18 @@ def _unit(text: TextFile, header: _Header, announced: _Announcement) -> str:
         return ""  # V0: instrument counts; the configuration says what one count is
     if word and not acceleration_unit(word):
         raise text.fail(index, f"unit {word!r} is no acceleration that is known")
-    found = [acceleration_unit(word)] if word else []
+    units = [acceleration_unit(word)] if word else []
     for number in codes:
         if number not in UNITS:
             raise text.fail(index, f"unit {word!r} (code {number}) is no acceleration of COSMOS table 2")
-        found.append(UNITS[number])
-    if not found:
+        units.append(UNITS[number])
+    if not units:
         raise text.fail(index, "no unit, in word or code")
-    if len(set(found)) > 1:
+    if len(set(units)) > 1:
         integer = int(header.integers[2])
         stated = f"unit {word!r} (code {int(code or integer)})"
         raise text.fail(index, f"{stated} contradicts the integer header's code {integer}")
-    return found[0]
+    return units[0]
 
 
 def _dt(text: TextFile, header: _Header, count: int, index: int) -> float:
@@ -319,9 +319,9 @@ def _start(header: _Header) -> str:
 
 def _check_peak(text: TextFile, header: _Header, values: NDArray[np.float64]) -> None:
     """Real header 64 is the data's maximum."""
-    stated, found = float(header.reals[63]), float(np.max(np.abs(values), initial=0.0))
-    if stated not in (-999.0, 0.0) and np.isfinite(found):
-        check_peak(text, header.first + TEXT_LINES + 12, stated, found, 1e-3)  # F10.3 at the worst
+    stated, peak = float(header.reals[63]), float(np.max(np.abs(values), initial=0.0))
+    if stated not in (-999.0, 0.0) and np.isfinite(peak):
+        check_peak(text, header.first + TEXT_LINES + 12, stated, peak, 1e-3)  # F10.3 at the worst
 
 
 def write_cosmos(channels: list[Channel], path: Path) -> None:

@@ -196,11 +196,11 @@ def _uncorrected(
     from romdam.config.sections.motions.records import unit_in_si
 
     lines = [text.head(header + i) for i in range(TEXT_LINES)]
-    found = float(np.nanmax(np.abs(values))) if peak is None else peak
+    measured = float(np.nanmax(np.abs(values))) if peak is None else peak
     for offset, line in enumerate(lines):
         if match := _MAX.search(line):
             stated = text.real(match[1], header + offset, "max")
-            check_peak(text, header + offset, stated, found * unit_in_si(unit) / unit_in_si("g"), 6e-4)
+            check_peak(text, header + offset, stated, measured * unit_in_si(unit) / unit_in_si("g"), 6e-4)
         if (match := _COUNT.search(line)) and peak is None and int(match[1]) != values.size:
             raise text.fail(header + offset, f"{match[1]} points are stated, {values.size} follow")
         if (match := _COUNT.search(line)) and peak is None:
@@ -212,11 +212,11 @@ def _uncorrected(
 
 def _check_length(text: TextFile, index: int, match: re.Match[str], length: float) -> float:
     """The length that the line announces, for acceleration; else it must be that of the acceleration."""
-    found = text.integer(match[1], index, "points") * text.real(match[3], index, "interval")
+    seconds = text.integer(match[1], index, "points") * text.real(match[3], index, "interval")
     if match[2].lower() == "accel":
-        return found
-    if length and abs(found - length) > 0.01 * length:
-        lengths = f"{found:g} s of {match[2].lower()} beside {length:g} s of accel"
+        return seconds
+    if length and abs(seconds - length) > 0.01 * length:
+        lengths = f"{seconds:g} s of {match[2].lower()} beside {length:g} s of accel"
         raise text.fail(index, f"{lengths}; a count or an interval is wrong")
     return length
 

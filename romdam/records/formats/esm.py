@@ -135,12 +135,12 @@ def _check_data(
     if word:
         check_length(text, index, text.real(word, index, "DURATION_S"), values.size, dt, 0.5 * dt)
     word, index = header.get("PGA_CM/S^2", ("", 0))
-    found = cm * float(np.max(np.abs(values), initial=0.0))
-    if word and np.isfinite(found):
-        check_peak(text, index, text.real(word, index, "PGA_CM/S^2"), found, 1e-6)
+    peak = cm * float(np.max(np.abs(values), initial=0.0))
+    if word and np.isfinite(peak):
+        check_peak(text, index, text.real(word, index, "PGA_CM/S^2"), peak, 1e-6)
     word, index = header.get("TIME_PGA_S", ("", 0))
     at = round(text.real(word, index, "TIME_PGA_S") / dt) if word else int(np.argmax(np.abs(values)))
-    if 0 <= at < values.size and cm * abs(values[at]) >= (1.0 - PEAK_SHARE) * found:
+    if 0 <= at < values.size and cm * abs(values[at]) >= (1.0 - PEAK_SHARE) * peak:
         return ()
     return (f"the peak is stated at {word} s, the data's is at {np.argmax(np.abs(values)) * dt:g} s",)
 

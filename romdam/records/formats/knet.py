@@ -141,11 +141,11 @@ def _check_data(
             f"{duration:g} s at {1.0 / dt:g} Hz are stated, the file holds {counts.size} samples; it is cut "
             "short or altered, fetch it again",
         )
-    found = float(np.max(np.abs(gal * (counts - np.mean(counts)))))
-    check_peak(text, PEAK, peak, found, _DIGIT)
-    if abs(peak - found) <= 1.5 * _DIGIT:
+    measured = float(np.max(np.abs(gal * (counts - np.mean(counts)))))
+    check_peak(text, PEAK, peak, measured, _DIGIT)
+    if abs(peak - measured) <= 1.5 * _DIGIT:
         return ()
-    return (f"the header states a peak of {peak:g} gal, the data's is {found:.3f} gal",)
+    return (f"the header states a peak of {peak:g} gal, the data's is {measured:.3f} gal",)
 
 
 def _utc(text: str, late: timedelta = timedelta(0)) -> str:

@@ -86,13 +86,13 @@ def read_smc(path: Path) -> list[Channel]:
 def _check_peaks(text: TextFile, values: Array, dt: float, reals: Array) -> tuple[str, ...]:
     """Hold both extremes against the data; say where they stand at other times."""
     said = []
-    for place, at in PEAKS.items():
-        stated, time, found = float(reals[place]), float(reals[place - 1]), values[at(values)]
-        if not 0.0 < abs(stated) < 0.9 * NULL_REAL or stated == reals[0] or not np.isfinite(found):
+    for number, at in PEAKS.items():
+        stated, time, extreme = float(reals[number]), float(reals[number - 1]), values[at(values)]
+        if not 0.0 < abs(stated) < 0.9 * NULL_REAL or stated == reals[0] or not np.isfinite(extreme):
             continue
-        check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, stated, float(found))
+        check_peak(text, TEXT_LINES + INTEGER_LINES + number // 5, stated, float(extreme))
         index = round(time / dt) if 0.0 <= time < values.size * dt else -1
-        if abs(values[index] - found) > PEAK_SHARE * abs(found):
+        if abs(values[index] - extreme) > PEAK_SHARE * abs(extreme):
             said.append(
                 f"the header has an extreme at {time:g} s, the data at {at(values) * dt:g} s; is dt right?"
             )
@@ -101,10 +101,10 @@ def _check_peaks(text: TextFile, values: Array, dt: float, reals: Array) -> tupl
 
 def _check_uneven_peaks(text: TextFile, points: Array, reals: Array) -> None:
     """Hold both extremes against the points; digitized ones are printed with five digits."""
-    for place, at in PEAKS.items():
-        stated = float(reals[place])
+    for number, at in PEAKS.items():
+        stated = float(reals[number])
         if 0.0 < abs(stated) < 0.9 * NULL_REAL and stated != reals[0]:
-            check_peak(text, TEXT_LINES + INTEGER_LINES + place // 5, stated, float(points[at(points)]))
+            check_peak(text, TEXT_LINES + INTEGER_LINES + number // 5, stated, float(points[at(points)]))
 
 
 def _sizes(text: TextFile, integers: Array, reals: Array, uneven: bool) -> tuple[int, float, int]:
@@ -187,8 +187,8 @@ def write_smc(channel: Channel, path: Path) -> None:
     ]
     integers, reals = _integer_header(channel), np.full(50, NULL_REAL)
     reals[1] = 1.0 / channel.dt
-    for place, at in ((28, int(np.argmax(values))), (30, int(np.argmin(values)))):
-        reals[place : place + 2] = at * channel.dt, values[at]
+    for number, at in ((28, int(np.argmax(values))), (30, int(np.argmin(values)))):
+        reals[number : number + 2] = at * channel.dt, values[at]
     lines = text + [
         "".join(f"{v:10d}" for v in integers[8 * row : 8 * row + 8]) for row in range(INTEGER_LINES)
     ]

@@ -30,12 +30,12 @@ def acceleration_unit(word: str) -> str:
     return _ACCELERATIONS.get(text.replace("sec", "s").replace("/s/s", "/s2"), "")
 
 
-def check_peak(text: TextFile, index: int, stated: float, found: float, digit: float = 0.0) -> None:
+def check_peak(text: TextFile, index: int, stated: float, measured: float, digit: float = 0.0) -> None:
     """Refuse data whose peak is not the one that line `index` states.
 
     Parameters
     ----------
-    stated, found : in one unit, of any sign
+    stated, measured : in one unit, of any sign
     digit : the last one printed
 
     Raises
@@ -43,11 +43,12 @@ def check_peak(text: TextFile, index: int, stated: float, found: float, digit: f
     RecordError
         naming both.
     """
-    most = max(abs(stated), abs(found))
-    if abs(abs(stated) - abs(found)) > PEAK_SHARE * most + digit:
+    most = max(abs(stated), abs(measured))
+    if abs(abs(stated) - abs(measured)) > PEAK_SHARE * most + digit:
         raise text.fail(
             index,
-            f"a peak of {abs(stated):g} is stated, the data's is {abs(found):g}; the file is altered or the "
+            f"a peak of {abs(stated):g} is stated, the data's is {abs(measured):g}; the file is altered or "
+            "the "
             "unit wrong, fetch it again",
         )
 

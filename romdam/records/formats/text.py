@@ -90,8 +90,8 @@ class TextFile:
         try:
             return _number(word)
         except ValueError:
-            shown = self.lines[index].strip()[:60]
-            raise self.fail(index, f"not a row of numbers: {shown!r}") from None
+            line = self.lines[index].strip()[:60]
+            raise self.fail(index, f"not a row of numbers: {line!r}") from None
 
     def table(self, index: int, count: int, per_row: int, width: int) -> NDArray[np.float64]:
         """Read `count` finite numbers of a header table."""
@@ -158,10 +158,10 @@ def iso_time(date: tuple[int, int, int], hour: float, minute: float, second: flo
     clock = 0 <= hour <= 24 and 0 <= minute <= 60 and 0 <= second <= 61
     if not (clock and 1800 < year < 3000 and 1 <= month <= 12 and 1 <= day <= 366):
         return ""
-    found = datetime(year, month, 1) + timedelta(days=day - 1)
-    if month > 1 and found.month != month:
+    start = datetime(year, month, 1) + timedelta(days=day - 1)
+    if month > 1 and start.month != month:
         return ""  # 31 February
-    return (found + timedelta(hours=hour, minutes=minute, seconds=second)).isoformat()
+    return (start + timedelta(hours=hour, minutes=minute, seconds=second)).isoformat()
 
 
 def _number(word: str) -> float:
@@ -220,8 +220,8 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
         for what is no ordinary file, larger than 200 MB, empty, packed, or an office document.
     """
     if not os.path.exists(path):  # false also for names that no file can have
-        place = str(path).replace("\0", "\\0")
-        raise RecordError(f"{place}: cannot be read (No such file or directory)")
+        location = str(path).replace("\0", "\\0")
+        raise RecordError(f"{location}: cannot be read (No such file or directory)")
     check_file(path, MAX_BYTES, RecordError)
     try:
         with path.open("rb") as file:

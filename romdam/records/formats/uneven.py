@@ -14,7 +14,7 @@ LONGEST_GAP = 0.5  # s between two points; more is a gap, not a step of digitizi
 
 
 def even_series(
-    times: Array, values: Array, digit: float, place: str
+    times: Array, values: Array, digit: float, location: str
 ) -> tuple[Array, float, tuple[str, ...]]:
     """Values at an even interval, that interval [s], and what is said of it.
 
@@ -22,7 +22,7 @@ def even_series(
     ----------
     times, values : (n,) as printed, times in s
     digit : last printed digit of the times [s]
-    place : names the channel in errors
+    location : names the channel in errors
 
     Raises
     ------
@@ -30,16 +30,16 @@ def even_series(
         for times that fall, or leave a gap.
     """
     if times.size < 2 or not np.all(np.isfinite(times)):
-        raise RecordError(f"{place}: fewer than two times, or one that is no number; the file is damaged")
+        raise RecordError(f"{location}: fewer than two times, or one that is no number; the file is damaged")
     steps = np.diff(times)
     worst = int(np.argmin(steps))
     if steps[worst] < 0.0:
         raise RecordError(
-            f"{place}: the times fall from {times[worst]:g} to {times[worst + 1]:g} s; the file is damaged"
+            f"{location}: the times fall from {times[worst]:g} to {times[worst + 1]:g} s; the file is damaged"
         )
     if (longest := float(np.max(steps))) > LONGEST_GAP:
         raise RecordError(
-            f"{place}: {longest:g} s without a value from {times[np.argmax(steps)]:g} s on (limit "
+            f"{location}: {longest:g} s without a value from {times[np.argmax(steps)]:g} s on (limit "
             f"{LONGEST_GAP:g} s); the file is damaged"
         )
     dt = float((times[-1] - times[0]) / steps.size)

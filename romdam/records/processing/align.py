@@ -15,7 +15,7 @@ STAMPS = 0.1  # of a step, which the digits of time stamps may lose
 HALF_WIDTH, KAISER = 16, 6.0  # of the interpolation: steps, and shape of its window
 
 
-def align(channels: Sequence[Channel], policy: str, place: str) -> NDArray[np.float64]:
+def align(channels: Sequence[Channel], policy: str, location: str) -> NDArray[np.float64]:
     """Cut channels to their common time span.
 
     Those that start a fraction of a step off the first channel's samples are interpolated to its times.
@@ -24,7 +24,7 @@ def align(channels: Sequence[Channel], policy: str, place: str) -> NDArray[np.fl
     ----------
     channels : of one dt; start times count where all have one, else the first samples are simultaneous
     policy : "overlap" cuts to the common part, "error" refuses to cut
-    place : names the record in errors
+    location : names the record in errors
 
     Returns
     -------
@@ -37,19 +37,21 @@ def align(channels: Sequence[Channel], policy: str, place: str) -> NDArray[np.fl
     """
     dts = [channel.dt for channel in channels]
     if not np.allclose(dts, dts[0], rtol=1e-6, atol=0.0):
-        shown = ", ".join(f"{c.code}: {c.dt:g} s" for c in channels)
-        raise RecordError(f"{place}: components of different dt ({shown}); resample them to one dt first")
+        intervals = ", ".join(f"{c.code}: {c.dt:g} s" for c in channels)
+        raise RecordError(
+            f"{location}: components of different dt ({intervals}); resample them to one dt first"
+        )
     shifts, lags = _shifts(channels)
     begin = max(shifts)
     end = min(shift + channel.data.size for shift, channel in zip(shifts, channels, strict=True))
     if end - begin < MIN_SAMPLES:
         raise RecordError(
-            f"{place}: components share {max(0, end - begin)} samples; they are of different times"
+            f"{location}: components share {max(0, end - begin)} samples; they are of different times"
         )
     sizes = [channel.data.size for channel in channels]
     if policy == "error" and (len(set(shifts)) > 1 or len(set(sizes)) > 1):
         raise RecordError(
-            f"{place}: components start {shifts} samples apart and have {sizes} samples; "
+            f"{location}: components start {shifts} samples apart and have {sizes} samples; "
             "set `align: overlap` to cut them to their common part"
         )
     rows = zip(shifts, lags, channels, strict=True)

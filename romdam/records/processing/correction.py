@@ -89,15 +89,15 @@ def correct(
     """
     signal = Signal(acc, dt, magnitude=magnitude)
     for number, step in enumerate(chain):
-        place = f"correction[{number}].{getattr(step, 'step', '')}"
+        location = f"correction[{number}].{getattr(step, 'step', '')}"
         try:
             signal = STEPS[type(step)](signal, step)
         except RecordError as error:
-            raise RecordError(f"{place}: {str(error).removeprefix('correction: ')}") from None
+            raise RecordError(f"{location}: {str(error).removeprefix('correction: ')}") from None
         if isinstance(step, CornersStep) and not any(
             isinstance(later, PadStep | ButterworthStep) for later in chain[number + 1 :]
         ):
-            said = f"{place}: nothing uses its corners; put `butterworth` after it"
+            said = f"{location}: nothing uses its corners; put `butterworth` after it"
             signal = replace(signal, warnings=(*signal.warnings, said))
     return signal
 
@@ -109,53 +109,53 @@ def check_processed(acc: NDArray[np.float64], dt: float) -> tuple[str, ...]:
     a baseline, or a permanent offset; the structure sees the first as a constant acceleration.
     """
     vel, disp = velocity(acc, dt), displacement(acc, dt)
-    found = []
+    remarks = []
     for name, history, limit, unit in (("velocity", vel, 0.01, "m/s"), ("displacement", disp, 0.1, "m")):
         peak, last = np.max(np.abs(history), axis=-1), np.abs(history[..., -1])
         share = np.max(np.where(peak > 0.0, last / np.where(peak > 0.0, peak, 1.0), 0.0))
         if share > limit:
-            found.append(
+            remarks.append(
                 f"the {name} ends at {np.max(last):.3g} {unit}, {100 * share:.1f} % of its peak "
                 f"(limit {100 * limit:g} %); correct the record, or take the offset for real"
             )
-    return tuple(found)
+    return tuple(remarks)
 
 
 def _mean(signal: Signal, step: MeanStep) -> Signal:
-    part = signal.acc[..., signal.record]
+    acc = signal.acc[..., signal.record]
     if step.until is None:
-        samples = part.shape[-1]
+        samples = acc.shape[-1]
     elif step.until == "onset":
-        samples = steps.pick_onset(part, signal.dt) or part.shape[-1]
+        samples = steps.pick_onset(acc, signal.dt) or acc.shape[-1]
     else:
         samples = max(1, round(step.until / signal.dt))
-        if samples > part.shape[-1]:
+        if samples > acc.shape[-1]:
             raise RecordError(
                 f"until {step.until:g} s lies behind the record's end at {_length(signal):g} s; leave it out "
                 "for the mean of all samples"
             )
-    part = steps.subtract_mean(part, samples)
-    return signal.noted(_with(signal, part), step="mean", seconds=samples * signal.dt)
+    acc = steps.subtract_mean(acc, samples)
+    return signal.noted(_with(signal, acc), step="mean", seconds=samples * signal.dt)
 
 
-def _with(signal: Signal, part: NDArray[np.float64]) -> NDArray[np.float64]:
+def _with(signal: Signal, record_acc: NDArray[np.float64]) -> NDArray[np.float64]:
     acc = signal.acc.copy()
-    acc[..., signal.record] = part
+    acc[..., signal.record] = record_acc
     return acc
 
 
 def _detrend(signal: Signal, step: DetrendStep) -> Signal:
-    part = signal.acc[..., signal.record]
+    acc = signal.acc[..., signal.record]
     if step.of == "acceleration":
-        part = steps.subtract_trend(part, step.order)
+        acc = steps.subtract_trend(acc, step.order)
     else:
-        part = steps.subtract_velocity_trend(part, signal.dt, step.order)
-    return signal.noted(_with(signal, part), step="detrend", of=step.of, order=step.order)
+        acc = steps.subtract_velocity_trend(acc, signal.dt, step.order)
+    return signal.noted(_with(signal, acc), step="detrend", of=step.of, order=step.order)
 
 
 def _taper(signal: Signal, step: TaperStep) -> Signal:
-    part = signal.acc[..., signal.record]
-    n = part.shape[-1]
+    acc = signal.acc[..., signal.record]
+    n = acc.shape[-1]
     count = round(step.fraction * n) if step.fraction is not None else round((step.length or 0.0) / signal.dt)
     if not 0 < count <= n // 2:
         raise RecordError(
@@ -168,19 +168,19 @@ def _taper(signal: Signal, step: TaperStep) -> Signal:
             + "; change `fraction` or `length`"
         )
     first, last = (count if step.side in ("both", side) else 0 for side in ("start", "end"))
-    part = steps.taper(part, first, last)
-    return signal.noted(_with(signal, part), step="taper", start_s=first * signal.dt, end_s=last * signal.dt)
+    acc = steps.taper(acc, first, last)
+    return signal.noted(_with(signal, acc), step="taper", start_s=first * signal.dt, end_s=last * signal.dt)
 
 
 def _corners(signal: Signal, step: CornersStep) -> Signal:
-    part = signal.acc[..., signal.record]
+    acc = signal.acc[..., signal.record]
     highpass, lowpass = step.highpass, step.lowpass
     if step.method == "ridder":
-        highpass = search_highpass(part, signal.dt, step.target, (step.lowest, step.highest))
+        highpass = search_highpass(acc, signal.dt, step.target, (step.lowest, step.highest))
     elif step.method == "snr":
-        onset = steps.pick_onset(part, signal.dt)
-        highpass, found = signal_to_noise_band(part, signal.dt, onset, step.threshold, signal.magnitude)
-        lowpass = min(found, NYQUIST_SHARE * 0.5 / signal.dt, lowpass or np.inf)
+        onset = steps.pick_onset(acc, signal.dt)
+        highpass, upper = signal_to_noise_band(acc, signal.dt, onset, step.threshold, signal.magnitude)
+        lowpass = min(upper, NYQUIST_SHARE * 0.5 / signal.dt, lowpass or np.inf)
     noted = signal.noted(
         signal.acc, step="corners", method=step.method, highpass_hz=highpass, lowpass_hz=lowpass
     )
@@ -215,7 +215,7 @@ def _butterworth(signal: Signal, step: ButterworthStep) -> Signal:
     nyquist = 0.5 / signal.dt
     if highpass is None and lowpass is None:
         raise RecordError("correction: butterworth has no corner; give `highpass` or put `corners` before it")
-    warnings = (*signal.warnings, *_doubts_of_corners(signal, step))
+    warnings = (*signal.warnings, *_corner_warnings(signal, step))
     if lowpass is not None and lowpass >= 0.95 * nyquist:
         said = f"low-pass at {lowpass:g} Hz left out, Nyquist is {nyquist:g} Hz"
         if highpass is None:
@@ -236,22 +236,22 @@ def _butterworth(signal: Signal, step: ButterworthStep) -> Signal:
     return replace(noted, warnings=warnings, corners=(highpass, lowpass))
 
 
-def _doubts_of_corners(signal: Signal, step: ButterworthStep) -> tuple[str, ...]:
+def _corner_warnings(signal: Signal, step: ButterworthStep) -> tuple[str, ...]:
     """Say where a corner is chosen twice, and where the record is too short for one."""
-    doubts = [
-        f"butterworth.{name} {own:g} Hz counts, not the {chosen:g} Hz chosen before"
-        for name, own, chosen in zip(
+    remarks = [
+        f"butterworth.{name} {corner:g} Hz counts, not the {chosen:g} Hz chosen before"
+        for name, corner, chosen in zip(
             ("highpass", "lowpass"), (step.highpass, step.lowpass), signal.corners, strict=True
         )
-        if own is not None and chosen is not None and own != chosen
+        if corner is not None and chosen is not None and corner != chosen
     ]
     highpass = step.highpass or signal.corners[0]
     if highpass is not None and highpass * _length(signal) < 1.0:
-        doubts.append(
+        remarks.append(
             f"high-pass at {highpass:g} Hz has a period of {1.0 / highpass:g} s, the record lasts "
             f"{_length(signal):g} s: it takes out the mean at most; raise `highpass`"
         )
-    return tuple(doubts)
+    return tuple(remarks)
 
 
 def _length(signal: Signal) -> float:
@@ -265,13 +265,13 @@ def _displacement_baseline(signal: Signal, step: DisplacementBaselineStep) -> Si
 
 
 def _velocity_baseline(signal: Signal, step: VelocityBaselineStep) -> Signal:
-    part = signal.acc[..., signal.record]
-    knots = step.knots or _best_knots(part, signal.dt)
-    duration = (part.shape[-1] - 1) * signal.dt
+    acc = signal.acc[..., signal.record]
+    knots = step.knots or _best_knots(acc, signal.dt)
+    duration = (acc.shape[-1] - 1) * signal.dt
     if max(knots) >= duration or any(b <= a for a, b in itertools.pairwise(knots)):
         raise RecordError(f"correction: knots {knots} must rise and lie within the record's {duration:g} s")
-    part = steps.subtract_velocity_baseline(part, signal.dt, knots)
-    return signal.noted(_with(signal, part), step="velocity_baseline", knots_s=list(knots))
+    acc = steps.subtract_velocity_baseline(acc, signal.dt, knots)
+    return signal.noted(_with(signal, acc), step="velocity_baseline", knots_s=list(knots))
 
 
 def _best_knots(acc: NDArray[np.float64], dt: float) -> tuple[float, ...]:

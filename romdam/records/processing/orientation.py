@@ -17,14 +17,14 @@ from romdam.records.channel import Orientation
 SMALLEST_ANGLE = 30.0  # degrees between two horizontal channels; less, and their noise decides the motion
 
 
-def rotation(where: Sequence[Orientation], x_azimuth: float, place: str) -> NDArray[np.float64]:
+def rotation(where: Sequence[Orientation], x_azimuth: float, location: str) -> NDArray[np.float64]:
     """Matrix (3, k) that turns k recorded channels into motion along x, y, z.
 
     Parameters
     ----------
     where : orientation of each channel; two horizontal, or one vertical, or all three
     x_azimuth : azimuth of the model's x [degrees]
-    place : names the record in errors
+    location : names the record in errors
 
     Raises
     ------
@@ -35,7 +35,7 @@ def rotation(where: Sequence[Orientation], x_azimuth: float, place: str) -> NDAr
     upright = [i for i, w in enumerate(where) if w.azimuth is None]
     if len(level) not in (0, 2) or len(upright) > 1 or not where:
         raise RecordError(
-            f"{place}: rotation to x_azimuth needs two horizontal channels, one vertical at most; "
+            f"{location}: rotation to x_azimuth needs two horizontal channels, one vertical at most; "
             f"it has {len(level)} and {len(upright)}; name them under `components`"
         )
     matrix = np.zeros((3, len(where)))
@@ -43,17 +43,17 @@ def rotation(where: Sequence[Orientation], x_azimuth: float, place: str) -> NDAr
         matrix[2, i] = where[i].vertical
     if level:
         azimuths = [float(where[i].azimuth or 0.0) for i in level]
-        matrix[:2, level] = _horizontal(azimuths, x_azimuth, place)
+        matrix[:2, level] = _horizontal(azimuths, x_azimuth, location)
     return matrix
 
 
-def _horizontal(azimuths: list[float], x_azimuth: float, place: str) -> NDArray[np.float64]:
+def _horizontal(azimuths: list[float], x_azimuth: float, location: str) -> NDArray[np.float64]:
     """Recorded = D @ (motion along x, y); D's rows are the channels' directions. Return its inverse."""
     angle = np.radians(x_azimuth - np.array(azimuths))  # counterclockwise from x to the channel
     directions = np.column_stack([np.cos(angle), np.sin(angle)])
     if abs(np.linalg.det(directions)) < np.sin(np.radians(SMALLEST_ANGLE)):
         raise RecordError(
-            f"{place}: channels at {azimuths[0]:g} and {azimuths[1]:g} degrees are within "
+            f"{location}: channels at {azimuths[0]:g} and {azimuths[1]:g} degrees are within "
             f"{SMALLEST_ANGLE:g} degrees of parallel; they do not give two directions of motion"
         )
     inverse = np.linalg.inv(directions)

@@ -35,7 +35,7 @@ def with_supports(
     """
     if not motions:
         return acc
-    against = np.concatenate([_own(one, acc, dt) - acc for one in motions])
+    against = np.concatenate([_own(motion, acc, dt) - acc for motion in motions])
     return np.concatenate([acc, against, velocity(against, dt), displacement(against, dt)])
 
 
@@ -48,12 +48,12 @@ def _own(motion: SupportMotion, acc: NDArray[np.float64], dt: float) -> NDArray[
     return motion.factor * np.stack(later)
 
 
-def refuse_drift(motion: GroundMotion, place: str) -> None:
+def refuse_drift(motion: GroundMotion, location: str) -> None:
     """Raise where a record's displacement drifts.
 
     Parameters
     ----------
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -63,7 +63,8 @@ def refuse_drift(motion: GroundMotion, place: str) -> None:
     peak, end = float(speed.max(initial=0.0)), float(speed[:, -1].max(initial=0.0))
     if end > _DRIFT * peak:
         raise RecordError(
-            f"{place}: record {motion.name} ends with a velocity of {end:.3g} m/s, {end / peak:.0%} of its "
+            f"{location}: record {motion.name} ends with a velocity of {end:.3g} m/s, {end / peak:.0%} of "
+            "its "
             f"peak, limit {_DRIFT:.0%}: its displacement, which supports of their own motion take, drifts; "
             "correct its baseline, as `correction: peer` does"
         )

@@ -95,7 +95,7 @@ def with_more(
     return without_roundoff(1.0 / slow + shift), mix
 
 
-def beside(T: OutOfCoreMatrix, static: int, D: Floats, pencil: Pencil) -> Floats:
+def orthogonal_remainder(T: OutOfCoreMatrix, static: int, D: Floats, pencil: Pencil) -> Floats:
     """Part of D (n, k) that T's vectors, the first `static` aside, lack: M-orthonormal, without round-off."""
     M, rows = pencil.M, pencil.rows
     gram, size = T.gram(M, rows, static), np.sqrt((D * (M @ D)).sum(axis=0))

@@ -48,7 +48,7 @@ from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.acting import Acting
-from romdam.reduction.methods.attachment_modes import Pencil, beside, diagonalised, with_more
+from romdam.reduction.methods.attachment_modes import Pencil, diagonalised, orthogonal_remainder, with_more
 from romdam.reduction.methods.craig_bampton import (
     ModeChoice,
     Substructure,
@@ -247,7 +247,7 @@ def _ritz_levels(
     levels = [_Level(some, modes, *known)]
     if not finer:
         return T, levels
-    D = beside(T, static, _answers_to_inertia(merged, solver, levels[0]), pencil)
+    D = orthogonal_remainder(T, static, _answers_to_inertia(merged, solver, levels[0]), pencil)
     last = T.shape[1]
     T.widen(D.shape[1])
     T.fill(T.shape[1], lambda a, b: merged.over_blocks(D[:, a - last : b - last]))

@@ -34,7 +34,7 @@ import numpy as np
 import romdam
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
-from romdam.core.errors import ResultError, shown
+from romdam.core.errors import ResultError, quote
 from romdam.core.files import sweep_parts
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Block
@@ -106,7 +106,7 @@ def read_block(group: h5py.Group, inner: BlockBasis | None = None) -> BlockBasis
         where it has another layout, its arrays do not fit each other, or it contains another basis.
     """
     if text_of(group, "layout") != LAYOUT:
-        raise ResultError(f"layout {shown(text_of(group, 'layout'))}, expected {LAYOUT!r}")
+        raise ResultError(f"layout {quote(text_of(group, 'layout'))}, expected {LAYOUT!r}")
     data, first = group["basis"], int(group["basis"].attrs["first"])
     nodes, _, columns = data.shape
     omega2, participation = group["omega2"], group["participation"]
@@ -149,7 +149,7 @@ def read_block_file(path: Path, key: str | None = None, inner: BlockBasis | None
     """
     with reading(path, only_sealed=True) as file:
         if key not in (None, text_of(file, "key")):
-            raise ResultError(f"made for key {shown(text_of(file, 'key'))}")
+            raise ResultError(f"made for key {quote(text_of(file, 'key'))}")
         return read_block(file, inner)
 
 

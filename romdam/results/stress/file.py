@@ -31,7 +31,7 @@ from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.sealed import opened
 from romdam.core.system import History
-from romdam.results.beside import in_order, made_before, open_beside, write_beside
+from romdam.results.companion import find_companion_file, in_order, open_companion_file, write_companion_file
 
 FORMAT, BEFORE = "romdam-stress-2", "romdam-stress-1"
 _ARRAYS = ("nodes", "fields", "combinations", "offset")
@@ -101,7 +101,7 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
 
     size = sum(part.fields.nbytes + part.combinations.nbytes for part in blocks.values())
     made_of = _made_of({name: part.made_of for name, part in blocks.items()})
-    return write_beside(folder, ("stress", FORMAT), fill, size, made_of)
+    return write_companion_file(folder, ("stress", FORMAT), fill, size, made_of)
 
 
 def kept_stress(folder: Path, made_of: Mapping[str, str]) -> dict[str, tuple[Floats, Floats]]:
@@ -111,7 +111,7 @@ def kept_stress(folder: Path, made_of: Mapping[str, str]) -> dict[str, tuple[Flo
     ----------
     made_of : block name -> digest of what they are made of
     """
-    path = made_before(folder, ("stress", FORMAT), _made_of(made_of))
+    path = find_companion_file(folder, ("stress", FORMAT), _made_of(made_of))
     if path is None:
         return {}
     with opened(path) as file:
@@ -160,7 +160,7 @@ def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFiel
             f"{result}: no stress was kept of every node; name blocks, faces or nodes under outputs.stress, "
             "and run again with model.order: reduced"
         )
-    with open_beside(result, name, ("stress", FORMAT, BEFORE), _stored_digest) as file:
+    with open_companion_file(result, name, ("stress", FORMAT, BEFORE), _stored_digest) as file:
         return _read_block(file["blocks"], result, block, nodes)
 
 

@@ -20,7 +20,7 @@ from romdam.config.sections.suite import (
     SuiteConfig,
 )
 from romdam.core.arrays import Floats
-from romdam.core.errors import ConfigError, shown
+from romdam.core.errors import ConfigError, quote
 from romdam.core.files import check_file
 from romdam.core.fingerprint import fingerprint
 from romdam.postprocess.responses import PARAMETER
@@ -154,7 +154,7 @@ def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
     columns = lines[0][1]
     if sorted(columns) != sorted(places):
         raise ConfigError(
-            f"{path}: has the columns {shown(', '.join(columns))}, expected one for each parameter, once: "
+            f"{path}: has the columns {quote(', '.join(columns))}, expected one for each parameter, once: "
             f"{', '.join(places)}"
         )
     for number, cells in lines[1:]:

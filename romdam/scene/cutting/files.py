@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.core.errors import MeshError, listed, shown
+from romdam.core.errors import MeshError, listed, quote
 from romdam.scene.cutting.triangulated import Triangulated
 from romdam.scene.elements import ELEMENT_OF_CELL
 from romdam.scene.meshes.files import read_mesh_file
@@ -32,7 +32,7 @@ def read_surface(path: Path, group: str | int | None, scale: float, place: str) 
         label = str(group) if str(group) in file.groups else file.numbers.get(str(group), "")
         if label not in file.groups:
             raise MeshError(
-                f"{place}.group: group {shown(group)} does not exist in {path}; its groups are "
+                f"{place}.group: group {quote(group)} does not exist in {path}; its groups are "
                 f"{listed(file.groups)}"
             )
         members = file.groups[label]

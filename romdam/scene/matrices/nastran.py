@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import coo_array
 
-from romdam.core.errors import MeshError, listed, shown
+from romdam.core.errors import MeshError, listed, quote
 from romdam.scene.matrices.data import Entries, motion_of
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def read_nastran(path: Path, key: str, place: str) -> Entries:
         else:
             matrices = bulk.rddmig(str(path), square=True)
     except _DAMAGE as error:
-        raise MeshError(f"{place}: cannot be read ({shown(str(error))}); write it anew") from error
+        raise MeshError(f"{place}: cannot be read ({quote(str(error))}); write it anew") from error
     name = _chosen(matrices, key, place)
     own = matrices[name]
     return _of_table(own, place) if hasattr(own, "index") else _plain(own, place)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from romdam.core.arrays import Floats, Ints
-from romdam.core.errors import MeshError, shown
+from romdam.core.errors import MeshError, quote
 from romdam.core.files import file_text
 from romdam.scene.matrices.data import DIRECTIONS, INTERNAL, Entries, Unknowns, motion_of
 
@@ -62,7 +62,7 @@ def _market(path: Path, place: str) -> object:
         return mmread(path)
     except (ValueError, OverflowError, TypeError, StopIteration) as error:
         raise MeshError(
-            f"{place}: is no sound Matrix Market file of real numbers ({shown(str(error))}); write it anew"
+            f"{place}: is no sound Matrix Market file of real numbers ({quote(str(error))}); write it anew"
         ) from None
 
 
@@ -89,7 +89,7 @@ def _table(path: Path, place: str) -> Floats:
     try:
         table = np.array([word for words in lines for word in words], dtype=float)
     except ValueError as error:
-        raise MeshError(f"{place}: holds what is no number ({shown(str(error))}); write it anew") from None
+        raise MeshError(f"{place}: holds what is no number ({quote(str(error))}); write it anew") from None
     return table.reshape(len(lines), -1)
 
 
@@ -111,7 +111,7 @@ def read_dof(path: Path, place: str) -> Unknowns:
         wrong = next(
             (w for w, p in zip(words, pairs, strict=True) if len(p) != 2 or not "".join(p).isdecimal()), ""
         )
-        raise MeshError(f"{place}: expected node.direction such as 12.3 on every line, got {shown(wrong)}")
+        raise MeshError(f"{place}: expected node.direction such as 12.3 on every line, got {quote(wrong)}")
     numbers = np.array(pairs, dtype=float).astype(np.int64)
     return Unknowns(numbers[:, 0], motion_of(numbers[:, 1], place), np.full((len(numbers), 3), np.nan))
 
@@ -124,7 +124,7 @@ def read_csv(path: Path, place: str) -> Unknowns:
     wrong = [word for word in words if word not in named]
     if wrong:
         raise MeshError(
-            f"{place}: {len(wrong)} directions such as {shown(wrong[0])} are none of {', '.join(DIRECTIONS)}"
+            f"{place}: {len(wrong)} directions such as {quote(wrong[0])} are none of {', '.join(DIRECTIONS)}"
         )
     node = _whole(_floats(rows, ("node",), place), place)[:, 0]
     return Unknowns(node, np.array([named[word] for word in words], dtype=np.int64), _positions(rows, place))
@@ -160,4 +160,4 @@ def _floats(rows: list[dict[str, str]], names: tuple[str, ...], place: str) -> F
     try:
         return np.array([[float(row[name]) for name in names] for row in rows]).reshape(len(rows), -1)
     except ValueError as error:
-        raise MeshError(f"{place}: holds what is no number ({shown(str(error))}); write it anew") from None
+        raise MeshError(f"{place}: holds what is no number ({quote(str(error))}); write it anew") from None

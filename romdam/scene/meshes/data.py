@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from romdam.core.errors import MeshError, shown
+from romdam.core.errors import MeshError, quote
 from romdam.core.scene import Floats, Ints
 from romdam.scene.elements import CELLS, ELEMENT_OF_CELL, SOLIDS, jacobians
 
@@ -247,7 +247,7 @@ def numbers_of(words: Sequence[bytes | str], what: str) -> Floats:
         return np.fromiter(map(float, words), dtype=float, count=len(words))
     except ValueError:
         wrong = [_is_number(word) for word in words].index(False)
-        raise ValueError(f"number {wrong + 1} of {what} is {shown(_text(words[wrong]))}") from None
+        raise ValueError(f"number {wrong + 1} of {what} is {quote(_text(words[wrong]))}") from None
 
 
 def _is_number(word: bytes | str) -> bool:

@@ -342,7 +342,7 @@ class GravityDamConfig(Model):
         return (*(pair for kind, pair in self._kinds.values() if kind == "tied"), *pairwise(rock))
 
     @property
-    def made_joints(self) -> dict[str, JointConfig]:
+    def generated_joints(self) -> dict[str, JointConfig]:
         """Joints with what they do, those tied left out."""
         return {
             name: joint_between(pair, kind)

@@ -30,7 +30,7 @@ from romdam.config.quantities import (
 from romdam.config.sections.motions.correction import Correction
 from romdam.config.sections.motions.target import MatchConfig, Of, TargetConfig
 from romdam.config.yaml_text import read_yaml
-from romdam.core.errors import ConfigError, listed, shown
+from romdam.core.errors import ConfigError, listed, quote
 from romdam.core.files import check_file
 
 Axis = Literal["x", "y", "z"]
@@ -242,7 +242,7 @@ class RecordConfig(Model):
     def _unit_of_acceleration(cls, value: str | None) -> str | None:
         if value is not None and unit_in_si(value) <= 0.0:
             raise ValueError(
-                f"one unit must be more than 0 m/s2, got {shown(value)}; `reverse: true` turns an axis"
+                f"one unit must be more than 0 m/s2, got {quote(value)}; `reverse: true` turns an axis"
             )
         return value
 
@@ -345,7 +345,7 @@ def read_row(
     """
     base = common.model_dump(exclude_unset=True, exclude={"manifest", "name"})
     if not isinstance(row, dict) or not row.get("file"):
-        raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {shown(row)}")
+        raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {quote(row)}")
     _refuse_misplaced(path, number, row)
     own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
     other = {

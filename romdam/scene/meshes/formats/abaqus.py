@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.core.errors import MeshError, shown
+from romdam.core.errors import MeshError, quote
 from romdam.core.files import check_file, file_text
 from romdam.core.scene import Ints
 from romdam.scene.cells import Cell
@@ -119,7 +119,7 @@ def _lines(deck: _Deck, path: Path, above: tuple[Path, ...]) -> Iterator[str]:
             match = re.search(r"""INPUT\s*=\s*["']?([^"',]+)""", text, re.IGNORECASE)
             if match is None or not (path.parent / match[1].strip()).is_file():
                 raise deck.error(
-                    f"{shown(text)}: there is no such file beside {path.name}; put the mesh into one file"
+                    f"{quote(text)}: there is no such file beside {path.name}; put the mesh into one file"
                 )
             yield from _lines(deck, path.parent / match[1].strip(), (*above, here))
         else:
@@ -163,7 +163,7 @@ def _read(deck: _Deck, keyword: str, options: dict[str, str], lines: Lines) -> N
 def _numbers(deck: _Deck, words: list[str], what: str) -> list[int]:
     wrong = next((word for word in words if not re.fullmatch(r"[+-]?\d{1,18}", word)), None)
     if wrong is not None:
-        raise deck.error(f"{what} holds {shown(wrong)}, expected whole numbers; repair the file")
+        raise deck.error(f"{what} holds {quote(wrong)}, expected whole numbers; repair the file")
     return [int(word) for word in words]
 
 
@@ -180,7 +180,7 @@ def _read_nodes(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
         except (ValueError, MeshError):
             position = []
         if not len(position) >= 1 or len(words) > 7 or "_" in "".join(words):
-            raise deck.error(f"*NODE line {shown(','.join(line))} is no node; repair the file")
+            raise deck.error(f"*NODE line {quote(','.join(line))} is no node; repair the file")
         deck.short += len(position) < 3
         deck.tags.append(number)
         deck.points.append(position + [0.0] * (3 - len(position)))
@@ -240,7 +240,7 @@ def _read_set(deck: _Deck, options: dict[str, str], lines: Lines, key: str) -> N
     if "GENERATE" in options:
         wrong = next((line for line in filled if len(line) not in (2, 3)), None)
         if wrong is not None:
-            raise deck.error(f"*{key}, GENERATE line {shown(','.join(wrong))} is no first, last, step")
+            raise deck.error(f"*{key}, GENERATE line {quote(','.join(wrong))} is no first, last, step")
         entries = [[*line, "1"][:3] for line in filled]
     else:
         entries = [[word] for line in filled for word in line]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from romdam.core.arrays import Floats
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 
 Lines = list[list[str]]
 Keyword = tuple[str, dict[str, str], Lines]
@@ -131,7 +131,7 @@ def _part(parts: dict[str, list[Keyword]], options: dict[str, str]) -> list[Keyw
     name = options.get("PART", "")
     if name.upper() not in parts:
         raise ValueError(
-            f"*INSTANCE {options.get('NAME', '')} is of part {shown(name)}, which is not given before it"
+            f"*INSTANCE {options.get('NAME', '')} is of part {quote(name)}, which is not given before it"
         )
     return parts[name.upper()]
 
@@ -149,7 +149,7 @@ def _placed(name: str, lines: Lines, shift: int) -> Instance:
         rows = [[np.nan]]
     if len(rows) > 2 or not np.isfinite([*R.ravel(), *t] if rows != [[np.nan]] else [np.nan]).all():
         raise ValueError(
-            f"*INSTANCE {name} has {shown(' / '.join(','.join(line) for line in lines))}, expected a "
+            f"*INSTANCE {name} has {quote(' / '.join(','.join(line) for line in lines))}, expected a "
             "translation of three numbers and a rotation of seven, two points and degrees"
         )
     return Instance(f"{name}." if name else "", shift, R, t)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 from romdam.core.files import file_text
 from romdam.core.scene import Ints
 from romdam.scene.cells import PLAIN, uncollapsed
@@ -101,14 +101,14 @@ def _format(found: _Found) -> tuple[int, int, int]:
     line = found.line().strip()
     match = _FORMAT.fullmatch(line.replace(" ", ""))
     if match is None:
-        raise found.error(f"{shown(line)} is no format such as (19i9)")
+        raise found.error(f"{quote(line)} is no format such as (19i9)")
     return int(match[1]), int(match[2]), int(match[4] or 0)
 
 
 def _whole(found: _Found, text: str, width: int) -> list[int]:
     words = [text[k : k + width].strip() for k in range(0, len(text.rstrip()), width)]
     if not all(re.fullmatch(r"[+-]?\d{1,18}", word) for word in words):
-        raise found.error(f"{shown(text.strip())} is not whole numbers of {width} columns")
+        raise found.error(f"{quote(text.strip())} is not whole numbers of {width} columns")
     return [int(word) for word in words]
 
 
@@ -124,7 +124,7 @@ def _refuse_other_count(found: _Found, name: str, said: int | None, count: int) 
 def _read_type(found: _Found, words: list[str]) -> None:
     digits = re.sub(r"^[A-Za-z]+", "", words[2]) if len(words) > 2 else ""
     if not (digits.isdecimal() and words[1].isdecimal()):
-        raise found.error(f"{shown(','.join(words))} gives no element type by numbers")
+        raise found.error(f"{quote(','.join(words))} gives no element type by numbers")
     found.types[int(words[1])] = int(digits)
 
 
@@ -143,13 +143,13 @@ def _read_nodes(found: _Found, words: list[str]) -> None:
         found.tags.append(_whole(found, line[:start], width)[0] if line.strip() else 0)
         found.points += [word.upper().replace("D", "E") or "0" for word in (*at, "0", "0", "0")[:3]]
         if found.tags[-1] < 1:
-            raise found.error(f"{shown(line.strip())} is no node")
+            raise found.error(f"{quote(line.strip())} is no node")
     _refuse_other_count(found, "NBLOCK", _said(words, 4), len(found.tags) - first)
 
 
 def _read_elements(found: _Found, words: list[str]) -> None:
     if len(words) < 3 or words[2].upper() != "SOLID":
-        raise found.error(f"{shown(','.join(words))} is not in the form SOLID; write it with CDWRITE, DB")
+        raise found.error(f"{quote(','.join(words))} is not in the form SOLID; write it with CDWRITE, DB")
     _, width, _ = _format(found)
     count = 0
     while (row := _whole(found, found.line(), width))[:1] != [-1]:
@@ -180,7 +180,7 @@ def _read_component(found: _Found, words: list[str]) -> None:
     name, kind, said = ([*words, "", "", ""])[1], "".join(words[2:3]).upper()[:4], _said(words, 3)
     _, width, _ = _format(found)
     if kind not in found.components or said is None:
-        raise found.error(f"{shown(','.join(words))} is no component of nodes or elements")
+        raise found.error(f"{quote(','.join(words))} is no component of nodes or elements")
     items: list[int] = []
     while len(items) < said:
         items += _whole(found, found.line(), width) or [0]
@@ -191,7 +191,7 @@ def _read_component(found: _Found, words: list[str]) -> None:
 
 
 def _read_units(found: _Found, words: list[str]) -> None:
-    found.remarks.append(f"it says {shown(','.join(words))}; coordinates are read in `unit`")
+    found.remarks.append(f"it says {quote(','.join(words))}; coordinates are read in `unit`")
 
 
 def _refuse_moved(found: _Found, words: list[str]) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 from romdam.core.files import file_text
 from romdam.core.scene import Ints
 from romdam.scene.elements import CELLS
@@ -55,7 +55,7 @@ class _Names:
     def new(self, name: str, what: str) -> int:
         """Number of a name that is given once."""
         if name in self.numbers:
-            raise ValueError(f"{what} {shown(name)} is given twice")
+            raise ValueError(f"{what} {quote(name)} is given twice")
         return self.numbers.setdefault(name, len(self.numbers) + 1)
 
     def take_own(self) -> None:
@@ -70,7 +70,7 @@ class _Names:
         """Numbers of known names."""
         lost = [name for name in names if name not in self.numbers]
         if lost:
-            raise ValueError(f"{what} names {shown(lost[0])}, which is not given ({len(lost)} such names)")
+            raise ValueError(f"{what} names {quote(lost[0])}, which is not given ({len(lost)} such names)")
         return np.array([self.numbers[name] for name in names], dtype=np.int64)
 
 
@@ -111,7 +111,7 @@ def _sections(lines: list[str]) -> Iterator[_Section]:
             if keyword == "FIN":
                 return
             if keyword not in _SECTIONS and not _ELEMENT.fullmatch(keyword):
-                raise ValueError(f"line {k + 1}: {shown(keyword)} is no section of the format")
+                raise ValueError(f"line {k + 1}: {quote(keyword)} is no section of the format")
             section = _Section(k + 1, keyword, "", [])
             text = rest
         section, ended = _filled(section, text)
@@ -157,7 +157,7 @@ def _cells(section: _Section, nodes: _Names, elements: _Names) -> Iterator[Cells
     cell = _CELLS[section.keyword]
     rows = [section.words[k : k + 1 + cell.nodes] for k in range(0, len(section.words), 1 + cell.nodes)]
     if rows and len(rows[-1]) != 1 + cell.nodes:
-        raise ValueError(f"{what} ends amid element {shown(rows[-1][0])}, of {cell.nodes} nodes")
+        raise ValueError(f"{what} ends amid element {quote(rows[-1][0])}, of {cell.nodes} nodes")
     if rows:
         ids = np.array([elements.new(row[0], "element") for row in rows], dtype=np.int64)
         table = nodes.of([name for row in rows for name in row[1:]], what).reshape(len(rows), -1)
@@ -171,6 +171,6 @@ def _members(sections: list[_Section], keyword: str, names: _Names) -> dict[str,
             words = section.words if section.name else section.words[1:]
             name = section.name or (section.words or [""])[0]
             if name in found:
-                raise ValueError(f"{keyword} {shown(name)} is given twice")
+                raise ValueError(f"{keyword} {quote(name)} is given twice")
             found[name] = names.of(words, f"{keyword} {name}")
     return found

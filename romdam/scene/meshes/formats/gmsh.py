@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 from romdam.core.scene import Floats, Ints
 from romdam.scene.elements import CELLS
 from romdam.scene.facets import row_numbers
@@ -71,7 +71,7 @@ def _sections(data: bytes) -> _Found:
         head = data[at:end].strip()
         name = head[1:].decode("latin-1")
         if not re.fullmatch(rb"\$[A-Za-z]+", head):
-            raise ValueError(f"expected a section such as $Nodes, got {shown(head.decode('latin-1'))}")
+            raise ValueError(f"expected a section such as $Nodes, got {quote(head.decode('latin-1'))}")
         if name in found.seen and name in ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements"):
             raise ValueError(f"${name} is given twice")
         if not found.seen and name not in ("MeshFormat", "Comments"):
@@ -138,11 +138,11 @@ def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
         words = shlex.split(line)
         if len(words) != 3 or (int(words[0]), int(words[1])) in found:
             raise ValueError(
-                f"$PhysicalNames line {shown(line)} is no dimension, number and name, or a second"
+                f"$PhysicalNames line {quote(line)} is no dimension, number and name, or a second"
             )
         found[int(words[0]), int(words[1])] = words[2]
     if not lines or int(lines[0]) != len(found):
-        raise ValueError(f"$PhysicalNames lists {len(found)} names, and says {shown((lines or [''])[0])}")
+        raise ValueError(f"$PhysicalNames lists {len(found)} names, and says {quote((lines or [''])[0])}")
     return found
 
 

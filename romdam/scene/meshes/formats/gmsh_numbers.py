@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 from romdam.core.scene import Floats, Ints
 from romdam.scene.meshes.data import numbers_of
 
@@ -96,7 +96,7 @@ class Bytes:
         text = self.data[self.at : max(end, self.at)]
         self.at = end + 1
         if end < 0 or not text.strip().isdigit():
-            raise ValueError(f"${self.name} begins with {shown(text)}, not a count")
+            raise ValueError(f"${self.name} begins with {quote(text)}, not a count")
         return int(text)
 
     def _take(self, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from romdam.core.errors import ResultError, shown
+from romdam.core.errors import ResultError, quote
 from romdam.core.scene import Floats, Ints
 from romdam.core.sealed import reading_foreign
 from romdam.scene.elements import CELLS
@@ -85,7 +85,7 @@ def _mesh(mesh: h5py.Group) -> _Found:
     found = _Found(points, _family(nodes, count))
     unit = _text(mesh.attrs.get("UNI", b""))[:16].strip()
     if unit not in _METRES:
-        found.remarks.append(f"it says that its coordinates are in {shown(unit)}; they are read in `unit`")
+        found.remarks.append(f"it says that its coordinates are in {quote(unit)}; they are read in `unit`")
     for kind in step["MAI"]:
         _read_cells(found, kind, step["MAI"][kind])
     return found

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.core.errors import MeshError, shown
+from romdam.core.errors import MeshError, quote
 from romdam.core.files import check_file, file_text
 from romdam.core.scene import Floats, Ints
 from romdam.scene.elements import CELLS
@@ -74,7 +74,7 @@ class _Entry:
             return default
         if not re.fullmatch(r"[+-]?\d{1,18}", word):
             raise ValueError(
-                f"{self.where}: field {k + 1} of {self.name} is {shown(word)}, expected a whole number"
+                f"{self.where}: field {k + 1} of {self.name} is {quote(word)}, expected a whole number"
             )
         return int(word)
 
@@ -84,7 +84,7 @@ class _Entry:
         match = _REAL.match(word)
         if word and match is None:
             raise ValueError(
-                f"{self.where}: field {k + 1} of {self.name} is {shown(word)}, expected a number"
+                f"{self.where}: field {k + 1} of {self.name} is {quote(word)}, expected a number"
             )
         return float(f"{match[1]}e{match[2] or match[3] or 0}") if match else 0.0
 
@@ -157,13 +157,13 @@ def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
         elif k > begin:
             yield _fields(text, where)
         elif text.upper().startswith(("GRID", *_KINDS)):
-            raise ValueError(f"{where}: {shown(text)} stands before BEGIN BULK")
+            raise ValueError(f"{where}: {quote(text)} stands before BEGIN BULK")
 
 
 def _included(text: str, path: Path, where: str) -> Path:
     match = re.fullmatch(r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*""", text, re.IGNORECASE)
     if match is None:
-        raise ValueError(f"{where}: {shown(text)} names no file on one line between quotes")
+        raise ValueError(f"{where}: {quote(text)} names no file on one line between quotes")
     name = Path(next(part for part in match.groups() if part))
     if not (path.parent / name).is_file():
         raise ValueError(f"{where}: the included file {path.parent / name} does not exist")
@@ -178,7 +178,7 @@ def _fields(text: str, where: str) -> _Line:
     count, width = (4, 16) if wide else (8, 8)
     if free:
         if len(words) > 2 + count:
-            raise ValueError(f"{where}: {shown(text)} has {len(words)} fields, limit {2 + count}")
+            raise ValueError(f"{where}: {quote(text)} has {len(words)} fields, limit {2 + count}")
         words += [""] * (2 + count - len(words))
     else:
         words += [text[8 + width * k : 8 + width * (k + 1)].strip() for k in range(count)] + [
@@ -194,7 +194,7 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
     for line in lines:
         if line.name and line.name[0] not in "+*":
             if not (line.name.isalnum() and line.name.isascii() and line.name[0].isalpha()):
-                raise ValueError(f"{line.where}: {shown(line.name)} is no name of an entry")
+                raise ValueError(f"{line.where}: {quote(line.name)} is no name of an entry")
             if entry is not None:
                 yield entry
             entry = _Entry(line.where, line.name, list(line.fields), line.marker)
@@ -204,7 +204,7 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
         own, awaited = line.name[1:].lstrip(), entry.marker.lstrip("+*").lstrip()
         if own and own != awaited:
             raise ValueError(
-                f"{line.where} continues {shown(line.name)}, and {shown(entry.marker)} of {entry.name} in "
+                f"{line.where} continues {quote(line.name)}, and {quote(entry.marker)} of {entry.name} in "
                 f"{entry.where} is awaited; write continuation lines below their entries"
             )
         entry.fields += line.fields

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from romdam.core.errors import shown
+from romdam.core.errors import quote
 from romdam.core.files import file_text
 from romdam.scene.elements import CELLS
 from romdam.scene.meshes.data import (
@@ -115,7 +115,7 @@ def _whole(line: _Line, least: int) -> list[int]:
     words = [text[k : k + 10].strip() for k in range(0, len(text.rstrip()), 10)]
     words = words if all(map(_is_whole, words)) else text.split()
     if len(words) < least or not all(map(_is_whole, words)):
-        raise ValueError(f"line {number}: {shown(text.strip())} is not {least} whole numbers or more")
+        raise ValueError(f"line {number}: {quote(text.strip())} is not {least} whole numbers or more")
     return [int(word) for word in words]
 
 
@@ -143,7 +143,7 @@ def _read_old_nodes(found: _Found, lines: Lines) -> None:
 
 def _add_node(found: _Found, head: list[int], line: _Line, words: list[str]) -> None:
     if len(words) != 3:
-        raise ValueError(f"line {line.number}: {shown(line.text.strip())} is not three coordinates")
+        raise ValueError(f"line {line.number}: {quote(line.text.strip())} is not three coordinates")
     if head[1] > 1:
         found.others[f"nodes in coordinate system {head[1]}, read as if it were the first,"] += 1
     found.tags.append(head[0])

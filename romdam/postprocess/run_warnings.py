@@ -1,4 +1,4 @@
-"""Concerns that a run's own figures raise, in sentences for the terminal and the file."""
+"""Warnings that follow from the figures of a run, in sentences for the terminal and the file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ROUGH = 0.05  # time-stepping error of a step that was given, from which on it 
 LEDGER_LIMIT = 1e-3  # of the largest energy exchanged; round-off is below 1e-9
 
 
-def concerns(stats: Mapping[str, float]) -> list[str]:
+def run_warnings(stats: Mapping[str, float]) -> list[str]:
     """Write a sentence for every figure of a run that is beyond its limit.
 
     Parameters
@@ -51,7 +51,7 @@ def concerns(stats: Mapping[str, float]) -> list[str]:
     return found
 
 
-def crack_concerns(water: Iterable[JointWaterConfig], scene: Scene, history: History) -> list[str]:
+def crack_warnings(water: Iterable[JointWaterConfig], scene: Scene, history: History) -> list[str]:
     """Say what was assumed of the water in joints that opened, a sentence for each that has a diagram.
 
     Parameters

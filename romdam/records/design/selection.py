@@ -29,7 +29,7 @@ USUAL_FACTORS = (0.25, 4.0)  # ASCE/SEI 7-16, C16.2.2
 
 
 @dataclass(frozen=True)
-class Aimed:
+class Candidate:
     """A record of an entry with a target.
 
     Attributes
@@ -68,9 +68,9 @@ class Fit:
     misfit: float
 
 
-def aim(
+def select_motions(
     entry: RecordConfig, folder: Path, motions: Sequence[GroundMotion], unread: Sequence[str] = ()
-) -> list[Aimed]:
+) -> list[Candidate]:
     """Choose, scale and match motions as their entry says.
 
     Parameters
@@ -93,9 +93,9 @@ def aim(
     target = read_target(entry.target, folder)
     fits, others = _fits(entry, target, motions)
     if entry.select is not None:
-        why_not = [f"{one.name}: {one.error or one.why}" for one in others]
+        why_not = [f"{other.name}: {other.error or other.why}" for other in others]
         fits, passed = _selected(fits, entry.select, [*why_not, *unread])
-        others = [replace(one, error=None, why=one.why or str(one.error)) for one in others] + passed
+        others = [replace(other, error=None, why=other.why or str(other.error)) for other in others] + passed
     common = _common_factor(fits, target, entry.scale)
     return [_apply(fit, target, common, entry) for fit in fits] + others
 
@@ -112,24 +112,24 @@ def misfit(psa: Array, target: Array) -> float:
 
 def _fits(
     entry: RecordConfig, target: Target, motions: Sequence[GroundMotion]
-) -> tuple[list[Fit], list[Aimed]]:
+) -> tuple[list[Fit], list[Candidate]]:
     """Motions beside the target, and those that no factor brings there."""
     fits: list[Fit] = []
-    others: list[Aimed] = []
+    others: list[Candidate] = []
     for motion in motions:
         try:
             psa = spectrum(motion.acc, motion.dt, target.periods, target.damping, target.of)
             if not np.all(psa > 0.0):
                 raise RecordError("it does not move")
         except RecordError as error:
-            others.append(Aimed(motion.name, error=RecordError(f"{motion.name}: target: {error}")))
+            others.append(Candidate(motion.name, error=RecordError(f"{motion.name}: target: {error}")))
             continue
         free = entry.match is not None or (entry.scale is not None and entry.scale.to == "target")
         factor = least_squares_factor(psa, target.sa) if free else 1.0
         fit = Fit(motion, psa, factor, misfit(factor * psa, target.sa))
         if text := _out_of_bounds(factor, entry.scale):
             refused = None if entry.select else RecordError(f"{motion.name}: {text}")
-            others.append(Aimed(motion.name, None, factor, fit.misfit, text, refused))
+            others.append(Candidate(motion.name, None, factor, fit.misfit, text, refused))
         else:
             fits.append(fit)
     return fits, others
@@ -142,14 +142,14 @@ def _out_of_bounds(factor: float, scale: ScaleConfig | None) -> str:
     return f"scale.factors: the target needs a factor of {factor:.3g}, the limits are {low:g} and {high:g}"
 
 
-def _selected(fits: list[Fit], count: int, others: list[str]) -> tuple[list[Fit], list[Aimed]]:
+def _selected(fits: list[Fit], count: int, others: list[str]) -> tuple[list[Fit], list[Candidate]]:
     """The fits nearest to the target, and the others; of equal misfits the first name counts."""
     if len(fits) < count:
         rest = "".join(f"\n  {text}" for text in others)
         raise RecordError(f"select: {count} records are asked for, {len(fits)} can be used{rest}")
     ranked = sorted(fits, key=lambda fit: (fit.misfit, fit.motion.name))
     why = f"its misfit is above that of the {count} nearest, {ranked[count - 1].misfit:.3g}"
-    passed = [Aimed(fit.motion.name, None, fit.factor, fit.misfit, why) for fit in ranked[count:]]
+    passed = [Candidate(fit.motion.name, None, fit.factor, fit.misfit, why) for fit in ranked[count:]]
     return ranked[:count], passed
 
 
@@ -161,10 +161,10 @@ def _common_factor(fits: list[Fit], target: Target, scale: ScaleConfig | None) -
     return max(1.0, scale.mean_at_least / float(np.min(mean / target.sa)))
 
 
-def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Aimed:
+def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Candidate:
     motion, factor = fit.motion, common * fit.factor
     if text := _out_of_bounds(factor, entry.scale):  # by what brings the mean up
-        return Aimed(motion.name, None, factor, fit.misfit, "", RecordError(f"{motion.name}: {text}"))
+        return Candidate(motion.name, None, factor, fit.misfit, "", RecordError(f"{motion.name}: {text}"))
     about: dict[str, object] = {
         "of": NAMED[target.of],
         "damping": target.damping,
@@ -179,12 +179,12 @@ def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Aime
         else:
             acc = factor * motion.acc
     except RecordError as error:
-        return Aimed(motion.name, None, factor, fit.misfit, "", error)
+        return Candidate(motion.name, None, factor, fit.misfit, "", error)
     psa = spectrum(acc, motion.dt, target.periods, target.damping, target.of)
     about["misfit"] = misfit(psa, target.sa)
-    warnings = (*motion.warnings, *_doubts(motion, factor, target))
-    made = replace(motion, acc=acc, provenance=motion.provenance | {"target": about}, warnings=warnings)
-    return Aimed(motion.name, made, factor, misfit(psa, target.sa))
+    warnings = (*motion.warnings, *_warnings(motion, factor, target))
+    scaled = replace(motion, acc=acc, provenance=motion.provenance | {"target": about}, warnings=warnings)
+    return Candidate(motion.name, scaled, factor, misfit(psa, target.sa))
 
 
 def _pads(motion: GroundMotion, added: tuple[int, int]) -> dict[str, object]:
@@ -197,20 +197,20 @@ def _pads(motion: GroundMotion, added: tuple[int, int]) -> dict[str, object]:
     }
 
 
-def _doubts(motion: GroundMotion, factor: float, target: Target) -> tuple[str, ...]:
+def _warnings(motion: GroundMotion, factor: float, target: Target) -> tuple[str, ...]:
     """Factors that are unusual, and periods that the record has no signal at."""
     low, high = USUAL_FACTORS
-    doubts = []
+    remarks = []
     if not low <= factor <= high:
-        doubts.append(
+        remarks.append(
             f"the factor to the target is {factor:.3g}, usual are {low:g} to {high:g} (ASCE/SEI 7-16, "
             "C16.2.2)"
         )
     channels = motion.provenance.get("channels")
-    stated = [one.get("lowest_usable_hz") for one in channels] if isinstance(channels, list) else []
+    stated = [channel.get("lowest_usable_hz") for channel in channels] if isinstance(channels, list) else []
     usable = max((value for value in stated if isinstance(value, float)), default=0.0)
     if usable * target.periods[-1] > 1.0:
-        doubts.append(
+        remarks.append(
             f"target.periods go to {target.periods[-1]:g} s, the record is usable up to {1.0 / usable:.3g} s"
         )
-    return tuple(doubts)
+    return tuple(remarks)

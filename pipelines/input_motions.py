@@ -8,9 +8,9 @@ from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, located
 from romdam.config.sections.motions.records import LONGEST_DT, SHORTEST_DT
-from romdam.core.errors import RecordError, shown
+from romdam.core.errors import RecordError, quote
 from romdam.core.motion import GroundMotion
-from romdam.records.design.account import write_choice
+from romdam.records.design.choice_table import write_choice
 from romdam.records.plausible import too_strong
 from romdam.records.processing.offset import doubt_drift
 from romdam.records.record_set import Loaded, check_names, load_motions, load_records
@@ -112,7 +112,7 @@ def checked(motions: Motions) -> list[GroundMotion]:
 def _checked(motion: GroundMotion, place: str) -> GroundMotion:
     if not isinstance(motion, GroundMotion):
         raise RecordError(
-            f"{place}: expected a romdam.GroundMotion, got {shown(motion)}; from_arrays makes one"
+            f"{place}: expected a romdam.GroundMotion, got {quote(motion)}; from_arrays makes one"
         )
     again = GroundMotion.from_arrays(motion.name, motion.acc, motion.dt, place=place)
     if not SHORTEST_DT <= again.dt <= LONGEST_DT:

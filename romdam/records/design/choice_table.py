@@ -22,14 +22,17 @@ def write_choice(considered: Sequence[Loaded], folder: Path) -> None:
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(_HEADINGS)
-    writer.writerows(map(plain_cell, _row(one)) for one in considered)
-    with replacing(folder / CHOICE) as part:
-        part.write_text(text.getvalue(), encoding="utf-8")
+    writer.writerows(map(plain_cell, _row(record)) for record in considered)
+    with replacing(folder / CHOICE) as unfinished:
+        unfinished.write_text(text.getvalue(), encoding="utf-8")
 
 
-def _row(one: Loaded) -> tuple[str, ...]:
-    used = "yes" if one.passes and one.motion is not None else "no"
-    about = one.motion.provenance.get("target") if one.motion is not None else None
+def _row(record: Loaded) -> tuple[str, ...]:
+    used = "yes" if record.passes and record.motion is not None else "no"
+    about = record.motion.provenance.get("target") if record.motion is not None else None
     of = str(about["of"]) if isinstance(about, dict) else ""
-    numbers = ("", "") if one.aimed is None else (f"{one.aimed.factor:.6g}", f"{one.aimed.misfit:.6g}")
-    return (one.name, used, *numbers, of, str(one.error or (one.aimed.why if one.aimed else "")))
+    candidate = record.candidate
+    if candidate is None:
+        return (record.name, used, "", "", of, str(record.error or ""))
+    numbers = f"{candidate.factor:.6g}", f"{candidate.misfit:.6g}"
+    return (record.name, used, *numbers, of, str(record.error or candidate.why))

@@ -1,4 +1,4 @@
-"""Questions that a careful reader has about a job: keys, scene and records; told, not refused."""
+"""Warnings about a job: unlikely values of keys, and what is odd about its scene and its records."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from romdam.config.load import Job
-from romdam.config.plausible import doubts
+from romdam.config.plausible import check_assumptions
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.damping import brings_damping, drag_of_matrix, joints_alone_hold
@@ -27,33 +27,33 @@ _G = 9.81  # [m/s2]
 log = logging.getLogger(__name__)
 
 
-def tell_doubts(job: Job, motions: Sequence[GroundMotion]) -> None:
-    """Log each doubt as a warning."""
-    for line in doubts_of(job, motions):
+def log_warnings(job: Job, motions: Sequence[GroundMotion]) -> None:
+    """Log the warnings about a job and its motions."""
+    for line in job_warnings(job, motions):
         log.warning("%s", line)
 
 
-def doubts_of(job: Job, motions: Sequence[GroundMotion]) -> tuple[str, ...]:
-    """A line for each doubt: of keys by names of before, of values, of the scene, then of each record."""
+def job_warnings(job: Job, motions: Sequence[GroundMotion]) -> tuple[str, ...]:
+    """Collect the warnings about a job: old names of keys, values, the scene, then each motion."""
     of_records = (f"{motion.name}: {text}" for motion in motions for text in _of_motion(job, motion))
-    return (*job.renamed, *doubts(job.config), *job.doubts, *of_records)
+    return (*job.renamed, *check_assumptions(job.config), *job.scene_warnings, *of_records)
 
 
-def with_doubts_of(scene: Scene, job: Job) -> Job:
-    """The job with the doubts that its scene brings."""
+def with_scene_warnings(scene: Scene, job: Job) -> Job:
+    """Add the warnings about its scene to a job."""
     of_matrices = [
         text
         for block in scene.blocks.values()
         if block.matrices is not None
         for text in block.matrices.warnings
     ]
-    return replace(job, doubts=(*scene.remarks, *of_matrices, *_of_damping(job, scene)))
+    return replace(job, scene_warnings=(*scene.remarks, *of_matrices, *_of_damping(job, scene)))
 
 
-def telling_doubts_of(scene: Scene, job: Job) -> Job:
-    """The same, each logged as a warning."""
-    job = with_doubts_of(scene, job)
-    for line in job.doubts:
+def log_scene_warnings(scene: Scene, job: Job) -> Job:
+    """Add the warnings about its scene to a job, and log them."""
+    job = with_scene_warnings(scene, job)
+    for line in job.scene_warnings:
         log.warning("%s", line)
     return job
 

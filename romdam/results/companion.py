@@ -1,5 +1,6 @@
-"""Files beside results, `<kind>-<first 12 of its content's SHA-256>.h5`: written once, and proved when read.
+"""Companion files of results, `<kind>-<first 12 of its content's SHA-256>.h5`.
 
+Each is written once and verified by its SHA-256 when it is read.
 A result names the file, and the name says what must stand in it. So a file of another model under the right
 name is refused, and so is one without a digest of its bytes whose content is another.
 """
@@ -15,22 +16,22 @@ from pathlib import Path
 import h5py
 
 import romdam
-from romdam.core.errors import ResultError, WriteError, shown
-from romdam.core.files import own_folder
+from romdam.core.errors import ResultError, WriteError, quote
+from romdam.core.files import private_folder
 from romdam.core.sealed import FAILURES, creating, examine, reading, text_of
 
 _DIGITS = 12
 _LOOKED_INTO = 2  # of the files of a kind, the newest: each is read whole, the arch dam's in 0.4 s of CPU
 
 
-def write_beside(
+def write_companion_file(
     folder: Path,
     about: tuple[str, str],
     fill: Callable[[h5py.File], str],
     size: int,
     made_of: str | None = None,
 ) -> str:
-    """Write a file, unless it is there and whole; its name.
+    """Write a companion file unless it is there and whole; return its name.
 
     Parameters
     ----------
@@ -46,10 +47,10 @@ def write_beside(
         where the folder or the disk refuses it.
     """
     kind, layout = about
-    if made_of is not None and (there := made_before(folder, about, made_of)) is not None:
+    if made_of is not None and (there := find_companion_file(folder, about, made_of)) is not None:
         return there.name
     try:
-        with own_folder(folder) as own:
+        with private_folder(folder) as own:
             unnamed = own / f"{kind}.h5"
             with creating(unnamed, size) as file:
                 digest = fill(file)
@@ -64,12 +65,12 @@ def write_beside(
     return path.name
 
 
-def made_before(folder: Path, about: tuple[str, str], made_of: str) -> Path | None:
-    """The whole file of a content under its own name, where one of the newest is that.
+def find_companion_file(folder: Path, about: tuple[str, str], made_of: str) -> Path | None:
+    """Find a whole file of the same content among the newest of its kind; None where there is none.
 
     Parameters
     ----------
-    about, made_of : see `write_beside`
+    about, made_of : see `write_companion_file`
     """
     kind, layout = about
     for path in _newest(folder, f"{kind}-{'?' * _DIGITS}.h5"):
@@ -103,10 +104,10 @@ def _is_written(path: Path, digest: str) -> bool:
         return False
 
 
-def open_beside(
+def open_companion_file(
     result: Path, name: str, about: tuple[str, ...], content: Callable[[h5py.File], str]
 ) -> h5py.File:
-    """Open the file of a name beside a result.
+    """Open the companion file of a name in the folder of a result.
 
     Parameters
     ----------
@@ -121,7 +122,7 @@ def open_beside(
     kind, *layouts = about
     name = Path(name).name  # a result never points outside its own folder
     if not re.fullmatch(rf"{kind}-[0-9a-f]{{{_DIGITS}}}\.h5", name):
-        raise ResultError(f"{result}: its attribute {kind}_file names no such file: {shown(name)}")
+        raise ResultError(f"{result}: its attribute {kind}_file names no such file: {quote(name)}")
     path = result.with_name(name)
     try:
         sealed = examine(path).sealed
@@ -146,7 +147,7 @@ def _check(
 ) -> None:
     if text_of(file, "format") not in layouts:
         raise ResultError(
-            f"{path}: is of format {shown(text_of(file, 'format'))}, this version reads {layouts[0]!r}; "
+            f"{path}: is of format {quote(text_of(file, 'format'))}, this version reads {layouts[0]!r}; "
             "run it again"
         )
     try:
@@ -155,7 +156,7 @@ def _check(
         raise ResultError(f"{path}: is not what romdam writes ({error!r}); run it again") from error
     if path.stem.rpartition("-")[2] != digest[:_DIGITS]:
         raise ResultError(
-            f"{path}: holds another model than its name says (SHA-256 {shown(digest[:_DIGITS])}); "
+            f"{path}: holds another model than its name says (SHA-256 {quote(digest[:_DIGITS])}); "
             "run it again"
         )
 
