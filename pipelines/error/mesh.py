@@ -15,8 +15,8 @@ from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
 from romdam.error.discretisation import MeshRun, discretisation, mesh_run
 from romdam.error.statement import ErrorStatement, write_verification
-from romdam.pipelines.doubts import tell_doubts, telling_doubts_of
 from romdam.pipelines.error.verify import as_run
+from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import simulate_motion
@@ -67,7 +67,7 @@ def verify_mesh(
     folder, clock = prepare_folder(Path(out)), Clock(show)
     motions = load_motions(job.config.records, job.folder)[:1]
     refuse_drifting(job, motions)
-    tell_doubts(job, motions)
+    log_warnings(job, motions)
     whole, motion = motions[0], as_run(job, motions[0], duration)
     seconds = motion.duration if duration is None else min(duration, motion.duration)
     refuse_lengths(job, [motion], seconds)
@@ -108,7 +108,7 @@ def run_on_mesh(
     """
     with clock.stage(stage, f"{stage} on {job.path.name}") as progress:
         model = build_model(job, Clock(silent))
-        telling_doubts_of(model.scene, job)
+        log_scene_warnings(model.scene, job)
         history = simulate_motion(job, model.prepared, motion, seconds, progress)
     spectra = node_spectra(history.acc, history.ground, history.time)
     return mesh_run(model.scene, history, model.system.law.joints, spectra), model.scene
