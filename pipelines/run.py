@@ -16,7 +16,15 @@ from typing import NamedTuple
 import xarray as xr
 
 from romdam.config.load import Job, Source
-from romdam.core.errors import ConfigError, ResultError, describe_error, placed, recoverable
+from romdam.core.errors import (
+    ConfigError,
+    MeshError,
+    ReductionError,
+    ResultError,
+    describe_error,
+    placed,
+    recoverable,
+)
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
@@ -28,6 +36,7 @@ from romdam.error.statement import ErrorStatement, read_verification
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
+from romdam.pipelines.error.sibling import Sibling, mesh_statement, sibling_job
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -211,8 +220,11 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
     job = log_scene_warnings(model.scene, job)
+    sibling = _sibling(job, clock, store)
     with in_background(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
-        rows, last, undrawn = _run_all(job, model, motions, (goal, shared), clock, lone=len(read) == 1)
+        rows, last, undrawn = _run_all(
+            job, model, motions, (goal, shared), clock, sibling, lone=len(read) == 1
+        )
     failures = {name: one for name, one in read.items() if isinstance(one, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message} | undrawn
     kept = [row.kept for row in rows.values() if row.kept is not None]
@@ -247,8 +259,34 @@ def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMoti
     return motions
 
 
+def _sibling(job: Job, clock: Clock, store: BlockStore | None) -> Sibling | None:
+    """The job on another mesh, where the error of its own is to be stated.
+
+    Raises
+    ------
+    ConfigError
+        where there is no such mesh, or the job does not go with it.
+    """
+    asked = job.config.outputs.mesh_error
+    if asked is None:
+        return None
+    finer = asked == "finer"
+    try:
+        other = sibling_job(job, finer=finer)
+        return Sibling(other, build_model(other, Clock(clock.show), store), finer)
+    except (ConfigError, MeshError, ReductionError) as error:
+        raise ConfigError(f"{job.path}: outputs.mesh_error: no {asked} mesh: {error}") from None
+
+
 def _run_all(
-    job: Job, model: Model, motions: Sequence[GroundMotion], target: Target, clock: Clock, *, lone: bool
+    job: Job,
+    model: Model,
+    motions: Sequence[GroundMotion],
+    target: Target,
+    clock: Clock,
+    sibling: Sibling | None,
+    *,
+    lone: bool,
 ) -> tuple[dict[str, Row], FinishedRun | None, dict[str, str]]:
     """Run the records of a job, the figures of each drawn before the next or beside it; a failure is a row.
 
@@ -266,7 +304,7 @@ def _run_all(
     for motion in motions:
         with in_background(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
             try:
-                last = run_motion(job, model, motion, target, clock)
+                last = run_motion(job, model, motion, target, clock, sibling)
                 rows[motion.name] = Row("", kept=last.kept) if lone else last.row(job)
             except recoverable() as error:
                 target[1]()  # an error of its own is one of all records
@@ -359,6 +397,7 @@ def run_motion(
     motion: GroundMotion,
     target: Target,
     clock: Clock,
+    sibling: Sibling | None = None,
 ) -> FinishedRun:
     """Integrate one ground motion and write its result; `target` is where, and what gives `_shared`."""
     (folder, _, _), shared = target
@@ -367,6 +406,10 @@ def run_motion(
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
     history, estimate = _estimated(job, model, motion, history, clock)
+    of_mesh = None
+    if sibling is not None:
+        with clock.stage("mesh", "running on the other mesh") as progress:
+            of_mesh = mesh_statement(model, history, sibling, motion, progress)
     with clock.stage("stress", "summing up the stress"):
         history, stress = stress_of(model.scene, model.stress, history)
     with clock.stage("output", "writing the result"):
@@ -376,8 +419,9 @@ def run_motion(
         dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
         dataset.attrs.update(read_verification(folder, dataset.attrs))
-        if estimate is not None:
-            estimate.write_to(dataset)
+        for statement in (estimate, of_mesh):
+            if statement is not None:
+                statement.write_to(dataset)
         dataset.attrs[FOLDER] = folder_from(folder, job.folder)
         write_dataset(dataset, path)
     for concern in json.loads(dataset.attrs["run_warnings"]):

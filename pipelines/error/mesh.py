@@ -6,22 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config
-from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
 from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.core.files import prepare_folder
 from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
-from romdam.error.discretisation import MeshRun, discretisation, mesh_run
+from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import ErrorStatement, write_verification
+from romdam.pipelines.error.sibling import run_of, sibling_job
 from romdam.pipelines.error.verify import as_run
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
-from romdam.postprocess.node_spectra import node_spectra
 from romdam.records.record_set import load_motions
 
 
@@ -63,7 +62,7 @@ def verify_mesh(
         raise ConfigError(
             f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
         )
-    sibling = on_finer_mesh(job) if finer else on_coarser_mesh(job)
+    sibling = sibling_job(job, finer=finer)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     motions = load_motions(job.config.records, job.folder)[:1]
     refuse_drifting(job, motions)
@@ -110,8 +109,7 @@ def run_on_mesh(
         model = build_model(job, Clock(silent))
         log_scene_warnings(model.scene, job)
         history = simulate_motion(job, model.prepared, motion, seconds, progress)
-    spectra = node_spectra(history.acc, history.ground, history.time)
-    return mesh_run(model.scene, history, model.system.law.joints, spectra), model.scene
+    return run_of(model, history), model.scene
 
 
 def _draw(folder: Path, motion: GroundMotion, run: MeshRun, sibling: MeshRun, *, finer: bool) -> Path:

@@ -70,13 +70,17 @@ def _counts(box: BoxConfig) -> tuple[float, ...]:
 
 
 def _on_other_mesh(job: Job, *, finer: bool) -> Job:
+    """The job with other numbers of elements, and without stress, which is not compared."""
     config, blocks = job.config, dict(job.config.blocks)
     for name, block in blocks.items():
         if block.box is not None:
             blocks[name] = block.model_copy(update={"box": _box(block.box, 0.5 if finer else 2.0)})
         elif block.mesh is not None:
             blocks[name] = block.model_copy(update={"mesh": _refined(block.mesh, finer=finer)})
-    changed: dict[str, object] = {"blocks": blocks}
+    changed: dict[str, object] = {
+        "blocks": blocks,
+        "outputs": config.outputs.model_copy(update={"stress": None, "mesh_error": None}),
+    }
     for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
         if dam is not None:
             divisions: Divisions = dam.divisions

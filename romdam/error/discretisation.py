@@ -156,7 +156,7 @@ def _sentence(
 
 
 def _words(names: object) -> list[str]:
-    return [_plural(name) for name in names] if isinstance(names, list) else []
+    return [_plural(name) for name in names if name != "opening"] if isinstance(names, list) else []
 
 
 def _plural(name: str) -> str:

@@ -113,6 +113,44 @@ def test_the_command_states_it_in_the_results_and_info_sums_all_errors(tmp_path)
         assert dataset.attrs["discretisation_statement"] == document["statement"]
 
 
+@pytest.mark.parametrize("asked", ["finer", "coarser"])
+def test_a_run_states_it_where_the_job_asks(tmp_path, asked):
+    """As `romdam verify --mesh` states it of the same seconds."""
+    time = np.arange(100) * 0.01
+    np.savetxt(tmp_path / "pulse.txt", 6.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-2 * time))
+    raw = yaml.safe_load(SMALL)
+    for block in raw["blocks"].values():
+        block["box"]["element_size"] = 2.5
+    raw["model"] = {"modes": 4}
+    plain = tmp_path / "plain.yaml"
+    plain.write_text(yaml.safe_dump(raw))
+    raw["outputs"] = raw.get("outputs", {}) | {"mesh_error": asked}
+    (tmp_path / "asked.yaml").write_text(yaml.safe_dump(raw))
+    code, _, err = call("run", tmp_path / "asked.yaml", "--out", tmp_path / "run", "--quiet")
+    assert code == 0, err
+    code, _, err = call("verify", plain, "--mesh", asked, "--out", tmp_path / "verify", "--quiet")
+    assert code == 0, err
+    document = json.loads((tmp_path / "verify" / "discretisation.json").read_text())
+    with xr.open_dataset(tmp_path / "run" / "pulse.nc", engine="h5netcdf") as dataset:
+        assert dataset.attrs["discretisation_opening_l2"] == document["error"]["opening"]["l2"] > 0.0
+        assert json.loads(dataset.attrs["discretisation"])["error"] == document["error"]
+
+
+def test_a_job_without_the_mesh_it_asks_for_is_refused(tmp_path):
+    raw = yaml.safe_load(SMALL)
+    name = next(iter(raw["blocks"]))
+    raw["blocks"][name]["box"]["element_size"] = raw["blocks"][name]["box"]["size"]
+    raw["outputs"] = raw.get("outputs", {}) | {"mesh_error": "coarser"}
+    np.savetxt(tmp_path / "pulse.txt", np.ones(100))
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
+    code, _, err = call("run", tmp_path / "small.yaml", "--out", tmp_path / "out", "--quiet")
+    assert code == 2 and f"outputs.mesh_error: no coarser mesh: {tmp_path}" in err.replace("\n", " ")
+    raw |= {"pipeline": "suite", "suite": {"scales": [1.0]}}
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
+    code, _, err = call("check", tmp_path / "small.yaml")
+    assert code == 2 and "outputs.mesh_error: is stated of runs and not of suites" in err
+
+
 def test_matrices_of_other_programs_have_no_finer_mesh(tmp_path):
     raw = yaml.safe_load(SMALL)
     name = next(iter(raw["blocks"]))

@@ -1,0 +1,52 @@
+"""A job on a sibling of its mesh, and what a run on that says of the mesh's error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from romdam.config.load import Job
+from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
+from romdam.core.errors import describe_error, recoverable
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History
+from romdam.error.discretisation import MeshRun, discretisation, mesh_run
+from romdam.error.statement import ErrorStatement
+from romdam.pipelines.simulation import Model, simulate_motion
+from romdam.postprocess.node_spectra import node_spectra
+from romdam.timestepping.integrators.protocol import Progress
+
+
+@dataclass(frozen=True)
+class Sibling:
+    """A job on a mesh of half the size of the elements (`finer`), or twice, and its model."""
+
+    job: Job
+    model: Model
+    finer: bool
+
+
+def sibling_job(job: Job, *, finer: bool) -> Job:
+    """The job on elements of half the size, or twice; see `romdam.config.other_mesh`."""
+    return on_finer_mesh(job) if finer else on_coarser_mesh(job)
+
+
+def run_of(model: Model, history: History) -> MeshRun:
+    """A run, as runs on other meshes are compared with it."""
+    spectra = node_spectra(history.acc, history.ground, history.time)
+    return mesh_run(model.scene, history, model.system.law.joints, spectra)
+
+
+def mesh_statement(
+    model: Model, history: History, sibling: Sibling, motion: GroundMotion, progress: Progress
+) -> ErrorStatement:
+    """State what the mesh changes in a run, or why that is unknown."""
+    seconds = float(history.time[-1])
+    try:
+        other = simulate_motion(sibling.job, sibling.model.prepared, motion, seconds, progress)
+        pair = run_of(model, history), run_of(sibling.model, other)
+        about = {"record": motion.name, "seconds": seconds}
+        return discretisation(*pair, finer=sibling.finer, about=about)
+    except recoverable() as error:
+        return ErrorStatement(
+            "discretisation", f"What the mesh changes is unknown: {describe_error(error)}", {}
+        )
