@@ -16,7 +16,7 @@ from romdam.core.system import History, System
 from romdam.error.estimate import FinerModel
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
-from romdam.records.processing.support_motions import with_supports
+from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.grouting import grouted
@@ -215,4 +215,4 @@ def ground_at_steps(
     if duration is not None:
         acc = cut_or_extended(acc, round(duration / dt) + 1)
     moving = None if system is None else system.pseudo_static
-    return acc if moving is None else with_supports(acc, dt, moving.motions)
+    return acc if moving is None else add_support_rows(acc, dt, moving.motions)

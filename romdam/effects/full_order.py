@@ -6,15 +6,13 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 
 from romdam.config.sections.job import DampingConfig
-from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.effect import Coordinates, MeshCoordinates
 from romdam.effects.scene_effects import scene_effects
 from romdam.fem.damping import sliding_motions
-from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
-from romdam.fem.loads import static_force
+from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
 from romdam.scene.ties import scene_parts
 
@@ -59,7 +57,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         K=csr_matrix(block_diag(K)),
         B=jumps,
         load=shaken,
-        force=_force(scene, numbered, len(shaken)) + jumps[:: law.directions].T @ water_force(scene),
+        force=np.zeros(len(shaken)),
         observe=_observe(scene, numbered),
         law=law,
         parts=numbered.parts,
@@ -71,14 +69,6 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     for effect in scene_effects(scene, damping, law.directions):
         system, coordinates = effect.add(system, coordinates)
     return system
-
-
-def _force(scene: Scene, numbered: Unknowns, size: int) -> Floats:
-    """Static force on the unknowns."""
-    force = np.zeros(size)
-    for name, matrix in numbered.of_block.items():
-        force = force + matrix.T @ static_force(scene, name).ravel()
-    return np.asarray(force)
 
 
 def _observe(scene: Scene, numbered: Unknowns) -> csr_matrix:

@@ -10,6 +10,7 @@ from romdam.effects.damping import SolidDamping
 from romdam.effects.effect import Effect
 from romdam.effects.free_field import incoming_waves
 from romdam.effects.moving_supports import moving_supports
+from romdam.effects.static_loads import static_loads
 from romdam.linalg.solvers import AUTO, Solving
 
 
@@ -34,6 +35,7 @@ def scene_effects(
         where the reservoir's equations cannot be factored.
     """
     found: list[Effect | None] = [
+        static_loads(scene),
         moving_supports(scene, directions, solving),
         added_mass(scene),
         SolidDamping(scene, damping),

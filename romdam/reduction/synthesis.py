@@ -22,8 +22,7 @@ from romdam.core.system import GapLaw, System
 from romdam.effects.added_mass import AddedMass
 from romdam.effects.effect import Coordinates, ModalCoordinates
 from romdam.effects.scene_effects import scene_effects
-from romdam.fem.gaps import gap_law, gap_operators, point_operators, water_force
-from romdam.fem.loads import surface_force, weight_acts
+from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import over_coordinates
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
@@ -108,10 +107,9 @@ def _reduced_scene(
     start, (scene, damping) = time.process_time(), of
     refuse_wet(scene)
     law = gap_law(scene)
-    forces = {name: surface_force(scene, name).ravel() for name in scene.blocks}
     effects = scene_effects(scene, damping, law.directions, choices[0].solving)
     operators, models = gap_operators(scene, law.directions), []
-    acting = acting_on(scene.blocks, operators, forces, law.directions, effects)
+    acting = acting_on(scene.blocks, operators, law.directions, effects)
     for choice in choices:
         _refuse_large(scene, acting, choice, store)
     parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
@@ -150,7 +148,7 @@ def _system(
 ) -> System:
     """The parts side by side, with their joints open."""
     size = max(part.stop for part in parts.values())
-    omega2, load, force, B = _reduced_matrices(scene, basis, acting, size)
+    omega2, load, B = _reduced_matrices(scene, basis, acting, size)
     more = point_operators(scene, law.directions)
     mass = np.ones(size)
     for name, part in scene_parts(scene).items():
@@ -161,7 +159,7 @@ def _system(
         K=csr_matrix(diags_array(omega2)),
         B=csr_matrix(B),
         load=load,
-        force=force + B[:: law.directions].T @ water_force(scene),
+        force=np.zeros(size),
         observe=_observe(scene, basis, size),
         law=law,
         parts=parts,
@@ -248,15 +246,14 @@ def _reduced_part(
 
 def _reduced_matrices(
     scene: Scene, basis: dict[str, BlockBasis], acting: Acting, size: int
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """omega^2, load, force and gap operator over the coordinates; blocks of a part add to the same ones."""
-    omega2, load, force = np.zeros(size), np.zeros((size, 3)), np.zeros(size)
+) -> tuple[Floats, Floats, Floats]:
+    """omega^2, load and gap operator over the coordinates; blocks of a part add to the same ones."""
+    omega2, load = np.zeros(size), np.zeros((size, 3))
     for name, block in basis.items():
         omega2[block.columns] = block.omega2
         if name not in scene.radiating:
             load[block.columns] += block.participation
-        force[block.columns] += _static_force(scene, name, block, acting.forces[name])
-    return omega2, load, force, over_coordinates(acting.operators, basis, size)
+    return omega2, load, over_coordinates(acting.operators, basis, size)
 
 
 def mode_choice(model: ModelConfig) -> ModeChoice:
@@ -267,14 +264,6 @@ def mode_choice(model: ModelConfig) -> ModeChoice:
         raise ReductionError("model.modes is auto, and none has been chosen yet; give a number or all")
     solving = Solving(model.solver, model.memory)
     return ModeChoice(model.modes, model.cutoff, model.residual_vectors, solving=solving)
-
-
-def _static_force(scene: Scene, name: str, part: BlockBasis, forces: Floats) -> Floats:
-    """Modal static force on the joints' structure; weight follows from the participation."""
-    surface = part.vectors.under(csr_matrix(forces[None]))[0]  # of a basis on disk the loaded rows are read
-    if not weight_acts(scene, name):
-        return surface
-    return np.asarray(part.participation @ scene.gravity + surface)
 
 
 def _observe(scene: Scene, basis: dict[str, BlockBasis], size: int) -> csr_matrix:

@@ -23,6 +23,7 @@ from romdam.contact.components import ALONG_J, ALONG_K
 from romdam.contact.problem import GapProblem, Limits, gap_memory
 from romdam.contact.softening import put_limits
 from romdam.core.arrays import Floats
+from romdam.core.motion import Motion
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
 
@@ -76,7 +77,7 @@ def find_collapse(system: System, problem: GapProblem) -> Collapse | None:
         limits = limits if kind else stuck
     if kind == "slides":
         return Collapse("slides", _needed_strength(motions, loads, limits), parts)
-    shifts = np.asarray(R.T @ system.load)[:, :3]
+    shifts = np.asarray(R.T @ system.load)[:, system.motions[Motion.BASE]]
     shifts = np.hstack([np.where((names == name)[:, None], shifts, 0.0) for name in system.parts])
     held = _mechanism(shifts.T @ motions, shifts.T @ loads, limits, 1.0) is None
     return Collapse("overturns" if held else "lifts off", np.inf, parts)

@@ -17,7 +17,7 @@ from romdam.timestepping.integrators.protocol import Integrator, Outcome, Progre
 from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
-from romdam.timestepping.support_motion import with_supports
+from romdam.timestepping.support_motion import add_support_motion
 
 
 def simulate(
@@ -131,7 +131,7 @@ def _refuse_ignored(integrator: Integrator, settings: Settings) -> None:
 def _finished(history: History, of: Simulation, stride: int) -> History:
     """The history with what moving supports add, its ground, its initial gap, and its open ledger."""
     system = of.prepared.system
-    history = with_supports(history, system, of.ground, stride)
+    history = add_support_motion(history, system, of.ground, stride)
     stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
     ground = of.ground[:3, ::stride].T  # below it stands what moving supports do
     return replace(history, stats=stats, gap=system.law.gap, ground=ground)

@@ -46,12 +46,12 @@ class Carried:
         return replace(self, jump=jump if added is None else jump + added, more=more)
 
 
-def with_carried_points(history: History, system: System, ground: Floats, stride: int) -> History:
+def add_carried_jumps(history: History, system: System, ground: Floats, stride: int) -> History:
     """Add to jumps that joint forces see what moving supports make of them at the gaps' positions.
 
     Parameters
     ----------
-    ground, stride : see `with_supports`
+    ground, stride : see `add_support_motion`
     """
     by = system.pseudo_static
     if by is None or by.at_point is None:
@@ -60,7 +60,7 @@ def with_carried_points(history: History, system: System, ground: Floats, stride
     return replace(history, jump=history.jump + more.reshape(history.jump.shape))
 
 
-def with_supports(history: History, system: System, ground: Floats, stride: int) -> History:
+def add_support_motion(history: History, system: System, ground: Floats, stride: int) -> History:
     """Add what moving supports do to the written rows, but for the jumps.
 
     Parameters

@@ -18,7 +18,7 @@ from romdam.core.scene import Material
 from romdam.effects.full_order import assemble_full
 from romdam.fem.column import wave_moduli
 from romdam.records.processing.integrate import displacement
-from romdam.records.processing.support_motions import with_supports
+from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.methods.craig_bampton import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
@@ -97,7 +97,7 @@ def shaking(scene, seconds=0.6):
     acc = np.stack(
         [a * window * np.sin(2 * np.pi * f * time) for a, f in ((6.0, 3.1), (8.0, 4.3), (3.0, 6.0))]
     )
-    return acc if scene.moving is None else with_supports(acc, DT, scene.moving.motions)
+    return acc if scene.moving is None else add_support_rows(acc, DT, scene.moving.motions)
 
 
 def all_modes(K, M, *_):
@@ -154,7 +154,7 @@ def test_supports_that_follow_one_motion_move_water_with_waves_as_the_base_does(
     moving = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
     config = parse_config(job("compressible water"), "s.yaml")
     acc = shaking(build_scene(config, Path(), "s.yaml")) * [[0.0], [1.0], [0.0]]
-    ground = with_supports(acc, DT, moving.moving.motions)
+    ground = add_support_rows(acc, DT, moving.moving.motions)
     for build in (assemble_full, lambda scene, damping: reduce_scene(scene, config.model, damping).system):
         own = simulated(build(moving, config.damping), ground, DT, "generalized_alpha")
         still = build(build_scene(config, Path(), "s.yaml"), config.damping)
@@ -184,7 +184,7 @@ def test_wave_of_a_moving_support_leaves_through_a_viscous_face(reduced):
     pulse = np.where(t < 0.1, np.sin(np.pi * t / 0.1) ** 4, 0.0)
     acc = np.gradient(np.gradient(pulse, dt), dt)
     motion = SupportMotion(0, record=GroundMotion("pulse", np.stack([acc, 0 * acc, 0 * acc]), dt))
-    ground = with_supports(np.zeros((3, n)), dt, (motion,))
+    ground = add_support_rows(np.zeros((3, n)), dt, (motion,))
     damping = DampingConfig()
     system = reduce_scene(scene, ALL_MODES, damping).system if reduced else assemble_full(scene, damping)
     history = simulated(system, ground, dt, "generalized_alpha")
@@ -192,3 +192,34 @@ def test_wave_of_a_moving_support_leaves_through_a_viscous_face(reduced):
     exact = np.interp(t - late, t, d, left=0.0)
     assert np.abs(history.disp[:, 0] - exact).max() < 0.01 * np.abs(exact).max()
     assert history.stats["ledger_imbalance"] < 1e-10
+
+
+@pytest.mark.parametrize("effects", [(), ("compressible water",), ("incompressible water",)])
+def test_base_in_a_free_field_and_moving_supports_superpose(effects):
+    """With the joint wide open all is linear: both motions make the sum of each alone, at their own times.
+
+    Of the supports alone nothing comes up through the rock: they move it as on rock shaken uniformly.
+    """
+    far = {"gap": 1.0}
+    raw, still = (job(*effects, "moving supports", name) for name in ("free field", "viscous boundary"))
+    for one in (raw, still):
+        one["joints"]["joint"] |= far
+        one["loads"] = {}
+        one["outputs"]["nodes"]["side"] = {"block": "right", "at": [8, 0, 8]}
+    found = {}
+    for kind, one in (("field", raw), ("uniform", still)):
+        config = parse_config(one, "s.yaml")
+        scene = build_scene(config, Path(), "s.yaml")
+        ground = shaking(scene)
+        base, supports = ground.copy(), ground.copy()
+        base[3:], supports[:3] = 0.0, 0.0
+        system = assemble_full(scene, config.damping)
+        for name, motion in (("both", ground), ("base", base), ("supports", supports)):
+            history = simulated(system, motion, DT, "generalized_alpha")
+            assert (history.state == 0).all()
+            found[kind, name] = history.disp
+    size = np.abs(found["field", "both"]).max()
+    superposed = found["field", "base"] + found["field", "supports"]
+    np.testing.assert_allclose(found["field", "both"], superposed, atol=1e-10 * size)
+    np.testing.assert_allclose(found["field", "supports"], found["uniform", "supports"], atol=1e-10 * size)
+    assert np.abs(found["field", "supports"]).max() > 1e-3 * size

@@ -13,7 +13,7 @@ from romdam.core.motion import GroundMotion, SupportMotion
 from romdam.effects.full_order import assemble_full
 from romdam.fem.stress import observing_stress
 from romdam.records.processing.integrate import displacement, velocity
-from romdam.records.processing.support_motions import with_supports
+from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
@@ -112,7 +112,7 @@ def test_one_motion_of_all_supports_is_that_motion_of_the_base(scene, integrator
     """Openings, slips and forces are those of the record that the supports follow; displacement is u + d."""
     acc = pulses()
     moving, still = make(scene(SHIFTED, SHIFTED, SHIFTED)), make(scene())
-    ground = with_supports(acc, DT, moving.moving.motions)
+    ground = add_support_rows(acc, DT, moving.moving.motions)
     k = 0 if integrator == "generalized_alpha" else 1
     own, base = (
         simulated(systems(one)[k], motion, DT, integrator)
@@ -160,7 +160,7 @@ def test_supports_that_move_apart_strain_a_bar_evenly():
     acc = np.zeros((3, 2001))
     apart = 1e-3 * (1.0 - np.cos(2 * np.pi * time / 20.0)) * (2 * np.pi / 20.0) ** 2
     motion = SupportMotion(1, record=GroundMotion("apart", np.stack([apart, 0 * apart, 0 * apart]), 0.01))
-    ground = with_supports(acc, 0.01, (motion,))
+    ground = add_support_rows(acc, 0.01, (motion,))
     history = simulated(full, ground, 0.01, "generalized_alpha")
     d = history.supports[:, 0]
     held = 0.5 * by.stiffness[0, 0] * d**2
@@ -208,7 +208,7 @@ def test_waves_from_two_ends_meet_as_absolute_coordinates_say():
     scene, acc = make(bar()), pulses(1.5) * [[1.0], [0.0], [0.0]]
     damping = DampingConfig(rayleigh=RayleighConfig(alpha=0.5, beta=2e-4))
     made = reduce_scene(scene, ModeChoice(count=2**62), damping).system
-    history = simulated(made, with_supports(acc, DT, scene.moving.motions), DT, "modal")
+    history = simulated(made, add_support_rows(acc, DT, scene.moving.motions), DT, "modal")
     absolute = history.disp[:, 0] + displacement(acc[0], DT)
     expected = in_absolute_coordinates(acc[0], 0.5, 2e-4)
     assert np.abs(history.disp[:, 0]).max() > 0.1 * np.abs(expected).max()
@@ -222,7 +222,7 @@ def test_reduced_model_moves_as_its_mesh_does(scene, integrator):
     """Wave passage from bank to bank through three monoliths with friction: openings, probes, ledger."""
     scene, dt = make(scene(right={"delay": 0.08, "factor": 1.2}, middle={"delay": 0.04})), 0.001
     full, reduced = systems(scene)
-    fine = with_supports(pulses(2.2, dt), dt, scene.moving.motions)
+    fine = add_support_rows(pulses(2.2, dt), dt, scene.moving.motions)
     own = simulated(reduced, fine, dt, integrator, stride=10)
     mesh = simulated(full, fine, dt, "generalized_alpha", stride=10)
     assert mesh.jump[..., 0].max() > 5e-3
@@ -242,6 +242,6 @@ def test_steps_within_a_base_step_follow_the_support():
     fine = np.stack([np.interp(np.arange(2001) * 0.001, np.arange(201) * DT, row) for row in acc])
     motions = scene.moving.motions
     every = {"integrator": "adaptive", "force_change": 0.0}
-    cut = simulated(reduced, with_supports(acc, DT, motions), DT, cuts=(10,), **every)
-    small = simulated(reduced, with_supports(fine, 0.001, motions), 0.001, stride=10, cuts=(), **every)
+    cut = simulated(reduced, add_support_rows(acc, DT, motions), DT, cuts=(10,), **every)
+    small = simulated(reduced, add_support_rows(fine, 0.001, motions), 0.001, stride=10, cuts=(), **every)
     np.testing.assert_allclose(cut.jump, small.jump, atol=1e-4 * np.abs(small.jump).max())

@@ -20,7 +20,7 @@ from romdam.records.processing.resampling import cut_or_extended, resample_motio
 _DRIFT = 0.1  # of the peak velocity, at the end: a record that is corrected has 0.01
 
 
-def with_supports(
+def add_support_rows(
     acc: NDArray[np.float64], dt: float, motions: Sequence[SupportMotion]
 ) -> NDArray[np.float64]:
     """Add to a ground acceleration what supports move against it.

@@ -13,6 +13,7 @@ from romdam.core.scene import Block
 from romdam.effects.added_mass import AddedMass, WetMass
 from romdam.effects.effect import Effect
 from romdam.effects.moving_supports import CarriedInertia
+from romdam.effects.static_loads import StaticLoads
 
 
 @dataclass(frozen=True)
@@ -56,11 +57,11 @@ class Acting:
 def acting_on(
     blocks: Mapping[str, Block],
     operators: dict[str, csr_matrix],
-    forces: dict[str, Floats],
     directions: int,
     effects: Sequence[Effect],
 ) -> Acting:
-    """What acts on blocks: their joints, static forces, and loads of effects."""
+    """What acts on blocks: their joints, and loads of effects."""
+    static = next(one for one in effects if isinstance(one, StaticLoads))
     carried = next((one for one in effects if isinstance(one, CarriedInertia)), None)
     moving, none = (
         None if carried is None else carried.moving,
@@ -68,9 +69,16 @@ def acting_on(
     )
     pressed = dict(none)
     for effect in effects:
-        loads = {} if effect is carried else effect.static_loads(moving)
+        loads = {} if effect is static or effect is carried else effect.static_loads(moving)
         width = max((load.shape[1] for load in loads.values()), default=0)
         for name, before in pressed.items():
             pressed[name] = np.hstack([before, loads.get(name, np.zeros((len(before), width)))])
     water = next((one for one in effects if isinstance(one, AddedMass)), None)
-    return Acting(operators, forces, pressed, directions, none if carried is None else carried.inertia, water)
+    return Acting(
+        operators,
+        dict(static.surface),
+        pressed,
+        directions,
+        none if carried is None else carried.inertia,
+        water,
+    )

@@ -46,7 +46,7 @@ from romdam.timestepping.modal.mode_split import (
 from romdam.timestepping.peaks import first_peaks, named_peaks, peaks_at_points
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
-from romdam.timestepping.support_motion import with_carried_points
+from romdam.timestepping.support_motion import add_carried_jumps
 
 if TYPE_CHECKING:
     from romdam.timestepping.modal.integrator import ModalIntegrator
@@ -306,7 +306,7 @@ def _outcomes(
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
         written = at(buffer.rows, rows)
         history = history_of_rows(prepared, (model, split), written, acc, settings)
-        history = with_carried_points(history, prepared.system, ground, buffer.stride)
+        history = add_carried_jumps(history, prepared.system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.gaps.jump, history.jump, history.time)
         force = history.traction
         memory = written.memory[: len(force)]
