@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from romdam.config.effects import EFFECTS, EXCLUDED
 from romdam.config.schema import limits, plain, schema
@@ -21,11 +23,28 @@ _WORDS = {
 }  # fmt: skip
 
 
+ROOT = Path(__file__).parents[1]
+ROOMS = ("contact", "timestepping", "effects", "reduction", "linalg", "error", "export")  # with constants
+STAGES = (  # of pipelines
+    "automatic_modes", "error/estimate", "error/certify", "error/verify", "error/study", "export",
+)  # fmt: skip
+CODES = {  # indices and states
+    "OPEN", "STICK", "SLIP", "_SPENT", "_RESTS", "_CONVERGED", "_SLOW", "_CHANGED", "_ALL", "BASE",
+    "DISP", "VEL", "FORCE", "RATE", "_WORK", "_LOSS",
+}  # fmt: skip
+INDICES = {"components.py", "state.py"}
+TUNED = {  # what is no code in files full of them
+    ("pardiso.py", "SINGLE_TOLERANCE"), ("pardiso.py", "_TOLERANCE"), ("pardiso.py", "_WIDTH"),
+    ("mode_split.py", "_SLOW"),
+}  # fmt: skip
+
+
 def write(folder: Path) -> None:
     """Write every table into a folder, where it is not as it should be."""
     folder.mkdir(exist_ok=True)
     made = {
         "configuration.md": configuration(),
+        "constants.md": constants(),
         "effects.md": effects(),
         "coordinates.md": variables(COORDINATES),
         "variables.md": variables(VARIABLES),
@@ -35,6 +54,84 @@ def write(folder: Path) -> None:
         path = folder / name
         if not path.exists() or path.read_text() != text:
             path.write_text(text)
+
+
+class Constant(NamedTuple):
+    """A number of a module: its numbers (several of a tuple), how it is written, and its comment."""
+
+    numbers: tuple[float, ...]
+    written: str
+    meaning: str
+
+
+def constants() -> str:
+    """Every constant of the code, file by file, with its comment."""
+    lines, last = list[str](), ""
+    for (file, name), one in constants_of_code().items():
+        if file != last:
+            lines += ["", f"`{file}`", ""]
+            last = file
+        lines.append(f"- `{name}` {one.written.replace('np.pi', 'pi').replace('*', '×')}: {one.meaning}")
+    return "\n".join(lines) + "\n"
+
+
+def constants_of_code() -> dict[tuple[str, str], Constant]:
+    """(file below romdam, name) -> constant: numbers of modules, private or in capitals."""
+    files = [path for room in ROOMS for path in sorted((ROOT / "romdam" / room).rglob("*.py"))]
+    files.append(ROOT / "romdam" / "core" / "threads.py")
+    files += [ROOT / "pipelines" / f"{name}.py" for name in STAGES]
+    return {
+        (str(path.relative_to(ROOT)).removeprefix("romdam/"), name): constant
+        for path in files
+        for name, constant in _constants(path.read_text())
+        if (path.name, name) in TUNED or (name not in CODES and path.name not in INDICES | {"pardiso.py"})
+    }
+
+
+def _constants(source: str) -> Iterator[tuple[str, Constant]]:
+    lines = source.splitlines()
+    for node in ast.parse(source).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+            names, values = [target], [node.value]
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                names, values = target.elts, node.value.elts
+            for name, value in zip(names, values, strict=True):
+                numbers = _numbers(value)
+                if isinstance(name, ast.Name) and re.fullmatch(r"_?[A-Z][A-Z0-9_]*", name.id) and numbers:
+                    yield name.id, Constant(numbers, ast.unparse(value), _comment(lines, node))
+
+
+def _comment(lines: list[str], node: ast.stmt) -> str:
+    """The comment of a statement: behind it and in the lines below, else above it; else the text below."""
+    last = node.end_lineno or node.lineno
+    behind = [line.partition("#")[2] for line in lines[node.lineno - 1 : last] if "#" in line]
+    if behind:
+        end = last
+        while end < len(lines) and lines[end].startswith("#"):
+            end += 1
+        if end == len(lines) or not lines[end].strip():  # else it is the next statement's
+            behind += [line[1:] for line in lines[last:end]]
+        return " ".join(" ".join(behind).split())
+    first = node.lineno - 1
+    while first > 0 and lines[first - 1].startswith("#"):
+        first -= 1
+    above = [line[1:] for line in lines[first : node.lineno - 1]]
+    if not above and last < len(lines) and lines[last].startswith('"""'):
+        above = [lines[last].strip('"')]
+    return " ".join(" ".join(above).split())
+
+
+def _numbers(node: ast.expr) -> tuple[float, ...] | None:
+    """The numbers of an expression of numbers (and pi) alone; None of any other."""
+    allowed = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.operator, ast.unaryop, ast.Tuple, ast.Load)
+    tree = ast.parse(ast.unparse(node).replace("np.pi", repr(math.pi)), mode="eval")
+    if not all(isinstance(part, allowed) for part in ast.walk(tree.body)):
+        return None
+    value = eval(compile(tree, "constant", "eval"), {"__builtins__": {}})
+    values = value if isinstance(value, tuple) else (value,)
+    return values if all(type(one) in (int, float) for one in values) else None
 
 
 def effects() -> str:

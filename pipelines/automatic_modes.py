@@ -14,7 +14,7 @@ from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.reduction.storage.model_file import BlockStore
 
 FIRST = 20  # modes of each block
-GROWTH = 1.5
+GROWTH = 1.5  # of that number
 
 
 def with_modes(job: Job, modes: int | str) -> Job:

@@ -55,7 +55,7 @@ VARIABLES = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "
 
 # unknowns for each thread, measured on two cores: a second one takes a fourth to two fifths off the wall
 DENSE_EIGENPROBLEM = 2_000
-PARDISO = 30_000
+PARDISO = 30_000  # unknowns of a matrix for each thread of PARDISO
 BESIDE = 40_000  # unknowns of a mesh from which a second thread works beside what is not cut into tasks
 
 _MOST = 2  # Python threads of a job: they take turns at the interpreter, and each has memory of its own

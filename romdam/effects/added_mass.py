@@ -48,7 +48,7 @@ from romdam.scene.elements import Floats
 from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
 MOST_WET = 40_000_000  # entries of incompressible water's added mass: 0.5 GB, and as much in its factors
-_WESTERGAARD = 7.0 / 8.0
+_WESTERGAARD = 7.0 / 8.0  # factor of Westergaard's pressure
 _MOST = 3000  # modes that take the water; higher ones, which answer as flexibilities, stay dry
 
 

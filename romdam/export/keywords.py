@@ -17,7 +17,7 @@ from romdam.export.deck import Deck
 
 MODEL = "*INCLUDE, INPUT=mesh.inp\n*INCLUDE, INPUT=gaps.inp\n"
 _REACH = 10.0  # [m] to which the force of a spring is tabulated
-_FREQUENCIES = 10
+_FREQUENCIES = 10  # that a deck asks for
 _ROUNDING = 1e-12  # of the largest force
 _LEAST_DENSITY = 1e-3  # [kg/m3]
 _LEAST_STEP = 1e-5  # of the step asked for

@@ -16,7 +16,7 @@ from romdam.core.errors import ReductionError
 
 TOLERANCE = 1e-10  # of a column's residual, relative to its right-hand side
 WIDTH = 16  # columns at a time: wider ones gain little and take memory
-_ROWS = 2048
+_ROWS = 2048  # of a product at a time
 MOST = 400  # iterations; 30 to 60 are usual with one cycle of multigrid, 3 with factors in single precision
 
 

@@ -22,7 +22,7 @@ from romdam.reduction.methods.massless import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
 from romdam.scene.ties import Part, scene_parts
 
-_RESIDUAL_VECTORS = 10
+_RESIDUAL_VECTORS = 10  # least number of the certificate's finer model
 _ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
 
 

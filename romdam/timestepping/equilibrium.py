@@ -41,7 +41,7 @@ from romdam.timestepping.settings import Settings, Start
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _GROWTH, _CALM, _SHRINK = 16.0, 4, 0.25  # of it: where a step fails, and after so many that did not
 _MOST_SHIFT = (2.0 * np.pi * 1000.0) ** 2  # [1/s2] where the blocks no longer move
-_MAX_ITERATIONS = 2000
+_MAX_ITERATIONS = 2000  # of the static iteration; limit
 _DOUBTFUL = 30  # iterations, most scenes rest within 10, after which limit analysis is asked
 _REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
 _NO_MOTION = 1e-12  # [m] largest coordinate of q below which rest is not relative to it

@@ -20,7 +20,7 @@ from romdam.timestepping.simulate import simulate
 _FRACTION = 1.0 / 400.0  # of the longest period: the finest step that leaves about 1 %; longer ones far more
 _LIMIT = 0.01  # accuracy below which shorter ones are needed
 _USUAL_HALVINGS = 3  # of the coarse step, where the period is not known
-_MOST_HALVINGS = 9
+_MOST_HALVINGS = 9  # of the coarse step, before the accuracy is reported as missed; limit
 _ORDERS = (0.5, 1.3)  # believed range of the order at which the error falls with the step
 _UNEVEN = 9.0 / 8.0  # more parts in every second run, so that successive steps are no multiples: 4, 9, 16, 36
 _SAFETY = 1.25  # of estimates by three such runs, see `simulate_to`
@@ -31,7 +31,7 @@ _LATE_ERROR = 4.0  # their relative error, believed, over that of the others: 1.
 _QUIET_RUNS = 3  # of such jobs
 _RETRIES = 2  # further halvings of a first step that does not converge
 _BASE_HALVINGS = 4  # of the base step at least, where it makes the error
-_NEGLIGIBLE = 1e-12
+_NEGLIGIBLE = 1e-12  # [m] smaller openings are none
 _QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step's own error may count
 _CUT = 0.5  # of the time in which joints are closed: where more was cut, it was impacts
 _LEFT = 0.05  # of the largest slips: smaller ones that are left are measured by that

@@ -23,7 +23,7 @@ from romdam.contact.problem import GapMemory, Limits
 from romdam.core.arrays import Bools, Floats
 from romdam.core.jit import copy, njit
 
-_ITERATIONS = 30
+_ITERATIONS = 30  # of semismooth Newton; limit
 _REGULAR = 1e-14  # of the diagonal: gaps that determine each other (a singular H) share their force
 _LEAST_LIMIT = 1e-12  # of the force that closes a gap's residual: least limit that its turn is divided by
 

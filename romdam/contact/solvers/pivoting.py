@@ -34,8 +34,8 @@ from romdam.core.arrays import Floats, Record, at
 from romdam.core.jit import copy, njit
 
 _PATIENCE = 3  # block changes without progress before single changes take over (Judice and Pires)
-_MOST_CHANGES_PER_GAP = 50
-_TINY = 1e-300
+_MOST_CHANGES_PER_GAP = 50  # changes before a step fails; limit
+_TINY = 1e-300  # [m] least divisor of residuals
 _DEPENDENT = 1e-14  # of a gap's own flexibility: less is left of it where other closed gaps determine it
 _NO_FORCE = 1e-13  # of the largest free opening: round-off of a force times the largest W
 _NO_OPENING = 1e-14  # of the largest free opening: round-off of an opening

@@ -23,8 +23,8 @@ from romdam.core.arrays import Floats
 from romdam.core.jit import copy, njit
 
 _ANGLES = 96  # the quartic has at most four roots
-_BISECTIONS = 60
-_ROUND_OFF = 1e-12
+_BISECTIONS = 60  # of an angle that a sign change encloses
+_ROUND_OFF = 1e-12  # relative, of one contact's state
 
 
 @njit(cache=True)

@@ -44,9 +44,9 @@ _PIECE = 2**19  # numbers in one array of vectors, 4 MB
 _NONE = (
     1e-12  # length of a new direction, relative to T's largest diagonal entry, below which it is round-off
 )
-_ROWS = 65_536
+_ROWS = 65_536  # of a product at a time
 _PROBE, _PROBE_WIDTH = 5, 8  # steps and random vectors that look for a missed mode
-_WIDEST = 64
+_WIDEST = 64  # most columns to start with
 
 
 class _Space:

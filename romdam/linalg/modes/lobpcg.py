@@ -32,12 +32,12 @@ RESIDUAL = 1e-7  # of a mode found, relative to its inertia forces
 _FIRST = 16  # modes looked for at first below a frequency
 _GUARDS = 8  # beside them; they join when fewer than half are left
 _MOST = 200  # iterations; 15 to 40 are usual
-_DEPENDENT = 1e-12
+_DEPENDENT = 1e-12  # Gram eigenvalue of a dependent direction of the search space
 _LEAST = 1e-6  # of the largest omega^2: residuals of slower modes are relative to that
 _NEAR = 1e-2  # residual of the modes next to those below a limit
 _BELOW = 1e-6  # relative, by which a mode that was missed lies below the highest
 _WIDTH = 16  # columns of a product at a time
-_ROWS = 65_536
+_ROWS = 65_536  # of a product at a time
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ from romdam.reduction.storage.keys import LAYOUT
 
 log = logging.getLogger(__name__)
 
-_CHUNK_BYTES = 1 << 20
+_CHUNK_BYTES = 1 << 20  # bytes of an HDF5 chunk
 _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
