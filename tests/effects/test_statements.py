@@ -36,7 +36,13 @@ def l2(values, reference):
 
 
 @pytest.mark.parametrize(
-    "effects", [("compressible water",), ("compressible water", "free field"), ("viscous boundary",)]
+    "effects",
+    [
+        ("compressible water",),
+        ("compressible water", "free field"),
+        ("compressible water", "moving supports"),
+        ("viscous boundary",),
+    ],
 )
 def test_estimate_and_certificate_of_coupled_modes_are_near_the_true_error(effects, folder, tmp_path):
     (path,) = romdam.run(jobs(folder, *effects), tmp_path / "reduced").paths
