@@ -6,8 +6,9 @@ import numpy as np
 
 from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.core.arrays import Floats, Record, record_type
+from romdam.core.recorded import PEAK_QUANTITIES
 
-PEAKS = record_type(opening=float, opening_time=float, compression=float, slip=float)
+PEAKS = record_type(**dict.fromkeys(PEAK_QUANTITIES, float))
 
 
 def first_peaks(jump: Floats, force: Floats) -> Record:
